@@ -1,0 +1,24 @@
+"""Motions at rest: skeletons, recordings, distances, signatures, the motion library and retrieval."""
+
+from library.clip import Clip
+from library.distances import distance_rows
+from library.motionlibrary import Match, Motion, MotionLibrary
+from library.recordings import find_recordings, read_recordings
+from library.signature import Moments, Signature, signature_of, similarity
+from library.skeleton import Skeleton, SkeletonMismatchError
+
+__all__ = [
+    "Clip",
+    "Match",
+    "Moments",
+    "Motion",
+    "MotionLibrary",
+    "Signature",
+    "Skeleton",
+    "SkeletonMismatchError",
+    "distance_rows",
+    "find_recordings",
+    "read_recordings",
+    "signature_of",
+    "similarity",
+]

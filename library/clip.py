@@ -1,0 +1,78 @@
+"""A recorded motion: joint positions over time, and what its source says of it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from library.skeleton import Skeleton
+
+
+@dataclass(frozen=True, slots=True)
+class Clip:
+    """One recording of one performer.
+
+    Attributes
+    ----------
+    skeleton
+        Whose joints the positions are.
+    positions
+        Joint positions, shape (frames, joints, 3), metres.
+    frame_rate
+        Frames per second.
+    name
+        What the clip is called, usually its file's name without the ending.
+    class_name, actor, take
+        Which movement it shows, by whom, which repetition; empty where the source does not say.
+    rotations
+        Joint rotations as recorded, shape (frames, angles), radians; (frames, 0) when the source has none. Only
+        the comparison of spaces (`library.retrieval`) looks at them.
+
+    Raises
+    ------
+    ValueError
+        Positions of another shape than (frames >= 1, joints, 3), a value that is not finite, or a frame rate that
+        is not positive.
+    """
+
+    skeleton: Skeleton
+    positions: NDArray[np.float64] = field(repr=False)
+    frame_rate: float
+    name: str = ""
+    class_name: str = ""
+    actor: str = ""
+    take: str = ""
+    rotations: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 0)), repr=False)
+
+    def __post_init__(self) -> None:
+        joints = len(self.skeleton.joints)
+        if self.positions.ndim != 3 or self.positions.shape[1:] != (joints, 3) or not len(self.positions):
+            raise ValueError(f"positions: expected (frames, {joints}, 3), got {self.positions.shape}")
+        if not np.isfinite(self.positions).all():
+            raise ValueError(f"positions: expected finite metres, got NaN or infinity in clip {self.name!r}")
+        if not (np.isfinite(self.frame_rate) and self.frame_rate > 0):
+            raise ValueError(f"frame_rate: expected a positive number of frames per second, got {self.frame_rate}")
+
+    @property
+    def frames(self) -> int:
+        """Number of frames."""
+        return len(self.positions)
+
+    @property
+    def duration(self) -> float:
+        """Seconds from the first frame to the end of the last."""
+        return self.frames / self.frame_rate
+
+    @property
+    def times(self) -> NDArray[np.float64]:
+        """Time of each frame from the clip's start, shape (frames,), seconds."""
+        return np.arange(self.frames) / self.frame_rate
+
+    def moved_to(self, positions: NDArray[np.float64]) -> Clip:
+        """Give the same clip with other positions, shape (frames, joints, 3), metres."""
+        return replace(self, positions=positions)

@@ -1,0 +1,270 @@
+"""The motion library: the signatures of many motions, matched by one product."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, field
+from importlib import resources
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from library import libraryfile
+from library.distances import distance_rows
+from library.signature import Moments, Signature, signature_of, similarity
+from library.skeleton import Skeleton, SkeletonMismatchError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+    from pathlib import Path
+
+    from numpy.typing import NDArray
+
+    from library.clip import Clip
+
+
+_ARRAYS = ("means", "axes", "deviations")
+
+
+@dataclass(frozen=True, slots=True)
+class Motion:
+    """One motion of a library: what its source says of it, and its signature's numbers."""
+
+    class_name: str
+    actor: str
+    take: str
+    frames: int
+    frame_rate: float
+    eigenvalue: float
+    share: float
+
+    @property
+    def duration(self) -> float:
+        """Seconds."""
+        return self.frames / self.frame_rate
+
+
+@dataclass(frozen=True, slots=True)
+class Match:
+    """How one window compares with a library.
+
+    Attributes
+    ----------
+    motion_scores
+        Similarity with each motion, shape (motions,).
+    class_scores
+        Best of each class's motions, shape (classes,), in the order of `MotionLibrary.classes`.
+    """
+
+    motion_scores: NDArray[np.floating] = field(repr=False)
+    class_scores: NDArray[np.floating] = field(repr=False)
+
+
+@dataclass(frozen=True, slots=True)
+class MotionLibrary:
+    """Signatures of many motions of one skeleton, grouped by class.
+
+    Motions stand in the order of their classes, so that the best of each class is one reduction.
+
+    Attributes
+    ----------
+    skeleton
+        Whose pairs the signatures measure.
+    classes
+        Class names, sorted.
+    motions
+        One entry per motion, by class, in the given order within a class.
+    means
+        Mean distance rows, shape (motions, pairs), metres, float32.
+    axes
+        Leading eigenvectors, unit length, shape (motions, pairs), float32.
+    deviations
+        Standard deviation of each distance, shape (motions, pairs), metres, float32.
+    licence, attribution
+        Under what terms the numbers may be passed on, and whom to name.
+
+    Raises
+    ------
+    ValueError
+        No motion at all, a motion without a class, or arrays that do not fit the motions and pairs.
+    """
+
+    skeleton: Skeleton
+    motions: tuple[Motion, ...]
+    means: NDArray[np.float32] = field(repr=False)
+    axes: NDArray[np.float32] = field(repr=False)
+    deviations: NDArray[np.float32] = field(repr=False)
+    licence: str = ""
+    attribution: str = ""
+    classes: tuple[str, ...] = field(init=False)
+    _class_starts: NDArray[np.intp] = field(init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        if not self.motions:
+            raise ValueError("motions: expected at least one, got none")
+        if not all(motion.class_name for motion in self.motions):
+            raise ValueError("motions: expected a class name for each, got an empty one")
+        expected = (len(self.motions), len(self.skeleton.pairs))
+        for name in _ARRAYS:
+            array: NDArray[np.float32] = getattr(self, name)
+            if array.shape != expected:
+                raise ValueError(f"{name}: expected shape {expected}, got {array.shape}")
+            if not np.isfinite(array).all():
+                raise ValueError(f"{name}: expected finite numbers, got NaN or infinity")
+        names = np.array([motion.class_name for motion in self.motions])
+        classes, starts = np.unique(names, return_index=True)
+        order = np.argsort(names, kind="stable")
+        if not np.array_equal(order, np.arange(len(names))):
+            self._sort(order)
+            starts = np.unique(names[order], return_index=True)[1]
+        object.__setattr__(self, "classes", tuple(classes.tolist()))
+        object.__setattr__(self, "_class_starts", starts)
+
+    def _sort(self, order: NDArray[np.intp]) -> None:
+        object.__setattr__(self, "motions", tuple(self.motions[index] for index in order))
+        for name in _ARRAYS:
+            object.__setattr__(self, name, getattr(self, name)[order])
+
+    @classmethod
+    def of_clips(cls, clips: Iterable[Clip], *, licence: str = "", attribution: str = "") -> MotionLibrary:
+        """Build a library from clips; each becomes one motion.
+
+        Raises
+        ------
+        ValueError
+            There is no clip, a clip has fewer than two frames or no class name.
+        SkeletonMismatchError
+            The clips are not all of one skeleton.
+        """
+        skeleton: Skeleton | None = None
+        motions, signatures = list[Motion](), list[Signature]()
+        for clip in clips:
+            skeleton = skeleton or clip.skeleton
+            skeleton.require_same(clip.skeleton)
+            if clip.frames < 2:
+                raise ValueError(f"clip {clip.name!r}: expected at least 2 frames, got {clip.frames}")
+            signature = signature_of(Moments.of_rows(distance_rows(clip.positions, skeleton)))
+            signatures.append(signature)
+            motions.append(
+                Motion(
+                    class_name=clip.class_name,
+                    actor=clip.actor,
+                    take=clip.take,
+                    frames=clip.frames,
+                    frame_rate=clip.frame_rate,
+                    eigenvalue=signature.axis.value,
+                    share=signature.axis.share,
+                )
+            )
+        if skeleton is None:
+            raise ValueError("clips: expected at least one, got none")
+        return cls(
+            skeleton=skeleton,
+            motions=tuple(motions),
+            means=np.array([signature.mean for signature in signatures], dtype=np.float32),
+            axes=np.array([signature.axis.vector for signature in signatures], dtype=np.float32),
+            deviations=np.array([signature.deviation for signature in signatures], dtype=np.float32),
+            licence=licence,
+            attribution=attribution,
+        )
+
+    @classmethod
+    def builtin(cls) -> MotionLibrary:
+        """Load the library of 288 HDM05 motions that comes with kinespace (CC BY-SA 3.0)."""
+        with resources.as_file(resources.files("library") / "hdm05.npz") as path:
+            return cls.load(path)
+
+    @classmethod
+    def load(cls, path: Path) -> MotionLibrary:
+        """Read a library file.
+
+        Raises
+        ------
+        LibraryFileError
+            The file is cut short, foreign, of another version, tampered with or inconsistent.
+        OSError
+            The file cannot be opened.
+        """
+        header, arrays = libraryfile.read(path)
+        try:
+            skeleton = header["skeleton"]
+            return cls(
+                skeleton=Skeleton(tuple(skeleton["joints"]), tuple(skeleton["parents"]), skeleton["with_segments"]),
+                motions=tuple(Motion(**motion) for motion in header["motions"]),
+                licence=header["licence"],
+                attribution=header["attribution"],
+                **{name: arrays[name] for name in _ARRAYS},
+            )
+        except (KeyError, TypeError, ValueError) as error:
+            raise libraryfile.LibraryFileError(f"{path}: not a usable motion library ({error})") from error
+
+    def save(self, path: Path) -> None:
+        """Write one file, atomically; raises OSError when the folder cannot be written."""
+        skeleton = self.skeleton
+        header = {
+            "skeleton": {
+                "joints": skeleton.joints,
+                "parents": skeleton.parents,
+                "with_segments": skeleton.with_segments,
+            },
+            "motions": [asdict(motion) for motion in self.motions],
+            "licence": self.licence,
+            "attribution": self.attribution,
+        }
+        libraryfile.write(path, header, {name: getattr(self, name) for name in _ARRAYS})
+
+    def __len__(self) -> int:
+        return len(self.motions)
+
+    @property
+    def class_indices(self) -> NDArray[np.intp]:
+        """For each motion the index of its class, shape (motions,)."""
+        return np.searchsorted(self.classes, [motion.class_name for motion in self.motions])
+
+    def match(self, signature: Signature) -> Match:
+        """Compare a window with every motion in one product.
+
+        Parameters
+        ----------
+        signature
+            Of a window over this library's skeleton.
+
+        Raises
+        ------
+        SkeletonMismatchError
+            The signature has another number of pairs than this library's skeleton.
+        """
+        if len(signature.mean) != len(self.skeleton.pairs):
+            raise SkeletonMismatchError(
+                f"signature: expected {len(self.skeleton.pairs)} pairs, got {len(signature.mean)}"
+            )
+        scores = similarity(self.axes, signature.axis.vector.astype(np.float32))
+        return Match(scores, np.maximum.reduceat(scores, self._class_starts))
+
+    def merged_with(self, other: MotionLibrary) -> MotionLibrary:
+        """Join two libraries of one skeleton; a motion both have, number for number, is kept once.
+
+        Raises
+        ------
+        SkeletonMismatchError
+            The skeletons differ.
+        """
+        self.skeleton.require_same(other.skeleton)
+        known = {(motion, axis.tobytes()) for motion, axis in zip(self.motions, self.axes, strict=True)}
+        new = [
+            index
+            for index, (motion, axis) in enumerate(zip(other.motions, other.axes, strict=True))
+            if (motion, axis.tobytes()) not in known
+        ]
+        return MotionLibrary(
+            skeleton=self.skeleton,
+            motions=(*self.motions, *(other.motions[index] for index in new)),
+            means=np.concatenate([self.means, other.means[new]]),
+            axes=np.concatenate([self.axes, other.axes[new]]),
+            deviations=np.concatenate([self.deviations, other.deviations[new]]),
+            licence=_joined(self.licence, other.licence),
+            attribution=_joined(self.attribution, other.attribution),
+        )
+
+
+def _joined(first: str, second: str) -> str:
+    return " / ".join(dict.fromkeys(text for text in (first, second) if text))

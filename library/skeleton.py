@@ -1,0 +1,125 @@
+"""The skeleton: which joints a posture has, and which pairs of them are measured."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Self
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+
+class SkeletonMismatchError(ValueError):
+    """Two skeletons that should describe the same body do not."""
+
+
+@dataclass(frozen=True, slots=True)
+class Skeleton:
+    """Joint names and the joint pairs whose distances describe a posture.
+
+    Le Naour et al. (2012, section 2) count every pair of the 31 joints, 465 distances, and also say that the
+    30 rigid segments carry no movement and are not retained. Both readings are available: `with_segments`
+    keeps every pair (the default, 465), without it the parent-child pairs are left out (435). A rigid segment
+    has no variance, so after centring it adds nothing to any inner product; a markerless feed, whose segments
+    do stretch, is better served by all pairs.
+
+    Attributes
+    ----------
+    joints
+        Joint names, in the order of the position arrays.
+    parents
+        For each joint the index of its parent, -1 for a root. Empty when the hierarchy is not known.
+    with_segments
+        Whether the distances between a joint and its parent are among the pairs.
+    pairs
+        Joint indices, shape (pairs, 2), first index below second, rows in lexicographic order. Read-only.
+
+    Raises
+    ------
+    ValueError
+        Fewer than two joints, a name twice or empty, parents that do not fit, or segments left out of a skeleton
+        whose parents are not known.
+    """
+
+    joints: tuple[str, ...]
+    parents: tuple[int, ...] = ()
+    with_segments: bool = True
+    pairs: NDArray[np.intp] = field(init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        self._check()
+        first, second = np.triu_indices(len(self.joints), k=1)
+        pairs = np.stack([first, second], axis=1)
+        if not self.with_segments:
+            segments = {frozenset(segment) for segment in enumerate(self.parents)}
+            kept = [frozenset((int(a), int(b))) not in segments for a, b in pairs]
+            pairs = pairs[np.array(kept)]
+        pairs.setflags(write=False)
+        object.__setattr__(self, "pairs", pairs)
+
+    def _check(self) -> None:
+        count = len(self.joints)
+        if count < 2:
+            raise ValueError(f"joints: expected at least 2 names, got {count}")
+        if not all(self.joints) or len(set(self.joints)) != count:
+            raise ValueError(f"joints: expected distinct, non-empty names, got {self.joints}")
+        if self.parents and len(self.parents) != count:
+            raise ValueError(f"parents: expected one per joint ({count}), got {len(self.parents)}")
+        if any(not -1 <= parent < count or parent == joint for joint, parent in enumerate(self.parents)):
+            raise ValueError(f"parents: expected joint indices or -1, got {self.parents}")
+        if not self.with_segments and not self.parents:
+            raise ValueError("with_segments: False needs the parents, got none")
+
+    @classmethod
+    def of_joints(cls, joints: Sequence[str]) -> Self:
+        """Make a skeleton of joint names alone, as a live feed announces them."""
+        return cls(tuple(joints))
+
+    def without_segments(self) -> Skeleton:
+        """Give the same joints, the rigid parent-child pairs left out (the paper's section 2)."""
+        return Skeleton(self.joints, self.parents, with_segments=False)
+
+    def order_from(self, joints: Sequence[str]) -> NDArray[np.intp]:
+        """Say where each of this skeleton's joints stands in another list of joints.
+
+        Parameters
+        ----------
+        joints
+            The other list, in any order; further joints in it are passed over.
+
+        Returns
+        -------
+        Indices into `joints`, shape (len(self.joints),): `positions[order]` is in this skeleton's order.
+
+        Raises
+        ------
+        SkeletonMismatchError
+            A joint of this skeleton is not in the list.
+        """
+        place = {name: index for index, name in enumerate(joints)}
+        missing = [name for name in self.joints if name not in place]
+        if missing:
+            raise SkeletonMismatchError(
+                f"joints: expected all {len(self.joints)} of the skeleton, got {len(joints)} "
+                f"without {', '.join(missing[:5])}{' ...' if len(missing) > 5 else ''}"
+            )
+        return np.array([place[name] for name in self.joints], dtype=np.intp)
+
+    def require_same(self, other: Skeleton) -> None:
+        """Refuse to go on with another skeleton than this one.
+
+        Raises
+        ------
+        SkeletonMismatchError
+            Joints, their order or the measured pairs differ. Parents are not compared: they do not enter a distance.
+        """
+        if self.joints != other.joints or not np.array_equal(self.pairs, other.pairs):
+            raise SkeletonMismatchError(
+                f"skeleton: expected {len(self.joints)} joints and {len(self.pairs)} pairs "
+                f"({self.joints[0]} ... {self.joints[-1]}), got {len(other.joints)} joints and "
+                f"{len(other.pairs)} pairs ({other.joints[0]} ... {other.joints[-1]})"
+            )

@@ -1,4 +1,4 @@
-"""The paper's experiment: for every motion, is its nearest neighbour of its own class?
+"""The paper's experiment: for every motion, is the nearest other motion of its own class.
 
 Three spaces are compared (Le Naour et al. 2012, section 3 and figure 2), a motion being the first principal axis of
 its centred numbers in each: joint-to-joint distances, joint positions as recorded, joint rotations as recorded
@@ -121,7 +121,7 @@ def candidates(labels: Labels, protocol: Protocol) -> NDArray[np.bool_]:
         case Protocol.LEAVE_ONE_OUT:
             return different
         case Protocol.ACTOR_HELD_OUT:
-            return labels.actors[:, None] != labels.actors[None, :]
+            return np.not_equal.outer(labels.actors, labels.actors)
         case Protocol.SPLIT:
             in_library = np.isin(labels.actors, SPLIT_LIBRARY_ACTORS)
             return ~in_library[:, None] & in_library[None, :]

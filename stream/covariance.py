@@ -1,0 +1,131 @@
+"""The covariance of a sliding window, kept up to date by what enters and what leaves.
+
+Sums of products of values of a metre that move by a millimetre lose their digits, and the loss bites when a
+performer stands still right after moving: what left took large products along, and their rounding stays behind. Two
+habits keep it exact. Values are held relative to a reference row near the window's mean, so that the products are as
+small as the movement. And the rounding that may have gathered is bounded as it gathers; when the bound is no longer
+small against the variance that is left, everything is computed afresh from the window's rows. While a performer
+moves that happens every few minutes, right after a stop at once.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg.blas import dgemm, dger
+
+from library.signature import Moments
+
+Rows = NDArray[np.float64]
+
+#: Rounding, relative to the total variance, at which the sums are refreshed: well inside the promised 1e-9.
+DRIFT_TOLERANCE = 1e-11
+#: Movement, relative to the body's size, below which lost digits are of no interest to anyone.
+_NO_MOVEMENT = 1e-7
+_EPSILON = float(np.finfo(np.float64).eps)
+
+
+class RollingCovariance:
+    """Mean and covariance of a window's rows by adding what entered and removing what left.
+
+    Parameters
+    ----------
+    width
+        Numbers in a row.
+
+    Attributes
+    ----------
+    refreshes
+        How often the sums were computed afresh.
+    """
+
+    def __init__(self, width: int) -> None:
+        self._reference = np.zeros(width)
+        self._sum = np.zeros(width)
+        # Column-major, because BLAS then adds to it in place.
+        self._products = np.zeros((width, width), order="F")
+        self._covariance = np.zeros((width, width), order="F")
+        self._count = 0
+        self._rounding = 0.0
+        self.refreshes = 0
+
+    def __len__(self) -> int:
+        return self._count
+
+    def clear(self) -> None:
+        """Forget all rows."""
+        self._count = 0
+
+    def update(self, entered: Rows, left: Rows, window: Rows) -> None:
+        """Bring the sums up to date.
+
+        Parameters
+        ----------
+        entered, left
+            Rows that came into and went out of the window, shape (rows, width), metres.
+        window
+            All rows now in it, shape (rows, width): read only when the sums must be refreshed.
+
+        Raises
+        ------
+        ValueError
+            The window does not hold as many rows as were added and not removed.
+        """
+        count = self._count + len(entered) - len(left)
+        if count != len(window):
+            raise ValueError(f"window: expected {count} rows, got {len(window)}")
+        if not self._count or not count:
+            self._refresh(window)
+            return
+        self._count = count
+        self._add(entered, 1.0)
+        self._add(left, -1.0)
+        self._rounding += _EPSILON * (len(entered) + len(left)) * float(self._products.trace())
+        if self._rounding > DRIFT_TOLERANCE * self._scatter():
+            self._refresh(window)
+
+    def _add(self, rows: Rows, sign: float) -> None:
+        if len(rows):
+            relative = rows - self._reference
+            self._sum += sign * relative.sum(axis=0)
+            # dgemm takes its operands column by column: the transposed views are that without a copy.
+            dgemm(sign, relative.T, relative.T, beta=1.0, c=self._products, trans_b=True, overwrite_c=True)
+
+    def _refresh(self, window: Rows) -> None:
+        """Compute everything from the window's rows, relative to their own mean."""
+        self._count = len(window)
+        if not self._count:
+            return
+        np.mean(window, axis=0, out=self._reference)
+        self._sum[:] = 0.0
+        self._products[:] = 0.0
+        self._add(window, 1.0)
+        self._rounding = _EPSILON * self._count * float(self._products.trace())
+        self.refreshes += 1
+
+    def _scatter(self) -> float:
+        """Total scatter about the mean, but never less than a body that does not move would show."""
+        about_mean = float(self._products.trace()) - float(self._sum @ self._sum) / self._count
+        mean = self._reference + self._sum / self._count
+        return max(about_mean, self._count * float(mean @ mean) * _NO_MOVEMENT**2)
+
+    def moments(self) -> Moments:
+        """Give count, mean and covariance of the window's rows.
+
+        Returns
+        -------
+        The moments; the covariance is this object's memory, good until the next call.
+
+        Raises
+        ------
+        ValueError
+            There is no row.
+        """
+        if not self._count:
+            raise ValueError("moments: expected at least one row, got none")
+        weight = 1.0 / max(self._count - 1, 1)
+        np.multiply(self._products, weight, out=self._covariance)
+        dger(-weight / self._count, self._sum, self._sum, a=self._covariance, overwrite_a=True)
+        mean = self._reference + self._sum / self._count
+        # Symmetric, so its transpose is itself: row by row, as numpy reads it fastest.
+        return Moments(self._count, mean, self._covariance.T)

@@ -1,0 +1,71 @@
+"""One frame of a live feed, validated once at the border."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+#: Longer performer ids are a sender's mistake, and would bloat every answer's address.
+LONGEST_PERFORMER = 64
+
+
+@dataclass(frozen=True, slots=True)
+class Frame:
+    """Where the joints of one performer are at one moment.
+
+    Attributes
+    ----------
+    performer
+        Who; any text of 1 to 64 characters.
+    time
+        When, in seconds on the sender's clock or ours; only differences matter.
+    positions
+        Joint positions, shape (joints, 3), metres.
+
+    Raises
+    ------
+    ValueError
+        The performer is empty or too long, the time or a position is not finite, or the shape is another.
+    """
+
+    performer: str
+    time: float
+    positions: NDArray[np.floating] = field(repr=False)
+
+    def __post_init__(self) -> None:
+        if not 0 < len(self.performer) <= LONGEST_PERFORMER:
+            raise ValueError(f"performer: expected 1 to {LONGEST_PERFORMER} characters, got {len(self.performer)}")
+        if not math.isfinite(self.time):
+            raise ValueError(f"time: expected finite seconds, got {self.time}")
+        if self.positions.ndim != 2 or self.positions.shape[1] != 3:
+            raise ValueError(f"positions: expected (joints, 3), got {self.positions.shape}")
+        # One sum meets every NaN and infinity at a third of the price of asking each number. Opposite infinities
+        # add up to NaN; finite numbers that overflow the sum are no positions either.
+        if not math.isfinite(float(np.add.reduce(self.positions, axis=None))):
+            raise ValueError("positions: expected finite metres, got NaN or infinity")
+
+
+@dataclass(frozen=True, slots=True)
+class Announcement:
+    """A sender says which joints its frames hold, in which order.
+
+    Raises
+    ------
+    ValueError
+        The performer is empty or too long, or a joint name is empty or stands twice.
+    """
+
+    performer: str
+    joints: tuple[str, ...]
+
+    def __post_init__(self) -> None:
+        if not 0 < len(self.performer) <= LONGEST_PERFORMER:
+            raise ValueError(f"performer: expected 1 to {LONGEST_PERFORMER} characters, got {len(self.performer)}")
+        if not self.joints or not all(self.joints) or len(set(self.joints)) != len(self.joints):
+            raise ValueError("joints: expected distinct, non-empty names")

@@ -1,0 +1,333 @@
+"""OSC: what comes in over UDP as frames, what goes out as answers; pure functions first, then the two endpoints.
+
+In:  `/motion/skeleton s performer s*J joint names`, at the start and every second;
+     `/motion/frame s performer d time f*3J positions`, metres, time 0 for "on arrival".
+Out: `/motion/<performer>/class i index f score f margin`, `/motion/<performer>/label s` and
+     `/motion/<performer>/scores f*K` in one bundle per recognition, `/motion/classes s*K`, `/motion/status`.
+
+Every bundle's time tag is "immediately". The class message holds numbers only, because TouchDesigner's OSC In CHOP
+takes nothing else; its index counts in the order of `/motion/classes` and is -1 for none.
+"""
+
+from __future__ import annotations
+
+import re
+import socket
+import struct
+import sys
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from pythonosc.osc_bundle_builder import IMMEDIATELY, OscBundleBuilder
+from pythonosc.osc_message_builder import OscMessageBuilder
+
+from stream.frame import Announcement, Frame
+from stream.oscpacket import Message, PacketError, decode_packet
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from pythonosc.osc_message import OscMessage
+
+    from stream.recognition import Recognition
+    from stream.status import Status
+
+#: Datagrams above this are cut into fragments on most networks, and one lost fragment loses them whole.
+LARGEST_ANSWER = 1200
+#: Bytes asked of the system to keep datagrams in while we compute; the usual default holds 0.2 s of a busy feed.
+RECEIVE_BUFFER = 4 << 20
+
+_FRAME = "/motion/frame"
+_SKELETON = "/motion/skeleton"
+_FRAME_START = b"/motion/frame\0\0\0,sd"
+_DOUBLE = struct.Struct(">d")
+#: Linux tells with each datagram how many were thrown away before it; Python has no name for the option.
+_SO_RXQ_OVFL = 40
+_COUNTS_DROPS = sys.platform == "linux"
+#: Characters that OSC 1.0 keeps for itself in addresses, and those that do not print.
+_NOT_IN_ADDRESS = re.compile(r"[^!-~]|[#*,/?\[\]{}]")
+
+
+class Received(NamedTuple):
+    """What one datagram held.
+
+    Attributes
+    ----------
+    events
+        Frames and announcements, in order.
+    malformed
+        Messages with our addresses that make no sense, and packets that are no OSC.
+    foreign
+        Messages with other addresses: somebody else's, passed over.
+    """
+
+    events: list[Frame | Announcement]
+    malformed: int = 0
+    foreign: int = 0
+
+
+def decode(datagram: bytes, arrival: float) -> Received:
+    """Decode whatever came in; never raises.
+
+    Parameters
+    ----------
+    datagram
+        As received.
+    arrival
+        When, seconds: the time of frames that say 0.
+    """
+    frame = _decode_plain_frame(datagram, arrival)
+    if frame is not None:
+        return Received([frame])
+    try:
+        messages = decode_packet(datagram)
+    except PacketError:
+        return Received([], malformed=1)
+    events, malformed, foreign = list[Frame | Announcement](), 0, 0
+    for message in messages:
+        try:
+            event = _understood(message, arrival)
+        except (TypeError, ValueError, OverflowError):
+            malformed += 1
+        else:
+            if event is None:
+                foreign += 1
+            else:
+                events.append(event)
+    return Received(events, malformed, foreign)
+
+
+def _decode_plain_frame(datagram: bytes, arrival: float) -> Frame | None:
+    """Decode the one packet that comes hundreds of times a second; None when it is any other, or not quite right."""
+    if not datagram.startswith(_FRAME_START):
+        return None
+    floats = datagram.find(b"\0", 19) - 19
+    start = (19 + floats) // 4 * 4 + 4
+    end = datagram.find(b"\0", start)
+    place = end // 4 * 4 + 4
+    if floats < 6 or floats % 3 or end < 0 or len(datagram) != place + 8 + 4 * floats:
+        return None
+    if datagram.count(b"f", 19, 19 + floats) != floats:
+        return None
+    time = _DOUBLE.unpack_from(datagram, place)[0]
+    positions = np.frombuffer(datagram, ">f4", floats, place + 8).astype(np.float32).reshape(-1, 3)
+    try:
+        return Frame(datagram[start:end].decode(), time or arrival, positions)
+    except ValueError:
+        return None
+
+
+def _understood(message: Message, arrival: float) -> Frame | Announcement | None:
+    """Read our two messages; None for another's. Raises TypeError, ValueError or OverflowError for a wrong one."""
+    if message.address == _FRAME:
+        performer, time, *numbers = message.arguments
+        if any(type(number) not in (float, int) for number in (time, *numbers)):
+            raise TypeError("numbers: expected floats or integers")
+        positions = np.array(numbers, dtype=np.float32)
+        if positions.size % 3:
+            raise ValueError(f"positions: expected three numbers per joint, got {positions.size}")
+        moment = float(time)  # type: ignore[arg-type]  # checked above
+        return Frame(_performer(performer), moment or arrival, positions.reshape(-1, 3))
+    if message.address == _SKELETON:
+        performer, *joints = message.arguments
+        if not all(isinstance(joint, str) for joint in joints):
+            raise TypeError("joints: expected strings")
+        return Announcement(_performer(performer), tuple(map(str, joints)))
+    return None
+
+
+def _performer(argument: object) -> str:
+    # Patchers send ids as numbers as often as names.
+    if isinstance(argument, bool) or not isinstance(argument, (str, int)):
+        raise TypeError(f"performer: expected a name or an integer, got {argument!r}")
+    return str(argument)
+
+
+def encode_frame(frame: Frame) -> bytes:
+    """Encode a frame as `/motion/frame`, positions as float32."""
+    positions = np.asarray(frame.positions, dtype=">f4")
+    head = _FRAME_START + b"f" * positions.size
+    return b"".join(
+        [head, b"\0" * (4 - len(head) % 4), _padded(frame.performer), _DOUBLE.pack(frame.time), positions.tobytes()]
+    )
+
+
+def _padded(text: str) -> bytes:
+    encoded = text.encode()
+    return encoded + b"\0" * (4 - len(encoded) % 4)
+
+
+def encode_announcement(announcement: Announcement) -> bytes:
+    """Encode which joints a performer's frames hold, as `/motion/skeleton`."""
+    return _message(_SKELETON, announcement.performer, *announcement.joints)
+
+
+def encode_recognition(recognition: Recognition) -> bytes:
+    """Encode an answer as one bundle of at most 1200 bytes.
+
+    The scores of a library with too many classes for that (some 280) are left out; class and label never are.
+    """
+    performer = address_part(recognition.performer)
+    messages = [
+        ("class", recognition.class_index, recognition.score, recognition.margin),
+        ("label", recognition.label),
+        ("scores", *recognition.scores.tolist()),
+    ]
+    bundle = _bundle(performer, messages)
+    return bundle if len(bundle) <= LARGEST_ANSWER else _bundle(performer, messages[:2])
+
+
+def _bundle(performer: str, messages: Sequence[tuple[object, ...]]) -> bytes:
+    builder = OscBundleBuilder(IMMEDIATELY)
+    for last, *arguments in messages:
+        builder.add_content(_built(f"/motion/{performer}/{last}", *arguments))
+    encoded: bytes = builder.build().dgram
+    return encoded
+
+
+def encode_classes(classes: Sequence[str]) -> bytes:
+    """Encode the class names in the order their indices count, as `/motion/classes`."""
+    return _message("/motion/classes", *classes)
+
+
+def encode_status(status: Status) -> bytes:
+    """Encode `/motion/status i alive f frames per second i performers i lost`, numbers only."""
+    return _message("/motion/status", 1, status.frames_per_second, len(status.performers), status.lost)
+
+
+def address_part(performer: str) -> str:
+    """Give a performer's name as it stands in addresses: what OSC keeps for itself becomes an underscore."""
+    return _NOT_IN_ADDRESS.sub("_", performer)
+
+
+def _message(address: str, *arguments: object) -> bytes:
+    encoded: bytes = _built(address, *arguments).dgram
+    return encoded
+
+
+def _built(address: str, *arguments: object) -> OscMessage:
+    builder = OscMessageBuilder(address)
+    for argument in arguments:
+        # Without a type python-osc asks each number its size, and sends some integers as 64 bits.
+        kind = {float: "f", int: "i", str: "s"}[type(argument)]
+        builder.add_arg(argument, kind)  # type: ignore[arg-type]  # one of the three
+    return builder.build()
+
+
+class Answer(NamedTuple):
+    """A class message as a receiver sees it."""
+
+    performer: str
+    class_index: int
+    score: float
+    margin: float
+    label: str
+
+
+def decode_answer(datagram: bytes) -> Answer | None:
+    """Decode a recognition's bundle, for programs that listen to the answers; None for any other packet."""
+    try:
+        found = {message.address.rpartition("/")[2]: message for message in decode_packet(datagram)}
+        index, score, margin = found["class"].arguments
+        (label,) = found["label"].arguments
+        performer = found["class"].address.split("/")[2]
+        return Answer(performer, int(index), float(score), float(margin), str(label))  # type: ignore[call-overload, arg-type]
+    except (PacketError, KeyError, TypeError, ValueError, IndexError):
+        return None
+
+
+class OscReceiver:
+    """A UDP socket that frames come in on.
+
+    Parameters
+    ----------
+    host, port
+        Where to listen; port 0 lets the system choose (`address` tells).
+
+    Attributes
+    ----------
+    kernel_drops
+        Datagrams the system threw away because they came faster than they were received (known on Linux only).
+
+    Raises
+    ------
+    OSError
+        The port is taken, or the host is not this machine's.
+    """
+
+    def __init__(self, host: str, port: int) -> None:
+        family, kind, _, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_DGRAM, flags=socket.AI_PASSIVE)[0]
+        self.socket = socket.socket(family, kind)
+        try:
+            self.socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER)
+            if _COUNTS_DROPS:
+                self.socket.setsockopt(socket.SOL_SOCKET, _SO_RXQ_OVFL, 1)
+            self.socket.settimeout(0.0)
+            self.socket.bind(address)
+        except OSError as error:
+            self.socket.close()
+            raise OSError(error.errno, f"{host}:{port}: {error.strerror}") from error
+        self.kernel_drops = 0
+
+    @property
+    def address(self) -> tuple[str, int]:
+        """Host and port it listens on."""
+        host, port = self.socket.getsockname()[:2]
+        return host, port
+
+    def receive(self) -> bytes | None:
+        """Take the next datagram; None when there is none now."""
+        try:
+            if not _COUNTS_DROPS:
+                return self.socket.recv(65535)
+            datagram, ancillary, _, _ = self.socket.recvmsg(65535, 64)
+        except (BlockingIOError, InterruptedError):
+            return None
+        except ConnectionError:
+            return b""  # Windows says here that somebody who was sent to is not there: a packet like any bad one.
+        for _, kind, value in ancillary:
+            if kind == _SO_RXQ_OVFL:
+                self.kernel_drops = int.from_bytes(value[:4], sys.byteorder)
+        return datagram
+
+    def close(self) -> None:
+        """Give the port back."""
+        self.socket.close()
+
+
+class OscSender:
+    """A UDP socket that sends to one place.
+
+    Parameters
+    ----------
+    host, port
+        Where to.
+
+    Attributes
+    ----------
+    failed
+        Datagrams the system would not take (nobody there, buffer full).
+
+    Raises
+    ------
+    OSError
+        The host's name cannot be resolved.
+    """
+
+    def __init__(self, host: str, port: int) -> None:
+        family, kind, _, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_DGRAM)[0]
+        self.target = address
+        self.socket = socket.socket(family, kind)
+        self.socket.settimeout(0.0)
+        self.failed = 0
+
+    def send(self, datagram: bytes) -> None:
+        """Send one datagram; a failure is counted, never raised: the next one may succeed."""
+        try:
+            self.socket.sendto(datagram, self.target)
+        except OSError:
+            self.failed += 1
+
+    def close(self) -> None:
+        """Give the socket back."""
+        self.socket.close()

@@ -1,0 +1,169 @@
+"""Several performers on one feed: a recogniser for each, made on first sight, dropped after silence."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, fields, replace
+from typing import TYPE_CHECKING
+
+from library.skeleton import SkeletonMismatchError
+from stream.recognizer import Recognizer, RecognizerCounts, Settings
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from library.motionlibrary import MotionLibrary
+    from stream.frame import Announcement, Frame
+    from stream.recognition import Recognition
+
+
+@dataclass(slots=True)
+class PerformerCounts:
+    """What became of the frames of all performers."""
+
+    #: Frames of a performer for whom there was no room.
+    no_room: int = 0
+    #: Frames whose joints do not cover the library's skeleton.
+    other_joints: int = 0
+    #: Performers dropped after silence.
+    dropped: int = 0
+    #: Sums over all recognisers, of dropped performers too.
+    recognizers: RecognizerCounts = field(default_factory=RecognizerCounts)
+
+
+@dataclass(slots=True)
+class _Performer:
+    recognizer: Recognizer
+    heard: float
+    #: Where the skeleton's joints stand in the sender's frames; None for the skeleton's own order.
+    order: NDArray[np.intp] | None = None
+    joints: tuple[str, ...] = ()
+    #: Whether the announced joints cover the skeleton's.
+    known_joints: bool = True
+
+
+class Performers:
+    """One recogniser per performer.
+
+    Parameters
+    ----------
+    library, settings
+        Of every recogniser.
+    most
+        How many performers at once; frames of a further one are counted and refused until another falls silent.
+    silence
+        Seconds without a frame after which a performer is dropped.
+    """
+
+    def __init__(
+        self,
+        library: MotionLibrary,
+        settings: Settings | None = None,
+        *,
+        most: int = 32,
+        silence: float = 5.0,
+    ) -> None:
+        if most < 1:
+            raise ValueError(f"most: expected at least 1 performer, got {most}")
+        if not (math.isfinite(silence) and silence > 0):
+            raise ValueError(f"silence: expected a positive number of seconds, got {silence}")
+        self.library = library
+        self.settings = settings or Settings()
+        self.most = most
+        self.silence = silence
+        self._counts = PerformerCounts()
+        self._performers: dict[str, _Performer] = {}
+
+    def __len__(self) -> int:
+        return len(self._performers)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The performers now followed, in the order of their first frames."""
+        return tuple(self._performers)
+
+    @property
+    def counts(self) -> PerformerCounts:
+        """What became of all frames so far; a copy."""
+        total = replace(self._counts.recognizers)
+        for performer in self._performers.values():
+            _add(total, performer.recognizer.counts)
+        return replace(self._counts, recognizers=total)
+
+    def announce(self, announcement: Announcement, arrival: float) -> None:
+        """Take in which joints a performer's frames hold, in which order.
+
+        A repeated announcement costs a comparison; one with other joints starts the performer's window anew, because
+        the frames before it may have meant something else.
+
+        Parameters
+        ----------
+        announcement
+            As received.
+        arrival
+            When, seconds on our clock.
+        """
+        performer = self._performer(announcement.performer, arrival)
+        if performer is None or performer.joints == announcement.joints:
+            return
+        performer.joints = announcement.joints
+        performer.recognizer.reset()
+        try:
+            performer.order = self.library.skeleton.order_from(announcement.joints)
+        except SkeletonMismatchError:
+            performer.known_joints = False
+        else:
+            performer.known_joints = True
+            if announcement.joints == self.library.skeleton.joints:
+                performer.order = None
+
+    def push(self, frame: Frame, arrival: float) -> Recognition | None:
+        """Take in one frame.
+
+        Parameters
+        ----------
+        frame
+            As received.
+        arrival
+            When it came, seconds on our clock: what silence is measured by.
+
+        Returns
+        -------
+        A recognition when one is due, else None.
+        """
+        performer = self._performer(frame.performer, arrival)
+        if performer is None:
+            self._counts.no_room += 1
+            return None
+        expected = len(performer.joints or self.library.skeleton.joints)
+        if not performer.known_joints or len(frame.positions) != expected:
+            self._counts.other_joints += 1
+            return None
+        if performer.order is not None:
+            frame = replace(frame, positions=frame.positions[performer.order])
+        return performer.recognizer.push(frame)
+
+    def drop_silent(self, now: float) -> list[str]:
+        """Forget performers of whom nothing came for `silence` seconds; give their names."""
+        silent = [name for name, performer in self._performers.items() if now - performer.heard > self.silence]
+        for name in silent:
+            _add(self._counts.recognizers, self._performers.pop(name).recognizer.counts)
+            self._counts.dropped += 1
+        return silent
+
+    def _performer(self, name: str, arrival: float) -> _Performer | None:
+        performer = self._performers.get(name)
+        if performer is None:
+            if len(self._performers) >= self.most:
+                self.drop_silent(arrival)
+            if len(self._performers) >= self.most:
+                return None
+            performer = self._performers[name] = _Performer(Recognizer(self.library, self.settings), arrival)
+        performer.heard = arrival
+        return performer
+
+
+def _add(total: RecognizerCounts, counts: RecognizerCounts) -> None:
+    for each in fields(RecognizerCounts):
+        setattr(total, each.name, getattr(total, each.name) + getattr(counts, each.name))

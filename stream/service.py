@@ -1,0 +1,306 @@
+"""The loop: packets from sources, through one recogniser per performer, to sinks. Nothing else in the house loops."""
+
+from __future__ import annotations
+
+import time
+from typing import TYPE_CHECKING, Protocol, Self
+
+import zmq
+
+from stream import osc, zeromq
+from stream.frame import Announcement, Frame
+from stream.status import HopTimes, InputCounts, Rates, Status
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from stream.performers import Performers
+    from stream.recognition import Recognition
+
+#: Seconds between two statuses, and between two lists of classes.
+STATUS_EVERY = 1.0
+CLASSES_EVERY = 5.0
+#: Packets taken from one source before the others, and the clock, get their turn.
+_AT_ONCE = 256
+#: Longest sleep while nothing comes, seconds: how soon `stop` is heard.
+_LONGEST_SLEEP = 0.1
+
+
+class Source(Protocol):
+    """Where frames come from."""
+
+    @property
+    def pollable(self) -> object:
+        """What `zmq.Poller` can wait for: a file number's owner or a ZeroMQ socket."""
+
+    @property
+    def counts(self) -> InputCounts:
+        """What came in so far."""
+
+    def take(self, arrival: float) -> Sequence[Frame | Announcement] | None:
+        """Take in one packet; what it held, in order, or None when nothing is waiting. Never raises."""
+
+    def close(self) -> None:
+        """Give sockets back."""
+
+
+class Sink(Protocol):
+    """Where answers go."""
+
+    @property
+    def failed(self) -> int:
+        """Answers that could not be sent."""
+
+    def publish(self, recognition: Recognition) -> None:
+        """Pass on one recognition."""
+
+    def publish_classes(self, classes: Sequence[str]) -> None:
+        """Pass on which classes there are."""
+
+    def publish_status(self, status: Status) -> None:
+        """Pass on how the service does."""
+
+    def close(self) -> None:
+        """Give sockets back."""
+
+
+class OscSource:
+    """Frames from UDP datagrams."""
+
+    def __init__(self, receiver: osc.OscReceiver) -> None:
+        self.receiver = receiver
+        self._counts = InputCounts()
+
+    @property
+    def pollable(self) -> object:
+        """The UDP socket."""
+        return self.receiver.socket
+
+    @property
+    def counts(self) -> InputCounts:
+        """What came in so far."""
+        self._counts.overrun = self.receiver.kernel_drops
+        return self._counts
+
+    def take(self, arrival: float) -> Sequence[Frame | Announcement] | None:
+        """Take in one datagram."""
+        datagram = self.receiver.receive()
+        if datagram is None:
+            return None
+        received = osc.decode(datagram, arrival)
+        self._counts.received += 1
+        self._counts.malformed += received.malformed
+        self._counts.foreign += received.foreign
+        return received.events
+
+    def close(self) -> None:
+        """Close the socket."""
+        self.receiver.close()
+
+
+class ZmqSource:
+    """Frames from ZeroMQ messages."""
+
+    def __init__(self, receiver: zeromq.ZmqReceiver) -> None:
+        self.receiver = receiver
+        self._gaps = zeromq.SequenceGaps()
+        self._counts = InputCounts()
+
+    @property
+    def pollable(self) -> object:
+        """The SUB socket."""
+        return self.receiver.socket
+
+    @property
+    def counts(self) -> InputCounts:
+        """What came in so far."""
+        self._counts.missing = self._gaps.missing
+        return self._counts
+
+    def take(self, arrival: float) -> Sequence[Frame | Announcement] | None:
+        """Take in one message."""
+        parts = self.receiver.receive()
+        if parts is None:
+            return None
+        self._counts.received += 1
+        if not parts[0].startswith(b"frame/"):
+            self._counts.foreign += 1
+            return ()
+        try:
+            numbered = zeromq.decode(parts, arrival)
+        except zeromq.FormatError:
+            self._counts.malformed += 1
+            return ()
+        self._gaps.see(numbered.frame.performer, numbered.seq)
+        return (numbered.announcement, numbered.frame) if numbered.announcement else (numbered.frame,)
+
+    def close(self) -> None:
+        """Close the socket."""
+        self.receiver.close()
+
+
+class OscSink:
+    """Answers as OSC bundles to one host and port."""
+
+    def __init__(self, sender: osc.OscSender) -> None:
+        self.sender = sender
+
+    @property
+    def failed(self) -> int:
+        """Answers the system would not take."""
+        return self.sender.failed
+
+    def publish(self, recognition: Recognition) -> None:
+        """Send one recognition."""
+        self.sender.send(osc.encode_recognition(recognition))
+
+    def publish_classes(self, classes: Sequence[str]) -> None:
+        """Send the class names."""
+        self.sender.send(osc.encode_classes(classes))
+
+    def publish_status(self, status: Status) -> None:
+        """Send the status."""
+        self.sender.send(osc.encode_status(status))
+
+    def close(self) -> None:
+        """Close the socket."""
+        self.sender.close()
+
+
+class ZmqSink:
+    """Answers as ZeroMQ messages."""
+
+    def __init__(self, sender: zeromq.ZmqSender) -> None:
+        self.sender = sender
+
+    @property
+    def failed(self) -> int:
+        """Answers ZeroMQ would not take."""
+        return self.sender.failed
+
+    def publish(self, recognition: Recognition) -> None:
+        """Send one recognition."""
+        self.sender.send(zeromq.encode_recognition(recognition))
+
+    def publish_classes(self, classes: Sequence[str]) -> None:
+        """Send the class names."""
+        self.sender.send(zeromq.encode_classes(classes))
+
+    def publish_status(self, status: Status) -> None:
+        """Send the status."""
+        self.sender.send(zeromq.encode_status(status))
+
+    def close(self) -> None:
+        """Close the socket."""
+        self.sender.close()
+
+
+class Service:
+    """Recognises what comes from some sources and tells some sinks.
+
+    Parameters
+    ----------
+    performers
+        The recognisers.
+    sources, sinks
+        Where frames come from and answers go; closed by `close`, or on leaving the `with` block.
+    clock
+        Seconds; stamps arrivals and paces the status.
+    """
+
+    def __init__(
+        self,
+        performers: Performers,
+        sources: Sequence[Source],
+        sinks: Sequence[Sink],
+        *,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self.performers = performers
+        self.sources = sources
+        self.sinks = sinks
+        self._clock = clock
+        self._hop_times = HopTimes()
+        self._rates = Rates(clock())
+        self._latest_rates: dict[str, float] = {}
+        self._next_status = self._next_classes = clock()
+        self._stopped = False
+        self._poller = zmq.Poller()
+        for source in sources:
+            self._poller.register(source.pollable, zmq.POLLIN)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Give all sockets back."""
+        for source in self.sources:
+            source.close()
+        for sink in self.sinks:
+            sink.close()
+
+    def stop(self) -> None:
+        """Make `run` return soon; from any thread or signal handler."""
+        self._stopped = True
+
+    def run(self) -> None:
+        """Go on until stopped; what has arrived by then is still answered."""
+        while not self._stopped:
+            self.step(_LONGEST_SLEEP)
+        self.step(0.0)
+
+    def step(self, longest: float) -> None:
+        """Wait at most `longest` seconds for something to come, and deal with all that has."""
+        self._tell_time()
+        sleep = min(longest, max(self._next_status - self._clock(), 0.0))
+        if not self._poller.poll(round(sleep * 1000)):
+            return
+        # Every source is asked: one poll is cheaper than finding out which of them it was.
+        for source in self.sources:
+            for _ in range(_AT_ONCE):
+                started = time.perf_counter()
+                events = source.take(self._clock())
+                if events is None:
+                    break
+                for event in events:
+                    self._deal_with(event, started)
+
+    def _deal_with(self, event: Frame | Announcement, started: float) -> None:
+        now = self._clock()
+        if isinstance(event, Announcement):
+            self.performers.announce(event, now)
+            return
+        self._rates.count(event.performer)
+        recognition = self.performers.push(event, now)
+        if recognition is not None:
+            for sink in self.sinks:
+                sink.publish(recognition)
+            self._hop_times.add(time.perf_counter() - started)
+
+    def _tell_time(self) -> None:
+        now = self._clock()
+        if now >= self._next_classes:
+            self._next_classes = now + CLASSES_EVERY
+            for sink in self.sinks:
+                sink.publish_classes(self.performers.library.classes)
+        if now >= self._next_status:
+            self._next_status = now + STATUS_EVERY
+            self.performers.drop_silent(now)
+            self._latest_rates = self._rates.read(now)
+            status = self.status()
+            for sink in self.sinks:
+                sink.publish_status(status)
+
+    def status(self) -> Status:
+        """Give the counters as they are now."""
+        return Status(
+            inputs=sum((source.counts for source in self.sources), start=InputCounts()),
+            outcomes=self.performers.counts,
+            unsent=sum(sink.failed for sink in self.sinks),
+            performers={name: self._latest_rates.get(name, 0.0) for name in self.performers.names},
+            hop_p50=self._hop_times.percentile(50),
+            hop_p99=self._hop_times.percentile(99),
+        )

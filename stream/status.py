@@ -1,0 +1,106 @@
+"""What a running service can say of itself: counters, rates and hop times."""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass, field, fields
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from stream.performers import PerformerCounts
+
+#: Hops whose time is remembered for the percentiles: a minute and more of one performer's.
+_REMEMBERED_HOPS = 2048
+
+
+@dataclass(slots=True)
+class InputCounts:
+    """What came in, before anybody looked at whose it is."""
+
+    #: Datagrams or ZeroMQ messages.
+    received: int = 0
+    #: Packets or messages that make no sense.
+    malformed: int = 0
+    #: Messages with addresses or topics that are not ours.
+    foreign: int = 0
+    #: Packets the system threw away because they came faster than they were received.
+    overrun: int = 0
+    #: Frames whose sequence numbers were skipped.
+    missing: int = 0
+
+    def __add__(self, other: InputCounts) -> InputCounts:
+        return InputCounts(*(getattr(self, each.name) + getattr(other, each.name) for each in fields(self)))
+
+
+@dataclass(frozen=True, slots=True)
+class Status:
+    """A service's counters at one moment.
+
+    Attributes
+    ----------
+    inputs
+        What came in.
+    outcomes
+        What became of the frames.
+    unsent
+        Answers the system would not take.
+    performers
+        Frames per second of each performer now followed.
+    hop_p50, hop_p99
+        Seconds from taking a frame's packet to its recognition, over the last hops; 0 before the first.
+    """
+
+    inputs: InputCounts
+    outcomes: PerformerCounts
+    unsent: int
+    performers: dict[str, float]
+    hop_p50: float
+    hop_p99: float
+
+    @property
+    def frames_per_second(self) -> float:
+        """Frames per second of all performers together."""
+        return float(sum(self.performers.values()))
+
+    @property
+    def lost(self) -> int:
+        """How much came, or should have come, and was not used."""
+        inputs, outcomes = self.inputs, self.outcomes
+        at_the_border = inputs.malformed + inputs.overrun + inputs.missing
+        return at_the_border + outcomes.no_room + outcomes.other_joints + outcomes.recognizers.out_of_order
+
+
+@dataclass(slots=True)
+class Rates:
+    """Frames per second of each performer, from one reading to the next."""
+
+    _since: float
+    _frames: dict[str, int] = field(default_factory=dict)
+
+    def count(self, performer: str) -> None:
+        """Count a frame."""
+        self._frames[performer] = self._frames.get(performer, 0) + 1
+
+    def read(self, now: float) -> dict[str, float]:
+        """Give each performer's rate since the last reading, and begin anew."""
+        elapsed = max(now - self._since, 1e-9)
+        rates = {performer: frames / elapsed for performer, frames in self._frames.items()}
+        self._since, self._frames = now, {}
+        return rates
+
+
+class HopTimes:
+    """How long the last hops took."""
+
+    def __init__(self) -> None:
+        self._seconds = deque[float](maxlen=_REMEMBERED_HOPS)
+
+    def add(self, seconds: float) -> None:
+        """Remember one hop."""
+        self._seconds.append(seconds)
+
+    def percentile(self, percent: float) -> float:
+        """Give a percentile in seconds; 0 before the first hop."""
+        return float(np.percentile(self._seconds, percent)) if self._seconds else 0.0

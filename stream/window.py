@@ -1,0 +1,134 @@
+"""The sliding window: the distance rows of the last seconds, however many frames that is."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+#: Frames per second up to which a window holds all its seconds. A faster feed shortens the window.
+FASTEST_FEED = 500.0
+#: Rows that may enter before the changes must be taken.
+MOST_PENDING = 64
+
+
+class Change(NamedTuple):
+    """What a window took in and let go since it was last asked, each of shape (rows, pairs), oldest first.
+
+    Both are views into the window's memory: good until the next push.
+    """
+
+    entered: NDArray[np.float64]
+    left: NDArray[np.float64]
+
+
+class SlidingWindow:
+    """Distance rows of the last seconds, ending with the newest frame.
+
+    A row at time t is in the window while the newest time is less than t + seconds. Rows lie side by side in time
+    order in memory allocated once. Before they reach its end they move back to the front, one row's copy per push on
+    average, which is what makes every read a plain slice.
+
+    Parameters
+    ----------
+    seconds
+        Length of the window.
+    width
+        Numbers in a row.
+    fastest
+        Frames per second up to which the window keeps its length.
+
+    Raises
+    ------
+    ValueError
+        Seconds, width or fastest is not positive, or seconds not finite.
+    """
+
+    def __init__(self, seconds: float, width: int, fastest: float = FASTEST_FEED) -> None:
+        if not (math.isfinite(seconds) and seconds > 0):
+            raise ValueError(f"seconds: expected a positive number, got {seconds}")
+        if width < 1 or fastest <= 0:
+            raise ValueError(f"width, fastest: expected positive numbers, got {width}, {fastest}")
+        self.seconds = seconds
+        self._most = max(2, math.ceil(seconds * fastest))
+        # Twice what may have to be kept, so that moving back never overlaps. The system commits only what is touched:
+        # a slow feed does not pay for a fast one's room.
+        room = 2 * (self._most + 2 * MOST_PENDING)
+        self._rows = np.empty((room, width))
+        self._times = np.empty(room)
+        self.clear()
+
+    def clear(self) -> None:
+        """Forget all rows, as at the start; what had left or entered is forgotten with them."""
+        self._kept = self._start = self._fresh = self._end = 0
+        self._since = math.nan
+
+    def push(self, time: float, row: NDArray[np.float64]) -> None:
+        """Take in one row and let go of those that are `seconds` old.
+
+        Raises
+        ------
+        ValueError
+            The time is not later than the last one's.
+        RuntimeError
+            `MOST_PENDING` rows have entered since `take_change` was last called.
+        """
+        if self._end > self._start and time <= self._times[self._end - 1]:
+            raise ValueError(f"time: expected later than {self._times[self._end - 1]}, got {time}")
+        if self.pending >= MOST_PENDING:
+            raise RuntimeError(f"take_change() must be called at least once in {MOST_PENDING} pushes")
+        if self._kept >= self._end - self._kept + MOST_PENDING:
+            self._move_back()
+        if self._end == self._start:
+            self._since = time
+        self._rows[self._end] = row
+        self._times[self._end] = time
+        self._end += 1
+        # A feed's times are multiples of a frame with rounding; a billionth decides the ties alike at every rate.
+        oldest = time - self.seconds * (1 - 1e-9)
+        while self._times[self._start] <= oldest or self._end - self._start > self._most:
+            self._start += 1
+
+    def _move_back(self) -> None:
+        count, shift = self._end - self._kept, self._kept
+        self._rows[:count] = self._rows[shift : self._end]
+        self._times[:count] = self._times[shift : self._end]
+        self._kept, self._start, self._fresh, self._end = (
+            place - shift for place in (self._kept, self._start, self._fresh, self._end)
+        )
+
+    @property
+    def pending(self) -> int:
+        """How many rows entered since the changes were last taken."""
+        return self._end - self._fresh
+
+    def take_change(self) -> Change:
+        """Say what entered and what left since the last call; a row that did both is in neither."""
+        fresh = max(self._fresh, self._start)
+        change = Change(self._rows[fresh : self._end], self._rows[self._kept : min(self._start, self._fresh)])
+        self._kept, self._fresh = self._start, self._end
+        return change
+
+    @property
+    def rows(self) -> NDArray[np.float64]:
+        """The rows in the window, shape (rows, width), oldest first; a view, good until the next push."""
+        return self._rows[self._start : self._end]
+
+    @property
+    def times(self) -> NDArray[np.float64]:
+        """Their times, shape (rows,), seconds; a view, good until the next push."""
+        return self._times[self._start : self._end]
+
+    @property
+    def full(self) -> bool:
+        """Whether rows have come for the window's whole length since it was last empty."""
+        if self._end == self._start:
+            return False
+        return bool(self._times[self._end - 1] - self._since >= self.seconds * (1 - 1e-9))
+
+    def __len__(self) -> int:
+        return self._end - self._start

@@ -1,0 +1,282 @@
+"""ZeroMQ: frames in on a SUB socket, answers out on a PUB socket; pure functions first, then the two endpoints.
+
+In:  `[b"frame/<performer>/"][JSON header][raw little-endian floats]`, the header holding `v` (1), `seq`, `t` seconds,
+     `shape` [joints, 3], `dtype` "<f4" or "<f8", and `joints` (names) in the first frame and whenever they change.
+Out: `[b"class/<performer>/"][JSON]`, `[b"classes/"][JSON]`, `[b"status/"][JSON]`.
+
+Topics end in a slash because subscriptions match by their first bytes: `frame/p1` would match `frame/p10` too.
+Nothing is ever unpickled; types come from a list and sizes are checked before a buffer is looked at.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+import zmq
+
+from stream.frame import Announcement, Frame
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from stream.recognition import Recognition
+    from stream.status import Status
+
+VERSION = 1
+#: A header with 31 joint names is 500 bytes; a frame of 1000 joints in doubles 24 kB.
+LARGEST_HEADER = 65_536
+LARGEST_MESSAGE = 1 << 20
+_TYPES = ("<f4", "<f8")
+_MOST_JOINTS = 4096
+#: Messages waiting in a socket: eight seconds of a 120 Hz feed, then ZeroMQ itself begins to throw away.
+_HIGH_WATER_MARK = 1000
+#: How far behind the newest a number may be and still be a late frame, not a new beginning.
+_LATEST = 16
+_MOST_PERFORMERS = 1024
+
+
+class NumberedFrame(NamedTuple):
+    """A frame with its sender's count and, when it says so, what its joints are."""
+
+    frame: Frame
+    seq: int | None
+    announcement: Announcement | None
+
+
+class FormatError(ValueError):
+    """A ZeroMQ message is not one of ours."""
+
+
+def decode(parts: Sequence[bytes], arrival: float) -> NumberedFrame:
+    """Decode one multipart message.
+
+    Parameters
+    ----------
+    parts
+        Topic, header and positions.
+    arrival
+        When, seconds: the time of frames whose `t` is missing or 0.
+
+    Raises
+    ------
+    FormatError
+        A part is missing, too large or not what the header says.
+    """
+    try:
+        topic, header, buffer = parts
+        performer = _performer(topic)
+        described = _header(header)
+        positions = _positions(described, buffer)
+        time = described.get("t", 0)
+        joints = described.get("joints")
+        seq = described.get("seq")
+        if isinstance(time, bool) or not isinstance(time, (int, float)):
+            raise FormatError(f"t: expected seconds, got {time!r}")
+        if seq is not None and (isinstance(seq, bool) or not isinstance(seq, int) or seq < 0):
+            raise FormatError(f"seq: expected a count, got {seq!r}")
+        announcement = None if joints is None else _announcement(performer, joints)
+        return NumberedFrame(Frame(performer, float(time) or arrival, positions), seq, announcement)
+    except (ValueError, OverflowError, RecursionError) as error:
+        raise FormatError(str(error)) from error
+
+
+def _performer(topic: bytes) -> str:
+    kind, _, rest = topic.decode().partition("/")
+    if kind != "frame" or not rest.endswith("/"):
+        raise FormatError("topic: expected frame/<performer>/")
+    return rest[:-1]
+
+
+def _header(header: bytes) -> dict[str, Any]:
+    if len(header) > LARGEST_HEADER:
+        raise FormatError(f"header: expected at most {LARGEST_HEADER} bytes, got {len(header)}")
+    described = json.loads(header)
+    if not isinstance(described, dict) or described.get("v") != VERSION:
+        raise FormatError(f"header: expected version {VERSION}")
+    return described
+
+
+def _positions(described: dict[str, Any], buffer: bytes) -> np.ndarray[tuple[int, ...], np.dtype[np.floating]]:
+    shape, kind = described.get("shape"), described.get("dtype")
+    match shape:
+        case [int(joints), 3] if 0 < joints <= _MOST_JOINTS and not isinstance(joints, bool):
+            pass
+        case _:
+            raise FormatError(f"shape: expected [joints, 3], got {shape!r}")
+    if kind not in _TYPES:
+        raise FormatError(f"dtype: expected one of {_TYPES}, got {kind!r}")
+    dtype: np.dtype[np.floating] = np.dtype(kind)
+    if len(buffer) != joints * 3 * dtype.itemsize:
+        raise FormatError(f"positions: expected {joints * 3 * dtype.itemsize} bytes, got {len(buffer)}")
+    return np.frombuffer(buffer, dtype).reshape(joints, 3)
+
+
+def _announcement(performer: str, joints: object) -> Announcement:
+    if not isinstance(joints, list) or not all(isinstance(joint, str) for joint in joints):
+        raise FormatError("joints: expected a list of names")
+    return Announcement(performer, tuple(joints))
+
+
+def encode_frame(frame: Frame, seq: int, joints: Sequence[str] | None = None) -> list[bytes]:
+    """Encode a frame as float32; with the joint names in the first frame and whenever they change."""
+    positions = np.ascontiguousarray(frame.positions, dtype="<f4")
+    header: dict[str, object] = {"v": VERSION, "seq": seq, "t": frame.time, "shape": positions.shape, "dtype": "<f4"}
+    if joints is not None:
+        header["joints"] = list(joints)
+    return [f"frame/{frame.performer}/".encode(), json.dumps(header).encode(), positions.tobytes()]
+
+
+def encode_recognition(recognition: Recognition) -> list[bytes]:
+    """Encode an answer: all of `Recognition`, with `class` the named class or null."""
+    answer = {
+        "v": VERSION,
+        "performer": recognition.performer,
+        "t": recognition.time,
+        "class": recognition.class_name,
+        "index": recognition.class_index,
+        "outcome": recognition.outcome,
+        "score": recognition.score,
+        "runner_up": recognition.runner_up,
+        "margin": recognition.margin,
+        "scores": dict(zip(recognition.classes, _rounded(recognition.scores.tolist()), strict=True)),
+        "movement": recognition.movement,
+        "share": recognition.share,
+        "gap": recognition.gap,
+    }
+    return [f"class/{recognition.performer}/".encode(), json.dumps(answer).encode()]
+
+
+def _rounded(numbers: Sequence[float]) -> list[float]:
+    return [round(number, 6) for number in numbers]
+
+
+def encode_classes(classes: Sequence[str]) -> list[bytes]:
+    """Encode the class names in the order their indices count."""
+    return [b"classes/", json.dumps({"v": VERSION, "classes": list(classes)}).encode()]
+
+
+def encode_status(status: Status) -> list[bytes]:
+    """Encode every counter."""
+    described = {"v": VERSION, "alive": True, **asdict(status)}
+    described |= {"frames_per_second": status.frames_per_second, "lost": status.lost}
+    return [b"status/", json.dumps(described).encode()]
+
+
+class SequenceGaps:
+    """Counts the frames a sender numbered and that never came, per performer."""
+
+    def __init__(self) -> None:
+        self._last: dict[str, int] = {}
+        self.missing = 0
+
+    def see(self, performer: str, seq: int | None) -> None:
+        """Take note of a number.
+
+        One that does not follow its predecessor leaves a gap. One shortly below it comes late and fills a gap; 0, or
+        one far below, is a sender that began again.
+        """
+        if seq is None:
+            return
+        last = self._last.get(performer, seq - 1)
+        if 0 < last - seq <= _LATEST:
+            self.missing = max(0, self.missing - 1)
+            return
+        if seq > last:
+            self.missing += seq - last - 1
+        if performer not in self._last and len(self._last) >= _MOST_PERFORMERS:
+            self._last.clear()  # only somebody who makes up names gets here
+        self._last[performer] = seq
+
+
+class Endpoint(NamedTuple):
+    """A ZeroMQ address, and whether to bind or to connect to it."""
+
+    address: str
+    bind: bool
+
+    @classmethod
+    def parse(cls, text: str, *, bind: bool) -> Endpoint:
+        """Read an address; "@" before it says bind and ">" connect, as in CZMQ, else `bind` decides.
+
+        Raises
+        ------
+        ValueError
+            There is no transport in it, like `tcp://`.
+        """
+        address = text.lstrip("@>")
+        if "://" not in address:
+            raise ValueError(f"endpoint: expected an address like tcp://127.0.0.1:5556, got {text!r}")
+        return cls(address, text.startswith("@") or (bind and not text.startswith(">")))
+
+    def open(self, kind: int) -> zmq.Socket[bytes]:
+        """Make a socket and bind or connect it.
+
+        Raises
+        ------
+        OSError
+            The address is taken, or makes no sense; the message says which address.
+        """
+        opened: zmq.Socket[bytes] = zmq.Context.instance().socket(kind)
+        opened.linger = 0
+        opened.set_hwm(_HIGH_WATER_MARK)
+        opened.setsockopt(zmq.MAXMSGSIZE, LARGEST_MESSAGE)
+        try:
+            if self.bind:
+                opened.bind(self.address)
+            else:
+                opened.connect(self.address)
+        except zmq.ZMQError as error:
+            opened.close()
+            raise OSError(error.errno, f"{self.address}: {error.strerror}") from error
+        return opened
+
+
+class ZmqReceiver:
+    """A SUB socket that frames come in on. Poll it continuously: a bound SUB takes in new peers only when polled."""
+
+    def __init__(self, endpoint: Endpoint, topic: bytes = b"") -> None:
+        self.socket = endpoint.open(zmq.SUB)
+        self.socket.subscribe(topic)
+
+    @property
+    def address(self) -> str:
+        """The endpoint as bound or connected, its port resolved."""
+        return self.socket.getsockopt_string(zmq.LAST_ENDPOINT)
+
+    def receive(self) -> list[bytes] | None:
+        """Take the next message; None when there is none now."""
+        try:
+            return self.socket.recv_multipart(zmq.NOBLOCK)
+        except zmq.Again:
+            return None
+
+    def close(self) -> None:
+        """Give the address back."""
+        self.socket.close()
+
+
+class ZmqSender:
+    """A PUB socket. Nobody listening is no error; a listener too slow loses the newest, which its `seq` shows."""
+
+    def __init__(self, endpoint: Endpoint) -> None:
+        self.socket = endpoint.open(zmq.PUB)
+        self.failed = 0
+
+    @property
+    def address(self) -> str:
+        """The endpoint as bound or connected, its port resolved."""
+        return self.socket.getsockopt_string(zmq.LAST_ENDPOINT)
+
+    def send(self, parts: Sequence[bytes]) -> None:
+        """Send one message; a failure is counted, never raised."""
+        try:
+            self.socket.send_multipart(parts, zmq.NOBLOCK)
+        except zmq.ZMQError:
+            self.failed += 1
+
+    def close(self) -> None:
+        """Give the address back."""
+        self.socket.close()

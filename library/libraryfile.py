@@ -89,6 +89,7 @@ def read(path: Path) -> tuple[dict[str, Any], dict[str, NDArray[np.float32]]]:
         zipfile.BadZipFile,
         zlib.error,
         EOFError,
+        KeyError,
         NotImplementedError,
         RuntimeError,
         TypeError,

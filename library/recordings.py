@@ -32,7 +32,7 @@ def find_recordings(places: Sequence[Path]) -> list[Path]:
         if not place.exists():
             raise RecordingError(f"{place}: no such file or folder")
         if place.is_dir():
-            found += sorted(path for path in place.rglob("*") if path.suffix.lower() in _ENDINGS)
+            found += sorted(path for path in place.rglob("*") if path.suffix.lower() in _ENDINGS and not path.is_dir())
         else:
             found.append(place)
     if not found:

@@ -21,6 +21,7 @@ import numpy as np
 from pythonosc.osc_bundle_builder import IMMEDIATELY, OscBundleBuilder
 from pythonosc.osc_message_builder import OscMessageBuilder
 
+from stream.answer import Answer
 from stream.frame import Announcement, Frame
 from stream.oscpacket import Message, PacketError, decode_packet
 
@@ -212,16 +213,6 @@ def _built(address: str, *arguments: object) -> OscMessage:
         kind = {float: "f", int: "i", str: "s"}[type(argument)]
         builder.add_arg(argument, kind)  # type: ignore[arg-type]  # one of the three
     return builder.build()
-
-
-class Answer(NamedTuple):
-    """A class message as a receiver sees it."""
-
-    performer: str
-    class_index: int
-    score: float
-    margin: float
-    label: str
 
 
 def decode_answer(datagram: bytes) -> Answer | None:

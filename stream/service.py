@@ -71,6 +71,10 @@ class OscSource:
         self.receiver = receiver
         self._counts = InputCounts()
 
+    def __str__(self) -> str:
+        host, port = self.receiver.address
+        return f"OSC {host}:{port}"
+
     @property
     def pollable(self) -> object:
         """The UDP socket."""
@@ -105,6 +109,9 @@ class ZmqSource:
         self.receiver = receiver
         self._gaps = zeromq.SequenceGaps()
         self._counts = InputCounts()
+
+    def __str__(self) -> str:
+        return f"ZeroMQ {self.receiver.address}"
 
     @property
     def pollable(self) -> object:
@@ -145,6 +152,10 @@ class OscSink:
     def __init__(self, sender: osc.OscSender) -> None:
         self.sender = sender
 
+    def __str__(self) -> str:
+        host, port = self.sender.target[:2]
+        return f"OSC {host}:{port}"
+
     @property
     def failed(self) -> int:
         """Answers the system would not take."""
@@ -172,6 +183,9 @@ class ZmqSink:
 
     def __init__(self, sender: zeromq.ZmqSender) -> None:
         self.sender = sender
+
+    def __str__(self) -> str:
+        return f"ZeroMQ {self.sender.address}"
 
     @property
     def failed(self) -> int:

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 import zmq
 
+from stream.answer import Answer
 from stream.frame import Announcement, Frame
 
 if TYPE_CHECKING:
@@ -153,6 +154,24 @@ def _rounded(numbers: Sequence[float]) -> list[float]:
     return [round(number, 6) for number in numbers]
 
 
+def decode_answer(parts: Sequence[bytes]) -> Answer | None:
+    """Decode a recognition, for programs that listen to the answers; None for any other message."""
+    try:
+        topic, encoded = parts
+        if not topic.startswith(b"class/"):
+            return None
+        answer = json.loads(encoded)
+        return Answer(
+            performer=str(answer["performer"]),
+            class_index=int(answer["index"]),
+            score=float(answer["score"]),
+            margin=float(answer["margin"]),
+            label=str(answer["class"] or answer["outcome"]),
+        )
+    except (KeyError, TypeError, ValueError):
+        return None
+
+
 def encode_classes(classes: Sequence[str]) -> list[bytes]:
     """Encode the class names in the order their indices count."""
     return [b"classes/", json.dumps({"v": VERSION, "classes": list(classes)}).encode()]
@@ -244,7 +263,7 @@ class ZmqReceiver:
     @property
     def address(self) -> str:
         """The endpoint as bound or connected, its port resolved."""
-        return self.socket.getsockopt_string(zmq.LAST_ENDPOINT)
+        return str(self.socket.getsockopt_string(zmq.LAST_ENDPOINT))
 
     def receive(self) -> list[bytes] | None:
         """Take the next message; None when there is none now."""
@@ -268,7 +287,7 @@ class ZmqSender:
     @property
     def address(self) -> str:
         """The endpoint as bound or connected, its port resolved."""
-        return self.socket.getsockopt_string(zmq.LAST_ENDPOINT)
+        return str(self.socket.getsockopt_string(zmq.LAST_ENDPOINT))
 
     def send(self, parts: Sequence[bytes]) -> None:
         """Send one message; a failure is counted, never raised."""

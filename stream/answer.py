@@ -1,0 +1,28 @@
+"""An answer as a receiver reads it off the wire, whichever transport it came by."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True)
+class Answer:
+    """One recognition, received.
+
+    Attributes
+    ----------
+    performer
+        Who.
+    class_index
+        Index of the named class, -1 for none.
+    score, margin
+        Of the best class, 0 to 1.
+    label
+        The class's name, or the word for why there is none.
+    """
+
+    performer: str
+    class_index: int
+    score: float
+    margin: float
+    label: str

@@ -1,0 +1,17 @@
+"""Addresses as a person types them."""
+
+from __future__ import annotations
+
+
+def host_and_port(text: str) -> tuple[str, int]:
+    """Read HOST:PORT, or a port alone for this machine.
+
+    Raises
+    ------
+    ValueError
+        There is no port, or it is not one.
+    """
+    host, _, port = text.rpartition(":")
+    if not port.isdigit() or int(port) > 65535:
+        raise ValueError(f"address: expected HOST:PORT, got {text!r}")
+    return host.strip("[]") or "127.0.0.1", int(port)

@@ -1,0 +1,184 @@
+"""A service, or a bare echo, in a process of its own: what demo, latency and tests talk to over loopback."""
+
+from __future__ import annotations
+
+import gc
+import json
+import multiprocessing
+import signal
+import time
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal, Self
+
+import zmq
+
+from library import MotionLibrary
+from stream import osc, zeromq
+from stream.performers import Performers
+from stream.recognizer import Settings
+from stream.service import OscSink, OscSource, Service, ZmqSink, ZmqSource
+from tools.feed import OscFrameSender, ZmqFrameSender
+
+if TYPE_CHECKING:
+    from multiprocessing.connection import Connection
+    from pathlib import Path
+
+    from stream.status import Status
+    from tools.feed import FrameSender
+    from tools.listener import Receiver
+
+Transport = Literal["osc", "zmq"]
+LOOPBACK = "127.0.0.1"
+ANY_ENDPOINT = zeromq.Endpoint(f"tcp://{LOOPBACK}:*", bind=True)
+#: Seconds a new process may take before it is given up.
+_LONGEST_START = 60.0
+#: Seconds between two looks at whether the parent wants it to stop.
+_CHECK_EVERY = 0.1
+_GREET_EVERY_MS = 50
+
+
+@dataclass(frozen=True, slots=True)
+class _Request:
+    transport: Transport
+    library: Path | None
+    settings: Settings
+    answer_port: int
+    echo: bool
+
+
+class BackgroundService:
+    """A recogniser, or an echo of the same transport, in its own process on this machine.
+
+    Use as a context manager; on leaving, the process is stopped and `status` holds its last counts.
+
+    Parameters
+    ----------
+    transport
+        "osc" or "zmq".
+    library
+        A library file; the built-in library when not given.
+    settings
+        Of the recognisers.
+    echo
+        Send every packet back unread, instead of recognising it.
+
+    Attributes
+    ----------
+    status
+        The service's counters when it was stopped; None before, and for an echo.
+    """
+
+    def __init__(
+        self,
+        transport: Transport,
+        *,
+        library: Path | None = None,
+        settings: Settings | None = None,
+        echo: bool = False,
+    ) -> None:
+        self.status: Status | None = None
+        self._echo = echo
+        self._receiver: osc.OscReceiver | None = osc.OscReceiver(LOOPBACK, 0) if transport == "osc" else None
+        port = self._receiver.address[1] if self._receiver else 0
+        # A fresh interpreter, so that the child holds none of the parent's sockets and threads.
+        context = multiprocessing.get_context("spawn")
+        self._connection, theirs = context.Pipe()
+        request = _Request(transport, library, settings or Settings(), port, echo)
+        self._process = context.Process(target=_serve, args=(theirs, request), daemon=True)
+
+    def __enter__(self) -> Self:
+        self._process.start()
+        if not self._connection.poll(_LONGEST_START):
+            self._process.kill()
+            raise TimeoutError("the recogniser's process did not start")
+        answer = self._connection.recv()
+        if isinstance(answer, Exception):
+            raise answer
+        self._frames_to, self._answers_at = answer
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._connection.send(None)
+        if self._connection.poll(_LONGEST_START):
+            self.status = self._connection.recv()
+        self._process.join(_LONGEST_START)
+
+    def connect(self) -> tuple[FrameSender, Receiver]:
+        """Open a sender of frames to it and a receiver of what it sends, and see that both reach.
+
+        UDP reaches at once. ZeroMQ peers take a moment to meet, and what is sent before is lost.
+
+        Raises
+        ------
+        TimeoutError
+            They did not meet within a minute.
+        """
+        if self._receiver:
+            return OscFrameSender(*self._frames_to), self._receiver
+        sender = ZmqFrameSender(zeromq.Endpoint(self._frames_to, bind=False))
+        receiver = zeromq.ZmqReceiver(zeromq.Endpoint(self._answers_at, bind=False))
+        until = time.monotonic() + _LONGEST_START
+        while time.monotonic() < until:
+            sender.greet()
+            receiver.socket.poll(_GREET_EVERY_MS)
+            while (parts := receiver.receive()) is not None:
+                if self._has_heard_us(parts):
+                    return sender, receiver
+        raise TimeoutError("ZeroMQ: the recogniser's process was not reached")
+
+    def _has_heard_us(self, parts: list[bytes]) -> bool:
+        """Whether a message shows that our greetings arrive: their echo, or a status that counts them."""
+        if self._echo:
+            return True
+        return parts[0] == b"status/" and json.loads(parts[1])["inputs"]["received"] > 0
+
+
+def _serve(connection: Connection, request: _Request) -> None:
+    """Run in the child: open sockets, say where, go on until told to stop, say how it went."""
+    # Ctrl-C reaches every process of a terminal; this one ends when its parent says so.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        source, sink, addresses = _osc_ends(request) if request.transport == "osc" else _zmq_ends()
+        library = MotionLibrary.load(request.library) if request.library and not request.echo else None
+        if library is None and not request.echo:
+            library = MotionLibrary.builtin()
+    except (OSError, ValueError) as error:
+        connection.send(error)
+        return
+    connection.send(addresses)
+    if library is None:
+        _echo(connection, source, sink)
+        connection.send(None)
+        return
+    gc.freeze()
+    with Service(Performers(library, request.settings), [source], [sink]) as service:
+        while not connection.poll():
+            service.step(_CHECK_EVERY)
+        service.step(0.0)
+        connection.send(service.status())
+
+
+def _osc_ends(request: _Request) -> tuple[OscSource, OscSink, tuple[object, object]]:
+    source = OscSource(osc.OscReceiver(LOOPBACK, 0))
+    return source, OscSink(osc.OscSender(LOOPBACK, request.answer_port)), (source.receiver.address, None)
+
+
+def _zmq_ends() -> tuple[ZmqSource, ZmqSink, tuple[object, object]]:
+    source, sink = ZmqSource(zeromq.ZmqReceiver(ANY_ENDPOINT)), ZmqSink(zeromq.ZmqSender(ANY_ENDPOINT))
+    return source, sink, (source.receiver.address, sink.sender.address)
+
+
+def _echo(connection: Connection, source: OscSource | ZmqSource, sink: OscSink | ZmqSink) -> None:
+    """Send every packet back unread: what the transport and the machine cost without us."""
+    poller = zmq.Poller()
+    poller.register(source.receiver.socket, zmq.POLLIN)
+    while not connection.poll():
+        if poller.poll(int(_CHECK_EVERY * 1000)):
+            _echo_waiting(source, sink)
+    source.close()
+    sink.close()
+
+
+def _echo_waiting(source: OscSource | ZmqSource, sink: OscSink | ZmqSink) -> None:
+    while (packet := source.receiver.receive()) is not None:
+        sink.sender.send(packet)  # type: ignore[arg-type]  # both ends are of one transport

@@ -1,0 +1,312 @@
+"""The command line: `kinespace <program>`. Parses, calls the program, and turns failures into one line."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from stream.recognizer import Settings
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+#: Where a feed is expected and answers go when nothing else is said: ports that none of the usual senders use.
+OSC_IN = "127.0.0.1:9310"
+OSC_OUT = "127.0.0.1:9311"
+
+_DEFAULTS = Settings()
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run `kinespace`; give the exit status: 0 done, 1 ended by the user, 2 could not be done."""
+    parsed = _parser().parse_args(arguments)
+    try:
+        status: int = parsed.run(parsed)
+    except KeyboardInterrupt:
+        return 1
+    except BrokenPipeError:
+        # Whoever read our output has seen enough; say nothing more, at the interpreter's end either.
+        sys.stderr.close()
+        return 1
+    except (OSError, ValueError, ImportError) as error:
+        print(f"kinespace: {_one_line(error)}", file=sys.stderr)
+        return 2
+    return status
+
+
+def _one_line(error: Exception) -> str:
+    if isinstance(error, OSError) and error.filename and error.strerror:
+        return f"{error.filename}: {error.strerror}"
+    return " ".join((error.strerror if isinstance(error, OSError) and error.strerror else str(error)).split())
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="kinespace",
+        description="Names the movement a performer is doing, live, from joint positions arriving by OSC or ZeroMQ.",
+    )
+    parser.add_argument("--version", action="version", version=f"kinespace {_version()}")
+    programs = parser.add_subparsers(title="programs", required=True, metavar="PROGRAM")
+    for add in (_add_demo, _add_live, _add_replay, _add_latency, _add_build, _add_info, _add_evaluate):
+        add(programs)
+    return parser
+
+
+def _version() -> str:
+    try:
+        return version("kinespace")
+    except PackageNotFoundError:
+        return "(not installed)"
+
+
+Programs = argparse._SubParsersAction  # noqa: SLF001 - argparse has no public name for what add_subparsers returns
+
+
+def _add_demo(programs: Programs[argparse.ArgumentParser]) -> None:
+    demo = programs.add_parser(
+        "demo",
+        help="the whole loop on this machine, with nothing but the built-in library",
+        description="Plays a ghost of every class of the built-in library, made from the library itself, over "
+        "loopback into a recogniser in another process, and shows what it answers.",
+    )
+    demo.add_argument("--seconds", type=_positive, default=44.0, help="how long in all (default %(default)s)")
+    demo.add_argument("--transport", choices=("osc", "zmq"), default="osc")
+    demo.add_argument("--picture", type=Path, metavar="SVG", help="write the final table as a picture")
+    demo.add_argument("--json", action="store_true", help="print one JSON object and nothing else")
+    demo.set_defaults(run=_run_demo)
+
+
+def _run_demo(parsed: argparse.Namespace) -> int:
+    from tools import demo  # noqa: PLC0415 - each program loads only what it needs
+
+    return demo.run(parsed.transport, seconds=parsed.seconds, picture=parsed.picture, as_json=parsed.json)
+
+
+def _add_live(programs: Programs[argparse.ArgumentParser]) -> None:
+    live = programs.add_parser(
+        "live",
+        help="recognise a feed",
+        description=f"Recognises frames and publishes answers until Ctrl-C. Without any address: OSC in on {OSC_IN}, "
+        f"out to {OSC_OUT}. A ZeroMQ endpoint is bound; put > before it to connect instead.",
+    )
+    live.add_argument("--osc-in", metavar="HOST:PORT", help="listen for OSC frames here")
+    live.add_argument("--osc-out", metavar="HOST:PORT", help="send OSC answers there")
+    live.add_argument("--zmq-in", metavar="ENDPOINT", help="subscribe to ZeroMQ frames, like tcp://127.0.0.1:9320")
+    live.add_argument("--zmq-out", metavar="ENDPOINT", help="publish ZeroMQ answers")
+    live.add_argument("--library", type=Path, metavar="FILE", help="a motion library (default: the built-in one)")
+    _add_settings(live)
+    live.add_argument("--performers", type=int, default=32, help="how many at once, at most (default %(default)s)")
+    live.add_argument("--plain", action="store_true", help="print a line per change instead of a table")
+    live.set_defaults(run=_run_live)
+
+
+def _run_live(parsed: argparse.Namespace) -> int:
+    from tools import live  # noqa: PLC0415 - as above
+
+    none_given = not any((parsed.osc_in, parsed.osc_out, parsed.zmq_in, parsed.zmq_out))
+    addresses = live.Addresses(
+        osc_in=OSC_IN if none_given else parsed.osc_in,
+        osc_out=OSC_OUT if none_given else parsed.osc_out,
+        zmq_in=parsed.zmq_in,
+        zmq_out=parsed.zmq_out,
+    )
+    return live.run(
+        addresses, library=parsed.library, settings=_settings(parsed), most=parsed.performers, plain=parsed.plain
+    )
+
+
+def _add_replay(programs: Programs[argparse.ArgumentParser]) -> None:
+    replay = programs.add_parser(
+        "replay",
+        help="send recorded files as a fake live feed",
+        description="Sends recordings as live packets on an absolute schedule. With --listen it hears the answers and "
+        "prints the share that was right, for clips whose names tell their class.",
+    )
+    replay.add_argument("clips", nargs="+", type=Path, metavar="CLIP", help="recordings, or folders of them")
+    replay.add_argument("--asf", type=Path, help="skeleton of AMC files (default: found by name)")
+    replay.add_argument("--osc", metavar="HOST:PORT", help=f"send OSC there (default {OSC_IN})")
+    replay.add_argument(
+        "--zmq", metavar="ENDPOINT", help="publish on ZeroMQ instead; connects, put @ before it to bind"
+    )
+    replay.add_argument("--listen", metavar="ADDRESS", help="HOST:PORT or ZeroMQ endpoint where the answers come")
+    replay.add_argument("--performer", default="replay", help="who performs (default %(default)s)")
+    replay.add_argument("--speed", type=_positive, default=1.0, help="times as fast as recorded (default %(default)s)")
+    replay.add_argument("--pause", type=_not_negative, default=1.0, help="seconds between clips (default %(default)s)")
+    replay.add_argument("--loop", action="store_true", help="begin again after the last clip, until Ctrl-C")
+    replay.add_argument("--drop", type=_share, default=0.0, metavar="SHARE", help="lose this share of frames")
+    replay.add_argument("--jitter-ms", type=_not_negative, default=0.0, metavar="MS", help="be late by up to this")
+    replay.add_argument("--reorder", type=_share, default=0.0, metavar="SHARE", help="swap this share with the next")
+    replay.add_argument("--seed", type=int, default=0, help="of the faults (default %(default)s)")
+    replay.add_argument("--json", action="store_true", help="print one JSON object and nothing else")
+    replay.set_defaults(run=_run_replay)
+
+
+def _run_replay(parsed: argparse.Namespace) -> int:
+    from tools import replay  # noqa: PLC0415 - as above
+
+    faults = replay.Faults(drop=parsed.drop, jitter=parsed.jitter_ms / 1000, reorder=parsed.reorder, seed=parsed.seed)
+    return replay.run(
+        parsed.clips,
+        asf=parsed.asf,
+        osc_to=parsed.osc or (None if parsed.zmq else OSC_IN),
+        zmq_to=parsed.zmq,
+        listen=parsed.listen,
+        course=replay.Course(parsed.performer, speed=parsed.speed, pause=parsed.pause, loop=parsed.loop),
+        faults=faults,
+        as_json=parsed.json,
+    )
+
+
+def _add_latency(programs: Programs[argparse.ArgumentParser]) -> None:
+    latency = programs.add_parser(
+        "latency",
+        help="measure frame sent to answer received, beside a bare echo",
+        description="Feeds a recogniser in another process over loopback and times its answers; the same packets go "
+        "to a bare echo in the same run.",
+    )
+    latency.add_argument("--transport", choices=("osc", "zmq", "both"), default="both")
+    latency.add_argument("--rate", type=_positive, default=120.0, help="frames per second (default %(default)s)")
+    latency.add_argument("--seconds", type=_positive, default=20.0, help="of each run (default %(default)s)")
+    _add_settings(latency)
+    latency.add_argument("--json", action="store_true", help="print one JSON object; needs one --transport")
+    latency.set_defaults(run=_run_latency)
+
+
+def _run_latency(parsed: argparse.Namespace) -> int:
+    from tools import latency  # noqa: PLC0415 - as above
+
+    if parsed.json and parsed.transport == "both":
+        raise ValueError("--json: expected --transport osc or zmq with it, got both")
+    return latency.run(
+        ("osc", "zmq") if parsed.transport == "both" else (parsed.transport,),
+        rate_hz=parsed.rate,
+        seconds=parsed.seconds,
+        settings=_settings(parsed),
+        as_json=parsed.json,
+    )
+
+
+def _add_build(programs: Programs[argparse.ArgumentParser]) -> None:
+    build = programs.add_parser(
+        "build",
+        help="make a motion library from recordings",
+        description="Makes a library of all recordings under some folders; a clip's class is in its name (HDM05) or is "
+        "its folder's name. A library file among the sources is merged in.",
+    )
+    build.add_argument("sources", nargs="+", type=Path, metavar="FOLDER", help="folders, recordings or libraries")
+    build.add_argument("-o", "--output", type=Path, required=True, metavar="FILE", help="the library to write")
+    build.add_argument("--asf", type=Path, help="skeleton of AMC files (default: found by name)")
+    build.add_argument("--frame-rate", type=_positive, metavar="HZ", help="of all recordings (default: as they say)")
+    build.add_argument("--licence", help="terms of the numbers (default: HDM05's, when all clips are named so)")
+    build.add_argument("--attribution", help="whom to name (default: HDM05's, when all clips are named so)")
+    build.set_defaults(run=_run_build)
+
+
+def _run_build(parsed: argparse.Namespace) -> int:
+    from tools import build  # noqa: PLC0415 - as above
+
+    return build.run(
+        parsed.sources,
+        parsed.output,
+        asf=parsed.asf,
+        frame_rate=parsed.frame_rate,
+        licence=parsed.licence,
+        attribution=parsed.attribution,
+    )
+
+
+def _add_info(programs: Programs[argparse.ArgumentParser]) -> None:
+    info = programs.add_parser("info", help="say what is in a motion library")
+    info.add_argument("file", nargs="?", type=Path, metavar="FILE", help="default: the built-in library")
+    info.set_defaults(run=_run_info)
+
+
+def _run_info(parsed: argparse.Namespace) -> int:
+    from tools import info  # noqa: PLC0415 - as above
+
+    return info.run(parsed.file)
+
+
+def _add_evaluate(programs: Programs[argparse.ArgumentParser]) -> None:
+    evaluate = programs.add_parser("evaluate", help="measure how often the right class is found")
+    kinds = evaluate.add_subparsers(title="experiments", required=True, metavar="EXPERIMENT")
+    retrieval = kinds.add_parser(
+        "retrieval",
+        help="the paper's experiment: every clip's nearest neighbour, in three spaces",
+        description="For every clip, counts whether its nearest other clip is of its class, and whether one of the two "
+        "nearest is, in the spaces of joint distances, joint positions and joint rotations.",
+    )
+    retrieval.add_argument("folder", nargs="+", type=Path, metavar="FOLDER", help="recordings, or folders of them")
+    retrieval.add_argument("--space", choices=("distances", "positions", "rotations"), help="default: all")
+    retrieval.add_argument("--protocol", choices=("leave-one-out", "actor-held-out", "split"), help="default: all")
+    retrieval.add_argument("--turned", action="store_true", help="first turn and shift every clip by chance")
+    retrieval.add_argument("--seed", type=int, default=0, help="of --turned (default %(default)s)")
+    retrieval.add_argument(
+        "--picture",
+        type=Path,
+        metavar="FILE",
+        help="draw the three confusion matrices; their numbers go beside it as CSV",
+    )
+    retrieval.add_argument(
+        "--json",
+        action="store_true",
+        help="print one JSON object and nothing else (default: distances, leave-one-out)",
+    )
+    retrieval.set_defaults(run=_run_retrieval)
+
+
+def _run_retrieval(parsed: argparse.Namespace) -> int:
+    from tools import evaluate  # noqa: PLC0415 - as above
+
+    return evaluate.run_retrieval(
+        parsed.folder,
+        space=parsed.space,
+        protocol=parsed.protocol,
+        turned_by=parsed.seed if parsed.turned else None,
+        picture=parsed.picture,
+        as_json=parsed.json,
+    )
+
+
+def _add_settings(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--window", type=_positive, default=_DEFAULTS.window, help="seconds an answer looks back (default %(default)s)"
+    )
+    parser.add_argument(
+        "--hop", type=_not_negative, default=_DEFAULTS.hop, help="seconds between answers (default 1/30)"
+    )
+
+
+def _settings(parsed: argparse.Namespace) -> Settings:
+    return Settings(window=parsed.window, hop=parsed.hop)
+
+
+def _number(text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"expected a number, got {text!r}") from None
+
+
+def _positive(text: str) -> float:
+    number = _number(text)
+    if not 0 < number < float("inf"):
+        raise argparse.ArgumentTypeError(f"expected a positive number, got {text}")
+    return number
+
+
+def _not_negative(text: str) -> float:
+    number = _number(text)
+    if not 0 <= number < float("inf"):
+        raise argparse.ArgumentTypeError(f"expected a number not below 0, got {text}")
+    return number
+
+
+def _share(text: str) -> float:
+    number = _number(text)
+    if not 0 <= number <= 1:
+        raise argparse.ArgumentTypeError(f"expected a share from 0 to 1, got {text}")
+    return number

@@ -1,0 +1,27 @@
+"""The terminal: one console for all programs, and progress of long work."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, TypeVar
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator
+
+#: Results go to standard output, plain when it is not a terminal.
+console = Console(highlight=False)
+#: Progress goes to standard error, so that it never mixes with results.
+_progress_console = Console(stderr=True)
+
+_Item = TypeVar("_Item")
+
+
+def progress(work: Iterable[_Item], what: str, total: int | None) -> Iterator[_Item]:
+    """Pass pieces of work through, showing how many of the total (None: endless) are done; silent when nobody looks."""
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+    with Progress(
+        *columns, console=_progress_console, transient=True, disable=not _progress_console.is_terminal
+    ) as bar:
+        yield from bar.track(work, total=total, description=what)

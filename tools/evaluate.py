@@ -1,0 +1,124 @@
+"""`kinespace evaluate`: how often the right class is found."""
+
+from __future__ import annotations
+
+import csv
+import json
+from typing import TYPE_CHECKING
+
+import numpy as np
+from rich.table import Table
+
+from library import find_recordings, read_recordings
+from library.retrieval import Labels, Protocol, Retrieval, Space, compare, motion_axes, retrieve, turned
+from tools.console import console, progress
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+    from pathlib import Path
+
+    from library import Clip
+
+Results = dict[tuple[Space, Protocol], Retrieval]
+
+
+def run_retrieval(
+    places: Sequence[Path],
+    *,
+    space: str | None,
+    protocol: str | None,
+    turned_by: int | None,
+    picture: Path | None,
+    as_json: bool,
+) -> int:
+    """Run the paper's experiment and print, draw or write what came out.
+
+    Parameters
+    ----------
+    places
+        Recordings, or folders of them.
+    space, protocol
+        One of each, or None for all.
+    turned_by
+        Seed with which clips are first turned and shifted; None to take them as recorded.
+    picture
+        Where to draw the confusion matrices of the three spaces; their numbers go beside it, ending in `.csv`.
+    as_json
+        Print one JSON object, for one space and protocol.
+    """
+    if as_json:
+        space, protocol = space or Space.DISTANCES, protocol or Protocol.LEAVE_ONE_OUT
+    clips = _clips(places, turned_by)
+    spaces = [Space(space)] if space and not picture else list(Space)
+    results = _retrieve(clips, spaces, [Protocol(protocol)] if protocol else list(Protocol))
+    if picture:
+        drawn = Protocol(protocol) if protocol else Protocol.LEAVE_ONE_OUT
+        _write_confusions(picture, {each: results[each, drawn] for each in spaces}, drawn)
+    shown = {key: result for key, result in results.items() if space in (None, key[0])}
+    if as_json:
+        ((chosen, result),) = shown.items()
+        print(json.dumps(_as_json(*chosen, result)))
+    else:
+        _print_table(shown, turned_by)
+    return 0
+
+
+def _clips(places: Sequence[Path], turned_by: int | None) -> list[Clip]:
+    paths = find_recordings(places)
+    clips = list(progress(read_recordings(paths), "Reading", len(paths)))
+    unnamed = [clip.name for clip in clips if not clip.class_name or not clip.actor]
+    if unnamed:
+        raise ValueError(f"{unnamed[0]}: expected a name that tells class and actor, as HDM05's clips have")
+    if turned_by is None:
+        return clips
+    generator = np.random.default_rng(turned_by)
+    return [turned(clip, generator) for clip in clips]
+
+
+def _retrieve(clips: Sequence[Clip], spaces: Sequence[Space], protocols: Sequence[Protocol]) -> Results:
+    labels = Labels.of_clips(clips)
+    results: Results = {}
+    for space in progress(spaces, "Comparing", len(spaces)):
+        scores = compare(motion_axes(clips, space))
+        for protocol in protocols:
+            results[space, protocol] = retrieve(scores, labels, protocol)
+    return results
+
+
+def _as_json(space: Space, protocol: Protocol, result: Retrieval) -> dict[str, object]:
+    return {
+        "space": space,
+        "protocol": protocol,
+        "motions": result.motions,
+        "classes": len(result.classes),
+        "nearest": round(result.nearest, 4),
+        "two_nearest": round(result.two_nearest, 4),
+    }
+
+
+def _print_table(results: Results, turned_by: int | None) -> None:
+    title = "Of how many motions is the nearest neighbour of their class?"
+    if turned_by is not None:
+        title += " Every clip turned and shifted by chance."
+    table = Table(title=title, title_justify="left")
+    for heading in ("space", "protocol"):
+        table.add_column(heading)
+    for heading in ("motions", "nearest", "one of two"):
+        table.add_column(heading, justify="right")
+    for (space, protocol), result in results.items():
+        row = (f"{result.motions}", f"{result.nearest:.1%}", f"{result.two_nearest:.1%}")
+        table.add_row(space, protocol, *row, end_section=protocol == Protocol.SPLIT)
+    console.print(table)
+
+
+def _write_confusions(picture: Path, results: Mapping[Space, Retrieval], protocol: Protocol) -> None:
+    from tools import pictures  # noqa: PLC0415 - matplotlib is an extra, and slow to load
+
+    pictures.draw_confusions(picture, results, protocol)
+    with picture.with_suffix(".csv").open("w", newline="", encoding="utf-8") as file:
+        rows = csv.writer(file)
+        rows.writerow(["space", "performed", "found", "share"])
+        for space, result in results.items():
+            for performed, shares in zip(result.classes, result.confusion, strict=True):
+                for found, share in zip(result.classes, shares, strict=True):
+                    rows.writerow([space, performed, found, f"{share:.4f}"])

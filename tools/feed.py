@@ -1,0 +1,202 @@
+"""A fake live feed: recorded or made-up frames, when each is to be sent, and faults to order."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Protocol
+
+from stream import osc, zeromq
+from stream.frame import Announcement, Frame
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator, Sequence
+
+    import numpy as np
+
+    from library import Clip
+
+#: Seconds between two announcements of the skeleton, as a live sender repeats it for receivers that start later.
+ANNOUNCE_EVERY = 1.0
+
+#: A datagram, or the parts of a ZeroMQ message.
+Packet = bytes | list[bytes]
+
+
+@dataclass(frozen=True, slots=True)
+class Cue:
+    """A frame and when to send it.
+
+    Attributes
+    ----------
+    due
+        Seconds from the feed's start.
+    frame
+        What to send.
+    seq
+        The sender's count.
+    class_name
+        What is being performed, empty when nobody knows.
+    """
+
+    due: float
+    frame: Frame
+    seq: int
+    class_name: str = ""
+
+
+def clip_cues(clips: Iterable[Clip], performer: str, *, speed: float = 1.0, pause: float = 1.0) -> Iterator[Cue]:
+    """Cue clips one after the other.
+
+    Frames carry the recordings' own time, so that a feed sent at another speed is answered the same.
+
+    Parameters
+    ----------
+    clips
+        In their order.
+    performer
+        Who performs all of them.
+    speed
+        How many times as fast as recorded they are sent.
+    pause
+        Seconds (of recorded time) between two clips; more than the recogniser's longest gap starts its window anew.
+    """
+    begin, seq = 0.0, 0
+    for clip in clips:
+        for moment, positions in zip(clip.times.tolist(), clip.positions, strict=True):
+            # Time 0 would mean "on arrival".
+            frame = Frame(performer, 1.0 + begin + moment, positions)
+            yield Cue((begin + moment) / speed, frame, seq, clip.class_name)
+            seq += 1
+        begin += clip.duration + pause
+
+
+def with_drops(cues: Iterable[Cue], share: float, generator: np.random.Generator) -> Iterator[Cue]:
+    """Lose a share of the frames, 0 to 1, each by chance."""
+    for cue in cues:
+        if generator.random() >= share:
+            yield cue
+
+
+def with_jitter(cues: Iterable[Cue], seconds: float, generator: np.random.Generator) -> Iterator[Cue]:
+    """Send each frame late by up to some seconds, by chance, in the same order."""
+    latest = 0.0
+    for cue in cues:
+        latest = max(latest, cue.due + generator.uniform(0.0, seconds))
+        yield replace(cue, due=latest)
+
+
+def with_reordering(cues: Iterable[Cue], share: float, generator: np.random.Generator) -> Iterator[Cue]:
+    """Let a share of the frames, 0 to 1, change places with the one after them."""
+    held: Cue | None = None
+    for cue in cues:
+        if held is not None:
+            yield replace(cue, due=held.due)
+            yield replace(held, due=cue.due)
+            held = None
+        elif generator.random() < share:
+            held = cue
+        else:
+            yield cue
+    if held is not None:
+        yield held
+
+
+class FrameSender(Protocol):
+    """Where a fake feed goes."""
+
+    @property
+    def failed(self) -> int:
+        """Packets the system would not take."""
+
+    def announce(self, announcement: Announcement) -> None:
+        """Send which joints the frames hold."""
+
+    def encode(self, cue: Cue) -> Packet:
+        """Make the packet of a frame."""
+
+    def send(self, packet: Packet) -> None:
+        """Send a packet so made."""
+
+    def close(self) -> None:
+        """Give sockets back."""
+
+
+class OscFrameSender:
+    """Sends frames as OSC datagrams."""
+
+    def __init__(self, host: str, port: int) -> None:
+        self._sender = osc.OscSender(host, port)
+
+    @property
+    def failed(self) -> int:
+        """Datagrams the system would not take."""
+        return self._sender.failed
+
+    def announce(self, announcement: Announcement) -> None:
+        """Send `/motion/skeleton`."""
+        self._sender.send(osc.encode_announcement(announcement))
+
+    def encode(self, cue: Cue) -> Packet:
+        """Make a `/motion/frame`."""
+        return osc.encode_frame(cue.frame)
+
+    def send(self, packet: Packet) -> None:
+        """Send one datagram."""
+        self._sender.send(packet)  # type: ignore[arg-type]  # made by encode
+
+    def close(self) -> None:
+        """Close the socket."""
+        self._sender.close()
+
+
+class ZmqFrameSender:
+    """Publishes frames as ZeroMQ messages, the joint names with the first frame after each announcement."""
+
+    def __init__(self, endpoint: zeromq.Endpoint) -> None:
+        self._sender = zeromq.ZmqSender(endpoint)
+        self._announced: Sequence[str] | None = None
+
+    @property
+    def failed(self) -> int:
+        """Messages ZeroMQ would not take."""
+        return self._sender.failed
+
+    def greet(self) -> None:
+        """Send something that says nothing, to see whether it arrives."""
+        self._sender.send([b"hello/", b""])
+
+    def announce(self, announcement: Announcement) -> None:
+        """Put the joint names into the next frame's header."""
+        self._announced = announcement.joints
+
+    def encode(self, cue: Cue) -> Packet:
+        """Make the message of a frame, with the joint names when they were just announced."""
+        parts = zeromq.encode_frame(cue.frame, cue.seq, self._announced)
+        self._announced = None
+        return parts
+
+    def send(self, packet: Packet) -> None:
+        """Publish one message."""
+        self._sender.send(packet)  # type: ignore[arg-type]  # made by encode
+
+    def close(self) -> None:
+        """Close the socket."""
+        self._sender.close()
+
+
+class Pace:
+    """An absolute schedule: what is due is measured from one start, so that lateness never adds up."""
+
+    def __init__(self) -> None:
+        self._start = time.perf_counter()
+
+    def moment(self, due: float) -> float:
+        """Give the `time.perf_counter` reading at which something due so many seconds from the start is due."""
+        return self._start + due
+
+    def wait_for(self, due: float) -> None:
+        """Sleep until it is due; return at once when it is late."""
+        remaining = self.moment(due) - time.perf_counter()
+        if remaining > 0:
+            time.sleep(remaining)

@@ -1,0 +1,200 @@
+"""`kinespace latency`: last byte of a frame sent to its answer received, beside a bare echo of the same packets."""
+
+from __future__ import annotations
+
+import json
+import time
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from rich.table import Table
+
+from library import MotionLibrary
+from stream.frame import Announcement, Frame
+from tools.background import BackgroundService
+from tools.console import console
+from tools.expected import AnswerMatcher, expected_answers
+from tools.feed import Cue, Pace
+from tools.ghost import ghost, representative
+from tools.listener import Listener, answer_in
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from stream.recognizer import Settings
+    from tools.background import Transport
+    from tools.listener import Heard
+
+#: Seconds answers are waited for after the last frame.
+_LINGER = 0.5
+#: Seconds left to both processes between meeting and the first frame.
+_SETTLE = 0.2
+#: Seconds of feed whose latencies are not counted: caches fill, ZeroMQ peers meet.
+_WARM_UP = 0.5
+
+
+@dataclass(frozen=True, slots=True)
+class Latency:
+    """What one run measured.
+
+    Attributes
+    ----------
+    transport, rate_hz
+        What was run.
+    sent
+        Frames sent.
+    answered
+        Answers received.
+    lost
+        Answers due that never came.
+    seconds
+        Latency of each answer, seconds, shape (answers,).
+    echo_seconds
+        Round trip of each echoed packet, seconds.
+    """
+
+    transport: Transport
+    rate_hz: float
+    sent: int
+    answered: int
+    lost: int
+    seconds: NDArray[np.float64]
+    echo_seconds: NDArray[np.float64]
+
+    def percentile(self, percent: float, *, echo: bool = False) -> float:
+        """Give a percentile of the latencies in milliseconds; NaN when there is none."""
+        seconds = self.echo_seconds if echo else self.seconds
+        return float(np.percentile(seconds, percent)) * 1000 if seconds.size else float("nan")
+
+    def as_json(self) -> dict[str, object]:
+        """Give the figures by name; milliseconds, null where there is none."""
+        percentiles = {
+            "p50_ms": self.percentile(50),
+            "p95_ms": self.percentile(95),
+            "p99_ms": self.percentile(99),
+            "p999_ms": self.percentile(99.9),
+            "max_ms": self.percentile(100),
+            "echo_p50_ms": self.percentile(50, echo=True),
+            "echo_p95_ms": self.percentile(95, echo=True),
+            "echo_p99_ms": self.percentile(99, echo=True),
+            "echo_p999_ms": self.percentile(99.9, echo=True),
+            "echo_max_ms": self.percentile(100, echo=True),
+        }
+        return {
+            "transport": self.transport,
+            "rate_hz": self.rate_hz,
+            "sent": self.sent,
+            "answered": self.answered,
+            "lost": self.lost,
+            **{name: None if np.isnan(value) else round(value, 4) for name, value in percentiles.items()},
+        }
+
+
+def measure(transport: Transport, *, rate_hz: float, seconds: float, settings: Settings) -> Latency:
+    """Feed a recogniser in another process and time its answers.
+
+    The feed is a ghost of the library's first class; a frame's time is given, so that it is known beforehand which
+    frames are answered. Every packet also goes, half a frame later, to a process that sends it straight back.
+
+    Parameters
+    ----------
+    transport
+        "osc" or "zmq".
+    rate_hz
+        Frames per second.
+    seconds
+        How long to feed.
+    settings
+        Of the recogniser.
+    """
+    library = MotionLibrary.builtin()
+    cues = _cues(library, rate_hz, seconds)
+    expected = expected_answers(cues, library, settings)
+    with BackgroundService(transport, settings=settings) as service, BackgroundService(transport, echo=True) as echo:
+        run = _Run(service, echo)
+        run.play(cues, Announcement("latency", library.skeleton.joints), rate_hz)
+    matcher = AnswerMatcher(expected)
+    answers = [(answer, each.arrival) for each in run.answers if (answer := answer_in(each.packet))]
+    pairs = [(matcher.match(answer), arrival) for answer, arrival in answers]
+    warm = int(_WARM_UP * rate_hz)
+    return Latency(
+        transport=transport,
+        rate_hz=rate_hz,
+        sent=len(cues),
+        answered=sum(found is not None for found, _ in pairs),
+        lost=matcher.lost + matcher.waiting,
+        seconds=np.array([arrival - run.sent[found.cue] for found, arrival in pairs if found and found.cue >= warm]),
+        echo_seconds=np.array([each.arrival - at for each, at in zip(run.echoes, run.echo_sent, strict=False)][warm:]),
+    )
+
+
+class _Run:
+    """One feed to a recogniser and an echo, with the moments of everything sent and received."""
+
+    def __init__(self, service: BackgroundService, echo: BackgroundService) -> None:
+        self._sender, answers = service.connect()
+        self._echo_sender, self._echo_receiver = echo.connect()
+        self._listener = Listener(answers, self._echo_receiver)
+        self.sent: list[float] = []
+        self.echo_sent: list[float] = []
+        self.answers: list[Heard] = []
+        self.echoes: list[Heard] = []
+
+    def play(self, cues: Sequence[Cue], announcement: Announcement, rate_hz: float) -> None:
+        """Send every frame when it is due, its copy to the echo half a frame later."""
+        self._sender.announce(announcement)
+        # What greeted during connecting is not part of the run.
+        self._listener.listen_until(time.perf_counter() + _SETTLE)
+        pace = Pace()
+        for cue in cues:
+            packet, echoed = self._sender.encode(cue), self._echo_sender.encode(cue)
+            self._keep(self._listener.listen_until(pace.moment(cue.due)))
+            # Before the call, not after: the answer may be on its way before it returns.
+            self.sent.append(time.perf_counter())
+            self._sender.send(packet)
+            self._keep(self._listener.listen_until(pace.moment(cue.due + 0.5 / rate_hz)))
+            self.echo_sent.append(time.perf_counter())
+            self._echo_sender.send(echoed)
+        self._keep(self._listener.listen_until(time.perf_counter() + _LINGER))
+        self._sender.close()
+        self._echo_sender.close()
+        self._listener.close()
+
+    def _keep(self, heard: Sequence[Heard]) -> None:
+        for each in heard:
+            (self.echoes if each.receiver is self._echo_receiver else self.answers).append(each)
+
+
+def _cues(library: MotionLibrary, rate_hz: float, seconds: float) -> list[Cue]:
+    motion = representative(library, library.classes[0])
+    # The ghost swings at another beat than hops fall, so that no two answers are alike.
+    positions = ghost(library, motion, seconds=seconds, frame_rate=rate_hz, rate=0.83).astype(np.float32)
+    return [Cue(k / rate_hz, Frame("latency", 1.0 + k / rate_hz, each), k) for k, each in enumerate(positions)]
+
+
+def run(transports: Sequence[Transport], *, rate_hz: float, seconds: float, settings: Settings, as_json: bool) -> int:
+    """Measure each transport and print a table, or one JSON object."""
+    if seconds <= settings.window + _WARM_UP:
+        raise ValueError(f"--seconds: expected more than a window, {settings.window} s, got {seconds}")
+    table = Table(title=f"Frame sent to answer received, milliseconds, at {rate_hz:g} Hz", title_justify="left")
+    headings = ("p50", "p95", "p99", "p99.9", "max", "sent", "answered", "lost")
+    table.add_column("")
+    for heading in headings:
+        table.add_column(heading, justify="right")
+    for transport in transports:
+        latency = measure(transport, rate_hz=rate_hz, seconds=seconds, settings=settings)
+        if as_json:
+            print(json.dumps(latency.as_json()))
+            return 0
+        counts = (f"{latency.sent}", f"{latency.answered}", f"{latency.lost}")
+        table.add_row(f"{transport} recogniser", *_percentiles(latency, echo=False), *counts)
+        table.add_row(f"{transport} bare echo", *_percentiles(latency, echo=True), end_section=True)
+    console.print(table)
+    return 0
+
+
+def _percentiles(latency: Latency, *, echo: bool) -> list[str]:
+    return [f"{latency.percentile(percent, echo=echo):.2f}" for percent in (50, 95, 99, 99.9, 100)]

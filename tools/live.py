@@ -1,0 +1,103 @@
+"""`kinespace live`: recognise a feed until Ctrl-C."""
+
+from __future__ import annotations
+
+import gc
+import signal
+import sys
+import threading
+import time
+from contextlib import ExitStack
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from rich.live import Live
+
+from library import MotionLibrary
+from stream import osc, zeromq
+from stream.performers import Performers
+from stream.service import OscSink, OscSource, Service, Sink, Source, ZmqSink, ZmqSource
+from tools.address import host_and_port
+from tools.console import console
+from tools.livetable import LiveTable, PlainLines, summary
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from stream.recognizer import Settings
+
+#: Times a second the table is drawn.
+_REDRAWS = 5
+#: Seconds a thread may keep Python's lock while another waits. Drawing takes longer than a frame may wait.
+_SWITCH_INTERVAL = 0.0005
+
+
+@dataclass(frozen=True, slots=True)
+class Addresses:
+    """Where frames come in and answers go out, as typed; None for not at all."""
+
+    osc_in: str | None = None
+    osc_out: str | None = None
+    zmq_in: str | None = None
+    zmq_out: str | None = None
+
+
+def run(addresses: Addresses, *, library: Path | None, settings: Settings, most: int, plain: bool) -> int:
+    """Open the addresses, recognise until interrupted, print the counts."""
+    motions = MotionLibrary.load(library) if library else MotionLibrary.builtin()
+    performers = Performers(motions, settings, most=most)
+    shown: PlainLines | LiveTable = PlainLines() if plain or not console.is_terminal else LiveTable(motions.classes)
+    sources, sinks = _open(addresses)
+    with Service(performers, sources, [*sinks, shown]) as service:
+        _announce(sources, sinks)
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, lambda *_: service.stop())
+        # What was loaded so far lives as long as we do: the collector need not look at it again.
+        gc.freeze()
+        if isinstance(shown, LiveTable):
+            _run_with_table(service, shown)
+        else:
+            service.run()
+        status = service.status()
+    console.print(summary(status))
+    return 0
+
+
+def _open(addresses: Addresses) -> tuple[list[Source], list[Sink]]:
+    """Open what was asked for; what was opened before a failure is closed again."""
+    if not (addresses.osc_in or addresses.zmq_in):
+        raise ValueError("live: expected --osc-in or --zmq-in, got neither")
+    sources: list[Source] = []
+    sinks: list[Sink] = []
+    with ExitStack() as opened:
+        if addresses.osc_in:
+            sources.append(OscSource(osc.OscReceiver(*host_and_port(addresses.osc_in))))
+            opened.callback(sources[-1].close)
+        if addresses.zmq_in:
+            sources.append(ZmqSource(zeromq.ZmqReceiver(zeromq.Endpoint.parse(addresses.zmq_in, bind=True))))
+            opened.callback(sources[-1].close)
+        if addresses.osc_out:
+            sinks.append(OscSink(osc.OscSender(*host_and_port(addresses.osc_out))))
+            opened.callback(sinks[-1].close)
+        if addresses.zmq_out:
+            sinks.append(ZmqSink(zeromq.ZmqSender(zeromq.Endpoint.parse(addresses.zmq_out, bind=True))))
+        opened.pop_all()
+    return sources, sinks
+
+
+def _announce(sources: list[Source], sinks: list[Sink]) -> None:
+    listening, answering = ", ".join(map(str, sources)), ", ".join(map(str, sinks)) or "nobody"
+    console.print(f"listening on {listening}; answering to {answering}; Ctrl-C ends", soft_wrap=True)
+
+
+def _run_with_table(service: Service, shown: LiveTable) -> None:
+    """Draw in a second thread, so that the feed waits for a lock's turn at most, never for a picture."""
+    sys.setswitchinterval(_SWITCH_INTERVAL)
+    loop = threading.Thread(target=service.run, name="kinespace service")
+    loop.start()
+    with Live(console=console, auto_refresh=False) as live:
+        while loop.is_alive():
+            live.update(shown.drawn(), refresh=True)
+            time.sleep(1 / _REDRAWS)
+        live.update(shown.drawn(), refresh=True)
+    loop.join()

@@ -1,0 +1,122 @@
+"""What a person sees of a running recogniser: a table, a line per change, a summary at the end."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from rich.table import Table
+from rich.text import Text
+
+from stream.recognition import Outcome
+from tools.console import console
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from stream.recognition import Recognition
+    from stream.status import Status
+
+_BAR = 20
+
+
+def score_bar(score: float) -> Text:
+    """Draw a score from 0 to 1 as a bar with its number."""
+    filled = round(min(max(score, 0.0), 1.0) * _BAR)
+    return Text("█" * filled, style="green") + Text("░" * (_BAR - filled), style="dim") + Text(f" {score:.3f}")
+
+
+class PlainLines:
+    """A sink that prints a line whenever a performer's label changes."""
+
+    def __init__(self) -> None:
+        self.failed = 0
+        self._labels: dict[str, str] = {}
+
+    def publish(self, recognition: Recognition) -> None:
+        """Print the recognition if it says something new."""
+        if self._labels.get(recognition.performer) != recognition.label:
+            self._labels[recognition.performer] = recognition.label
+            console.print(
+                f"{recognition.time:10.3f} s  {recognition.performer}  {recognition.label}  "
+                f"score {recognition.score:.3f}  margin {recognition.margin:.3f}",
+                soft_wrap=True,
+            )
+
+    def publish_classes(self, classes: Sequence[str]) -> None:
+        """Say nothing."""
+
+    def publish_status(self, status: Status) -> None:
+        """Forget performers who have left, so that their return is news."""
+        self._labels = {name: label for name, label in self._labels.items() if name in status.performers}
+
+    def close(self) -> None:
+        """Nothing to close."""
+
+
+class LiveTable:
+    """A sink that remembers what to draw: the last recognition of each performer, the last status."""
+
+    def __init__(self, classes: Sequence[str]) -> None:
+        self.failed = 0
+        self._classes = classes
+        self._latest: dict[str, Recognition] = {}
+        self._status: Status | None = None
+
+    def publish(self, recognition: Recognition) -> None:
+        """Remember it."""
+        self._latest[recognition.performer] = recognition
+
+    def publish_classes(self, classes: Sequence[str]) -> None:
+        """Remember them."""
+        self._classes = classes
+
+    def publish_status(self, status: Status) -> None:
+        """Remember it, and forget performers who have left."""
+        self._status = status
+        self._latest = {name: last for name, last in self._latest.items() if name in status.performers}
+
+    def close(self) -> None:
+        """Nothing to close."""
+
+    def drawn(self) -> Table:
+        """Draw the table as it is now; from any thread."""
+        table = Table(title="kinespace live", caption=self._caption(), title_justify="left", caption_justify="left")
+        for heading in ("performer", "motion", "score", "margin", "runner-up", "frames/s"):
+            table.add_column(heading, justify="right" if heading in ("margin", "frames/s") else "left")
+        rates = self._status.performers if self._status else {}
+        for name, last in list(self._latest.items()):
+            style = "bold" if last.outcome is Outcome.NAMED else "dim"
+            rate = f"{rates[name]:.0f}" if name in rates else ""
+            label = Text(last.label, style=style)
+            table.add_row(name, label, score_bar(last.score), f"{last.margin:.3f}", last.runner_up or "", rate)
+        if not self._latest:
+            table.add_row("", Text("waiting for frames ...", style="dim"), "", "", "", "")
+        return table
+
+    def _caption(self) -> str:
+        status = self._status
+        if status is None:
+            return f"{len(self._classes)} classes"
+        return f"{len(self._classes)} classes · {counts(status)}"
+
+
+def counts(status: Status) -> str:
+    """Say in one line what came in and what was lost."""
+    inputs, outcomes = status.inputs, status.outcomes
+    recognizers = outcomes.recognizers
+    return (
+        f"received {inputs.received}, malformed {inputs.malformed}, foreign {inputs.foreign}, "
+        f"overrun {inputs.overrun}, missing {inputs.missing}, out of order {recognizers.out_of_order}, "
+        f"other joints {outcomes.other_joints}, no room {outcomes.no_room}"
+    )
+
+
+def summary(status: Status) -> str:
+    """Say how a service did, at its end."""
+    recognizers = status.outcomes.recognizers
+    return (
+        f"{counts(status)}\n"
+        f"{recognizers.hops} answers of {recognizers.frames} frames, {recognizers.restarts} windows started anew, "
+        f"{status.unsent} answers not sent, "
+        f"hop {status.hop_p50 * 1000:.2f} ms (p50) {status.hop_p99 * 1000:.2f} ms (p99)"
+    )

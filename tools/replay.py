@@ -1,0 +1,206 @@
+"""`kinespace replay`: recordings as a fake live feed, and what was answered to it."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections import Counter
+from dataclasses import dataclass, field
+from itertools import cycle
+from typing import TYPE_CHECKING
+
+import numpy as np
+from rich.table import Table
+
+from library import find_recordings, read_recordings
+from stream import osc, zeromq
+from stream.frame import Announcement
+from tools.address import host_and_port
+from tools.console import console, progress
+from tools.feed import (
+    ANNOUNCE_EVERY,
+    OscFrameSender,
+    Pace,
+    ZmqFrameSender,
+    clip_cues,
+    with_drops,
+    with_jitter,
+    with_reordering,
+)
+from tools.listener import Listener, answer_in
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator, Sequence
+    from pathlib import Path
+
+    from tools.feed import Cue, FrameSender
+    from tools.listener import Heard
+
+#: Seconds answers are waited for after the last frame.
+_LINGER = 0.3
+#: Seconds ZeroMQ peers get to meet before the first frame; what is sent before is lost to whoever is not there yet.
+_MEETING = 0.5
+
+
+@dataclass(frozen=True, slots=True)
+class Course:
+    """Who performs, how fast, with which pauses, once or for ever."""
+
+    performer: str
+    speed: float = 1.0
+    pause: float = 1.0
+    loop: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Faults:
+    """What goes wrong on the way, by chance from a seed.
+
+    Attributes
+    ----------
+    drop, reorder
+        Shares of the frames, 0 to 1, that are lost or change places with the next.
+    jitter
+        Seconds by which frames may be late.
+    """
+
+    drop: float = 0.0
+    jitter: float = 0.0
+    reorder: float = 0.0
+    seed: int = 0
+
+    def applied(self, cues: Iterator[Cue]) -> Iterator[Cue]:
+        """Let a feed suffer them."""
+        generator = np.random.default_rng(self.seed)
+        if self.drop:
+            cues = with_drops(cues, self.drop, generator)
+        if self.reorder:
+            cues = with_reordering(cues, self.reorder, generator)
+        if self.jitter:
+            cues = with_jitter(cues, self.jitter, generator)
+        return cues
+
+
+@dataclass(slots=True)
+class Score:
+    """How many answers were right while each class was performed."""
+
+    answers: Counter[str] = field(default_factory=Counter)
+    right: Counter[str] = field(default_factory=Counter)
+
+    def add(self, performed: str, label: str) -> None:
+        """Count one answer."""
+        self.answers[performed] += 1
+        self.right[performed] += performed == label
+
+    def share(self) -> float | None:
+        """Give the share of answers that was right; None without any."""
+        return self.right.total() / self.answers.total() if self.answers else None
+
+
+def run(
+    places: Sequence[Path],
+    *,
+    asf: Path | None,
+    osc_to: str | None,
+    zmq_to: str | None,
+    listen: str | None,
+    course: Course,
+    faults: Faults,
+    as_json: bool,
+) -> int:
+    """Send the recordings; with `listen`, print what share of the answers was right."""
+    paths = find_recordings(places)
+    clips = list(progress(read_recordings(paths, asf=asf), "Reading", len(paths)))
+    listener = _listener(listen) if listen else None
+    sender = _sender(osc_to, zmq_to)
+    if zmq_to:
+        time.sleep(_MEETING)
+    replaying = _Replay(sender, listener, Announcement(course.performer, clips[0].skeleton.joints))
+    source = cycle(clips) if course.loop else clips
+    cues = faults.applied(clip_cues(source, course.performer, speed=course.speed, pause=course.pause))
+    total = None if course.loop else sum(clip.frames for clip in clips)
+    try:
+        replaying.play(progress(cues, "Sending", total))
+    except KeyboardInterrupt:
+        console.print("ended")
+    finally:
+        sender.close()
+        if listener:
+            listener.close()
+    replaying.report(as_json=as_json)
+    return 0
+
+
+class _Replay:
+    """One feed on its way, and what is answered to it."""
+
+    def __init__(self, sender: FrameSender, listener: Listener | None, announcement: Announcement) -> None:
+        self._sender = sender
+        self._listener = listener
+        self._announcement = announcement
+        self._score = Score()
+        self._sent = 0
+        self._performed = ""
+
+    def play(self, cues: Iterable[Cue]) -> None:
+        """Send every frame when it is due, the skeleton before the first and every second."""
+        pace, next_announcement = Pace(), 0.0
+        for cue in cues:
+            if cue.due >= next_announcement:
+                self._sender.announce(self._announcement)
+                next_announcement = cue.due + ANNOUNCE_EVERY
+            packet = self._sender.encode(cue)
+            self._wait(pace, cue.due)
+            self._sender.send(packet)
+            self._sent += 1
+            self._performed = cue.class_name
+        if self._listener:
+            self._hear(self._listener.listen_until(time.perf_counter() + _LINGER))
+
+    def _wait(self, pace: Pace, due: float) -> None:
+        if self._listener:
+            self._hear(self._listener.listen_until(pace.moment(due)))
+        else:
+            pace.wait_for(due)
+
+    def _hear(self, heard: Sequence[Heard]) -> None:
+        for each in heard:
+            answer = answer_in(each.packet)
+            if answer and answer.performer == self._announcement.performer:
+                self._score.add(self._performed, answer.label)
+
+    def report(self, *, as_json: bool) -> None:
+        """Print what was sent and, where answers were listened for, which share was right."""
+        score = self._score
+        if as_json:
+            share = score.share()
+            figures = {"sent": self._sent, "failed": self._sender.failed, "answers": score.answers.total()}
+            print(json.dumps({**figures, "right": None if share is None else round(share, 4)}))
+            return
+        console.print(f"{self._sent} frames sent, {self._sender.failed} the system would not take")
+        if self._listener and not score.answers:
+            console.print("no answers heard: is a recogniser running, and does it send its answers here?")
+        elif self._listener:
+            table = Table(title="Answers while each class was performed", title_justify="left")
+            table.add_column("performed")
+            table.add_column("answers", justify="right")
+            table.add_column("right", justify="right")
+            for performed, answers in sorted(score.answers.items()):
+                table.add_row(performed or "?", f"{answers}", f"{score.right[performed] / answers:.0%}")
+            table.add_section()
+            table.add_row("all", f"{score.answers.total()}", f"{score.share():.0%}")
+            console.print(table)
+
+
+def _listener(address: str) -> Listener:
+    if "://" in address:
+        endpoint = zeromq.Endpoint.parse(address, bind=False)
+        return Listener(zeromq.ZmqReceiver(endpoint, b"class/"))
+    return Listener(osc.OscReceiver(*host_and_port(address)))
+
+
+def _sender(osc_to: str | None, zmq_to: str | None) -> FrameSender:
+    if zmq_to:
+        return ZmqFrameSender(zeromq.Endpoint.parse(zmq_to, bind=False))
+    return OscFrameSender(*host_and_port(osc_to or ""))

@@ -95,7 +95,7 @@ def read(path: Path) -> tuple[dict[str, Any], dict[str, NDArray[np.float32]]]:
         TypeError,
         ValueError,
     ) as error:
-        raise LibraryFileError(f"{path}: not a motion library, or cut short ({error})") from error
+        raise LibraryFileError(f"{path}: not a motion library, or cut short") from error
     if _digest(encoded, arrays) != digest:
         raise LibraryFileError(f"{path}: changed since it was written (its digest does not fit)")
     return header, arrays

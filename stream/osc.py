@@ -15,7 +15,7 @@ import re
 import socket
 import struct
 import sys
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from pythonosc.osc_bundle_builder import IMMEDIATELY, OscBundleBuilder
@@ -307,7 +307,7 @@ class OscSender:
 
     def __init__(self, host: str, port: int) -> None:
         family, kind, _, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_DGRAM)[0]
-        self.target = address
+        self.target: tuple[Any, ...] = address
         self.socket = socket.socket(family, kind)
         self.socket.settimeout(0.0)
         self.failed = 0

@@ -18,7 +18,7 @@ def run(file: Path | None) -> int:
     """Print a library's motions by class, its skeleton, licence and attribution."""
     library = MotionLibrary.load(file) if file else MotionLibrary.builtin()
     table = Table(title=str(file or "the built-in library"), title_justify="left")
-    table.add_column("class")
+    table.add_column("class", overflow="fold")
     for heading in ("motions", "actors", "seconds", "frames/s", "on the axis"):
         table.add_column(heading, justify="right")
     for class_name, group in groupby(library.motions, key=lambda motion: motion.class_name):
@@ -35,6 +35,6 @@ def run(file: Path | None) -> int:
     console.print(table)
     skeleton = library.skeleton
     console.print(f"{len(library)} motions of {len(skeleton.joints)} joints, {len(skeleton.pairs)} pairs measured")
-    console.print(f"licence: {library.licence or 'not stated'}")
-    console.print(f"attribution: {library.attribution or 'none'}")
+    console.print(f"licence: {library.licence or 'not stated'}", soft_wrap=True)
+    console.print(f"attribution: {library.attribution or 'none'}", soft_wrap=True)
     return 0

@@ -59,7 +59,7 @@ def run(addresses: Addresses, *, library: Path | None, settings: Settings, most:
         else:
             service.run()
         status = service.status()
-    console.print(summary(status))
+    console.print(summary(status), soft_wrap=True)
     return 0
 
 

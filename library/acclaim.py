@@ -257,12 +257,14 @@ def _read_regular_amc(path: Path, body: AcclaimSkeleton) -> _Motion | None:
     """
     with path.open(encoding="latin-1") as file:
         angle, frame_rate = body.angle, None
-        for text in file:
+        for number, text in enumerate(file, start=1):
             words = text.partition("#")[0].split()
-            if len(words) == 1 and words[0].isdigit():
+            if len(words) == 1 and _is_frame_number(words[0]):
                 break
+            if words and not words[0].startswith(":"):
+                return None
             if words:
-                angle, frame_rate = _read_keyword(_Line(path, 0, words), angle, frame_rate)
+                angle, frame_rate = _read_keyword(_Line(path, number, words), angle, frame_rate)
         else:
             return None
         words += file.read().split()
@@ -284,7 +286,7 @@ def _read_regular_amc(path: Path, body: AcclaimSkeleton) -> _Motion | None:
                 return None
         column += 1
     numbers = words[::period]
-    if rest or not frames or not all(map(str.isdigit, numbers)):
+    if rest or not frames or not all(map(_is_frame_number, numbers)):
         return None
     return _Motion(channels, np.array(list(map(int, numbers)), dtype=np.int64), angle, frame_rate)
 
@@ -313,7 +315,7 @@ class _AmcReader:
         word = line.words[0]
         if word in self._places:
             self._take_bone(word, line)
-        elif word.isdigit() and len(line.words) == 1:
+        elif _is_frame_number(word) and len(line.words) == 1:
             if self._unseen:
                 line.fail(f"the frame before has no {', '.join(sorted(self._unseen))}")
             self._numbers.append(int(word))
@@ -344,6 +346,11 @@ class _AmcReader:
         return _Motion(channels, numbers, self._angle, self._frame_rate)
 
 
+def _is_frame_number(word: str) -> bool:
+    # isdecimal, not isdigit, which takes a superscript two too; 18 digits are what an int64 surely holds.
+    return word.isdecimal() and len(word) <= 18
+
+
 def _channel_places(body: AcclaimSkeleton) -> Mapping[str, slice]:
     places, start = {}, 0
     for bone in body.bones:
@@ -360,7 +367,10 @@ def _read_keyword(line: _Line, angle: AngleUnit, rate: float | None) -> tuple[An
         case ":radians":
             return "rad", rate
         case ":samples-per-second":
-            return angle, line.floats(1, 1)[0]
+            (rate,) = line.floats(1, 1)
+            if rate <= 0:
+                line.fail(f"expected a positive frame rate, got {rate}")
+            return angle, rate
         case _:
             return angle, rate
 
@@ -506,7 +516,9 @@ def read_clip(amc: Path, body: AcclaimSkeleton | None = None, *, frame_rate: flo
         positions=_fill_gaps(motion.frame_numbers, positions.reshape(len(positions), -1)).reshape(
             -1, len(body.bones), 3
         ),
-        frame_rate=frame_rate or (named.frame_rate if named else motion.frame_rate or DEFAULT_FRAME_RATE),
+        frame_rate=(named.frame_rate if named else motion.frame_rate or DEFAULT_FRAME_RATE)
+        if frame_rate is None
+        else frame_rate,
         name=amc.stem,
         rotations=_fill_gaps(motion.frame_numbers, angles),
     )

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from library.skeleton import Skeleton
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Clip:
     """One recording of one performer.
 

@@ -26,7 +26,7 @@ BLOCK = 4
 STEPS = 12
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class LeadingAxis:
     """The leading eigenvector of one covariance matrix.
 
@@ -38,7 +38,7 @@ class LeadingAxis:
     value
         Its eigenvalue λ, in the covariance's unit; 0 for a matrix without variance.
     runner_up
-        The second largest eigenvalue (after a warm start: its Rayleigh-Ritz estimate from below).
+        The second largest eigenvalue; after a warm start a bound it does not exceed.
     total
         Sum of all eigenvalues, the trace.
     residual
@@ -119,11 +119,17 @@ def _iterated(covariance: NDArray[np.float64], total: float, block: NDArray[np.f
         residual = float(np.linalg.norm(image[:, 0] - value * block[:, 0])) / value
         if residual <= RESIDUAL_TOLERANCE:
             # A small residual proves an eigenvector, not the leading one: after a sudden change the old axis may
-            # still be exact. What lies outside the block has no more variance than is left of the trace, so when
-            # that is less than λ no eigenvector out there can lead.
-            if total - float(values.sum()) >= value:
-                return None
+            # still be exact. Beside it the matrix is [[A, Xᵀ], [X, D]] with A the rest of the block, whose largest
+            # eigenvalue is the runner-up's, and D what lies outside, with no more than what is left of the trace.
+            # All its eigenvalues are below λ if (λ − runner-up)(λ − rest) > ‖X‖².
             runner_up = max(float(values[1]), 0.0) if len(values) > 1 else 0.0
+            rest = max(total - float(values.sum()), 0.0)
+            coupling = float(np.linalg.norm(image[:, 1:] - block[:, 1:] * values[1:]))
+            if rest >= value or (value - runner_up) * (value - rest) <= coupling**2:
+                return None
+            # The largest eigenvalue that [[runner-up, ‖X‖], [‖X‖, rest]] allows for: no gap is ever overstated by it.
+            middle, half = (runner_up + rest) / 2, (runner_up - rest) / 2
+            runner_up = middle + float(np.hypot(half, coupling))
             vector = np.ascontiguousarray(block[:, 0])
             return LeadingAxis(vector, value, runner_up, total, residual, exact=False, block=block)
         block, _ = np.linalg.qr(image)

@@ -84,6 +84,10 @@ def read(path: Path) -> tuple[dict[str, Any], dict[str, NDArray[np.float32]]]:
             digest = bytes(stored["digest"])
     except LibraryFileError:
         raise
+    except OSError as error:
+        if error.filename is not None:  # the file cannot be opened
+            raise
+        raise LibraryFileError(f"{path}: not a motion library, or cut short ({error})") from error
     # What numpy and zipfile raise for a file that is cut short, overwritten in the middle, or of another kind.
     except (
         zipfile.BadZipFile,

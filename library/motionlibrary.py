@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import asdict, dataclass, field
 from importlib import resources
 from typing import TYPE_CHECKING
@@ -23,11 +24,19 @@ if TYPE_CHECKING:
 
 
 _ARRAYS = ("means", "axes", "deviations")
+#: Movement relative to the body's size below which an axis is made of rounding errors.
+_NO_MOVEMENT = 1e-6
 
 
 @dataclass(frozen=True, slots=True)
 class Motion:
-    """One motion of a library: what its source says of it, and its signature's numbers."""
+    """One motion of a library: what its source says of it, and its signature's numbers.
+
+    Raises
+    ------
+    ValueError
+        The class name is empty, or a number is not positive and finite.
+    """
 
     class_name: str
     actor: str
@@ -37,13 +46,24 @@ class Motion:
     eigenvalue: float
     share: float
 
+    def __post_init__(self) -> None:
+        if not (isinstance(self.class_name, str) and self.class_name):
+            raise ValueError(f"class_name: expected a name, got {self.class_name!r}")
+        for name in ("actor", "take"):
+            if not isinstance(getattr(self, name), str):
+                raise ValueError(f"{name}: expected text, got {getattr(self, name)!r}")  # noqa: TRY004 - a wrong value
+        for name in ("frames", "frame_rate", "eigenvalue", "share"):
+            number = getattr(self, name)
+            if isinstance(number, bool) or not isinstance(number, (int, float)) or not 0 < number < math.inf:
+                raise ValueError(f"{name}: expected a positive number, got {number!r}")
+
     @property
     def duration(self) -> float:
         """Seconds."""
         return self.frames / self.frame_rate
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Match:
     """How one window compares with a library.
 
@@ -59,7 +79,7 @@ class Match:
     class_scores: NDArray[np.floating] = field(repr=False)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class MotionLibrary:
     """Signatures of many motions of one skeleton, grouped by class.
 
@@ -85,7 +105,7 @@ class MotionLibrary:
     Raises
     ------
     ValueError
-        No motion at all, a motion without a class, or arrays that do not fit the motions and pairs.
+        No motion at all, or arrays that do not fit the motions and pairs.
     """
 
     skeleton: Skeleton
@@ -101,8 +121,8 @@ class MotionLibrary:
     def __post_init__(self) -> None:
         if not self.motions:
             raise ValueError("motions: expected at least one, got none")
-        if not all(motion.class_name for motion in self.motions):
-            raise ValueError("motions: expected a class name for each, got an empty one")
+        if not (isinstance(self.licence, str) and isinstance(self.attribution, str)):
+            raise ValueError("licence, attribution: expected text")  # noqa: TRY004 - a wrong value
         expected = (len(self.motions), len(self.skeleton.pairs))
         for name in _ARRAYS:
             array: NDArray[np.float32] = getattr(self, name)
@@ -131,7 +151,7 @@ class MotionLibrary:
         Raises
         ------
         ValueError
-            There is no clip, a clip has fewer than two frames or no class name.
+            There is no clip, or a clip has fewer than two frames, no class name or no movement.
         SkeletonMismatchError
             The clips are not all of one skeleton.
         """
@@ -140,9 +160,13 @@ class MotionLibrary:
         for clip in clips:
             skeleton = skeleton or clip.skeleton
             skeleton.require_same(clip.skeleton)
+            if not clip.class_name:
+                raise ValueError(f"clip {clip.name!r}: expected a class name, got none")
             if clip.frames < 2:
                 raise ValueError(f"clip {clip.name!r}: expected at least 2 frames, got {clip.frames}")
             signature = signature_of(Moments.of_rows(distance_rows(clip.positions, skeleton)))
+            if signature.movement < _NO_MOVEMENT:
+                raise ValueError(f"clip {clip.name!r}: expected a motion, got a body that does not move")
             signatures.append(signature)
             motions.append(
                 Motion(
@@ -267,4 +291,4 @@ class MotionLibrary:
 
 
 def _joined(first: str, second: str) -> str:
-    return " / ".join(dict.fromkeys(text for text in (first, second) if text))
+    return " / ".join(dict.fromkeys(part for text in (first, second) if text for part in text.split(" / ")))

@@ -20,7 +20,7 @@ class RecordingError(ValueError):
 
 
 def find_recordings(places: Sequence[Path]) -> list[Path]:
-    """List the recordings under some folders (at any depth) and files, sorted within each folder.
+    """List the recordings under some folders (at any depth) and files, sorted within each folder, each once.
 
     Raises
     ------
@@ -37,7 +37,7 @@ def find_recordings(places: Sequence[Path]) -> list[Path]:
             found.append(place)
     if not found:
         raise RecordingError(f"{', '.join(map(str, places))}: no recording ({', '.join(_ENDINGS)}) in it")
-    return found
+    return list(dict.fromkeys(found))
 
 
 def read_recordings(

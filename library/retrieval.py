@@ -56,7 +56,7 @@ class Labels(NamedTuple):
         return cls(np.array([clip.class_name for clip in clips]), np.array([clip.actor for clip in clips]))
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Retrieval:
     """The outcome of one protocol in one space.
 

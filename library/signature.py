@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Moments:
     """Mean and covariance of some distance rows: all that a signature needs of them.
 
@@ -47,7 +47,7 @@ class Moments:
         return cls(len(rows), mean, centred.T @ centred / max(len(rows) - 1, 1))
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Signature:
     """What is kept of a motion.
 

@@ -58,6 +58,8 @@ class Skeleton:
             segments = {frozenset(segment) for segment in enumerate(self.parents)}
             kept = [frozenset((int(a), int(b))) not in segments for a, b in pairs]
             pairs = pairs[np.array(kept)]
+            if not len(pairs):
+                raise ValueError("with_segments: False leaves no pair to measure")
         pairs.setflags(write=False)
         object.__setattr__(self, "pairs", pairs)
 
@@ -65,7 +67,7 @@ class Skeleton:
         count = len(self.joints)
         if count < 2:
             raise ValueError(f"joints: expected at least 2 names, got {count}")
-        if not all(self.joints) or len(set(self.joints)) != count:
+        if not all(isinstance(name, str) and name for name in self.joints) or len(set(self.joints)) != count:
             raise ValueError(f"joints: expected distinct, non-empty names, got {self.joints}")
         if self.parents and len(self.parents) != count:
             raise ValueError(f"parents: expected one per joint ({count}), got {len(self.parents)}")

@@ -7,8 +7,9 @@ import json
 import multiprocessing
 import signal
 import time
+from contextlib import suppress
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal, Self
+from typing import TYPE_CHECKING, Any, Literal, Self
 
 import zmq
 
@@ -82,26 +83,49 @@ class BackgroundService:
         port = self._receiver.address[1] if self._receiver else 0
         # A fresh interpreter, so that the child holds none of the parent's sockets and threads.
         context = multiprocessing.get_context("spawn")
-        self._connection, theirs = context.Pipe()
+        self._connection, self._theirs = context.Pipe()
         request = _Request(transport, library, settings or Settings(), port, echo)
-        self._process = context.Process(target=_serve, args=(theirs, request), daemon=True)
+        self._process = context.Process(target=_serve, args=(self._theirs, request), daemon=True)
 
     def __enter__(self) -> Self:
-        self._process.start()
-        if not self._connection.poll(_LONGEST_START):
-            self._process.kill()
-            raise TimeoutError("the recogniser's process did not start")
-        answer = self._connection.recv()
-        if isinstance(answer, Exception):
-            raise answer
-        self._frames_to, self._answers_at = answer
+        try:
+            self._process.start()
+            # Only the child keeps its end, so that its death is heard at once.
+            self._theirs.close()
+            self._frames_to, self._answers_at = self._started()
+        except BaseException:
+            if self._process.pid is not None:
+                self._process.kill()
+            self._release()
+            raise
         return self
 
+    def _started(self) -> tuple[Any, Any]:
+        if not self._connection.poll(_LONGEST_START):
+            raise TimeoutError("the recogniser's process did not start")
+        try:
+            answer = self._connection.recv()
+        except EOFError:
+            raise ChildProcessError("the recogniser's process ended before it began") from None
+        if isinstance(answer, Exception):
+            raise answer
+        frames_to, answers_at = answer
+        return frames_to, answers_at
+
     def __exit__(self, *_: object) -> None:
-        self._connection.send(None)
-        if self._connection.poll(_LONGEST_START):
-            self.status = self._connection.recv()
-        self._process.join(_LONGEST_START)
+        # A child that died has nothing to say; whoever waited for its answers has seen that they stopped.
+        with suppress(EOFError, OSError):
+            self._connection.send(None)
+            if self._connection.poll(_LONGEST_START):
+                self.status = self._connection.recv()
+        self._release()
+
+    def _release(self) -> None:
+        if self._process.pid is not None:
+            self._process.join(_LONGEST_START)
+        self._connection.close()
+        if self._receiver:
+            self._receiver.close()
 
     def connect(self) -> tuple[FrameSender, Receiver]:
         """Open a sender of frames to it and a receiver of what it sends, and see that both reach.

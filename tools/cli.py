@@ -31,7 +31,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         # Whoever read our output has seen enough; say nothing more, at the interpreter's end either.
         sys.stderr.close()
         return 1
-    except (OSError, ValueError, ImportError) as error:
+    except (OSError, ValueError, ImportError, MemoryError) as error:
         print(f"kinespace: {_one_line(error)}", file=sys.stderr)
         return 2
     return status
@@ -40,7 +40,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _one_line(error: Exception) -> str:
     if isinstance(error, OSError) and error.filename and error.strerror:
         return f"{error.filename}: {error.strerror}"
-    return " ".join((error.strerror if isinstance(error, OSError) and error.strerror else str(error)).split())
+    told = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
+    return " ".join(told.split()) or type(error).__name__
 
 
 def _parser() -> argparse.ArgumentParser:

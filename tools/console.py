@@ -10,12 +10,18 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
-#: Results go to standard output, plain when it is not a terminal.
-console = Console(highlight=False)
+#: Results go to standard output, plain when it is not a terminal. Names come from files and from the net: what looks
+#: like rich's markup in them is a name too, and must not be able to end a program.
+console = Console(highlight=False, markup=False, emoji=False)
 #: Progress goes to standard error, so that it never mixes with results.
 _progress_console = Console(stderr=True)
 
 _Item = TypeVar("_Item")
+
+
+def printable(name: str) -> str:
+    """Give a name from the net without what would steer the terminal or break the line."""
+    return "".join(character if character.isprintable() else "\N{REPLACEMENT CHARACTER}" for character in name)
 
 
 def progress(work: Iterable[_Item], what: str, total: int | None) -> Iterator[_Item]:

@@ -10,12 +10,12 @@ import json
 import time
 from collections import Counter
 from dataclasses import dataclass, field
+from io import StringIO
 from typing import TYPE_CHECKING
 
 import numpy as np
 from rich.console import Console
 from rich.live import Live
-from rich.table import Table
 from rich.text import Text
 
 from library import MotionLibrary
@@ -27,11 +27,13 @@ from tools.expected import AnswerMatcher, expected_answers
 from tools.feed import Cue, Pace
 from tools.ghost import ghost, representative
 from tools.listener import Listener, answer_in
-from tools.livetable import score_bar
+from tools.livetable import narrow_table, score_shown
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
+
+    from rich.table import Table
 
     from stream.answer import Answer
     from tools.background import Transport
@@ -45,6 +47,7 @@ _SWING = 0.9
 #: Seconds between two ghosts: longer than the recogniser bridges, so that its window starts anew.
 _PAUSE = 0.7
 _LINGER = 0.3
+_PICTURE_WIDTH = 112
 
 
 @dataclass(slots=True)
@@ -165,29 +168,26 @@ class _Show:
             "p99_ms": round(float(np.percentile(latencies, 99)), 3) if latencies else None,
         }
 
-    def table(self) -> Table:
-        """Draw the ghosts so far."""
-        table = Table(
-            title="Ghosts: made from the library's own signatures, sent over loopback as a live feed",
-            title_justify="left",
-        )
-        table.add_column("")
+    def table(self, width: int) -> Table:
+        """Draw the ghosts so far, on a terminal of so many characters."""
+        table = narrow_table("Ghosts, made from the library's own signatures, sent over loopback")
         for heading in ("played", "answered", "score"):
-            table.add_column(heading)
-        for heading in ("margin", "latency ms"):
+            table.add_column(heading, overflow="fold")
+        for heading in ("margin", "ms"):
             table.add_column(heading, justify="right")
         for each in self.played:
-            table.add_row(*self._row(each))
+            table.add_row(*self._row(each, width))
         return table
 
-    def _row(self, each: _Played) -> tuple[str | Text, ...]:
-        playing = Text("▶", style="yellow") if each.class_name == self.now_playing else Text("")
+    def _row(self, each: _Played, width: int) -> tuple[str | Text, ...]:
+        playing = each.class_name == self.now_playing
+        name = Text(each.class_name, style="bold" if playing else "" if each.latest else "dim")
         if each.latest is None:
-            return playing, Text(each.class_name, style="" if playing else "dim"), "", "", "", ""
+            return name, "", "", "", ""
         style = "green" if each.answered == each.class_name else "red"
         latency = float(np.median(each.latencies)) * 1000
-        shown = (score_bar(each.latest.score), f"{each.latest.margin:.3f}", f"{latency:.2f}")
-        return playing, each.class_name, Text(each.answered, style=style), *shown
+        score = score_shown(each.latest.score, width)
+        return name, Text(each.answered, style=style), score, f"{each.latest.margin:.3f}", f"{latency:.2f}"
 
     def tally(self) -> str:
         """Say how it went."""
@@ -210,7 +210,7 @@ def _play(cues: Sequence[Cue], sender: FrameSender, listener: Listener, show: _S
         packet = sender.encode(cue)
         if show.hear(listener.listen_until(pace.moment(cue.due))) and live:
             # Right after an answer nothing is under way that drawing could delay.
-            live.update(show.table(), refresh=True)
+            live.update(show.table(console.width), refresh=True)
         show.sent(cue, time.perf_counter())
         sender.send(packet)
     show.hear(listener.listen_until(time.perf_counter() + _LINGER))
@@ -220,16 +220,15 @@ def _play(cues: Sequence[Cue], sender: FrameSender, listener: Listener, show: _S
 def _play_watched(cues: Sequence[Cue], sender: FrameSender, listener: Listener, show: _Show) -> None:
     if not console.is_terminal:
         _play(cues, sender, listener, show)
-        console.print(show.table())
+        console.print(show.table(console.width))
         return
-    with Live(show.table(), console=console, auto_refresh=False) as live:
+    with Live(show.table(console.width), console=console, auto_refresh=False) as live:
         _play(cues, sender, listener, show, live)
-        live.update(show.table(), refresh=True)
+        live.update(show.table(console.width), refresh=True)
 
 
 def _save_picture(path: Path, show: _Show) -> None:
-    with path.with_suffix(".txt").open("w", encoding="utf-8") as sink:
-        recorder = Console(record=True, width=110, file=sink, force_terminal=True)
-        recorder.print(show.table())
-        recorder.print(show.tally())
-        recorder.save_svg(str(path), title="kinespace demo")
+    recorder = Console(record=True, width=_PICTURE_WIDTH, file=StringIO(), force_terminal=True, highlight=False)
+    recorder.print(show.table(_PICTURE_WIDTH))
+    recorder.print(show.tally())
+    recorder.save_svg(str(path), title="kinespace demo")

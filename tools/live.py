@@ -95,9 +95,13 @@ def _run_with_table(service: Service, shown: LiveTable) -> None:
     sys.setswitchinterval(_SWITCH_INTERVAL)
     loop = threading.Thread(target=service.run, name="kinespace service")
     loop.start()
-    with Live(console=console, auto_refresh=False) as live:
-        while loop.is_alive():
+    try:
+        with Live(console=console, auto_refresh=False) as live:
+            while loop.is_alive():
+                live.update(shown.drawn(), refresh=True)
+                time.sleep(1 / _REDRAWS)
             live.update(shown.drawn(), refresh=True)
-            time.sleep(1 / _REDRAWS)
-        live.update(shown.drawn(), refresh=True)
-    loop.join()
+    finally:
+        # The thread must be out of the sockets before they are closed, whatever became of the picture.
+        service.stop()
+        loop.join()

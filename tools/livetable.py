@@ -4,25 +4,46 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from rich.box import SIMPLE_HEAD
 from rich.table import Table
 from rich.text import Text
 
 from stream.recognition import Outcome
-from tools.console import console
+from tools.console import console, printable
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from rich.console import JustifyMethod
+
     from stream.recognition import Recognition
     from stream.status import Status
 
+#: Characters of a full score bar, and of a terminal wide enough to have one.
 _BAR = 20
+_WIDE = 110
 
 
-def score_bar(score: float) -> Text:
-    """Draw a score from 0 to 1 as a bar with its number."""
+def score_shown(score: float, width: int) -> Text:
+    """Show a score from 0 to 1, with a bar before it on a terminal of enough characters."""
+    number = Text(f"{score:.3f}")
+    if width < _WIDE:
+        return number
     filled = round(min(max(score, 0.0), 1.0) * _BAR)
-    return Text("█" * filled, style="green") + Text("░" * (_BAR - filled), style="dim") + Text(f" {score:.3f}")
+    return Text("█" * filled, style="green") + Text("░" * (_BAR - filled) + " ", style="dim") + number
+
+
+def narrow_table(title: str, caption: str | None = None) -> Table:
+    """Make an empty table without frames, so that two class names fit side by side on 80 characters."""
+    return Table(
+        title=title,
+        caption=caption,
+        box=SIMPLE_HEAD,
+        padding=(0, 1, 0, 0),
+        show_edge=False,
+        title_justify="left",
+        caption_justify="left",
+    )
 
 
 class PlainLines:
@@ -37,7 +58,7 @@ class PlainLines:
         if self._labels.get(recognition.performer) != recognition.label:
             self._labels[recognition.performer] = recognition.label
             console.print(
-                f"{recognition.time:10.3f} s  {recognition.performer}  {recognition.label}  "
+                f"{recognition.time:10.3f} s  {printable(recognition.performer)}  {recognition.label}  "
                 f"score {recognition.score:.3f}  margin {recognition.margin:.3f}",
                 soft_wrap=True,
             )
@@ -80,15 +101,17 @@ class LiveTable:
 
     def drawn(self) -> Table:
         """Draw the table as it is now; from any thread."""
-        table = Table(title="kinespace live", caption=self._caption(), title_justify="left", caption_justify="left")
+        table = narrow_table("kinespace live", self._caption())
         for heading in ("performer", "motion", "score", "margin", "runner-up", "frames/s"):
-            table.add_column(heading, justify="right" if heading in ("margin", "frames/s") else "left")
+            justify: JustifyMethod = "right" if heading in ("margin", "frames/s") else "left"
+            table.add_column(heading, justify=justify, overflow="fold")
         rates = self._status.performers if self._status else {}
         for name, last in list(self._latest.items()):
             style = "bold" if last.outcome is Outcome.NAMED else "dim"
             rate = f"{rates[name]:.0f}" if name in rates else ""
             label = Text(last.label, style=style)
-            table.add_row(name, label, score_bar(last.score), f"{last.margin:.3f}", last.runner_up or "", rate)
+            score = score_shown(last.score, console.width)
+            table.add_row(printable(name), label, score, f"{last.margin:.3f}", last.runner_up or "", rate)
         if not self._latest:
             table.add_row("", Text("waiting for frames ...", style="dim"), "", "", "", "")
         return table

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import time
 from collections import Counter
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass, field
 from itertools import cycle
 from typing import TYPE_CHECKING
@@ -112,22 +113,22 @@ def run(
     """Send the recordings; with `listen`, print what share of the answers was right."""
     paths = find_recordings(places)
     clips = list(progress(read_recordings(paths, asf=asf), "Reading", len(paths)))
-    listener = _listener(listen) if listen else None
-    sender = _sender(osc_to, zmq_to)
-    if zmq_to:
-        time.sleep(_MEETING)
-    replaying = _Replay(sender, listener, Announcement(course.performer, clips[0].skeleton.joints))
+    announcement = Announcement(course.performer, clips[0].skeleton.joints)
     source = cycle(clips) if course.loop else clips
     cues = faults.applied(clip_cues(source, course.performer, speed=course.speed, pause=course.pause))
     total = None if course.loop else sum(clip.frames for clip in clips)
-    try:
-        replaying.play(progress(cues, "Sending", total))
-    except KeyboardInterrupt:
-        console.print("ended")
-    finally:
-        sender.close()
+    with ExitStack() as opened:
+        listener = _listener(listen) if listen else None
         if listener:
-            listener.close()
+            opened.callback(listener.close)
+        sender = _sender(osc_to, zmq_to)
+        opened.callback(sender.close)
+        replaying = _Replay(sender, listener, announcement)
+        # Ctrl-C ends the feed, not the report.
+        with suppress(KeyboardInterrupt):
+            if zmq_to:
+                time.sleep(_MEETING)
+            replaying.play(progress(cues, "Sending", total))
     replaying.report(as_json=as_json)
     return 0
 
@@ -139,6 +140,8 @@ class _Replay:
         self._sender = sender
         self._listener = listener
         self._announcement = announcement
+        # OSC answers name the performer in their address, where not every character may stand.
+        self._names = {announcement.performer, osc.address_part(announcement.performer)}
         self._score = Score()
         self._sent = 0
         self._performed = ""
@@ -167,7 +170,7 @@ class _Replay:
     def _hear(self, heard: Sequence[Heard]) -> None:
         for each in heard:
             answer = answer_in(each.packet)
-            if answer and answer.performer == self._announcement.performer:
+            if answer and answer.performer in self._names:
                 self._score.add(self._performed, answer.label)
 
     def report(self, *, as_json: bool) -> None:

@@ -1,0 +1,66 @@
+"""What every test may ask for: the recordings, found in one place, and hypothesis made repeatable."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING, NoReturn
+
+import pytest
+from hypothesis import settings
+
+from library.recordings import find_recordings, read_recordings
+
+if TYPE_CHECKING:
+    from library.clip import Clip
+
+# The same examples in every run, and no deadline: a slow machine is not a failure.
+settings.register_profile("kinespace", derandomize=True, deadline=None)
+settings.load_profile("kinespace")
+
+
+def _without_data(reason: str) -> NoReturn:
+    """Skip the asking test, unless this is CI, where missing data would make every such test pass unseen."""
+    if os.environ.get("CI") == "true":
+        pytest.fail(f"{reason}, and CI runs with the recordings", pytrace=False)
+    pytest.skip(reason)
+
+
+def _folder(path: Path) -> Path:
+    if not path.is_dir():
+        _without_data(f"no folder {path}; KINESPACE_DATA may name the one that holds the recordings")
+    return path
+
+
+@pytest.fixture(scope="session")
+def data_folder() -> Path:
+    beside = Path(__file__).resolve().parents[2] / "shared" / "data"
+    return _folder(Path(os.environ.get("KINESPACE_DATA") or beside))
+
+
+@pytest.fixture(scope="session")
+def hdm05_folder(data_folder: Path) -> Path:
+    return _folder(data_folder / "hdm05_cut_amc")
+
+
+@pytest.fixture(scope="session")
+def cmu_folder(data_folder: Path) -> Path:
+    return _folder(data_folder / "cmu")
+
+
+@pytest.fixture(scope="session")
+def hdm05_clips(hdm05_folder: Path) -> tuple[Clip, ...]:
+    """All 288 clips, read once."""
+    return tuple(read_recordings(find_recordings([hdm05_folder])))
+
+
+@pytest.fixture(scope="session")
+def some_paths(hdm05_folder: Path) -> tuple[Path, ...]:
+    """Give the first recording of each class."""
+    return tuple(find_recordings([folder])[0] for folder in sorted(hdm05_folder.iterdir()) if folder.is_dir())
+
+
+@pytest.fixture(scope="session")
+def some_clips(some_paths: tuple[Path, ...]) -> tuple[Clip, ...]:
+    """Give the first clip of each class."""
+    return tuple(read_recordings(some_paths))

@@ -1,0 +1,268 @@
+"""The slow twin of every computation: textbook loops to hold the product's fast code against.
+
+Nothing here calls the product. What is written in the papers and in the Acclaim specification is written out again,
+one number at a time where that is bearable.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping, Sequence
+    from pathlib import Path
+
+    from numpy.typing import NDArray
+
+    Matrix = NDArray[np.float64]
+
+
+# --- distances, covariance, principal axis -----------------------------------------------------------------------
+
+
+def pairs(joints: int, segments: Iterable[tuple[int, int]] = ()) -> list[tuple[int, int]]:
+    """Count out every pair of joints, first below second, without some segments."""
+    left_out = {tuple(sorted(segment)) for segment in segments}
+    return [(a, b) for a in range(joints) for b in range(a + 1, joints) if (a, b) not in left_out]
+
+
+def distance_rows(positions: Matrix, measured: Sequence[tuple[int, int]]) -> Matrix:
+    """Measure pairs of joints, frame by frame, pair by pair, coordinate by coordinate."""
+    rows = np.empty((len(positions), len(measured)))
+    for frame, posture in enumerate(positions.tolist()):
+        for column, (first, second) in enumerate(measured):
+            total = 0.0
+            for coordinate in range(3):
+                total += (posture[first][coordinate] - posture[second][coordinate]) ** 2
+            rows[frame, column] = math.sqrt(total)
+    return rows
+
+
+def covariance(rows: Matrix) -> Matrix:
+    """Take the sample covariance of raw rows; one row alone has none."""
+    if len(rows) < 2:
+        return np.zeros((rows.shape[1], rows.shape[1]))
+    return np.atleast_2d(np.cov(rows, rowvar=False))
+
+
+def leading_eigenvector(matrix: Matrix) -> tuple[float, Matrix]:
+    """Solve the whole eigenproblem and keep the largest."""
+    values, vectors = np.linalg.eigh(matrix)
+    return float(values[-1]), vectors[:, -1]
+
+
+def first_axis_by_svd(rows: Matrix) -> tuple[float, Matrix]:
+    """Find the first principal axis as the paper does, by the singular value decomposition of the centred rows.
+
+    Gives the variance along it and the axis.
+    """
+    _, singular, axes = np.linalg.svd(rows - rows.mean(axis=0), full_matrices=False)
+    return float(singular[0]) ** 2 / (len(rows) - 1), axes[0]
+
+
+# --- match and retrieval -----------------------------------------------------------------------------------------
+
+
+def score(first: Iterable[float], second: Iterable[float]) -> float:
+    """Compare two axes: the absolute inner product."""
+    return abs(math.fsum(a * b for a, b in zip(first, second, strict=True)))
+
+
+def match(axes: Matrix, class_names: Sequence[str], axis: Matrix) -> tuple[list[float], dict[str, float]]:
+    """Score an axis against each motion, and keep the best of each class."""
+    scores = [score(row, axis.tolist()) for row in axes.tolist()]
+    best: dict[str, float] = {}
+    for class_name, value in zip(class_names, scores, strict=True):
+        if class_name not in best or value > best[class_name]:
+            best[class_name] = value
+    return scores, best
+
+
+def neighbours(scores: Matrix, asking: int, allowed: Iterable[int]) -> list[int]:
+    """Sort the motions that one may find, nearest first, the earlier first among equals."""
+    return sorted(allowed, key=lambda other: (-float(scores[asking, other]), other))
+
+
+def allowed(asking: int, actors: Sequence[str], protocol: str) -> list[int]:
+    """Say which motions one may be compared with."""
+    others = [other for other in range(len(actors)) if other != asking]
+    if protocol == "leave-one-out":
+        return others
+    if protocol == "actor-held-out":
+        return [other for other in others if actors[other] != actors[asking]]
+    library = {"bd", "bk", "dg"}
+    return [] if actors[asking] in library else [other for other in others if actors[other] in library]
+
+
+@dataclass
+class Tally:
+    """What the naive retrieval counted: how many asked, found, found in two, and what was taken for what."""
+
+    asked: int = 0
+    nearest: int = 0
+    two_nearest: int = 0
+    taken_for: dict[tuple[str, str], int] = field(default_factory=dict)
+
+
+def retrieval(scores: Matrix, classes: Sequence[str], actors: Sequence[str], protocol: str) -> Tally:
+    """Count, motion by motion, whether its nearest and its two nearest are of its class."""
+    tally = Tally()
+    for asking, own in enumerate(classes):
+        found = [classes[other] for other in neighbours(scores, asking, allowed(asking, actors, protocol))]
+        if not found:
+            continue
+        tally.asked += 1
+        tally.nearest += found[0] == own
+        tally.two_nearest += own in found[:2]
+        tally.taken_for[own, found[0]] = tally.taken_for.get((own, found[0]), 0) + 1
+    return tally
+
+
+# --- Acclaim files -----------------------------------------------------------------------------------------------
+
+
+@dataclass
+class Asf:
+    """The words of an ASF, unconverted: units, the root's lines and each bone's lines by their first word."""
+
+    units: dict[str, str] = field(default_factory=lambda: {"length": "1.0", "angle": "deg"})
+    root: dict[str, list[str]] = field(default_factory=dict)
+    bones: dict[str, dict[str, list[str]]] = field(default_factory=dict)
+    children: dict[str, list[str]] = field(default_factory=dict)
+    parents: dict[str, str] = field(default_factory=dict)
+
+    @property
+    def joints(self) -> list[str]:
+        """The root, then the bones in the order in which the hierarchy names them as children."""
+        return ["root", *self.parents]
+
+    @property
+    def metres(self) -> float:
+        """Metres in one of the file's units of length."""
+        return 0.0254 / float(self.units["length"])
+
+
+def words_of(path: Path) -> list[list[str]]:
+    """Split a file into the words of its lines, comments and empty lines left out."""
+    text = path.read_bytes().decode("latin-1")
+    lines = [line.split("#")[0].split() for line in text.split("\n")]
+    return [words for words in lines if words]
+
+
+def read_asf(path: Path) -> Asf:
+    """Read an ASF that is known to be good."""
+    asf, section, bone = Asf(), "", dict[str, list[str]]()
+    for first, *rest in words_of(path):
+        if first.startswith(":"):
+            section = first
+        elif section == ":units":
+            asf.units[first] = rest[0]
+        elif section == ":root":
+            asf.root[first] = rest
+        elif section == ":bonedata" and first == "begin":
+            bone = {}
+        elif section == ":bonedata" and first == "end":
+            asf.bones[bone["name"][0]] = bone
+        elif section == ":bonedata":
+            bone[first] = rest
+        elif section == ":hierarchy" and first not in ("begin", "end"):
+            asf.children.setdefault(first, []).extend(rest)
+            asf.parents.update(dict.fromkeys(rest, first))
+    return asf
+
+
+@dataclass
+class Amc:
+    """The numbers of an AMC: per frame its number and each bone's values, in the file's unit of angle."""
+
+    angle: str
+    numbers: list[int] = field(default_factory=list)
+    frames: list[dict[str, list[float]]] = field(default_factory=list)
+
+
+def read_amc(path: Path, asf: Asf) -> Amc:
+    """Read an AMC that is known to be good."""
+    amc = Amc(asf.units["angle"])
+    for first, *rest in words_of(path):
+        if first.upper() in (":DEGREES", ":RADIANS"):
+            amc.angle = first[1:4].lower()
+        elif first.isdigit():
+            amc.numbers.append(int(first))
+            amc.frames.append({})
+        elif not first.startswith(":"):
+            amc.frames[-1][first] = [float(word) for word in rest]
+    return amc
+
+
+# --- forward kinematics ------------------------------------------------------------------------------------------
+
+
+def turn_about(letter: str, angle: float) -> Matrix:
+    """Turn about one axis by an angle in radians, counted by the right hand."""
+    c, s = math.cos(angle), math.sin(angle)
+    return np.array(
+        {
+            "x": [[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]],
+            "y": [[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]],
+            "z": [[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]],
+        }[letter]
+    )
+
+
+def turn_in_order(order: str, angles: Mapping[str, float]) -> Matrix:
+    """Turn about the axes in turn, the first letter first: XYZ is Rz · Ry · Rx; a letter without an angle is still."""
+    matrix = np.eye(3)
+    for letter in order.lower():
+        matrix = turn_about(letter, angles.get(letter, 0.0)) @ matrix
+    return matrix
+
+
+def radians(value: float, unit: str) -> float:
+    """Convert an angle of either unit."""
+    return value * math.pi / 180.0 if unit == "deg" else value
+
+
+def _axis_frame(order: str, words: Sequence[str], unit: str) -> Matrix:
+    """Turn by three angles given in the order of the letters."""
+    return turn_in_order(
+        order, {letter: radians(float(word), unit) for letter, word in zip(order.lower(), words[:3], strict=True)}
+    )
+
+
+def posture(asf: Asf, frame: Mapping[str, Sequence[float]], angle: str) -> dict[str, Matrix]:
+    """Stand a body in one frame: every joint's place in metres, by recursion from the root."""
+    places: dict[str, Matrix] = {}
+    values = dict(zip((word.lower() for word in asf.root["order"]), frame.get("root", []), strict=True))
+    shift = [float(word) for word in asf.root.get("position", ["0"] * 3)]
+    places["root"] = np.array([(shift[i] + values.get(f"t{'xyz'[i]}", 0.0)) * asf.metres for i in range(3)])
+    order = asf.root["axis"][0]
+    frame_of_root = _axis_frame(order, asf.root.get("orientation", ["0"] * 3), asf.units["angle"])
+    turns = {letter: radians(values[f"r{letter}"], angle) for letter in "xyz" if f"r{letter}" in values}
+    turned = frame_of_root @ turn_in_order(order, turns) @ np.linalg.inv(frame_of_root)
+
+    def hang(parent: str, parent_turned: Matrix) -> None:
+        for name in asf.children.get(parent, []):
+            bone = asf.bones[name]
+            order = bone["axis"][3] if len(bone["axis"]) > 3 else "xyz"
+            dof = [word.lower() for word in bone.get("dof", [])]
+            turns = {word[1]: radians(value, angle) for word, value in zip(dof, frame.get(name, []), strict=True)}
+            own = _axis_frame(order, bone["axis"], asf.units["angle"])
+            turned = parent_turned @ own @ turn_in_order(order, turns) @ np.linalg.inv(own)
+            direction = np.array([float(word) for word in bone["direction"][:3]])
+            places[name] = places[parent] + turned @ (float(bone["length"][0]) * direction) * asf.metres
+            hang(name, turned)
+
+    hang("root", turned)
+    return places
+
+
+def clip_positions(asf_path: Path, amc_path: Path, every: int = 1) -> Matrix:
+    """Stand a body in every n-th frame of a recording, shape (frames, joints, 3), metres; gaps are not filled."""
+    asf = read_asf(asf_path)
+    amc = read_amc(amc_path, asf)
+    postures = [posture(asf, frame, amc.angle) for frame in amc.frames[::every]]
+    return np.array([[places[joint] for joint in asf.joints] for places in postures])

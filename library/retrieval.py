@@ -15,6 +15,7 @@ import numpy as np
 
 from library.distances import distance_rows
 from library.signature import Moments, signature_of, similarity
+from library.spread import SpreadMetric, spread_of
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from library.clip import Clip
+    from library.signature import Signature
 
 
 class Space(StrEnum):
@@ -30,6 +32,15 @@ class Space(StrEnum):
     DISTANCES = "distances"
     POSITIONS = "positions"
     ROTATIONS = "rotations"
+
+
+class SignatureKind(StrEnum):
+    """By what of their signatures two motions are compared."""
+
+    #: The paper's: the absolute inner product of the leading eigenvectors.
+    EIGENVECTOR = "eigenvector"
+    #: The centred log standard deviations, in a metric learned from the motions that may be found.
+    SPREAD = "spread"
 
 
 class Protocol(StrEnum):
@@ -90,7 +101,16 @@ def motion_axes(clips: Sequence[Clip], space: Space) -> NDArray[np.float64]:
     ValueError
         Rotations are asked of a clip that has none.
     """
-    return np.array([signature_of(Moments.of_rows(_rows(clip, space))).axis.vector for clip in clips])
+    return np.array([_signature(clip, space).axis.vector for clip in clips])
+
+
+def motion_spreads(clips: Sequence[Clip]) -> NDArray[np.float64]:
+    """Find the spread of each clip's distances, shape (clips, pairs)."""
+    return np.array([spread_of(_signature(clip, Space.DISTANCES)) for clip in clips])
+
+
+def _signature(clip: Clip, space: Space) -> Signature:
+    return signature_of(Moments.of_rows(_rows(clip, space)))
 
 
 def _rows(clip: Clip, space: Space) -> NDArray[np.float64]:
@@ -170,3 +190,32 @@ def retrieve(scores: NDArray[np.floating], labels: Labels, protocol: Protocol) -
 def compare(axes: NDArray[np.float64]) -> NDArray[np.floating]:
     """Score every motion against every other by the absolute inner product, shape (motions, motions)."""
     return similarity(axes, axes.T)
+
+
+def compare_spreads(spreads: NDArray[np.float64], labels: Labels, protocol: Protocol) -> NDArray[np.float64]:
+    """Score every motion against every other by the spread, nothing of the asking motion known to the metric.
+
+    For each motion the metric is learned from those alone that the protocol lets it find.
+
+    Parameters
+    ----------
+    spreads
+        Shape (motions, pairs).
+    labels
+        Class and actor of each.
+    protocol
+        Who may be compared with whom.
+
+    Returns
+    -------
+    Minus the squared distance, shape (motions, motions): more is nearer.
+    """
+    allowed = candidates(labels, protocol)
+    scores = np.full(allowed.shape, -np.inf)
+    known, fold = np.unique(allowed, axis=0, return_inverse=True)
+    for index, found in enumerate(known):
+        asking = np.flatnonzero(fold.ravel() == index)
+        if found.any():
+            metric = SpreadMetric.learned(spreads[found], labels.classes[found])
+            scores[np.ix_(asking, found)] = -metric.squared_distances(spreads[asking], spreads[found])
+    return scores

@@ -81,7 +81,7 @@ class RollingCovariance:
         self._add(entered, 1.0)
         self._add(left, -1.0)
         self._rounding += _EPSILON * (len(entered) + len(left)) * float(self._products.trace())
-        if self._rounding > DRIFT_TOLERANCE * self._scatter():
+        if self._rounding > DRIFT_TOLERANCE * max(self._scatter(), self._no_scatter()):
             self._refresh(window)
 
     def _add(self, rows: Rows, sign: float) -> None:
@@ -104,13 +104,22 @@ class RollingCovariance:
         self.refreshes += 1
 
     def _scatter(self) -> float:
-        """Total scatter about the mean, but never less than a body that does not move would show."""
-        about_mean = float(self._products.trace()) - float(self._sum @ self._sum) / self._count
-        mean = self._reference + self._sum / self._count
-        return max(about_mean, self._count * float(mean @ mean) * _NO_MOVEMENT**2)
+        """Total scatter about the mean."""
+        return float(self._products.trace()) - float(self._sum @ self._sum) / self._count
+
+    def _no_scatter(self) -> float:
+        """Total scatter of a body that does not move."""
+        mean = self._mean()
+        return self._count * float(mean @ mean) * _NO_MOVEMENT**2
+
+    def _mean(self) -> NDArray[np.float64]:
+        return self._reference + self._sum / self._count
 
     def moments(self) -> Moments:
         """Give count, mean and covariance of the window's rows.
+
+        A body that does not move, to seven digits of its size, has no covariance: what is left in the sums then is
+        rounding, which has neither a sign nor symmetry to rely on.
 
         Returns
         -------
@@ -123,9 +132,11 @@ class RollingCovariance:
         """
         if not self._count:
             raise ValueError("moments: expected at least one row, got none")
-        weight = 1.0 / max(self._count - 1, 1)
-        np.multiply(self._products, weight, out=self._covariance)
-        dger(-weight / self._count, self._sum, self._sum, a=self._covariance, overwrite_a=True)
-        mean = self._reference + self._sum / self._count
+        if self._scatter() <= self._no_scatter():
+            self._covariance[:] = 0.0
+        else:
+            weight = 1.0 / max(self._count - 1, 1)
+            np.multiply(self._products, weight, out=self._covariance)
+            dger(-weight / self._count, self._sum, self._sum, a=self._covariance, overwrite_a=True)
         # Symmetric, so its transpose is itself: row by row, as numpy reads it fastest.
-        return Moments(self._count, mean, self._covariance.T)
+        return Moments(self._count, self._mean(), self._covariance.T)

@@ -42,6 +42,7 @@ _FRAME = "/motion/frame"
 _SKELETON = "/motion/skeleton"
 _FRAME_START = b"/motion/frame\0\0\0,sd"
 _DOUBLE = struct.Struct(">d")
+_LARGEST_INTEGER = 2**31 - 1
 #: Linux tells with each datagram how many were thrown away before it; Python has no name for the option.
 _SO_RXQ_OVFL = 40
 _COUNTS_DROPS = sys.platform == "linux"
@@ -124,7 +125,7 @@ def _understood(message: Message, arrival: float) -> Frame | Announcement | None
         performer, time, *numbers = message.arguments
         if any(type(number) not in (float, int) for number in (time, *numbers)):
             raise TypeError("numbers: expected floats or integers")
-        positions = np.array(numbers, dtype=np.float32)
+        positions = np.array(numbers, dtype=np.float64)
         if positions.size % 3:
             raise ValueError(f"positions: expected three numbers per joint, got {positions.size}")
         moment = float(time)  # type: ignore[arg-type]  # checked above
@@ -140,7 +141,7 @@ def _understood(message: Message, arrival: float) -> Frame | Announcement | None
 def _performer(argument: object) -> str:
     # Patchers send ids as numbers as often as names.
     if isinstance(argument, bool) or not isinstance(argument, (str, int)):
-        raise TypeError(f"performer: expected a name or an integer, got {argument!r}")
+        raise TypeError(f"performer: expected a name or an integer, got {type(argument).__name__}")
     return str(argument)
 
 
@@ -166,7 +167,7 @@ def encode_announcement(announcement: Announcement) -> bytes:
 def encode_recognition(recognition: Recognition) -> bytes:
     """Encode an answer as one bundle of at most 1200 bytes.
 
-    The scores of a library with too many classes for that (some 280) are left out; class and label never are.
+    The scores of a library with too many classes for that (some 200) are left out; class and label never are.
     """
     performer = address_part(recognition.performer)
     messages = [
@@ -193,7 +194,9 @@ def encode_classes(classes: Sequence[str]) -> bytes:
 
 def encode_status(status: Status) -> bytes:
     """Encode `/motion/status i alive f frames per second i performers i lost`, numbers only."""
-    return _message("/motion/status", 1, status.frames_per_second, len(status.performers), status.lost)
+    # A sender's sequence numbers may skip more than an OSC integer holds.
+    lost = min(status.lost, _LARGEST_INTEGER)
+    return _message("/motion/status", 1, status.frames_per_second, len(status.performers), lost)
 
 
 def address_part(performer: str) -> str:
@@ -223,7 +226,7 @@ def decode_answer(datagram: bytes) -> Answer | None:
         (label,) = found["label"].arguments
         performer = found["class"].address.split("/")[2]
         return Answer(performer, int(index), float(score), float(margin), str(label))  # type: ignore[call-overload, arg-type]
-    except (PacketError, KeyError, TypeError, ValueError, IndexError):
+    except (PacketError, KeyError, TypeError, ValueError, IndexError, OverflowError, RecursionError):
         return None
 
 

@@ -36,9 +36,10 @@ class PerformerCounts:
 class _Performer:
     recognizer: Recognizer
     heard: float
-    #: Where the skeleton's joints stand in the sender's frames; None for the skeleton's own order.
+    #: What the sender's frames hold: the skeleton's own joints until it says otherwise.
+    joints: tuple[str, ...]
+    #: Where the skeleton's joints stand in them; None for the skeleton's own order.
     order: NDArray[np.intp] | None = None
-    joints: tuple[str, ...] = ()
     #: Whether the announced joints cover the skeleton's.
     known_joints: bool = True
 
@@ -136,8 +137,7 @@ class Performers:
         if performer is None:
             self._counts.no_room += 1
             return None
-        expected = len(performer.joints or self.library.skeleton.joints)
-        if not performer.known_joints or len(frame.positions) != expected:
+        if not performer.known_joints or len(frame.positions) != len(performer.joints):
             self._counts.other_joints += 1
             return None
         if performer.order is not None:
@@ -159,7 +159,8 @@ class Performers:
                 self.drop_silent(arrival)
             if len(self._performers) >= self.most:
                 return None
-            performer = self._performers[name] = _Performer(Recognizer(self.library, self.settings), arrival)
+            recognizer = Recognizer(self.library, self.settings)
+            performer = self._performers[name] = _Performer(recognizer, arrival, self.library.skeleton.joints)
         performer.heard = arrival
         return performer
 

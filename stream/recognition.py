@@ -22,7 +22,7 @@ class Outcome(StrEnum):
     AMBIGUOUS = "ambiguous"
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Recognition:
     """What one window of one performer was recognised as.
 
@@ -87,7 +87,8 @@ class Recognition:
     @property
     def runner_up(self) -> str | None:
         """The class with the second highest score; None in a library of one class."""
-        return self.classes[int(np.argsort(self.scores)[-2])] if len(self.scores) > 1 else None
+        # Stable, as argmax is: among equals the first is the best, the next the runner-up.
+        return self.classes[int(np.argsort(-self.scores, kind="stable")[1])] if len(self.scores) > 1 else None
 
     @property
     def margin(self) -> float:

@@ -44,7 +44,8 @@ class Settings:
     smallest_gap
         (λ₁ − λ₂) / λ₁ below which the leading eigenvector is too arbitrary to be compared.
     patience
-        How many frames in a row may be older than the newest before the sender is taken to have started anew.
+        How many frames in a row may be older than the newest before the sender is taken to have started anew. One
+        older than the whole window says so at once.
 
     Raises
     ------
@@ -149,7 +150,7 @@ class Recognizer:
     def _in_time(self, time: float) -> bool:
         """Sort out frames that come late; start anew after a gap or when the sender's clock began again."""
         behind = self._newest - time
-        if behind < -self.settings.longest_gap and math.isfinite(behind):
+        if behind < -self.settings.longest_gap and math.isfinite(self._newest):
             self._restart()
         elif behind >= 0:
             self._late_in_a_row += 1

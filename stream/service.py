@@ -24,6 +24,8 @@ CLASSES_EVERY = 5.0
 _AT_ONCE = 256
 #: Longest sleep while nothing comes, seconds: how soon `stop` is heard.
 _LONGEST_SLEEP = 0.1
+#: Steps after being stopped: more than any socket holds, and a feed that goes on does not keep us for ever.
+_LAST_STEPS = 32
 
 
 class Source(Protocol):
@@ -264,7 +266,8 @@ class Service:
         """Go on until stopped; what has arrived by then is still answered."""
         while not self._stopped:
             self.step(_LONGEST_SLEEP)
-        self.step(0.0)
+        for _ in range(_LAST_STEPS):
+            self.step(0.0)
 
     def step(self, longest: float) -> None:
         """Wait at most `longest` seconds for something to come, and deal with all that has."""

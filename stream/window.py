@@ -14,6 +14,9 @@ if TYPE_CHECKING:
 FASTEST_FEED = 500.0
 #: Rows that may enter before the changes must be taken.
 MOST_PENDING = 64
+#: Seconds within which two spans are as long. A feed's times are multiples of a frame with rounding, a quarter of a
+#: microsecond when they count from 1970; so ties are decided alike at every rate.
+_TIE = 1e-6
 
 
 class Change(NamedTuple):
@@ -29,9 +32,9 @@ class Change(NamedTuple):
 class SlidingWindow:
     """Distance rows of the last seconds, ending with the newest frame.
 
-    A row at time t is in the window while the newest time is less than t + seconds. Rows lie side by side in time
-    order in memory allocated once. Before they reach its end they move back to the front, one row's copy per push on
-    average, which is what makes every read a plain slice.
+    A row at time t is in the window while the newest time is less than t + seconds; the newest always is. Rows lie
+    side by side in time order in memory allocated once. Before they reach its end they move back to the front, one
+    row's copy per push on average, which is what makes every read a plain slice.
 
     Parameters
     ----------
@@ -88,9 +91,10 @@ class SlidingWindow:
         self._rows[self._end] = row
         self._times[self._end] = time
         self._end += 1
-        # A feed's times are multiples of a frame with rounding; a billionth decides the ties alike at every rate.
-        oldest = time - self.seconds * (1 - 1e-9)
-        while self._times[self._start] <= oldest or self._end - self._start > self._most:
+        oldest = time - (self.seconds - _TIE)
+        last = self._end - 1
+        # Times in other units may be so large that even the newest is not above `oldest`.
+        while self._start < last and (self._times[self._start] <= oldest or self._end - self._start > self._most):
             self._start += 1
 
     def _move_back(self) -> None:
@@ -128,7 +132,7 @@ class SlidingWindow:
         """Whether rows have come for the window's whole length since it was last empty."""
         if self._end == self._start:
             return False
-        return bool(self._times[self._end - 1] - self._since >= self.seconds * (1 - 1e-9))
+        return bool(self._times[self._end - 1] - self._since >= self.seconds - _TIE)
 
     def __len__(self) -> int:
         return self._end - self._start

@@ -146,6 +146,7 @@ def encode_recognition(recognition: Recognition) -> list[bytes]:
         "movement": recognition.movement,
         "share": recognition.share,
         "gap": recognition.gap,
+        "residual": recognition.residual,
     }
     return [f"class/{recognition.performer}/".encode(), json.dumps(answer).encode()]
 
@@ -168,7 +169,7 @@ def decode_answer(parts: Sequence[bytes]) -> Answer | None:
             margin=float(answer["margin"]),
             label=str(answer["class"] or answer["outcome"]),
         )
-    except (KeyError, TypeError, ValueError):
+    except (KeyError, TypeError, ValueError, OverflowError, RecursionError):
         return None
 
 
@@ -200,7 +201,7 @@ class SequenceGaps:
         if seq is None:
             return
         last = self._last.get(performer, seq - 1)
-        if 0 < last - seq <= _LATEST:
+        if 0 < seq < last <= seq + _LATEST:
             self.missing = max(0, self.missing - 1)
             return
         if seq > last:

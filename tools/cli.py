@@ -199,6 +199,15 @@ def _add_build(programs: Programs[argparse.ArgumentParser]) -> None:
     )
     build.add_argument("sources", nargs="+", type=Path, metavar="FOLDER", help="folders, recordings or libraries")
     build.add_argument("-o", "--output", type=Path, required=True, metavar="FILE", help="the library to write")
+    build.add_argument(
+        "--labels",
+        nargs="+",
+        action="extend",
+        type=Path,
+        default=[],
+        metavar="CSV",
+        help="start_s,end_s,label for each recording, in order: cut it into these motions",
+    )
     build.add_argument("--asf", type=Path, help="skeleton of AMC files (default: found by name)")
     build.add_argument("--frame-rate", type=_positive, metavar="HZ", help="of all recordings (default: as they say)")
     build.add_argument("--licence", help="terms of the numbers (default: HDM05's, when all clips are named so)")
@@ -212,6 +221,7 @@ def _run_build(parsed: argparse.Namespace) -> int:
     return build.run(
         parsed.sources,
         parsed.output,
+        labels=parsed.labels,
         asf=parsed.asf,
         frame_rate=parsed.frame_rate,
         licence=parsed.licence,
@@ -242,6 +252,7 @@ def _add_evaluate(programs: Programs[argparse.ArgumentParser]) -> None:
     )
     retrieval.add_argument("folder", nargs="+", type=Path, metavar="FOLDER", help="recordings, or folders of them")
     retrieval.add_argument("--space", choices=("distances", "positions", "rotations"), help="default: all")
+    retrieval.add_argument("--signature", choices=("eigenvector", "spread"), help="default: both, for distances")
     retrieval.add_argument("--protocol", choices=("leave-one-out", "actor-held-out", "split"), help="default: all")
     retrieval.add_argument("--turned", action="store_true", help="first turn and shift every clip by chance")
     retrieval.add_argument("--seed", type=int, default=0, help="of --turned (default %(default)s)")
@@ -254,9 +265,60 @@ def _add_evaluate(programs: Programs[argparse.ArgumentParser]) -> None:
     retrieval.add_argument(
         "--json",
         action="store_true",
-        help="print one JSON object and nothing else (default: distances, leave-one-out)",
+        help="print one JSON object and nothing else (default: distances, eigenvector, leave-one-out)",
     )
     retrieval.set_defaults(run=_run_retrieval)
+    _add_evaluate_stream(kinds)
+
+
+def _add_evaluate_stream(kinds: Programs[argparse.ArgumentParser]) -> None:
+    stream = kinds.add_parser(
+        "stream",
+        help="labelled takes through the live recogniser, causally",
+        description="Replays continuous takes through the very recogniser that runs live, at full speed and without "
+        "sockets, and compares what was published at each moment with what was performed at that moment.",
+    )
+    stream.add_argument("takes", nargs="+", type=Path, metavar="TAKE", help="recordings, or folders of them")
+    stream.add_argument(
+        "--labels",
+        nargs="+",
+        action="extend",
+        type=Path,
+        default=[],
+        metavar="CSV",
+        help="start_s,end_s,label for each take, in order (default: beside the take, ending in .csv)",
+    )
+    stream.add_argument("--library", type=Path, metavar="FILE", help="a motion library (default: the built-in one)")
+    stream.add_argument(
+        "--protocol",
+        choices=("library", "leave-one-take-out"),
+        default="library",
+        help="recognise with the library, or each take with what is cut from the others",
+    )
+    stream.add_argument(
+        "--map", nargs="+", action="extend", type=_mapping, default=[], metavar="LABEL=CLASS", help="rename labels"
+    )
+    _add_settings(stream)
+    stream.add_argument("--timeline", type=Path, metavar="FILE", help="draw what was performed and answered over time")
+    stream.add_argument("--confusion", type=Path, metavar="FILE", help="draw what was answered to what")
+    stream.add_argument("--json", action="store_true", help="print one JSON object and nothing else")
+    stream.set_defaults(run=_run_evaluate_stream)
+
+
+def _run_evaluate_stream(parsed: argparse.Namespace) -> int:
+    from tools import evaluate_stream  # noqa: PLC0415 - as above
+
+    return evaluate_stream.run(
+        parsed.takes,
+        labels=parsed.labels,
+        library=parsed.library,
+        leave_one_out=parsed.protocol == "leave-one-take-out",
+        names=dict(parsed.map),
+        settings=_settings(parsed),
+        timeline=parsed.timeline,
+        confusion_file=parsed.confusion,
+        as_json=parsed.json,
+    )
 
 
 def _run_retrieval(parsed: argparse.Namespace) -> int:
@@ -265,6 +327,7 @@ def _run_retrieval(parsed: argparse.Namespace) -> int:
     return evaluate.run_retrieval(
         parsed.folder,
         space=parsed.space,
+        signature=parsed.signature,
         protocol=parsed.protocol,
         turned_by=parsed.seed if parsed.turned else None,
         picture=parsed.picture,
@@ -290,6 +353,13 @@ def _number(text: str) -> float:
         return float(text)
     except ValueError:
         raise argparse.ArgumentTypeError(f"expected a number, got {text!r}") from None
+
+
+def _mapping(text: str) -> tuple[str, str]:
+    label, equals, class_name = text.partition("=")
+    if not (label and equals and class_name):
+        raise argparse.ArgumentTypeError(f"expected LABEL=CLASS, got {text!r}")
+    return label, class_name
 
 
 def _positive(text: str) -> float:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 import time
 from collections import Counter
+from contextlib import closing
 from dataclasses import dataclass, field
 from io import StringIO
 from typing import TYPE_CHECKING
@@ -85,14 +86,12 @@ def run(transport: Transport, *, seconds: float, picture: Path | None, as_json: 
     with BackgroundService(transport, settings=settings) as service:
         sender, receiver = service.connect()
         show = _Show([_Played(class_name) for class_name in library.classes], matcher, transport)
-        listener = Listener(receiver)
-        sender.announce(Announcement(PERFORMER, library.skeleton.joints))
-        if as_json:
-            _play(cues, sender, listener, show)
-        else:
-            _play_watched(cues, sender, listener, show)
-        sender.close()
-        listener.close()
+        with closing(sender), closing(Listener(receiver)) as listener:
+            sender.announce(Announcement(PERFORMER, library.skeleton.joints))
+            if as_json:
+                _play(cues, sender, listener, show)
+            else:
+                _play_watched(cues, sender, listener, show)
     if as_json:
         print(json.dumps(show.as_json()))
     else:

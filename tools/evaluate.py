@@ -10,7 +10,19 @@ import numpy as np
 from rich.table import Table
 
 from library import find_recordings, read_recordings
-from library.retrieval import Labels, Protocol, Retrieval, Space, compare, motion_axes, retrieve, turned
+from library.retrieval import (
+    Labels,
+    Protocol,
+    Retrieval,
+    SignatureKind,
+    Space,
+    compare,
+    compare_spreads,
+    motion_axes,
+    motion_spreads,
+    retrieve,
+    turned,
+)
 from tools.console import console, progress
 
 if TYPE_CHECKING:
@@ -19,13 +31,14 @@ if TYPE_CHECKING:
 
     from library import Clip
 
-Results = dict[tuple[Space, Protocol], Retrieval]
+Results = dict[tuple[Space, SignatureKind, Protocol], Retrieval]
 
 
 def run_retrieval(
     places: Sequence[Path],
     *,
     space: str | None,
+    signature: str | None,
     protocol: str | None,
     turned_by: int | None,
     picture: Path | None,
@@ -37,7 +50,7 @@ def run_retrieval(
     ----------
     places
         Recordings, or folders of them.
-    space, protocol
+    space, signature, protocol
         One of each, or None for all.
     turned_by
         Seed with which clips are first turned and shifted; None to take them as recorded.
@@ -48,13 +61,21 @@ def run_retrieval(
     """
     if as_json:
         space, protocol = space or Space.DISTANCES, protocol or Protocol.LEAVE_ONE_OUT
+        signature = signature or SignatureKind.EIGENVECTOR
+    if signature == SignatureKind.SPREAD and space not in (None, Space.DISTANCES):
+        raise ValueError(f"--signature spread: expected --space distances with it, got {space}")
     clips = _clips(places, turned_by)
-    spaces = [Space(space)] if space and not picture else list(Space)
-    results = _retrieve(clips, spaces, [Protocol(protocol)] if protocol else list(Protocol))
+    protocols = [Protocol(protocol)] if protocol else list(Protocol)
+    # The picture compares the paper's three spaces, whatever is printed.
+    wanted = [Space(space)] if space and not picture else list(Space)
+    results = _retrieve(clips, wanted, protocols)
     if picture:
         drawn = Protocol(protocol) if protocol else Protocol.LEAVE_ONE_OUT
-        _write_confusions(picture, {each: results[each, drawn] for each in spaces}, drawn)
-    shown = {key: result for key, result in results.items() if space in (None, key[0])}
+        confusions = {each: results[each, SignatureKind.EIGENVECTOR, drawn] for each in Space}
+        _write_confusions(picture, confusions, drawn)
+    if signature != SignatureKind.EIGENVECTOR and space in (None, Space.DISTANCES):
+        results |= _retrieve_by_spread(clips, protocols)
+    shown = {key: result for key, result in results.items() if space in (None, key[0]) and signature in (None, key[1])}
     if as_json:
         ((chosen, result),) = shown.items()
         print(json.dumps(_as_json(*chosen, result)))
@@ -81,13 +102,23 @@ def _retrieve(clips: Sequence[Clip], spaces: Sequence[Space], protocols: Sequenc
     for space in progress(spaces, "Comparing", len(spaces)):
         scores = compare(motion_axes(clips, space))
         for protocol in protocols:
-            results[space, protocol] = retrieve(scores, labels, protocol)
+            results[space, SignatureKind.EIGENVECTOR, protocol] = retrieve(scores, labels, protocol)
     return results
 
 
-def _as_json(space: Space, protocol: Protocol, result: Retrieval) -> dict[str, object]:
+def _retrieve_by_spread(clips: Sequence[Clip], protocols: Sequence[Protocol]) -> Results:
+    labels, spreads = Labels.of_clips(clips), motion_spreads(clips)
+    results: Results = {}
+    for protocol in progress(protocols, "Comparing spreads", len(protocols)):
+        scores = compare_spreads(spreads, labels, protocol)
+        results[Space.DISTANCES, SignatureKind.SPREAD, protocol] = retrieve(scores, labels, protocol)
+    return results
+
+
+def _as_json(space: Space, signature: SignatureKind, protocol: Protocol, result: Retrieval) -> dict[str, object]:
     return {
         "space": space,
+        "signature": signature,
         "protocol": protocol,
         "motions": result.motions,
         "classes": len(result.classes),
@@ -101,13 +132,13 @@ def _print_table(results: Results, turned_by: int | None) -> None:
     if turned_by is not None:
         title += " Every clip turned and shifted by chance."
     table = Table(title=title, title_justify="left")
-    for heading in ("space", "protocol"):
+    for heading in ("space", "signature", "protocol"):
         table.add_column(heading)
     for heading in ("motions", "nearest", "one of two"):
         table.add_column(heading, justify="right")
-    for (space, protocol), result in results.items():
+    for (space, signature, protocol), result in sorted(results.items(), key=lambda each: each[0][0]):
         row = (f"{result.motions}", f"{result.nearest:.1%}", f"{result.two_nearest:.1%}")
-        table.add_row(space, protocol, *row, end_section=protocol == Protocol.SPLIT)
+        table.add_row(space, signature, protocol, *row, end_section=protocol == Protocol.SPLIT)
     console.print(table)
 
 

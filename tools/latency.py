@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import time
+from contextlib import closing
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -114,8 +115,8 @@ def measure(transport: Transport, *, rate_hz: float, seconds: float, settings: S
     cues = _cues(library, rate_hz, seconds)
     expected = expected_answers(cues, library, settings)
     with BackgroundService(transport, settings=settings) as service, BackgroundService(transport, echo=True) as echo:
-        run = _Run(service, echo)
-        run.play(cues, Announcement("latency", library.skeleton.joints), rate_hz)
+        with closing(_Run(service, echo)) as run:
+            run.play(cues, Announcement("latency", library.skeleton.joints), rate_hz)
     matcher = AnswerMatcher(expected)
     answers = [(answer, each.arrival) for each in run.answers if (answer := answer_in(each.packet))]
     pairs = [(matcher.match(answer), arrival) for answer, arrival in answers]
@@ -159,6 +160,9 @@ class _Run:
             self.echo_sent.append(time.perf_counter())
             self._echo_sender.send(echoed)
         self._keep(self._listener.listen_until(time.perf_counter() + _LINGER))
+
+    def close(self) -> None:
+        """Give the sockets back."""
         self._sender.close()
         self._echo_sender.close()
         self._listener.close()

@@ -7,15 +7,20 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 try:
+    from matplotlib import colormaps
     from matplotlib.figure import Figure
 except ImportError as error:
     raise ImportError("pictures need matplotlib: pip install kinespace[pictures]") from error
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
     from pathlib import Path
 
+    from matplotlib.axes import Axes
+    from numpy.typing import NDArray
+
     from library.retrieval import Protocol, Retrieval, Space
+    from tools.streamscore import Course
 
 
 def draw_confusions(path: Path, results: Mapping[Space, Retrieval], protocol: Protocol) -> None:
@@ -51,3 +56,69 @@ def draw_confusions(path: Path, results: Mapping[Space, Retrieval], protocol: Pr
     panels[0].set_ylabel("class performed")
     figure.colorbar(image, ax=panels, shrink=0.7, label="share of the class's motions")
     figure.savefig(path, dpi=110)
+
+
+def draw_time_confusion(path: Path, labels: Sequence[str], answers: Sequence[str], shares: NDArray[np.float64]) -> None:
+    """Draw which share of each performed label's time was answered with what.
+
+    Parameters
+    ----------
+    path
+        The picture.
+    labels, answers
+        What was performed (rows) and published (columns).
+    shares
+        Shape (labels, answers), 0 to 1.
+    """
+    figure = Figure(figsize=(3.5 + 0.45 * len(answers), 3.0 + 0.35 * len(labels)), layout="constrained")
+    panel = figure.subplots()
+    image = panel.imshow(shares, cmap="magma_r", vmin=0, vmax=1, aspect="auto")
+    panel.set_xticks(np.arange(len(answers)), answers, rotation=90)
+    panel.set_yticks(np.arange(len(labels)), labels)
+    panel.set_xlabel("published")
+    panel.set_ylabel("performed")
+    figure.colorbar(image, ax=panel, label="share of the label's time")
+    figure.savefig(path, dpi=110)
+
+
+def draw_timelines(path: Path, courses: Sequence[Course], classes: Sequence[str]) -> None:
+    """Draw each take over time: what was performed above, what was published below it, the raw score under both.
+
+    Parameters
+    ----------
+    path
+        The picture.
+    courses
+        One per take.
+    classes
+        Class names that indices count in; each has a colour, what no class knows is grey.
+    """
+    colours = colormaps["tab20"](np.arange(len(classes)) % 20)
+    figure = Figure(figsize=(13, 2.9 * len(courses)), layout="constrained")
+    panels = figure.subplots(2 * len(courses), 1, squeeze=False, height_ratios=[3, 2] * len(courses))[:, 0]
+    for course, bands, curve in zip(courses, panels[::2], panels[1::2], strict=True):
+        _draw_bands(bands, course, classes, colours)
+        curve.plot(course.times, course.score, color="black", linewidth=0.8)
+        curve.set_ylim(0, 1)
+        curve.set_ylabel("score")
+        for panel in (bands, curve):
+            panel.set_xlim(course.times[0], course.times[-1])
+    panels[-1].set_xlabel("seconds")
+    figure.savefig(path, dpi=110)
+
+
+def _draw_bands(panel: Axes, course: Course, classes: Sequence[str], colours: NDArray[np.float64]) -> None:
+    panel.set_title(course.name, loc="left")
+    panel.set_yticks([2.5, 1.5, 0.5], ["performed", "published", "event"])
+    panel.set_ylim(0, 3)
+    known = dict(zip(classes, colours, strict=True))
+    for segment in course.segments:
+        colour = known.get(segment.label, "lightgrey")
+        panel.broken_barh([(segment.start, segment.duration)], (2.05, 0.9), color=colour)
+        panel.text(segment.start + segment.duration / 2, 2.5, segment.label, ha="center", va="center", fontsize=8)
+    for track, bottom in ((course.published, 1.05), (course.event, 0.05)):
+        edges = np.flatnonzero(np.diff(track)) + 1
+        for first, last in zip([0, *edges], [*edges, len(track)], strict=True):
+            if track[first] >= 0:
+                begin, end = course.times[first], course.times[last - 1]
+                panel.broken_barh([(begin, end - begin)], (bottom, 0.9), color=colours[track[first]])

@@ -26,7 +26,7 @@ class LibraryFileError(ValueError):
     """A file is not a usable motion library; the message names the file and says why."""
 
 
-def write(path: Path, header: Mapping[str, object], arrays: Mapping[str, NDArray[np.float32]]) -> None:
+def write(path: Path, header: Mapping[str, object], arrays: Mapping[str, NDArray[np.floating]]) -> None:
     """Write a library file so that a reader sees the old one or the new one, never a half.
 
     Parameters
@@ -36,7 +36,7 @@ def write(path: Path, header: Mapping[str, object], arrays: Mapping[str, NDArray
     header
         What JSON can hold; format and version are added.
     arrays
-        Any number of them, stored as little-endian float32.
+        Any number of them, stored as little-endian float32, or float16 where they are that.
 
     Raises
     ------
@@ -44,7 +44,10 @@ def write(path: Path, header: Mapping[str, object], arrays: Mapping[str, NDArray
         The folder cannot be written; nothing is left behind.
     """
     encoded = json.dumps({"format": FORMAT, "version": VERSION, **header}, separators=(",", ":")).encode()
-    stored = {name: np.ascontiguousarray(array, dtype="<f4") for name, array in arrays.items()}
+    stored = {
+        name: np.ascontiguousarray(array, dtype="<f2" if array.dtype == np.float16 else "<f4")
+        for name, array in arrays.items()
+    }
     digest = _digest(encoded, stored)
     handle, temporary = tempfile.mkstemp(dir=path.absolute().parent, prefix=f".{path.name}.", suffix=".part")
     try:
@@ -62,7 +65,7 @@ def write(path: Path, header: Mapping[str, object], arrays: Mapping[str, NDArray
         raise
 
 
-def read(path: Path) -> tuple[dict[str, Any], dict[str, NDArray[np.float32]]]:
+def read(path: Path) -> tuple[dict[str, Any], dict[str, NDArray[np.floating]]]:
     """Read a library file.
 
     Returns
@@ -114,7 +117,7 @@ def _checked_header(path: Path, encoded: bytes) -> dict[str, Any]:
     return header
 
 
-def _digest(encoded: bytes, arrays: Mapping[str, NDArray[np.float32]]) -> bytes:
+def _digest(encoded: bytes, arrays: Mapping[str, NDArray[np.floating]]) -> bytes:
     digest = hashlib.sha256(encoded)
     for name in sorted(arrays):
         digest.update(f"{name} {arrays[name].dtype.str} {arrays[name].shape}".encode())

@@ -9,18 +9,20 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from library import libraryfile
+from library import libraryfile, windowtable
 from library.distances import distance_rows
 from library.signature import Moments, Signature, signature_of, similarity
 from library.skeleton import Skeleton, SkeletonMismatchError
+from library.windowtable import WindowTable
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Iterable, Mapping, Sequence
     from pathlib import Path
 
     from numpy.typing import NDArray
 
     from library.clip import Clip
+    from library.windowtable import Comparison
 
 
 _ARRAYS = ("means", "axes", "deviations")
@@ -99,6 +101,8 @@ class MotionLibrary:
         Leading eigenvectors, unit length, shape (motions, pairs), float32.
     deviations
         Standard deviation of each distance, shape (motions, pairs), metres, float32.
+    windows
+        Windows cut from the motions, for live recognition; None in a library that only keeps whole motions.
     licence, attribution
         Under what terms the numbers may be passed on, and whom to name.
 
@@ -113,6 +117,7 @@ class MotionLibrary:
     means: NDArray[np.float32] = field(repr=False)
     axes: NDArray[np.float32] = field(repr=False)
     deviations: NDArray[np.float32] = field(repr=False)
+    windows: WindowTable | None = field(default=None, repr=False)
     licence: str = ""
     attribution: str = ""
     classes: tuple[str, ...] = field(init=False)
@@ -145,8 +150,24 @@ class MotionLibrary:
             object.__setattr__(self, name, getattr(self, name)[order])
 
     @classmethod
-    def of_clips(cls, clips: Iterable[Clip], *, licence: str = "", attribution: str = "") -> MotionLibrary:
+    def of_clips(
+        cls,
+        clips: Iterable[Clip],
+        *,
+        comparison: Comparison | None = None,
+        licence: str = "",
+        attribution: str = "",
+    ) -> MotionLibrary:
         """Build a library from clips; each becomes one motion.
+
+        Parameters
+        ----------
+        clips
+            Of one skeleton.
+        comparison
+            How windows of the motions are measured and compared; without it none are kept.
+        licence, attribution
+            Of the numbers.
 
         Raises
         ------
@@ -157,7 +178,8 @@ class MotionLibrary:
         """
         skeleton: Skeleton | None = None
         motions, signatures = list[Motion](), list[Signature]()
-        for clip in clips:
+        ordered = sorted(clips, key=lambda clip: clip.class_name)
+        for clip in ordered:
             skeleton = skeleton or clip.skeleton
             skeleton.require_same(clip.skeleton)
             if not clip.class_name:
@@ -187,6 +209,7 @@ class MotionLibrary:
             means=np.array([signature.mean for signature in signatures], dtype=np.float32),
             axes=np.array([signature.axis.vector for signature in signatures], dtype=np.float32),
             deviations=np.array([signature.deviation for signature in signatures], dtype=np.float32),
+            windows=WindowTable.of_clips(ordered, comparison) if comparison else None,
             licence=licence,
             attribution=attribution,
         )
@@ -211,9 +234,11 @@ class MotionLibrary:
         header, arrays = libraryfile.read(path)
         try:
             skeleton = header["skeleton"]
+            motions = tuple(Motion(**motion) for motion in header["motions"])
             return cls(
                 skeleton=Skeleton(tuple(skeleton["joints"]), tuple(skeleton["parents"]), skeleton["with_segments"]),
-                motions=tuple(Motion(**motion) for motion in header["motions"]),
+                motions=motions,
+                windows=_restored_windows(header.get("windows"), arrays, motions),
                 licence=header["licence"],
                 attribution=header["attribution"],
                 **{name: arrays[name] for name in _ARRAYS},
@@ -234,7 +259,11 @@ class MotionLibrary:
             "licence": self.licence,
             "attribution": self.attribution,
         }
-        libraryfile.write(path, header, {name: getattr(self, name) for name in _ARRAYS})
+        arrays = {name: getattr(self, name) for name in _ARRAYS}
+        if self.windows:
+            header["windows"] = windowtable.described(self.windows)
+            arrays |= windowtable.arrays_of(self.windows)
+        libraryfile.write(path, header, arrays)
 
     def __len__(self) -> int:
         return len(self.motions)
@@ -271,6 +300,9 @@ class MotionLibrary:
         ------
         SkeletonMismatchError
             The skeletons differ.
+        ValueError
+            One keeps windows and the other does not, or they are measured differently: both must then be built anew
+            from their recordings.
         """
         self.skeleton.require_same(other.skeleton)
         known = {(motion, axis.tobytes()) for motion, axis in zip(self.motions, self.axes, strict=True)}
@@ -285,9 +317,31 @@ class MotionLibrary:
             means=np.concatenate([self.means, other.means[new]]),
             axes=np.concatenate([self.axes, other.axes[new]]),
             deviations=np.concatenate([self.deviations, other.deviations[new]]),
+            windows=self._merged_windows(other, new),
             licence=_joined(self.licence, other.licence),
             attribution=_joined(self.attribution, other.attribution),
         )
+
+    def _merged_windows(self, other: MotionLibrary, new: Sequence[int]) -> WindowTable | None:
+        if self.windows is None and other.windows is None:
+            return None
+        if self.windows is None or other.windows is None:
+            raise ValueError(
+                "windows: expected them in both libraries or in neither; build one anew from its recordings"
+            )
+        names = [motion.class_name for motion in (*self.motions, *(other.motions[index] for index in new))]
+        order = np.argsort(names, kind="stable")
+        _, classes = np.unique(np.array(names)[order], return_inverse=True)
+        return self.windows.merged_with(other.windows, new, np.argsort(order), classes)
+
+
+def _restored_windows(
+    header: object, arrays: Mapping[str, NDArray[np.floating]], motions: Sequence[Motion]
+) -> WindowTable | None:
+    if not isinstance(header, dict):
+        return None
+    _, classes = np.unique([motion.class_name for motion in motions], return_inverse=True)
+    return windowtable.restored(header, arrays, classes, np.array([motion.actor for motion in motions]))
 
 
 def _joined(first: str, second: str) -> str:

@@ -3,6 +3,6 @@
 from stream.frame import Announcement, Frame
 from stream.performers import Performers
 from stream.recognition import Outcome, Recognition
-from stream.recognizer import Recognizer, Settings
+from stream.recognizer import LiveSignature, Recognizer, Settings
 
-__all__ = ["Announcement", "Frame", "Outcome", "Performers", "Recognition", "Recognizer", "Settings"]
+__all__ = ["Announcement", "Frame", "LiveSignature", "Outcome", "Performers", "Recognition", "Recognizer", "Settings"]

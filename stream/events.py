@@ -1,19 +1,30 @@
-"""From a moment's guess to events: a motion starts, a motion ends, once each, without flicker.
+"""From the moment's guess to events: a motion starts, a motion ends, once each, without flicker.
 
-The moment's guess changes with every doubtful window, above all at a change of motion. An event waits until one class
-has been named for most of the last moments, and lasts until another, or none, has.
+The guess changes with every doubtful window, above all at a change of motion. An event waits until one class has led
+without a break for long enough: its lead, in the logarithm of the distance, is added up hop by hop, so that a clear
+lead is believed soon and a doubtful one late. Having no class to name, for stillness or an unknown movement, adds up
+likewise, at a steady pace.
 """
 
 from __future__ import annotations
 
 import math
-from collections import deque
 from dataclasses import dataclass
 from enum import StrEnum
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 if TYPE_CHECKING:
     from stream.recognition import Recognition
+
+#: Added to distances before the logarithm: how near two windows are once they are alike is no matter here.
+_ALIKE = 0.3
+#: Seconds of no class to name after which a motion has ended.
+_ENDED_AFTER = 0.4
+#: Longest time between two recognitions that counts, seconds: who was away has not led meanwhile.
+_LONGEST_HOP = 0.1
+_PER_SECOND = 30.0
 
 
 class EventKind(StrEnum):
@@ -36,7 +47,7 @@ class Event:
     label, index
         Class name and index.
     score
-        Of the recognition at which it was decided.
+        Of that class when it was decided.
     time
         When it was decided, seconds, on the clock of the frames.
     """
@@ -54,26 +65,23 @@ class EventDetector:
 
     Parameters
     ----------
-    dwell
-        Seconds a class must prevail to start, and be missed to end.
-    prevailing
-        Share of the recognitions of those seconds that must agree, above a half.
+    lead
+        Lead in log distance, times thirtieths of a second, that a class must gather. More is later and surer.
 
     Raises
     ------
     ValueError
-        The dwell is negative or not finite, or the share not above a half and at most 1.
+        The lead is negative or not finite.
     """
 
-    def __init__(self, dwell: float = 0.3, prevailing: float = 0.7) -> None:
-        if not (math.isfinite(dwell) and dwell >= 0):
-            raise ValueError(f"dwell: expected seconds, not below 0, got {dwell}")
-        if not 0.5 < prevailing <= 1:
-            raise ValueError(f"prevailing: expected a share above 0.5, at most 1, got {prevailing}")
-        self._dwell = dwell
-        self._prevailing = prevailing
-        self._recent = deque[tuple[float, int]]()
+    def __init__(self, lead: float = 3.0) -> None:
+        if not (math.isfinite(lead) and lead >= 0):
+            raise ValueError(f"lead: expected a number not below 0, got {lead}")
+        self._needed = lead
         self._active: Event | None = None
+        self._leader = -1
+        self._lead = 0.0
+        self._last = math.nan
 
     @property
     def active(self) -> Event | None:
@@ -81,39 +89,43 @@ class EventDetector:
         return self._active
 
     def push(self, recognition: Recognition) -> tuple[Event, ...]:
-        """Take in the next recognition and say what it made happen: nothing, an end, a start, or an end and a start."""
-        now, named = recognition.time, recognition.class_index
-        if self._recent and not now - self._recent[-1][0] >= 0:
-            self._recent.clear()
-        self._recent.append((now, named))
-        while len(self._recent) > 1 and self._recent[1][0] <= now - self._dwell:
-            self._recent.popleft()
+        """Take in the next recognition; give what it made happen: nothing, an end, a start, or an end and a start."""
+        elapsed = recognition.time - self._last
+        self._last = recognition.time
+        if not 0 <= elapsed <= _LONGEST_HOP:
+            elapsed = _LONGEST_HOP if elapsed > 0 else 0.0
+        leader = recognition.class_index
+        if leader != self._leader:
+            self._leader, self._lead = leader, 0.0
+        self._lead += self._gained(recognition) * elapsed
         current = self._active.index if self._active else -1
-        if named == current or now - self._recent[0][0] < self._dwell or not self._prevails(named):
-            return ()
-        return self._changed(recognition)
+        return self._changed(recognition) if leader != current and self._lead >= self._needed else ()
 
-    def _prevails(self, index: int) -> bool:
-        agreeing = sum(recent == index for _, recent in self._recent)
-        return agreeing >= self._prevailing * len(self._recent)
+    def _gained(self, recognition: Recognition) -> float:
+        """Say how much lead a second like this one gathers."""
+        if recognition.class_index < 0:
+            return self._needed / _ENDED_AFTER
+        distances = np.log(1 / np.maximum(recognition.scores, 1e-9) - 1 + _ALIKE)
+        others = np.delete(distances, recognition.class_index)
+        if not len(others):
+            return math.inf
+        return _PER_SECOND * max(float(others.min() - distances[recognition.class_index]), 0.0)
 
     def _changed(self, recognition: Recognition) -> tuple[Event, ...]:
-        ended = self._ended(recognition)
+        events = [self._event(EventKind.END, recognition, self._active.index)] if self._active else []
         self._active = None
-        if recognition.class_name is not None:
-            self._active = Event(
-                performer=recognition.performer,
-                kind=EventKind.START,
-                label=recognition.class_name,
-                index=recognition.class_index,
-                score=recognition.score,
-                time=recognition.time,
-            )
-        return (*ended, self._active) if self._active else ended
+        if recognition.class_index >= 0:
+            self._active = self._event(EventKind.START, recognition, recognition.class_index)
+            events.append(self._active)
+        return tuple(events)
 
-    def _ended(self, recognition: Recognition) -> tuple[Event, ...]:
-        if self._active is None:
-            return ()
-        begun = self._active
-        score = float(recognition.scores[begun.index])
-        return (Event(begun.performer, EventKind.END, begun.label, begun.index, score, recognition.time),)
+    @staticmethod
+    def _event(kind: EventKind, recognition: Recognition, index: int) -> Event:
+        return Event(
+            performer=recognition.performer,
+            kind=kind,
+            label=recognition.classes[index],
+            index=index,
+            score=float(recognition.scores[index]),
+            time=recognition.time,
+        )

@@ -171,7 +171,7 @@ def encode_recognition(recognition: Recognition) -> bytes:
     """
     performer = address_part(recognition.performer)
     messages = [
-        ("class", recognition.class_index, recognition.score, recognition.margin),
+        ("class", recognition.guess_index, recognition.score, recognition.margin),
         ("label", recognition.label),
         ("scores", *recognition.scores.tolist()),
     ]

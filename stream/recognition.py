@@ -18,6 +18,8 @@ class Outcome(StrEnum):
     NAMED = "named"
     #: Nothing moves more than the body's size allows for: there is no axis to compare.
     STILL = "still"
+    #: The nearest class is not near enough: the movement is probably none of the library's.
+    UNKNOWN = "unknown"
     #: The two leading eigenvalues are as good as equal: the axis is any direction between two.
     AMBIGUOUS = "ambiguous"
 
@@ -37,16 +39,20 @@ class Recognition:
     classes
         The library's class names, sorted; an index into them is an index into `scores`.
     scores
-        Score of each class, 0 to 1, shape (classes,): the best absolute inner product with one of its motions.
-        Raw, not normalised: an unknown movement scores low everywhere. Given even when the outcome is none.
+        Score of each class, 0 to 1, shape (classes,), by its nearest motion or window: the absolute inner product of
+        leading eigenvectors, or 1 / (1 + d²) of the distance between windows. Raw, not normalised: an unknown
+        movement scores low everywhere. Given even when the outcome is none.
+    best
+        Index of the class that is the best guess, whatever the outcome. Usually the one with the highest score; at a
+        change of motion the one before, until the new one has led for long enough.
     movement
         Root mean square deviation of a distance in the window, relative to the body's size.
     share
-        Share of the window's variance along its leading eigenvector.
+        Share of the window's variance along its leading eigenvector; None where that was not asked for.
     gap
-        (λ₁ − λ₂) / λ₁ of the window's two leading eigenvalues.
+        (λ₁ − λ₂) / λ₁ of the window's two leading eigenvalues; None likewise.
     residual
-        ‖Cv − λv‖ / λ of the leading eigenvector; at most 1e-6.
+        ‖Cv − λv‖ / λ of the leading eigenvector, at most 1e-6; None likewise.
     """
 
     performer: str
@@ -54,15 +60,11 @@ class Recognition:
     outcome: Outcome
     classes: tuple[str, ...] = field(repr=False)
     scores: NDArray[np.floating] = field(repr=False)
+    best: int
     movement: float
-    share: float
-    gap: float
-    residual: float
-
-    @property
-    def best(self) -> int:
-        """Index of the class with the highest score, whatever the outcome."""
-        return int(np.argmax(self.scores))
+    share: float | None = None
+    gap: float | None = None
+    residual: float | None = None
 
     @property
     def class_index(self) -> int:
@@ -80,18 +82,29 @@ class Recognition:
         return self.class_name or str(self.outcome)
 
     @property
+    def guess_index(self) -> int:
+        """Index of the best guess, also of one held back as unknown; -1 where there is nothing to guess from."""
+        return self.best if self.outcome in (Outcome.NAMED, Outcome.UNKNOWN) else -1
+
+    @property
     def score(self) -> float:
-        """The highest class score."""
+        """Score of the best guess."""
         return float(self.scores[self.best])
 
     @property
     def runner_up(self) -> str | None:
-        """The class with the second highest score; None in a library of one class."""
-        # Stable, as argmax is: among equals the first is the best, the next the runner-up.
-        return self.classes[int(np.argsort(-self.scores, kind="stable")[1])] if len(self.scores) > 1 else None
+        """The class with the highest score but the best guess's; None in a library of one class."""
+        others = np.delete(self.scores, self.best)
+        if not len(others):
+            return None
+        runner_up = int(others.argmax())
+        return self.classes[runner_up + (runner_up >= self.best)]
 
     @property
     def margin(self) -> float:
-        """How far the highest score is above the second; the score itself in a library of one class."""
-        top = np.sort(self.scores)
-        return float(top[-1] - top[-2]) if len(top) > 1 else float(top[-1])
+        """How far the best guess's score is above the runner-up's; the score itself in a library of one class.
+
+        Below zero while a guess is held at a change of motion.
+        """
+        others = np.delete(self.scores, self.best)
+        return self.score - float(others.max()) if len(others) else self.score

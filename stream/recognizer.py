@@ -1,28 +1,34 @@
 """The recogniser of one performer: frames go in with their time, recognitions come out.
 
-No socket, clock, thread or print in here. A frame's way: distance row, into the window, out of the window, covariance;
-at a hop: leading eigenvector, match, recognition.
+No socket, clock, thread or print in here. It sorts out frames that come late, starts anew after gaps, and keeps the
+hops; what is made of the windows is the matcher's: the paper's leading eigenvector, or several measures at once.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from enum import StrEnum
 from typing import TYPE_CHECKING
 
 from library.distances import distance_rows
-from library.signature import Signature, signature_of
-from stream.covariance import RollingCovariance
-from stream.recognition import Outcome, Recognition
-from stream.window import FASTEST_FEED, SlidingWindow
+from stream.eigenmatcher import EigenvectorMatcher
+from stream.recognition import Recognition
+from stream.windowmatcher import WindowMatcher
 
 if TYPE_CHECKING:
-    from library.eigen import LeadingAxis
     from library.motionlibrary import MotionLibrary
     from stream.frame import Frame
+    from stream.matcher import Matcher
 
-#: Frames taken into the covariance at once when hops are further apart.
-_BATCH = 16
+
+class LiveSignature(StrEnum):
+    """By what a live window is compared with the library."""
+
+    #: Spread, shape and posture of several windows, by the nearest windows of the library's motions.
+    WINDOWS = "windows"
+    #: The paper's: the leading eigenvector of one window, by inner products with those of whole motions.
+    EIGENVECTOR = "eigenvector"
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,9 +37,15 @@ class Settings:
 
     Attributes
     ----------
+    signature
+        By what windows are compared; by default WINDOWS where the library keeps them, else EIGENVECTOR.
     window
-        Length of the sliding window, seconds. It ends with the newest frame: an answer speaks of the last `window`
-        seconds, and the first one comes when the feed has been followed for that long.
+        Length of the eigenvector's sliding window, seconds. It ends with the newest frame: an answer speaks of the
+        last `window` seconds, and the first one comes when the feed has been followed for that long. WINDOWS has
+        lengths of its own, from an eighth of a second to two.
+    sensitivity
+        Share of motions the library does not know that may be answered with a class, as far as its own classes, each
+        left out in turn, can tell. More answers more, of known and of unknown motions. WINDOWS only.
     hop
         Seconds between answers; 0 answers every frame.
     longest_gap
@@ -53,7 +65,9 @@ class Settings:
         A value is not finite, window or longest_gap not positive, another negative.
     """
 
+    signature: LiveSignature | None = None
     window: float = 1.0
+    sensitivity: float = 0.1
     hop: float = 1 / 30
     longest_gap: float = 0.5
     stillness: float = 0.01
@@ -65,7 +79,7 @@ class Settings:
             value = getattr(self, name)
             if not (math.isfinite(value) and value > 0):
                 raise ValueError(f"{name}: expected a positive number of seconds, got {value}")
-        for name in ("hop", "stillness", "smallest_gap", "patience"):
+        for name in ("sensitivity", "hop", "stillness", "smallest_gap", "patience"):
             value = getattr(self, name)
             if not (math.isfinite(value) and value >= 0):
                 raise ValueError(f"{name}: expected a number not below 0, got {value}")
@@ -102,19 +116,14 @@ class Recognizer:
         self.library = library
         self.settings = settings or Settings()
         self.counts = RecognizerCounts()
-        width = len(library.skeleton.pairs)
-        self._window = SlidingWindow(self.settings.window, width, FASTEST_FEED)
-        self._covariance = RollingCovariance(width)
-        self._axis: LeadingAxis | None = None
+        self._matcher = _matcher(library, self.settings)
         self._newest = -math.inf
         self._due = -math.inf
         self._late_in_a_row = 0
 
     def reset(self) -> None:
         """Forget the window, as when the feed begins; the counts stay."""
-        self._window.clear()
-        self._covariance.clear()
-        self._axis = None
+        self._matcher.clear()
         self._newest = self._due = -math.inf
         self._late_in_a_row = 0
 
@@ -139,13 +148,10 @@ class Recognizer:
         row = distance_rows(frame.positions, self.library.skeleton)
         if not self._in_time(frame.time):
             return None
-        self._window.push(frame.time, row)
+        self._matcher.push(frame.time, row)
         self._newest = frame.time
         self.counts.frames += 1
-        due = self._window.full and self._is_due(frame.time)
-        if due or self._window.pending >= _BATCH:
-            self._covariance.update(*self._window.take_change(), self._window.rows)
-        return self._recognize(frame) if due else None
+        return self._recognize(frame) if self._matcher.ready and self._is_due(frame.time) else None
 
     def _in_time(self, time: float) -> bool:
         """Sort out frames that come late; start anew after a gap or when the sender's clock began again."""
@@ -175,25 +181,37 @@ class Recognizer:
         return True
 
     def _recognize(self, frame: Frame) -> Recognition:
-        signature = signature_of(self._covariance.moments(), self._axis)
-        axis = self._axis = signature.axis
+        reading = self._matcher.read()
+        axis = reading.axis
         self.counts.hops += 1
-        self.counts.exact += axis.exact
+        self.counts.exact += bool(axis and axis.exact)
         return Recognition(
             performer=frame.performer,
             time=frame.time,
-            outcome=self._outcome(signature),
+            outcome=reading.outcome,
             classes=self.library.classes,
-            scores=self.library.match(signature).class_scores,
-            movement=signature.movement,
-            share=axis.share,
-            gap=axis.gap,
-            residual=axis.residual,
+            scores=reading.scores,
+            best=reading.best,
+            movement=reading.movement,
+            share=axis.share if axis else None,
+            gap=axis.gap if axis else None,
+            residual=axis.residual if axis else None,
         )
 
-    def _outcome(self, signature: Signature) -> Outcome:
-        if signature.movement < self.settings.stillness:
-            return Outcome.STILL
-        if signature.axis.gap < self.settings.smallest_gap:
-            return Outcome.AMBIGUOUS
-        return Outcome.NAMED
+
+def _matcher(library: MotionLibrary, settings: Settings) -> Matcher:
+    if settings.signature is LiveSignature.WINDOWS and library.windows is None:
+        raise ValueError("signature: expected a library with windows for it, got one of whole motions only")
+    if library.windows is None or settings.signature is LiveSignature.EIGENVECTOR:
+        return EigenvectorMatcher(
+            library,
+            window=settings.window,
+            stillness=settings.stillness,
+            smallest_gap=settings.smallest_gap,
+        )
+    return WindowMatcher(
+        library.skeleton,
+        library.windows,
+        stillness=settings.stillness,
+        sensitivity=settings.sensitivity,
+    )

@@ -137,7 +137,7 @@ def encode_recognition(recognition: Recognition) -> list[bytes]:
         "performer": recognition.performer,
         "t": recognition.time,
         "class": recognition.class_name,
-        "index": recognition.class_index,
+        "index": recognition.guess_index,
         "outcome": recognition.outcome,
         "score": recognition.score,
         "runner_up": recognition.runner_up,

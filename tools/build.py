@@ -8,11 +8,15 @@ from typing import TYPE_CHECKING
 
 from library import Clip, MotionLibrary, find_recordings, hdm05, read_recordings
 from library.labels import cut, read_labels
+from library.windowtable import Comparison
 from tools.console import console, progress
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
     from pathlib import Path
+
+#: People from whom it can be learned what differs between people doing the same.
+_TEACHERS = 3
 
 
 def run(
@@ -51,8 +55,10 @@ def run(
         recordings = read_recordings(paths, asf=asf, frame_rate=frame_rate)
         clips = progress(recordings, "Reading", len(paths))
         clips = _cut(clips, paths, labels) if labels else _named(clips, paths)
+        known = list(clips)
         library = MotionLibrary.of_clips(
-            clips,
+            known,
+            comparison=_comparison(known),
             licence=licence or (hdm05.LICENCE if from_hdm05 else ""),
             attribution=attribution or (hdm05.ATTRIBUTION if from_hdm05 else ""),
         )
@@ -64,6 +70,18 @@ def run(
         soft_wrap=True,
     )
     return 0
+
+
+def _comparison(clips: Sequence[Clip]) -> Comparison | None:
+    """Choose how windows are compared: as several people's clips teach, else as the built-in library does.
+
+    A skeleton of other joints than the built-in library's, performed by too few, leaves whole motions only.
+    """
+    if len({clip.actor for clip in clips if clip.actor}) >= _TEACHERS:
+        return Comparison.learned(clips)
+    builtin = MotionLibrary.builtin()
+    same = clips[0].skeleton.joints == builtin.skeleton.joints
+    return builtin.windows.comparison if same and builtin.windows else None
 
 
 def _named(clips: Iterator[Clip], paths: Sequence[Path]) -> Iterator[Clip]:

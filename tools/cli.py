@@ -8,7 +8,7 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from stream.recognizer import Settings
+from stream.recognizer import LiveSignature, Settings
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -337,7 +337,22 @@ def _run_retrieval(parsed: argparse.Namespace) -> int:
 
 def _add_settings(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
-        "--window", type=_positive, default=_DEFAULTS.window, help="seconds an answer looks back (default %(default)s)"
+        "--signature",
+        choices=("windows", "eigenvector"),
+        help="compare several measures of several windows, or as the paper does (default: windows, where the library "
+        "keeps them)",
+    )
+    parser.add_argument(
+        "--sensitivity",
+        type=_share,
+        default=_DEFAULTS.sensitivity,
+        help="share of unknown motions that may be answered, as the library can tell (default %(default)s)",
+    )
+    parser.add_argument(
+        "--window",
+        type=_positive,
+        default=_DEFAULTS.window,
+        help="seconds the eigenvector looks back (default %(default)s)",
     )
     parser.add_argument(
         "--hop", type=_not_negative, default=_DEFAULTS.hop, help="seconds between answers (default 1/30)"
@@ -345,7 +360,8 @@ def _add_settings(parser: argparse.ArgumentParser) -> None:
 
 
 def _settings(parsed: argparse.Namespace) -> Settings:
-    return Settings(window=parsed.window, hop=parsed.hop)
+    signature = LiveSignature(parsed.signature) if parsed.signature else None
+    return Settings(signature=signature, window=parsed.window, hop=parsed.hop, sensitivity=parsed.sensitivity)
 
 
 def _number(text: str) -> float:

@@ -23,6 +23,9 @@ if TYPE_CHECKING:
 
     from library import Clip
 
+#: Seconds that must lie in a segment for a moment to count as inside it, whatever the recogniser looks at.
+_INSIDE = 1.0
+
 LabelledTake = tuple["Clip", tuple[Segment, ...]]
 
 
@@ -70,7 +73,7 @@ def run(
         replay(take, segments, library=each, classes=classes, settings=settings)
         for (take, segments), each in progress(pairs, "Replaying", len(pairs))
     ]
-    score = score_courses(courses, classes, settings.window)
+    score = score_courses(courses, classes, _INSIDE)
     if timeline or confusion_file:
         _draw(courses, classes, timeline, confusion_file)
     if as_json:
@@ -125,7 +128,12 @@ def _library_of_others(takes: Sequence[LabelledTake], held_out: int) -> MotionLi
     others = [each for index, each in enumerate(takes) if index != held_out]
     if not others:
         raise ValueError("--protocol leave-one-take-out: expected at least two takes, got one")
-    return MotionLibrary.of_clips(clip for take, segments in others for clip in cut(take, segments))
+    builtin = MotionLibrary.builtin()
+    same = takes[0][0].skeleton.joints == builtin.skeleton.joints
+    return MotionLibrary.of_clips(
+        (clip for take, segments in others for clip in cut(take, segments)),
+        comparison=builtin.windows.comparison if same and builtin.windows else None,
+    )
 
 
 def _draw(
@@ -148,7 +156,7 @@ def _print(score: StreamScore) -> None:
     console.print(table)
     classes = Table(title="By class", title_justify="left")
     classes.add_column("class", overflow="fold")
-    for heading in ("seconds", "right", "right, window inside"):
+    for heading in ("seconds", "right", "right, last second inside"):
         classes.add_column(heading, justify="right")
     for name, each in score.classes.items():
         classes.add_row(name, f"{each.seconds:.1f}", f"{each.right:.1%}", f"{each.right_inside:.1%}")
@@ -157,15 +165,15 @@ def _print(score: StreamScore) -> None:
 
 def _figures(score: StreamScore) -> dict[str, str]:
     return {
-        "time of known classes answered right": _percent(score.frame_accuracy),
-        "the same, window wholly inside the segment": _percent(score.segment_accuracy),
-        "the same as the first, held-back guesses counted": _percent(score.guess_accuracy),
+        "known motions: share of their time guessed right": _percent(score.frame_accuracy),
+        "the same, last second wholly inside the segment": _percent(score.segment_accuracy),
+        "known motions: share named at all, last second inside": _percent(score.known_answered),
         "segments found": _percent(score.segments_found),
-        "delay of the first lasting right answer, median": _seconds(score.median_delay_s),
+        "delay of the first lasting right guess, median": _seconds(score.median_delay_s),
         "the same, 90 %": _seconds(score.p90_delay_s),
         "delay of the start event, median": _seconds(score.median_event_delay_s),
-        "unknown motions: share of their time answered": _percent(score.unknown_answered),
-        "unknown motions: answers begun per minute": _plain(score.false_per_minute),
+        "unknown motions: share of their time named": _percent(score.unknown_answered),
+        "unknown motions: names begun per minute": _plain(score.false_per_minute),
         "unknown motions: ROC area of the raw score": _plain(score.auc_unknown),
         "changes of the motion going on, per minute": _plain(score.changes_per_minute),
         "the same, by the labels": _plain(score.true_changes_per_minute),

@@ -47,9 +47,9 @@ class Course:
     segment
         Index of the segment, -1 outside all.
     guess
-        Index of the class last published as the moment's best guess, whatever the outcome; NONE before the first.
+        Index of the moment's best guess last published, named or not; NONE before the first and where still.
     published
-        Index of the class last published, NONE for none.
+        Index of the class last named, NONE for none.
     event
         Index of the class whose event is going on, NONE for none.
     score
@@ -97,7 +97,7 @@ def course_of(
     known = np.array([places.get(each.label, NONE) for each in segments])
     last = np.searchsorted([each.time for each in recognitions], times, side="right") - 1
     going_on = [places[each.label] if each.kind is EventKind.START else NONE for each in events]
-    guesses = [places[each.classes[each.best]] for each in recognitions]
+    guesses = [places[each.classes[each.best]] if each.guess_index >= 0 else NONE for each in recognitions]
     published = [NONE if each.class_name is None else places[each.class_name] for each in recognitions]
     last_event = np.searchsorted([each.time for each in events], times, side="right") - 1
     return Course(
@@ -121,7 +121,7 @@ def _held(values: Sequence[float], last: NDArray[np.intp], before: float) -> NDA
 
 @dataclass(frozen=True, slots=True)
 class ClassScore:
-    """How one class fared: seconds performed, share of them answered right, and of those with the window inside."""
+    """How one class fared: seconds performed, share of them guessed right, and of those with the last second inside."""
 
     seconds: float
     right: float
@@ -135,21 +135,21 @@ class StreamScore:
     Attributes
     ----------
     frame_accuracy
-        Of the labelled time of known classes, the share in which the class published was the one performed.
+        Of the labelled time of known classes, the share in which the moment's best guess was the class performed.
     segment_accuracy
-        The same where the window lies wholly inside the segment.
-    guess_accuracy
-        As `frame_accuracy`, for the best guess whether it was published or held back as unknown.
+        The same where the last second lies wholly inside the segment.
+    known_answered
+        Share of that time, last second inside, in which a class was named, not held back as unknown or still.
     segments_found
-        Share of the known segments with a lasting right answer.
+        Share of the known segments with a lasting right guess.
     median_delay_s, p90_delay_s
-        Seconds from a found segment's start to its first lasting right answer.
+        Seconds from a found segment's start to its first lasting right guess.
     median_event_delay_s
         Seconds from a segment's start to the start event of its class, of those that have one.
     false_per_minute
         Class answers begun during motions the library does not know, per minute of those.
     unknown_answered
-        Share of the time of such motions in which a class was published.
+        Share of the time of such motions in which a class was named.
     changes_per_minute, true_changes_per_minute
         How often the motion going on changed, by the events and by the labels.
     auc_unknown
@@ -160,7 +160,7 @@ class StreamScore:
 
     frame_accuracy: float | None
     segment_accuracy: float | None
-    guess_accuracy: float | None
+    known_answered: float | None
     segments_found: float | None
     median_delay_s: float | None
     p90_delay_s: float | None
@@ -183,7 +183,7 @@ def score_courses(courses: Sequence[Course], classes: Sequence[str], window: flo
     classes
         The library's class names.
     window
-        Seconds an answer looks back.
+        Seconds that "inside" looks back.
     """
     truth = np.concatenate([each.truth for each in courses])
     published = np.concatenate([each.published for each in courses])
@@ -196,9 +196,9 @@ def score_courses(courses: Sequence[Course], classes: Sequence[str], window: flo
     event_delays = _event_delays(courses)
     minutes = sum(_seconds(each) for each in courses) / 60
     return StreamScore(
-        frame_accuracy=_share(published == truth, known),
-        segment_accuracy=_share(published == truth, known & inside),
-        guess_accuracy=_share(guess == truth, known),
+        frame_accuracy=_share(guess == truth, known),
+        segment_accuracy=_share(guess == truth, known & inside),
+        known_answered=_share(published != NONE, known & inside),
         segments_found=len(delays) / sought if sought else None,
         median_delay_s=_percentile(delays, 50),
         p90_delay_s=_percentile(delays, 90),
@@ -208,7 +208,7 @@ def score_courses(courses: Sequence[Course], classes: Sequence[str], window: flo
         changes_per_minute=sum(_changes(each.event) for each in courses) / minutes,
         true_changes_per_minute=sum(_changes(each.truth) for each in courses) / minutes,
         auc_unknown=_roc_area(scores[known & inside], scores[unknown & inside]),
-        classes=_by_class(courses, classes, truth, published, inside),
+        classes=_by_class(courses, classes, truth, guess, inside),
     )
 
 
@@ -243,7 +243,7 @@ def _delays(courses: Sequence[Course]) -> tuple[list[float], int]:
             if not frames.size or course.truth[frames[0]] == NONE:
                 continue
             sought += 1
-            right = course.published[frames] == course.truth[frames]
+            right = course.guess[frames] == course.truth[frames]
             first = _first_lasting(right, course.times[frames])
             if first is not None:
                 delays.append(float(course.times[frames[first]] - segment.start))
@@ -285,7 +285,7 @@ def _by_class(
     courses: Sequence[Course],
     classes: Sequence[str],
     truth: NDArray[np.intp],
-    published: NDArray[np.intp],
+    guess: NDArray[np.intp],
     inside: NDArray[np.bool_],
 ) -> dict[str, ClassScore]:
     frame = sum(_seconds(each) for each in courses) / max(len(truth), 1)
@@ -293,7 +293,7 @@ def _by_class(
     for index, class_name in enumerate(classes):
         performed = truth == index
         if performed.any():
-            right = published == index
+            right = guess == index
             scores[class_name] = ClassScore(
                 seconds=float(performed.sum()) * frame,
                 right=_share(right, performed) or 0.0,

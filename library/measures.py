@@ -1,0 +1,201 @@
+"""What is measured of a window besides its leading eigenvector, all from its mean and covariance.
+
+Three kinds of numbers, each compared by inner products:
+
+- spread: how far each distance swings (the covariance's diagonal), in logarithms relative to the body's size;
+- shape: in which directions the distances swing together. The covariance is taken in a fixed basis of some 24
+  directions, divided by its trace, and its square root written as a vector. The inner product of two such vectors is
+  Σ √(λᵢ μⱼ) (uᵢ · vⱼ)²: a subspace comparison weighted by the eigenvalues, without signs or near-equal eigenvalues to
+  trouble it (for the weights see Li and Prabhakaran, Information Sciences 2007);
+- posture: where the joints are on average, each distance relative to the length of the segments between its joints, so
+  that proportions drop out.
+
+Spread and shape carry over from one person to another; posture tells the motions of one person apart at once, before
+anything has had time to swing, but is as much the person's as the motion's.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from enum import StrEnum
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from library.skeleton import Skeleton
+
+#: Added to each standard deviation, relative to the body's size, before the logarithm: a marker's noise.
+SPREAD_FLOOR = 1 / 60
+#: How much of the mean logarithm is taken out. All of it would make a large motion and a small one the same.
+LEVEL_REMOVED = 0.5
+#: Directions in which shapes are measured.
+BASIS_SIZE = 24
+#: A pair whose variance is below this share of the mean pair's is rigid: what it shows is noise.
+_RIGID = 1e-3
+#: Frames below which a window has no covariance worth measuring.
+FEWEST_FRAMES = 8
+
+
+class Kind(StrEnum):
+    """Which numbers are taken from a window."""
+
+    SPREAD = "spread"
+    SHAPE = "shape"
+    POSTURE = "posture"
+
+
+@dataclass(frozen=True, slots=True)
+class Measure:
+    """Numbers of one kind, of a window of so many seconds."""
+
+    kind: Kind
+    seconds: float
+
+    @property
+    def name(self) -> str:
+        """A name for files: kind and milliseconds."""
+        return f"{self.kind}{round(self.seconds * 1000)}"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Body:
+    """What measures need to know of a skeleton.
+
+    Attributes
+    ----------
+    segments
+        Index of each segment (joint and parent) among the pairs, shape (segments,).
+    paths
+        Which segments lie between the joints of each pair, shape (pairs, segments), 0 or 1.
+
+    Raises
+    ------
+    ValueError
+        The skeleton's parents are not known, or it leaves its segments out.
+    """
+
+    segments: NDArray[np.intp] = field(repr=False)
+    paths: NDArray[np.float64] = field(repr=False)
+
+    @classmethod
+    def of(cls, skeleton: Skeleton) -> Body:
+        """Work out segments and paths; every joint must hang together with every other."""
+        if not skeleton.parents or not skeleton.with_segments:
+            raise ValueError("skeleton: expected parents and segments among the pairs, got none")
+        places = {(int(a), int(b)): index for index, (a, b) in enumerate(skeleton.pairs)}
+        children = [joint for joint, parent in enumerate(skeleton.parents) if parent >= 0]
+        segments = [places[min(j, skeleton.parents[j]), max(j, skeleton.parents[j])] for j in children]
+        above = np.zeros((len(skeleton.joints), len(children)), dtype=bool)
+        for joint in range(len(skeleton.joints)):
+            step = joint
+            while skeleton.parents[step] >= 0:
+                above[joint, children.index(step)] = True
+                step = skeleton.parents[step]
+        first, second = skeleton.pairs.T
+        return cls(np.array(segments), (above[first] ^ above[second]).astype(np.float64))
+
+    def size(self, rows: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Mean length of the segments in distance rows (..., pairs), metres: shape (...)."""
+        size: NDArray[np.float64] = rows[..., self.segments].mean(axis=-1)
+        return size
+
+    def spread(self, mean: NDArray[np.float64], deviation: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Measure spreads from mean rows and standard deviations, both (..., pairs), metres."""
+        logs: NDArray[np.float64] = np.log(deviation / self.size(mean)[..., None] + SPREAD_FLOOR)
+        logs -= LEVEL_REMOVED * logs.mean(axis=-1, keepdims=True)
+        return logs
+
+    def posture(self, mean: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Measure postures from mean rows (..., pairs), metres."""
+        posture: NDArray[np.float64] = mean / (mean[..., self.segments] @ self.paths.T)
+        return posture
+
+
+def shape_of(covariance: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Measure shapes from covariances in the basis, (..., n, n): vectors of n (n + 1) / 2, unit length.
+
+    The vector holds the upper triangle of √C / √(tr C), off-diagonals times √2, so that inner products of vectors are
+    those of the matrices. A window without variance has the zero vector.
+    """
+    values, vectors = np.linalg.eigh(covariance)
+    values = np.maximum(values, 0.0)
+    total = values.sum(axis=-1, keepdims=True)
+    roots = np.sqrt(np.divide(values, total, out=np.zeros_like(values), where=total > 0))
+    square_root = (vectors * roots[..., None, :]) @ np.swapaxes(vectors, -1, -2)
+    first, second = np.triu_indices(covariance.shape[-1])
+    shape: NDArray[np.float64] = square_root[..., first, second] * np.where(first == second, 1.0, np.sqrt(2.0))
+    return shape
+
+
+def learned_basis(rows_by_class: Sequence[Sequence[NDArray[np.float64]]], body: Body) -> NDArray[np.float64]:
+    """Learn the directions in which the distances of many motions swing.
+
+    Each pair counts alike however far it swings, each class however many motions it has. Rigid pairs count nothing.
+
+    Parameters
+    ----------
+    rows_by_class
+        For each class the distance rows of its motions, each (frames, pairs), metres.
+    body
+        For the bodies' sizes.
+
+    Returns
+    -------
+    The basis, shape (pairs, directions).
+    """
+    classes = []
+    for motions in rows_by_class:
+        relative = [rows / body.size(rows.mean(axis=0)) for rows in motions]
+        classes.append(np.mean([np.cov(rows.T, bias=True) for rows in relative], axis=0))
+    covariance = np.mean(classes, axis=0)
+    variances = covariance.diagonal()
+    moving = variances > _RIGID * variances.mean()
+    weights = np.where(moving, 1 / np.sqrt(np.where(moving, variances, 1.0)), 0.0)
+    _, vectors = np.linalg.eigh(covariance * weights[:, None] * weights)
+    basis: NDArray[np.float64] = vectors[:, ::-1][:, :BASIS_SIZE] * weights[:, None]
+    return basis
+
+
+def measured(  # noqa: PLR0913 - a recording, its windows, and all that measures need
+    rows: NDArray[np.float64],
+    frame_rate: float,
+    ends: NDArray[np.intp],
+    measure: Measure,
+    *,
+    body: Body,
+    basis: NDArray[np.float64],
+) -> NDArray[np.float64]:
+    """Measure many windows of one recording.
+
+    Parameters
+    ----------
+    rows
+        Distance rows, shape (frames, pairs), metres.
+    frame_rate
+        Frames per second.
+    ends
+        For each window the index after its last frame; at least `FEWEST_FRAMES`. A window reaches back as far as the
+        recording does, at most the measure's seconds.
+    measure
+        What.
+    body, basis
+        As learned.
+
+    Returns
+    -------
+    Shape (windows, numbers).
+    """
+    starts = np.maximum(ends - round(measure.seconds * frame_rate), 0)
+    if measure.kind is Kind.SHAPE:
+        seen = rows @ basis
+        return shape_of(np.array([np.cov(seen[a:b].T) for a, b in zip(starts, ends, strict=True)]))
+    means = np.array([rows[a:b].mean(axis=0) for a, b in zip(starts, ends, strict=True)])
+    if measure.kind is Kind.POSTURE:
+        return body.posture(means)
+    deviations = np.array([rows[a:b].std(axis=0, ddof=1) for a, b in zip(starts, ends, strict=True)])
+    return body.spread(means, deviations)

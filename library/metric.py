@@ -1,0 +1,144 @@
+"""How window measures are compared: a metric per measure, learned once from several people doing the same motions.
+
+What differs between a window and the nearest window of the same class by another person says nothing about the class.
+The metric divides by the scatter of those differences (shrunk towards equal scatter), and keeps the leading axes of
+what is left: the measures of a window become one short vector, compared by inner products.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+#: Rounds of finding the nearest windows in the metric and learning the metric from them.
+_ROUNDS = 2
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Metric:
+    """A linear map into a short vector whose squared length is the squared distance.
+
+    Attributes
+    ----------
+    origin
+        Mean measure, shape (numbers,).
+    axes
+        Shape (numbers, kept), float32.
+    outside
+        How much a squared difference weighs that lies outside the kept axes: 0 when it is dropped.
+    """
+
+    origin: NDArray[np.float32] = field(repr=False)
+    axes: NDArray[np.float32] = field(repr=False)
+    outside: float
+
+    def embedded(self, measures: NDArray[np.float64]) -> NDArray[np.float32]:
+        """Map measures (..., numbers) to vectors (..., kept)."""
+        vectors: NDArray[np.float32] = (measures - self.origin).astype(np.float32) @ self.axes
+        return vectors
+
+    def residual(self, measure: NDArray[np.float64], vector: NDArray[np.float32]) -> float:
+        """Give the squared distance of one measure from the kept axes, (numbers,) and its vector (kept,)."""
+        if not self.outside:
+            return 0.0
+        difference = measure - self.origin
+        return max(self.outside * float(difference @ difference) - float(vector @ vector), 0.0)
+
+
+def learned_metric(
+    measures: NDArray[np.float64],
+    classes: NDArray[np.intp],
+    actors: NDArray[np.str_],
+    *,
+    shrinkage: float,
+    kept: int,
+) -> Metric:
+    """Learn a metric from windows of several people.
+
+    Parameters
+    ----------
+    measures
+        Shape (windows, numbers).
+    classes, actors
+        Of each window, shape (windows,).
+    shrinkage
+        0 to 1; at 1 nothing is divided by: the axes are the measures' own principal axes.
+    kept
+        How many axes to keep.
+
+    Returns
+    -------
+    The metric, scaled so that the differences it was learned from have mean squared length 1.
+
+    Raises
+    ------
+    ValueError
+        No class is performed by two people.
+    """
+    origin = measures.mean(axis=0)
+    differences = measures - origin
+    axes = _axes(measures, origin, differences, 1.0, kept)
+    for _ in range(_ROUNDS):
+        differences = _between_people((measures - origin) @ axes, measures, classes, actors)
+        axes = _axes(measures, origin, differences, shrinkage, kept)
+    scale = 1 / np.sqrt(np.square(differences @ axes).sum(axis=1).mean())
+    outside = float(scale**2) if shrinkage == 1 else 0.0
+    return Metric(halved(origin), halved(axes * scale), outside)
+
+
+def _axes(
+    measures: NDArray[np.float64],
+    origin: NDArray[np.float64],
+    differences: NDArray[np.float64],
+    shrinkage: float,
+    kept: int,
+) -> NDArray[np.float64]:
+    """Whiten the differences, then take the principal axes of the measures; shape (numbers, kept)."""
+    scatter = differences.T @ differences
+    scatter /= np.trace(scatter) / len(scatter)
+    values, vectors = np.linalg.eigh(scatter)
+    whitening = vectors / np.sqrt((1 - shrinkage) * np.maximum(values, 0.0) + shrinkage)
+    white = (measures - origin) @ whitening
+    _, principal = np.linalg.eigh(white.T @ white)
+    axes: NDArray[np.float64] = whitening @ principal[:, ::-1][:, :kept]
+    return axes
+
+
+def _between_people(
+    vectors: NDArray[np.float64],
+    measures: NDArray[np.float64],
+    classes: NDArray[np.intp],
+    actors: NDArray[np.str_],
+) -> NDArray[np.float64]:
+    """Take each window's difference to the nearest of its class by somebody else, each class weighing the same."""
+    differences: list[NDArray[np.float64]] = []
+    for index in np.unique(classes):
+        own = np.flatnonzero(classes == index)
+        if len(np.unique(actors[own])) < 2:
+            continue
+        squared = squared_distances(vectors[own], vectors[own])
+        squared[actors[own][:, None] == actors[own]] = np.inf
+        nearest = own[squared.argmin(axis=1)]
+        differences.append((measures[own] - measures[nearest]) * np.sqrt(len(classes) / len(own)))
+    if not differences:
+        raise ValueError("actors: expected a class performed by two people, got none")
+    between: NDArray[np.float64] = np.concatenate(differences) / np.sqrt(len(differences))
+    return between
+
+
+def halved(numbers: NDArray[np.floating]) -> NDArray[np.float32]:
+    """Round to half precision, as files keep these numbers, so that saving and loading changes nothing."""
+    rounded: NDArray[np.float32] = numbers.astype(np.float16).astype(np.float32)
+    return rounded
+
+
+def squared_distances(first: NDArray[np.floating], second: NDArray[np.floating]) -> NDArray[np.floating]:
+    """Take |a - b|² as |a|² + |b|² - 2 a·b for all rows of two matrices: shape (n, m), never below 0."""
+    lengths = np.square(first).sum(axis=1)[:, None] + np.square(second).sum(axis=1)
+    squared: NDArray[np.floating] = np.maximum(lengths - 2 * first @ second.T, 0.0)
+    return squared

@@ -1,0 +1,41 @@
+"""What a recogniser asks of its windows: one way to compare them with the library, exchangeable for another."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Protocol
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from library.eigen import LeadingAxis
+    from stream.recognition import Outcome
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Reading:
+    """What the windows that end now say; the fields are `Recognition`'s."""
+
+    outcome: Outcome
+    scores: NDArray[np.floating] = field(repr=False)
+    best: int
+    movement: float
+    axis: LeadingAxis | None = None
+
+
+class Matcher(Protocol):
+    """Keeps one performer's last seconds and compares them with a library."""
+
+    def push(self, time: float, row: NDArray[np.float64]) -> None:
+        """Take in one distance row, shape (pairs,), metres; later than the one before."""
+
+    def clear(self) -> None:
+        """Forget all rows."""
+
+    @property
+    def ready(self) -> bool:
+        """Whether enough has been seen for a reading."""
+
+    def read(self) -> Reading:
+        """Compare the windows that end with the newest row; once per hop, since a reading may build on the last."""

@@ -1,0 +1,143 @@
+"""The measures of a live window: several lengths at once, each kept up to date by what enters and leaves it."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from library.measures import FEWEST_FRAMES, Body, Kind, Measure, shape_of
+from stream.covariance import RollingCovariance
+from stream.variance import RollingVariance
+from stream.window import MOST_PENDING, SlidingWindow
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from numpy.typing import NDArray
+
+    from library.skeleton import Skeleton
+
+#: Frames taken in at once when hops are further apart.
+_BATCH = MOST_PENDING // 4
+
+
+class _Distances:
+    """Mean and deviation of the distances over one length."""
+
+    def __init__(self, seconds: float, pairs: int) -> None:
+        self._window = SlidingWindow(seconds, pairs)
+        self.rolling = RollingVariance(pairs)
+
+    def push(self, time: float, row: NDArray[np.float64]) -> None:
+        self._window.push(time, row)
+        if self._window.pending >= _BATCH:
+            self.settle()
+
+    def settle(self) -> None:
+        if self._window.pending:
+            self.rolling.update(*self._window.take_change(), self._window.rows)
+
+    def clear(self) -> None:
+        self._window.clear()
+        self.rolling.clear()
+
+
+class _Shape:
+    """Covariance of the distances in the basis over one length."""
+
+    def __init__(self, seconds: float, directions: int) -> None:
+        self._window = SlidingWindow(seconds, directions)
+        self.rolling = RollingCovariance(directions)
+
+    def push(self, time: float, seen: NDArray[np.float64]) -> None:
+        self._window.push(time, seen)
+        if self._window.pending >= _BATCH:
+            self.settle()
+
+    def settle(self) -> None:
+        if self._window.pending:
+            self.rolling.update(*self._window.take_change(), self._window.rows)
+
+    def clear(self) -> None:
+        self._window.clear()
+        self.rolling.clear()
+
+
+class WindowMeasurer:
+    """Measures the last seconds of one performer.
+
+    A window reaches back as far as the feed has been followed, at most its measure's seconds.
+
+    Parameters
+    ----------
+    skeleton
+        Of the rows.
+    measures
+        What to measure.
+    basis
+        Directions for shapes, shape (pairs, directions).
+    """
+
+    def __init__(self, skeleton: Skeleton, measures: Iterable[Measure], basis: NDArray[np.float64]) -> None:
+        self._measures = tuple(measures)
+        self._body = Body.of(skeleton)
+        self._basis = basis
+        pairs = len(skeleton.pairs)
+        shapes = {measure.seconds for measure in self._measures if measure.kind is Kind.SHAPE}
+        others = {measure.seconds for measure in self._measures if measure.kind is not Kind.SHAPE}
+        self._distances = {seconds: _Distances(seconds, pairs) for seconds in others}
+        self._shapes = {seconds: _Shape(seconds, basis.shape[1]) for seconds in shapes}
+        self._frames = 0
+
+    def clear(self) -> None:
+        """Forget all rows."""
+        for distances in self._distances.values():
+            distances.clear()
+        for shape in self._shapes.values():
+            shape.clear()
+        self._frames = 0
+
+    def push(self, time: float, row: NDArray[np.float64]) -> None:
+        """Take in one distance row, shape (pairs,), metres."""
+        self._frames += 1
+        for distances in self._distances.values():
+            distances.push(time, row)
+        if self._shapes:
+            seen = row @ self._basis
+            for shape in self._shapes.values():
+                shape.push(time, seen)
+
+    @property
+    def ready(self) -> bool:
+        """Whether there are frames enough to measure."""
+        return self._frames >= FEWEST_FRAMES
+
+    @property
+    def longest(self) -> float:
+        """Length of the longest window over which distances are measured, seconds."""
+        return max(self._distances)
+
+    @property
+    def movement(self) -> float:
+        """Root mean square deviation of a distance over the longest window, relative to the body's size."""
+        longest = self._distances[self.longest]
+        longest.settle()
+        deviation, mean = longest.rolling.deviation(), longest.rolling.mean()
+        return float(np.sqrt(np.mean(np.square(deviation)) / np.mean(np.square(mean))))
+
+    def measures(self) -> dict[Measure, NDArray[np.float64]]:
+        """Measure the windows that end with the newest row."""
+        return {measure: self._measured(measure) for measure in self._measures}
+
+    def _measured(self, measure: Measure) -> NDArray[np.float64]:
+        if measure.kind is Kind.SHAPE:
+            shape = self._shapes[measure.seconds]
+            shape.settle()
+            return shape_of(shape.rolling.moments().covariance)
+        distances = self._distances[measure.seconds]
+        distances.settle()
+        mean = distances.rolling.mean()
+        if measure.kind is Kind.POSTURE:
+            return self._body.posture(mean)
+        return self._body.spread(mean, distances.rolling.deviation())

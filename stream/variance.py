@@ -1,0 +1,91 @@
+"""The mean and variance of each distance in a sliding window, kept up to date like the covariance is.
+
+This is `stream.covariance` for the diagonal alone, with its two habits: values are held relative to a reference row,
+and the rounding that may have gathered is bounded and, when it no longer is small, everything is computed afresh.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from stream.covariance import DRIFT_TOLERANCE
+
+if TYPE_CHECKING:
+    from stream.covariance import Rows
+
+#: Movement, relative to the distance, below which lost digits are of no interest to anyone.
+_NO_MOVEMENT = 1e-6
+_EPSILON = float(np.finfo(np.float64).eps)
+
+
+class RollingVariance:
+    """Mean and variance of a window's rows by adding what entered and removing what left.
+
+    Parameters
+    ----------
+    width
+        Numbers in a row.
+    """
+
+    def __init__(self, width: int) -> None:
+        self._reference = np.zeros(width)
+        self._sum = np.zeros(width)
+        self._squares = np.zeros(width)
+        self._count = 0
+        self._rounding = 0.0
+
+    def __len__(self) -> int:
+        return self._count
+
+    def clear(self) -> None:
+        """Forget all rows."""
+        self._count = 0
+
+    def update(self, entered: Rows, left: Rows, window: Rows) -> None:
+        """Bring the sums up to date; see `RollingCovariance.update`."""
+        count = self._count + len(entered) - len(left)
+        if count != len(window):
+            raise ValueError(f"window: expected {count} rows, got {len(window)}")
+        if not self._count or not count:
+            self._refresh(window)
+            return
+        self._count = count
+        self._add(entered)
+        self._remove(left)
+        # The largest sum bounds the rounding of all: one distance that stood still while others moved must not be lost.
+        self._rounding += _EPSILON * (len(entered) + len(left)) * float(self._squares.max())
+        scatter = float(self._squares.max() - np.square(self._sum[self._squares.argmax()]) / count)
+        floor = count * (_NO_MOVEMENT * float(self._reference.mean())) ** 2
+        if self._rounding > DRIFT_TOLERANCE * max(scatter, floor):
+            self._refresh(window)
+
+    def _add(self, rows: Rows) -> None:
+        relative = rows - self._reference
+        self._sum += relative.sum(axis=0)
+        self._squares += np.einsum("ij,ij->j", relative, relative)
+
+    def _remove(self, rows: Rows) -> None:
+        relative = rows - self._reference
+        self._sum -= relative.sum(axis=0)
+        self._squares -= np.einsum("ij,ij->j", relative, relative)
+
+    def _refresh(self, window: Rows) -> None:
+        self._count = len(window)
+        if not self._count:
+            return
+        np.mean(window, axis=0, out=self._reference)
+        self._sum[:] = 0.0
+        self._squares[:] = 0.0
+        self._add(window)
+        self._rounding = _EPSILON * self._count * float(self._squares.max())
+
+    def mean(self) -> Rows:
+        """Mean of each distance, shape (width,), metres; needs a row."""
+        return self._reference + self._sum / self._count
+
+    def deviation(self) -> Rows:
+        """Sample standard deviation of each distance, shape (width,), metres; needs a row, 0 for a single one."""
+        scatter = self._squares - np.square(self._sum) / self._count
+        return np.sqrt(np.maximum(scatter, 0.0) / max(self._count - 1, 1))

@@ -368,7 +368,7 @@ def restored(
     classes: NDArray[np.intp],
     actors: NDArray[np.str_],
 ) -> WindowTable:
-    """Make a table of what `described` and `arrays_of` gave; anything else raises KeyError, TypeError, ValueError."""
+    """Make a table of what `described` and `arrays_of` gave; else raise KeyError, TypeError or ValueError."""
     metrics = {
         measure: Metric(
             arrays[f"{measure.name}_origin"].astype(np.float32),

@@ -9,7 +9,7 @@ likewise, at a steady pace.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from typing import TYPE_CHECKING
 
@@ -100,6 +100,12 @@ class EventDetector:
         self._lead += self._gained(recognition) * elapsed
         current = self._active.index if self._active else -1
         return self._changed(recognition) if leader != current and self._lead >= self._needed else ()
+
+    def end(self, time: float) -> Event | None:
+        """End the motion that is going on, at a time in seconds; None when none is."""
+        begun, self._active = self._active, None
+        self._leader, self._lead, self._last = -1, 0.0, math.nan
+        return replace(begun, kind=EventKind.END, time=time) if begun else None
 
     def _gained(self, recognition: Recognition) -> float:
         """Say how much lead a second like this one gathers."""

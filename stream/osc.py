@@ -3,10 +3,12 @@
 In:  `/motion/skeleton s performer s*J joint names`, at the start and every second;
      `/motion/frame s performer d time f*3J positions`, metres, time 0 for "on arrival".
 Out: `/motion/<performer>/class i index f score f margin`, `/motion/<performer>/label s` and
-     `/motion/<performer>/scores f*K` in one bundle per recognition, `/motion/classes s*K`, `/motion/status`.
+     `/motion/<performer>/scores f*K` in one bundle per recognition, `/motion/<performer>/event s start or end s label
+     i index f score d time` when a motion starts or ends, `/motion/classes s*K`, `/motion/status`.
 
 Every bundle's time tag is "immediately". The class message holds numbers only, because TouchDesigner's OSC In CHOP
-takes nothing else; its index counts in the order of `/motion/classes` and is -1 for none.
+takes nothing else; its index is the moment's best guess, in the order of `/motion/classes`, and -1 where there is
+nothing to guess from. The label says "unknown" of a guess that is not near enough.
 """
 
 from __future__ import annotations
@@ -30,6 +32,7 @@ if TYPE_CHECKING:
 
     from pythonosc.osc_message import OscMessage
 
+    from stream.events import Event
     from stream.recognition import Recognition
     from stream.status import Status
 
@@ -183,6 +186,15 @@ def _bundle(performer: str, messages: Sequence[tuple[object, ...]]) -> bytes:
     builder = OscBundleBuilder(IMMEDIATELY)
     for last, *arguments in messages:
         builder.add_content(_built(f"/motion/{performer}/{last}", *arguments))
+    encoded: bytes = builder.build().dgram
+    return encoded
+
+
+def encode_event(event: Event) -> bytes:
+    """Encode `/motion/<performer>/event s start or end, s label, i index, f score, d time`."""
+    builder = OscMessageBuilder(f"/motion/{address_part(event.performer)}/event")
+    for argument, kind in zip((event.kind, event.label, event.index, event.score, event.time), "ssifd", strict=True):
+        builder.add_arg(argument, kind)  # type: ignore[arg-type]  # one of the four
     encoded: bytes = builder.build().dgram
     return encoded
 

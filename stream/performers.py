@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from library.motionlibrary import MotionLibrary
+    from stream.events import Event
     from stream.frame import Announcement, Frame
     from stream.recognition import Recognition
 
@@ -144,13 +145,14 @@ class Performers:
             frame = replace(frame, positions=frame.positions[performer.order])
         return performer.recognizer.push(frame)
 
-    def drop_silent(self, now: float) -> list[str]:
-        """Forget performers of whom nothing came for `silence` seconds; give their names."""
+    def drop_silent(self, now: float) -> list[Event]:
+        """Forget performers of whom nothing came for `silence` seconds; give the ends of what they were doing."""
         silent = [name for name, performer in self._performers.items() if now - performer.heard > self.silence]
-        for name in silent:
-            _add(self._counts.recognizers, self._performers.pop(name).recognizer.counts)
+        gone = [self._performers.pop(name).recognizer for name in silent]
+        for recognizer in gone:
+            _add(self._counts.recognizers, recognizer.counts)
             self._counts.dropped += 1
-        return silent
+        return [event for recognizer in gone if (event := recognizer.end())]
 
     def _performer(self, name: str, arrival: float) -> _Performer | None:
         performer = self._performers.get(name)

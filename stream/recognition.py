@@ -11,6 +11,8 @@ import numpy as np
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from stream.events import Event
+
 
 class Outcome(StrEnum):
     """Why a recognition names a class, or none."""
@@ -53,6 +55,8 @@ class Recognition:
         (λ₁ − λ₂) / λ₁ of the window's two leading eigenvalues; None likewise.
     residual
         ‖Cv − λv‖ / λ of the leading eigenvector, at most 1e-6; None likewise.
+    events
+        What this recognition made happen: a motion's end, a motion's start, or nothing.
     """
 
     performer: str
@@ -65,6 +69,7 @@ class Recognition:
     share: float | None = None
     gap: float | None = None
     residual: float | None = None
+    events: tuple[Event, ...] = ()
 
     @property
     def class_index(self) -> int:

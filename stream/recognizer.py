@@ -7,17 +7,19 @@ hops; what is made of the windows is the matcher's: the paper's leading eigenvec
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from typing import TYPE_CHECKING
 
 from library.distances import distance_rows
 from stream.eigenmatcher import EigenvectorMatcher
+from stream.events import EventDetector
 from stream.recognition import Recognition
 from stream.windowmatcher import WindowMatcher
 
 if TYPE_CHECKING:
     from library.motionlibrary import MotionLibrary
+    from stream.events import Event
     from stream.frame import Frame
     from stream.matcher import Matcher
 
@@ -48,6 +50,8 @@ class Settings:
         left out in turn, can tell. More answers more, of known and of unknown motions. WINDOWS only.
     hop
         Seconds between answers; 0 answers every frame.
+    lead
+        How clear a lead, added up over time, a class needs before a start event: more is later and surer.
     longest_gap
         Seconds without a frame after which the window starts anew, because what happened in between is not known.
     stillness
@@ -67,7 +71,8 @@ class Settings:
 
     signature: LiveSignature | None = None
     window: float = 1.0
-    sensitivity: float = 0.1
+    sensitivity: float = 0.2
+    lead: float = 3.0
     hop: float = 1 / 30
     longest_gap: float = 0.5
     stillness: float = 0.01
@@ -79,7 +84,7 @@ class Settings:
             value = getattr(self, name)
             if not (math.isfinite(value) and value > 0):
                 raise ValueError(f"{name}: expected a positive number of seconds, got {value}")
-        for name in ("sensitivity", "hop", "stillness", "smallest_gap", "patience"):
+        for name in ("sensitivity", "lead", "hop", "stillness", "smallest_gap", "patience"):
             value = getattr(self, name)
             if not (math.isfinite(value) and value >= 0):
                 raise ValueError(f"{name}: expected a number not below 0, got {value}")
@@ -117,12 +122,13 @@ class Recognizer:
         self.settings = settings or Settings()
         self.counts = RecognizerCounts()
         self._matcher = _matcher(library, self.settings)
+        self._detector = EventDetector(self.settings.lead)
         self._newest = -math.inf
         self._due = -math.inf
         self._late_in_a_row = 0
 
     def reset(self) -> None:
-        """Forget the window, as when the feed begins; the counts stay."""
+        """Forget the window, as when the feed begins; the counts and the motion going on stay."""
         self._matcher.clear()
         self._newest = self._due = -math.inf
         self._late_in_a_row = 0
@@ -185,7 +191,7 @@ class Recognizer:
         axis = reading.axis
         self.counts.hops += 1
         self.counts.exact += bool(axis and axis.exact)
-        return Recognition(
+        recognition = Recognition(
             performer=frame.performer,
             time=frame.time,
             outcome=reading.outcome,
@@ -197,6 +203,12 @@ class Recognizer:
             gap=axis.gap if axis else None,
             residual=axis.residual if axis else None,
         )
+        events = self._detector.push(recognition)
+        return replace(recognition, events=events) if events else recognition
+
+    def end(self) -> Event | None:
+        """End the motion that is going on, because nothing more will come; None when none is."""
+        return self._detector.end(self._newest)
 
 
 def _matcher(library: MotionLibrary, settings: Settings) -> Matcher:

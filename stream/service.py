@@ -14,6 +14,7 @@ from stream.status import HopTimes, InputCounts, Rates, Status
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
+    from stream.events import Event
     from stream.performers import Performers
     from stream.recognition import Recognition
 
@@ -55,6 +56,9 @@ class Sink(Protocol):
 
     def publish(self, recognition: Recognition) -> None:
         """Pass on one recognition."""
+
+    def publish_event(self, event: Event) -> None:
+        """Pass on that a motion started or ended."""
 
     def publish_classes(self, classes: Sequence[str]) -> None:
         """Pass on which classes there are."""
@@ -167,6 +171,10 @@ class OscSink:
         """Send one recognition."""
         self.sender.send(osc.encode_recognition(recognition))
 
+    def publish_event(self, event: Event) -> None:
+        """Send one event."""
+        self.sender.send(osc.encode_event(event))
+
     def publish_classes(self, classes: Sequence[str]) -> None:
         """Send the class names."""
         self.sender.send(osc.encode_classes(classes))
@@ -197,6 +205,10 @@ class ZmqSink:
     def publish(self, recognition: Recognition) -> None:
         """Send one recognition."""
         self.sender.send(zeromq.encode_recognition(recognition))
+
+    def publish_event(self, event: Event) -> None:
+        """Send one event."""
+        self.sender.send(zeromq.encode_event(event))
 
     def publish_classes(self, classes: Sequence[str]) -> None:
         """Send the class names."""
@@ -295,6 +307,8 @@ class Service:
         if recognition is not None:
             for sink in self.sinks:
                 sink.publish(recognition)
+                for happened in recognition.events:
+                    sink.publish_event(happened)
             self._hop_times.add(time.perf_counter() - started)
 
     def _tell_time(self) -> None:
@@ -305,7 +319,9 @@ class Service:
                 sink.publish_classes(self.performers.library.classes)
         if now >= self._next_status:
             self._next_status = now + STATUS_EVERY
-            self.performers.drop_silent(now)
+            for ended in self.performers.drop_silent(now):
+                for sink in self.sinks:
+                    sink.publish_event(ended)
             self._latest_rates = self._rates.read(now)
             status = self.status()
             for sink in self.sinks:

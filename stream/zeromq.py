@@ -2,7 +2,7 @@
 
 In:  `[b"frame/<performer>/"][JSON header][raw little-endian floats]`, the header holding `v` (1), `seq`, `t` seconds,
      `shape` [joints, 3], `dtype` "<f4" or "<f8", and `joints` (names) in the first frame and whenever they change.
-Out: `[b"class/<performer>/"][JSON]`, `[b"classes/"][JSON]`, `[b"status/"][JSON]`.
+Out: `[b"class/<performer>/"][JSON]`, `[b"event/<performer>/"][JSON]`, `[b"classes/"][JSON]`, `[b"status/"][JSON]`.
 
 Topics end in a slash because subscriptions match by their first bytes: `frame/p1` would match `frame/p10` too.
 Nothing is ever unpickled; types come from a list and sizes are checked before a buffer is looked at.
@@ -23,6 +23,7 @@ from stream.frame import Announcement, Frame
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from stream.events import Event
     from stream.recognition import Recognition
     from stream.status import Status
 
@@ -131,12 +132,13 @@ def encode_frame(frame: Frame, seq: int, joints: Sequence[str] | None = None) ->
 
 
 def encode_recognition(recognition: Recognition) -> list[bytes]:
-    """Encode an answer: all of `Recognition`, with `class` the named class or null."""
+    """Encode an answer: all of `Recognition`; `class` is the named class or null, `guess` the best guess or null."""
     answer = {
         "v": VERSION,
         "performer": recognition.performer,
         "t": recognition.time,
         "class": recognition.class_name,
+        "guess": recognition.classes[recognition.best] if recognition.guess_index >= 0 else None,
         "index": recognition.guess_index,
         "outcome": recognition.outcome,
         "score": recognition.score,
@@ -149,6 +151,20 @@ def encode_recognition(recognition: Recognition) -> list[bytes]:
         "residual": recognition.residual,
     }
     return [f"class/{recognition.performer}/".encode(), json.dumps(answer).encode()]
+
+
+def encode_event(event: Event) -> list[bytes]:
+    """Encode that a motion started or ended."""
+    described = {
+        "v": VERSION,
+        "performer": event.performer,
+        "event": event.kind,
+        "class": event.label,
+        "index": event.index,
+        "score": event.score,
+        "t": event.time,
+    }
+    return [f"event/{event.performer}/".encode(), json.dumps(described).encode()]
 
 
 def _rounded(numbers: Sequence[float]) -> list[float]:

@@ -10,7 +10,6 @@ from rich.table import Table
 
 from library import MotionLibrary, find_recordings, read_recordings
 from library.labels import Segment, cut, read_labels, renamed
-from stream.events import Event, EventDetector
 from stream.frame import Frame
 from stream.recognition import Recognition
 from stream.recognizer import Recognizer, Settings
@@ -105,13 +104,13 @@ def replay(
         All classes of an evaluation, the library's among them: what indices count in.
     """
     library.skeleton.require_same(take.skeleton)
-    recognizer, detector = Recognizer(library, settings), EventDetector()
-    recognitions, events = list[Recognition](), list[Event]()
+    recognizer = Recognizer(library, settings)
+    recognitions = list[Recognition]()
     for time, positions in zip(take.times.tolist(), take.positions, strict=True):
         recognition = recognizer.push(Frame(take.name, time, positions))
         if recognition is not None:
             recognitions.append(recognition)
-            events += detector.push(recognition)
+    events = [event for recognition in recognitions for event in recognition.events]
     return course_of(take.name, take.times, segments, classes=classes, recognitions=recognitions, events=events)
 
 

@@ -8,6 +8,7 @@ from rich.box import SIMPLE_HEAD
 from rich.table import Table
 from rich.text import Text
 
+from stream.events import EventKind
 from stream.recognition import Outcome
 from tools.console import console, printable
 
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
 
     from rich.console import JustifyMethod
 
+    from stream.events import Event
     from stream.recognition import Recognition
     from stream.status import Status
 
@@ -63,6 +65,10 @@ class PlainLines:
                 soft_wrap=True,
             )
 
+    def publish_event(self, event: Event) -> None:
+        """Print it."""
+        console.print(f"{event.time:10.3f} s  {event.performer}  {event.kind}: {event.label}", soft_wrap=True)
+
     def publish_classes(self, classes: Sequence[str]) -> None:
         """Say nothing."""
 
@@ -81,11 +87,16 @@ class LiveTable:
         self.failed = 0
         self._classes = classes
         self._latest: dict[str, Recognition] = {}
+        self._going_on: dict[str, str] = {}
         self._status: Status | None = None
 
     def publish(self, recognition: Recognition) -> None:
         """Remember it."""
         self._latest[recognition.performer] = recognition
+
+    def publish_event(self, event: Event) -> None:
+        """Remember what is going on."""
+        self._going_on[event.performer] = event.label if event.kind is EventKind.START else ""
 
     def publish_classes(self, classes: Sequence[str]) -> None:
         """Remember them."""
@@ -95,6 +106,7 @@ class LiveTable:
         """Remember it, and forget performers who have left."""
         self._status = status
         self._latest = {name: last for name, last in self._latest.items() if name in status.performers}
+        self._going_on = {name: label for name, label in self._going_on.items() if name in status.performers}
 
     def close(self) -> None:
         """Nothing to close."""
@@ -102,16 +114,17 @@ class LiveTable:
     def drawn(self) -> Table:
         """Draw the table as it is now; from any thread."""
         table = narrow_table("kinespace live", self._caption())
-        for heading in ("performer", "motion", "score", "margin", "runner-up", "frames/s"):
+        for heading in ("performer", "doing", "this moment", "score", "margin", "frames/s"):
             justify: JustifyMethod = "right" if heading in ("margin", "frames/s") else "left"
             table.add_column(heading, justify=justify, overflow="fold")
         rates = self._status.performers if self._status else {}
         for name, last in list(self._latest.items()):
-            style = "bold" if last.outcome is Outcome.NAMED else "dim"
+            style = "" if last.outcome is Outcome.NAMED else "dim"
             rate = f"{rates[name]:.0f}" if name in rates else ""
             label = Text(last.label, style=style)
             score = score_shown(last.score, console.width)
-            table.add_row(printable(name), label, score, f"{last.margin:.3f}", last.runner_up or "", rate)
+            doing = Text(self._going_on.get(name, ""), style="bold")
+            table.add_row(printable(name), doing, label, score, f"{last.margin:.3f}", rate)
         if not self._latest:
             table.add_row("", Text("waiting for frames ...", style="dim"), "", "", "", "")
         return table

@@ -29,6 +29,9 @@ _LEAD = 0.6
 #: Seconds over which the distance is averaged that says whether a motion is known.
 _KNOWN_OVER = 0.3
 _SECONDS_PER_LEAD = 1 / 30
+#: Log distance by which a motion that is named may fall behind its threshold before it is unknown: without it a
+#: motion at the threshold flickers.
+_HELD = 0.3
 
 
 class WindowMatcher:
@@ -59,6 +62,7 @@ class WindowMatcher:
         self._since = self._now = self._read_at = math.nan
         self._guess = self._leader = -1
         self._lead = 0.0
+        self._known = False
         self._averaged: NDArray[np.float64] | None = None
 
     def push(self, time: float, row: NDArray[np.float64]) -> None:
@@ -80,10 +84,13 @@ class WindowMatcher:
         self._read_at = self._now
         self._follow(distances, elapsed)
         averaged = self._average(distances, elapsed)
+        beyond = float(averaged[self._guess] - self._thresholds[self._guess])
+        self._known = beyond <= (_HELD if self._known else 0.0)
         movement = self._measurer.movement
-        outcome = Outcome.NAMED if averaged[self._guess] <= self._thresholds[self._guess] else Outcome.UNKNOWN
         if movement < self._stillness:
             outcome = Outcome.STILL
+        else:
+            outcome = Outcome.NAMED if self._known else Outcome.UNKNOWN
         return Reading(outcome, 1 / (1 + np.exp(distances)), self._guess, movement)
 
     def _follow(self, distances: NDArray[np.float64], elapsed: float) -> None:

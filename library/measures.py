@@ -76,7 +76,7 @@ class Body:
     Raises
     ------
     ValueError
-        The skeleton's parents are not known, or it leaves its segments out.
+        The skeleton's parents are not known or do not make one tree, or it leaves its segments out.
     """
 
     segments: NDArray[np.intp] = field(repr=False)
@@ -93,9 +93,11 @@ class Body:
         above = np.zeros((len(skeleton.joints), len(children)), dtype=bool)
         for joint in range(len(skeleton.joints)):
             step = joint
-            while skeleton.parents[step] >= 0:
+            while skeleton.parents[step] >= 0 and not above[joint, children.index(step)]:
                 above[joint, children.index(step)] = True
                 step = skeleton.parents[step]
+            if skeleton.parents[step] >= 0 or len(children) != len(skeleton.joints) - 1:
+                raise ValueError(f"skeleton: expected parents that make one tree, got {skeleton.parents}")
         first, second = skeleton.pairs.T
         return cls(np.array(segments), (above[first] ^ above[second]).astype(np.float64))
 

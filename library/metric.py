@@ -116,19 +116,22 @@ def _between_people(
     actors: NDArray[np.str_],
 ) -> NDArray[np.float64]:
     """Take each window's difference to the nearest of its class by somebody else, each class weighing the same."""
+    shared = [own for own in _by_class(classes) if len(np.unique(actors[own])) > 1]
+    if not shared:
+        raise ValueError("actors: expected a class performed by two people, got none")
+    count = sum(map(len, shared))
     differences: list[NDArray[np.float64]] = []
-    for index in np.unique(classes):
-        own = np.flatnonzero(classes == index)
-        if len(np.unique(actors[own])) < 2:
-            continue
+    for own in shared:
         squared = squared_distances(vectors[own], vectors[own])
         squared[actors[own][:, None] == actors[own]] = np.inf
         nearest = own[squared.argmin(axis=1)]
-        differences.append((measures[own] - measures[nearest]) * np.sqrt(len(classes) / len(own)))
-    if not differences:
-        raise ValueError("actors: expected a class performed by two people, got none")
+        differences.append((measures[own] - measures[nearest]) * np.sqrt(count / len(own)))
     between: NDArray[np.float64] = np.concatenate(differences) / np.sqrt(len(differences))
     return between
+
+
+def _by_class(classes: NDArray[np.intp]) -> list[NDArray[np.intp]]:
+    return [np.flatnonzero(classes == index) for index in np.unique(classes)]
 
 
 def halved(numbers: NDArray[np.floating]) -> NDArray[np.float32]:

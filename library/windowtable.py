@@ -312,9 +312,9 @@ def _thresholds(
 ) -> NDArray[np.float64]:
     """Set thresholds by how near motions come to classes they are not of.
 
-    Each window asks as if its class, and its actor when there are several, were not in the library. The nearest class it
-    finds is a false one. A class's threshold at a rate is that quantile of its false finds, drawn towards the quantile
-    of all the fewer it has.
+    Each window asks as if its class, and its actor when there are several, were not in the library: the nearest class
+    it finds is a false one. A class's threshold at a rate is that quantile of its false finds, drawn towards the
+    quantile of all the fewer it has.
     """
     several = len(np.unique(actors)) > 1
     total = np.zeros((len(indices), len(starts)))

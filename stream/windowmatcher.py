@@ -87,10 +87,9 @@ class WindowMatcher:
         beyond = float(averaged[self._guess] - self._thresholds[self._guess])
         self._known = beyond <= (_HELD if self._known else 0.0)
         movement = self._measurer.movement
+        outcome = Outcome.NAMED if self._known else Outcome.UNKNOWN
         if movement < self._stillness:
             outcome = Outcome.STILL
-        else:
-            outcome = Outcome.NAMED if self._known else Outcome.UNKNOWN
         return Reading(outcome, 1 / (1 + np.exp(distances)), self._guess, movement)
 
     def _follow(self, distances: NDArray[np.float64], elapsed: float) -> None:

@@ -64,16 +64,19 @@ def read_labels(path: Path) -> tuple[Segment, ...]:
     Raises
     ------
     LabelError
-        A column is missing, a line makes no sense, segments overlap, or there is none.
+        The file is no CSV, a column is missing, a line makes no sense, segments overlap, or there is none.
     OSError
         The file cannot be opened.
     """
-    with path.open(newline="", encoding="utf-8-sig") as file:
-        rows = csv.DictReader(file)
-        missing = [name for name in _COLUMNS if name not in (rows.fieldnames or ())]
-        if missing:
-            raise LabelError(f"{path}: expected the columns {', '.join(_COLUMNS)}, no {', '.join(missing)} in it")
-        segments = [_segment(path, rows.line_num, row) for row in rows]
+    try:
+        with path.open(newline="", encoding="utf-8-sig") as file:
+            rows = csv.DictReader(file)
+            missing = [name for name in _COLUMNS if name not in (rows.fieldnames or ())]
+            if missing:
+                raise LabelError(f"{path}: expected the columns {', '.join(_COLUMNS)}, no {', '.join(missing)} in it")
+            segments = [_segment(path, rows.line_num, row) for row in rows]
+    except (csv.Error, UnicodeDecodeError) as error:
+        raise LabelError(f"{path}: expected a CSV in UTF-8 ({error})") from error
     if not segments:
         raise LabelError(f"{path}: no segment in it")
     segments.sort(key=lambda segment: segment.start)

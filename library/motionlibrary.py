@@ -11,6 +11,7 @@ import numpy as np
 
 from library import libraryfile, windowtable
 from library.distances import distance_rows
+from library.measures import Body
 from library.signature import Moments, Signature, signature_of, similarity
 from library.skeleton import Skeleton, SkeletonMismatchError
 from library.windowtable import WindowTable
@@ -109,7 +110,7 @@ class MotionLibrary:
     Raises
     ------
     ValueError
-        No motion at all, or arrays that do not fit the motions and pairs.
+        No motion at all, or arrays or windows that do not fit the motions and pairs.
     """
 
     skeleton: Skeleton
@@ -135,6 +136,10 @@ class MotionLibrary:
                 raise ValueError(f"{name}: expected shape {expected}, got {array.shape}")
             if not np.isfinite(array).all():
                 raise ValueError(f"{name}: expected finite numbers, got NaN or infinity")
+        if self.windows is not None:
+            Body.of(self.skeleton)
+            if (len(self.windows.classes), self.windows.comparison.pairs) != expected:
+                raise ValueError(f"windows: expected those of {expected[0]} motions and {expected[1]} pairs")
         names = np.array([motion.class_name for motion in self.motions])
         classes, starts = np.unique(names, return_index=True)
         order = np.argsort(names, kind="stable")
@@ -243,7 +248,7 @@ class MotionLibrary:
                 attribution=header["attribution"],
                 **{name: arrays[name] for name in _ARRAYS},
             )
-        except (KeyError, TypeError, ValueError) as error:
+        except (KeyError, OverflowError, TypeError, ValueError) as error:
             raise libraryfile.LibraryFileError(f"{path}: not a usable motion library ({error})") from error
 
     def save(self, path: Path) -> None:
@@ -338,8 +343,10 @@ class MotionLibrary:
 def _restored_windows(
     header: object, arrays: Mapping[str, NDArray[np.floating]], motions: Sequence[Motion]
 ) -> WindowTable | None:
-    if not isinstance(header, dict):
+    if header is None:
         return None
+    if not isinstance(header, dict):
+        raise TypeError(f"windows: expected what they are, got {header!r}")
     _, classes = np.unique([motion.class_name for motion in motions], return_inverse=True)
     return windowtable.restored(header, arrays, classes, np.array([motion.actor for motion in motions]))
 

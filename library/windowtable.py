@@ -16,6 +16,7 @@ import numpy as np
 from library.distances import distance_rows
 from library.measures import FEWEST_FRAMES, Body, Kind, Measure, learned_basis, measured
 from library.metric import Metric, halved, learned_metric, squared_distances
+from library.skeleton import SkeletonMismatchError
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -61,10 +62,31 @@ class Comparison:
         Directions in which shapes are measured, shape (pairs, directions).
     metrics
         By measure.
+
+    Raises
+    ------
+    ValueError
+        Shapes do not fit, or a number is not finite.
     """
 
     basis: NDArray[np.float64] = field(repr=False)
     metrics: Mapping[Measure, Metric] = field(repr=False)
+
+    def __post_init__(self) -> None:
+        if self.basis.ndim != 2 or not _finite(self.basis):
+            raise ValueError(f"basis: expected finite (pairs, directions), got {self.basis.shape}")
+        pairs, directions = self.basis.shape
+        for measure, metric in self.metrics.items():
+            numbers = directions * (directions + 1) // 2 if measure.kind is Kind.SHAPE else pairs
+            if metric.origin.shape != (numbers,) or metric.axes.ndim != 2 or len(metric.axes) != numbers:
+                raise ValueError(f"{measure.name}: expected {numbers} numbers, got {metric.axes.shape}")
+            if not (_finite(metric.origin, metric.axes) and 0 <= metric.outside < np.inf):
+                raise ValueError(f"{measure.name}: expected finite numbers, got NaN or infinity")
+
+    @property
+    def pairs(self) -> int:
+        """How many distances a row has."""
+        return len(self.basis)
 
     def is_same(self, other: Comparison) -> bool:
         """Whether another comparison maps every window to the same vectors."""
@@ -106,6 +128,14 @@ class Comparison:
         return cls(halved(basis).astype(np.float64), metrics)
 
 
+def _finite(*arrays: NDArray[np.floating]) -> bool:
+    return all(np.isfinite(array).all() for array in arrays)
+
+
+def _ascending(indices: NDArray[np.intp]) -> bool:
+    return bool((np.diff(indices) >= 0).all())
+
+
 def _window_ends(clip: Clip, every: float, first: float) -> NDArray[np.intp]:
     """Windows end every so many seconds, the first when so many have been seen, or with the clip."""
     earliest = max(FEWEST_FRAMES, min(round(first * clip.frame_rate), clip.frames - _SPARE_FRAMES))
@@ -143,7 +173,7 @@ class WindowTable:
     Raises
     ------
     ValueError
-        Shapes do not fit, or a class has no window.
+        Groups are other than the two, shapes do not fit, a number is not finite, or a class has no window.
     """
 
     comparison: Comparison
@@ -157,18 +187,26 @@ class WindowTable:
     _squares: tuple[NDArray[np.float32], ...] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        if len(self.vectors) != len(self.groups) or any(len(each) != len(self.motions) for each in self.vectors):
-            raise ValueError("vectors: expected as many windows in each group as there are")
-        if not len(self.motions) or self.motions.min() < 0 or self.motions.max() >= len(self.classes):
-            raise ValueError("motions: expected indices of the library's motions")
+        self._check()
         of_window = self.classes[self.motions]
-        present, starts = np.unique(of_window, return_index=True)
-        if (np.diff(of_window) < 0).any() or not np.array_equal(present, np.unique(self.classes)):
-            raise ValueError(f"motions: expected windows of every class in order, of {FEWEST_FRAMES} frames at least")
+        starts = np.unique(of_window, return_index=True)[1]
         squares = tuple(np.square(each).sum(axis=1) for each in self.vectors)
         object.__setattr__(self, "_starts", starts)
         object.__setattr__(self, "_squares", squares)
         object.__setattr__(self, "thresholds", _thresholds(self.vectors, of_window, self.actors[self.motions], starts))
+
+    def _check(self) -> None:
+        if self.groups not in (FOR_ANYBODY, FOR_ONE_PERSON):
+            raise ValueError(f"groups: expected those for anybody or for one person, got {self.groups}")
+        kept = [sum(self.comparison.metrics[measure].axes.shape[1] for measure, _ in group) for group in self.groups]
+        if [each.shape for each in self.vectors] != [(len(self.motions), axes) for axes in kept]:
+            raise ValueError("vectors: expected as many windows in each group as there are, of as many numbers as axes")
+        if not _finite(*self.vectors):
+            raise ValueError("vectors: expected finite numbers, got NaN or infinity")
+        if not np.isin(self.motions, np.arange(len(self.classes))).all() or not _ascending(self.motions):
+            raise ValueError("motions: expected indices of the library's motions, ascending")
+        if not _ascending(self.classes) or not np.isin(self.classes, self.classes[self.motions]).all():
+            raise ValueError(f"motions: expected windows of every class in order, of {FEWEST_FRAMES} frames at least")
 
     @classmethod
     def of_clips(cls, clips: Sequence[Clip], comparison: Comparison) -> WindowTable:
@@ -184,8 +222,13 @@ class WindowTable:
         Raises
         ------
         ValueError
-            A class has no clip long enough for a window.
+            A class has no clip long enough for a window, or the skeleton's parents are not known.
+        SkeletonMismatchError
+            The comparison was learned on another number of pairs.
         """
+        pairs = len(clips[0].skeleton.pairs)
+        if pairs != comparison.pairs:
+            raise SkeletonMismatchError(f"comparison: expected one of {pairs} pairs, got {comparison.pairs}")
         people = {clip.actor for clip in clips if clip.actor}
         groups = FOR_ANYBODY if len(people) > 1 else FOR_ONE_PERSON
         every, first = (_KEEP_EVERY_ANYBODY, 1.0) if len(people) > 1 else (_KEEP_EVERY_ONE_PERSON, 0.1)
@@ -381,10 +424,13 @@ def restored(
         tuple((Measure(Kind(kind), float(seconds)), float(weight)) for kind, seconds, weight in group)
         for group in header["groups"]
     )
+    motions = arrays["window_motions"]
+    if not (_finite(motions) and np.array_equal(motions, np.rint(motions))):
+        raise ValueError("window_motions: expected indices")
     return WindowTable(
         comparison=Comparison(arrays["basis"].astype(np.float64), metrics),
         groups=groups,
-        motions=arrays["window_motions"].astype(np.intp),
+        motions=motions.astype(np.intp),
         classes=classes,
         actors=actors,
         vectors=tuple(arrays[f"window_vectors{index}"].astype(np.float32) for index in range(len(groups))),

@@ -2,10 +2,10 @@
 
 The standard deviations of the distances are the covariance's diagonal. Their logarithms, relative to the body's size
 and centred, say which joints move against which and by what factor more than others; they need no sign, and a motion
-done larger changes all of them alike. Two people doing the same differ in some of these numbers more than in others. The
-metric learns that from motions of known classes: it divides by the scatter within classes (within-class covariance
-normalisation, Hatch, Kajarekar and Stolcke 2006), shrunk towards equal scatter everywhere (Ledoit and Wolf 2004),
-since there are fewer motions than distances.
+done larger changes all of them alike. Two people doing the same differ in some of these numbers more than in others.
+The metric learns that from motions of known classes: it divides by the scatter within classes (within-class
+covariance normalisation, Hatch, Kajarekar and Stolcke 2006), shrunk towards equal scatter everywhere (Ledoit and Wolf
+2004), since there are fewer motions than distances.
 """
 
 from __future__ import annotations

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import errno
+import os
 from dataclasses import replace
 from functools import reduce
 from typing import TYPE_CHECKING
@@ -43,6 +45,7 @@ def run(
     """
     if labels and not any(source.suffix != ".npz" for source in sources):
         raise ValueError("--labels: expected recordings to cut, got libraries only")
+    _require_place_for(output)
     libraries = [MotionLibrary.load(source) for source in sources if source.suffix == ".npz"]
     places = [source for source in sources if source.suffix != ".npz"]
     if places:
@@ -64,6 +67,14 @@ def run(
         soft_wrap=True,
     )
     return 0
+
+
+def _require_place_for(output: Path) -> None:
+    """Refuse a place that cannot be written to before an archive is read for it, by its own name."""
+    if output.is_dir():
+        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(output))
+    if not output.absolute().parent.is_dir():
+        raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), str(output.parent))
 
 
 def _named(clips: Iterator[Clip], paths: Sequence[Path]) -> Iterator[Clip]:

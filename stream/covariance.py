@@ -5,7 +5,7 @@ performer stands still right after moving: what left took large products along, 
 habits keep it exact. Values are held relative to a reference row near the window's mean, so that the products are as
 small as the movement. And the rounding that may have gathered is bounded as it gathers; when the bound is no longer
 small against the variance that is left, everything is computed afresh from the window's rows. While a performer
-moves that happens every few minutes, right after a stop at once.
+moves that happens every ten seconds or so, right after a stop at once.
 """
 
 from __future__ import annotations

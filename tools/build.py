@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import errno
+import os
 from dataclasses import replace
 from functools import reduce
 from typing import TYPE_CHECKING
@@ -47,6 +49,7 @@ def run(
     """
     if labels and not any(source.suffix != ".npz" for source in sources):
         raise ValueError("--labels: expected recordings to cut, got libraries only")
+    _require_place_for(output)
     libraries = [MotionLibrary.load(source) for source in sources if source.suffix == ".npz"]
     places = [source for source in sources if source.suffix != ".npz"]
     if places:
@@ -82,6 +85,14 @@ def _comparison(clips: Sequence[Clip]) -> Comparison | None:
     builtin = MotionLibrary.builtin()
     same = clips[0].skeleton.joints == builtin.skeleton.joints
     return builtin.windows.comparison if same and builtin.windows else None
+
+
+def _require_place_for(output: Path) -> None:
+    """Refuse a place that cannot be written to before an archive is read for it, by its own name."""
+    if output.is_dir():
+        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(output))
+    if not output.absolute().parent.is_dir():
+        raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), str(output.parent))
 
 
 def _named(clips: Iterator[Clip], paths: Sequence[Path]) -> Iterator[Clip]:

@@ -114,9 +114,12 @@ def measure(transport: Transport, *, rate_hz: float, seconds: float, settings: S
     library = MotionLibrary.builtin()
     cues = _cues(library, rate_hz, seconds)
     expected = expected_answers(cues, library, settings)
-    with BackgroundService(transport, settings=settings) as service, BackgroundService(transport, echo=True) as echo:
-        with closing(_Run(service, echo)) as run:
-            run.play(cues, Announcement("latency", library.skeleton.joints), rate_hz)
+    with (
+        BackgroundService(transport, settings=settings) as service,
+        BackgroundService(transport, echo=True) as echo,
+        closing(_Run(service, echo)) as run,
+    ):
+        run.play(cues, Announcement("latency", library.skeleton.joints), rate_hz)
     matcher = AnswerMatcher(expected)
     answers = [(answer, each.arrival) for each in run.answers if (answer := answer_in(each.packet))]
     pairs = [(matcher.match(answer), arrival) for answer, arrival in answers]
@@ -194,8 +197,8 @@ def run(transports: Sequence[Transport], *, rate_hz: float, seconds: float, sett
             print(json.dumps(latency.as_json()))
             return 0
         counts = (f"{latency.sent}", f"{latency.answered}", f"{latency.lost}")
-        table.add_row(f"{transport} recogniser", *_percentiles(latency, echo=False), *counts)
-        table.add_row(f"{transport} bare echo", *_percentiles(latency, echo=True), end_section=True)
+        table.add_row(transport, *_percentiles(latency, echo=False), *counts)
+        table.add_row(f"{transport} echo", *_percentiles(latency, echo=True), end_section=True)
     console.print(table)
     return 0
 

@@ -1,0 +1,257 @@
+"""`kinespace evaluate retrieval`: the paper's experiment as a person runs it."""
+
+from __future__ import annotations
+
+import csv
+import json
+import re
+from collections import defaultdict
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from programs import started
+from recorded import SWINGS, write_takes
+
+from library import read_recordings
+from library.retrieval import Labels, Protocol, Retrieval, Space, compare, motion_axes, retrieve
+from tools.cli import main
+from tools.console import console
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+    from pathlib import Path
+
+    from numpy.typing import NDArray
+    from programs import Program
+
+    from library import Clip
+
+KEYS = {"space", "protocol", "motions", "classes", "nearest", "two_nearest"}
+#: Measured independently on 287 of the 288 clips, 1-NN by space and protocol.
+REFERENCE = {
+    ("distances", "leave-one-out"): 0.958,
+    ("distances", "actor-held-out"): 0.906,
+    ("distances", "split"): 0.879,
+    ("positions", "leave-one-out"): 0.951,
+    ("positions", "actor-held-out"): 0.896,
+    ("positions", "split"): 0.879,
+    ("rotations", "leave-one-out"): 0.840,
+    ("rotations", "actor-held-out"): 0.697,
+    ("rotations", "split"): 0.677,
+}
+
+
+@pytest.fixture(autouse=True)
+def _wide(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(console, "_width", 200)
+
+
+@pytest.fixture
+def cut(tmp_path: Path) -> Path:
+    """Write twelve takes: three classes by two actors of either side of the split."""
+    folder = tmp_path / "cut"
+    folder.mkdir()
+    write_takes(folder)
+    return folder
+
+
+def evaluate(*arguments: object) -> int:
+    """Run `kinespace evaluate retrieval` in this process."""
+    return main(["evaluate", "retrieval", *map(str, arguments)])
+
+
+def table_rows(printed: str) -> dict[tuple[str, str], list[str]]:
+    """Read the table that was printed: the figures of the paper's signature by space and protocol."""
+    lines = [[cell.strip() for cell in re.split("[│┃]", line)[1:-1]] for line in printed.splitlines()]
+    headings, *rows = [cells for cells in lines if len(cells) > 1]
+    named = [dict(zip(headings, cells, strict=True)) for cells in rows]
+    return {
+        (row["space"], row["protocol"]): [row["motions"], row["nearest"], row["one of two"]]
+        for row in named
+        if row.get("signature", "eigenvector") == "eigenvector"
+    }
+
+
+@pytest.mark.parametrize("protocol", Protocol)
+@pytest.mark.parametrize("space", Space)
+def test_the_figures_are_the_librarys(
+    space: Space, protocol: Protocol, cut: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The JSON object has its six keys, and its figures are those of the retrieval of the same clips."""
+    assert evaluate(cut, "--space", space, "--protocol", protocol, "--json") == 0
+    printed = capsys.readouterr().out
+    clips = list(read_recordings(sorted(cut.rglob("*.amc"))))
+    expected = retrieve(compare(motion_axes(clips, space)), Labels.of_clips(clips), protocol)
+    described = json.loads(printed)
+    assert set(described) >= KEYS
+    assert {key: described[key] for key in KEYS} == {
+        "space": space.value,
+        "protocol": protocol.value,
+        "motions": expected.motions,
+        "classes": 3,
+        "nearest": round(expected.nearest, 4),
+        "two_nearest": round(expected.two_nearest, 4),
+    }
+    assert printed.count("\n") == 1
+
+
+def test_json_alone_is_the_papers_own_case(cut: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Without a space and a protocol, the JSON object is that of distances, leave one out."""
+    assert evaluate(cut, "--json") == 0
+    described = json.loads(capsys.readouterr().out)
+    assert (described["space"], described["protocol"]) == ("distances", "leave-one-out")
+    assert described["motions"] == 12
+    assert described["nearest"] == 1.0
+
+
+def test_the_table_holds_every_case(cut: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Without options the table has a row for every space under every protocol."""
+    assert evaluate(cut) == 0
+    rows = table_rows(capsys.readouterr().out)
+    assert set(rows) == {(space.value, protocol.value) for space in Space for protocol in Protocol}
+    assert rows["distances", "leave-one-out"] == ["12", "100.0%", "100.0%"]
+    assert rows["distances", "split"][0] == "6"
+
+
+def test_the_table_holds_what_was_asked_for(cut: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A space alone gives its three protocols, a protocol alone its three spaces."""
+    evaluate(cut, "--space", "positions")
+    assert {space for space, _ in table_rows(capsys.readouterr().out)} == {"positions"}
+    evaluate(cut, "--protocol", "split")
+    rows = table_rows(capsys.readouterr().out)
+    assert len(rows) == 3
+    assert {protocol for _, protocol in rows} == {"split"}
+
+
+def test_turning_the_clips_leaves_distances_alone(
+    cut: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """With --turned every clip stands elsewhere, by the seed's chance, the distances' figures stay, the title tells."""
+    compared: list[NDArray[np.float64]] = []
+
+    def noted(clips: Sequence[Clip], space: Space) -> NDArray[np.float64]:
+        compared.append(np.concatenate([clip.positions for clip in clips]))
+        return motion_axes(clips, space)
+
+    monkeypatch.setattr("tools.evaluate.motion_axes", noted)
+    tables = []
+    for options in ((), ("--turned", "--seed", "1"), ("--turned", "--seed", "1"), ("--turned", "--seed", "2")):
+        assert evaluate(cut, "--space", "distances", *options) == 0
+        printed = capsys.readouterr().out
+        assert ("turned and shifted" in printed) == bool(options)
+        tables.append(table_rows(printed))
+    assert tables == [tables[0]] * 4
+    plain, once, again, other = compared
+    np.testing.assert_array_equal(once, again)
+    for moved in (plain, other):
+        assert np.abs(once - moved)[:, :, (0, 2)].max(axis=(1, 2)).min() > 0.01
+    np.testing.assert_allclose(once[:, :, 1], plain[:, :, 1], atol=1e-9)
+
+
+def test_the_confusions_are_drawn_and_written(cut: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """One picture and one CSV beside it hold the three spaces; the shares of each performed class add up to one."""
+    picture = tmp_path / "confusion.png"
+    assert evaluate(cut, "--picture", picture, "--space", "distances", "--json") == 0
+    assert json.loads(capsys.readouterr().out)["space"] == "distances"
+    assert picture.read_bytes().startswith(b"\x89PNG")
+    assert picture.stat().st_size > 10_000
+    with picture.with_suffix(".csv").open(newline="", encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    assert len(rows) == 3 * len(SWINGS) ** 2
+    shares: dict[tuple[str, str], float] = defaultdict(float)
+    right: dict[str, list[float]] = defaultdict(list)
+    for row in rows:
+        shares[row["space"], row["performed"]] += float(row["share"])
+        if row["performed"] == row["found"]:
+            right[row["space"]].append(float(row["share"]))
+    assert set(shares) == {(space.value, class_name) for space in Space for class_name in SWINGS}
+    assert list(shares.values()) == pytest.approx([1.0] * len(shares), abs=1e-3)
+    assert right["distances"] == [1.0, 1.0, 1.0]
+
+
+def test_the_csv_says_what_was_performed_and_what_was_found(
+    cut: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Each line of the CSV is the share of one performed class's motions whose nearest is of the found class."""
+    confusion = np.array([[0.5, 0.25, 0.25], [0.0, 1.0, 0.0], [0.125, 0.0, 0.875]])
+    outcome = Retrieval(12, 0.8, 0.9, tuple(sorted(SWINGS)), confusion)
+    monkeypatch.setattr("tools.evaluate.retrieve", lambda *_: outcome)
+    assert evaluate(cut, "--picture", tmp_path / "confusion.png", "--protocol", "split") == 0
+    with (tmp_path / "confusion.csv").open(newline="", encoding="utf-8") as file:
+        rows = [(row["performed"], row["found"], float(row["share"])) for row in csv.DictReader(file)]
+    one_space = [
+        (performed, found, confusion[i, j])
+        for i, performed in enumerate(outcome.classes)
+        for j, found in enumerate(outcome.classes)
+    ]
+    assert rows == one_space * 3
+
+
+def test_a_picture_of_no_kind_writes_nothing(cut: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """An ending nobody draws ends with one line, and neither picture nor CSV is left."""
+    assert evaluate(cut, "--picture", tmp_path / "confusion.doc") == 2
+    error = capsys.readouterr().err
+    assert error.startswith("kinespace: ")
+    assert error.count("\n") == 1
+    assert "'doc'" in error
+    assert [path.name for path in tmp_path.iterdir()] == ["cut"]
+
+
+def test_clips_without_labels_cannot_be_evaluated(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A clip whose name tells neither class nor actor ends with one line that names it."""
+    (path,) = write_takes(tmp_path, actors=("bd",), takes=1)[:1]
+    (tmp_path / "HDM_bd.asf").rename(tmp_path / "ann.asf")
+    path.rename(tmp_path / "ann_7.amc")
+    assert evaluate(tmp_path / "ann_7.amc") == 2
+    error = capsys.readouterr().err
+    assert error == "kinespace: ann_7: expected a name that tells class and actor, as HDM05's clips have\n"
+
+
+@pytest.mark.parametrize(("protocol", "actors"), [("actor-held-out", ("bd",)), ("split", ("bd", "bk"))])
+def test_a_protocol_that_leaves_nobody_to_ask_says_so(
+    protocol: str, actors: tuple[str, ...], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """With one actor, or with none on the asking side, the protocol is named as what cannot be done."""
+    write_takes(tmp_path, actors=actors)
+    assert evaluate(tmp_path, "--protocol", protocol, "--json") == 2
+    assert protocol in capsys.readouterr().err
+
+
+@pytest.fixture(scope="module")
+def commands(hdm05_folder: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Program, Program, Path]]:
+    """Run the command on all 288 clips twice at once: for the JSON object with a picture, and for the table."""
+    picture = tmp_path_factory.mktemp("evaluated") / "confusion.svg"
+    arguments = ("evaluate", "retrieval", hdm05_folder, "--signature", "eigenvector")
+    with started(*arguments, "--json", "--picture", picture) as as_json, started(*arguments) as as_table:
+        yield as_json, as_table, picture
+
+
+def test_the_command_prints_the_papers_figures(commands: tuple[Program, Program, Path]) -> None:
+    """On all 288 clips the JSON is one object, its figures within a point of the reference, and a picture is drawn."""
+    program, _, picture = commands
+    assert (program.wait(), program.errors) == (0, "")
+    assert program.output.count("\n") == 1
+    described = json.loads(program.output)
+    assert set(described) >= KEYS
+    assert (described["space"], described["protocol"]) == ("distances", "leave-one-out")
+    assert (described["motions"], described["classes"]) == (288, 11)
+    assert described["nearest"] == pytest.approx(REFERENCE["distances", "leave-one-out"], abs=0.01)
+    assert described["two_nearest"] == pytest.approx(0.965, abs=0.01)
+    assert picture.stat().st_size > 50_000
+    with picture.with_suffix(".csv").open(newline="", encoding="utf-8") as file:
+        shares = [float(row["share"]) for row in csv.DictReader(file)]
+    assert len(shares) == 3 * 11 * 11
+    assert sum(shares) == pytest.approx(33.0, abs=0.05)
+
+
+def test_the_commands_table_is_the_papers(commands: tuple[Program, Program, Path]) -> None:
+    """On all 288 clips every figure of the command's table is within a point of the reference."""
+    _, program, _ = commands
+    assert (program.wait(), program.errors) == (0, "")
+    rows = table_rows(program.output)
+    assert set(rows) == set(REFERENCE)
+    nearest = {key: float(row[1].rstrip("%")) / 100 for key, row in rows.items()}
+    for key, figure in nearest.items():
+        assert figure == pytest.approx(REFERENCE[key], abs=0.01)
+    assert max(nearest, key=nearest.__getitem__) == ("distances", "leave-one-out")

@@ -1,0 +1,140 @@
+"""`kinespace latency`: frame sent to answer received, beside a bare echo. No figure is held against a limit here."""
+
+from __future__ import annotations
+
+import json
+import math
+from contextlib import ExitStack
+from dataclasses import replace
+from functools import partial
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from programs import started
+
+from library import MotionLibrary
+from stream import Settings
+from tools.background import BackgroundService
+from tools.cli import main
+from tools.console import console
+from tools.latency import Latency, measure
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+KEYS = {
+    "transport",
+    "rate_hz",
+    "sent",
+    "answered",
+    "lost",
+    "p50_ms",
+    "p99_ms",
+    "max_ms",
+    "echo_p50_ms",
+    "echo_p99_ms",
+}
+
+
+@pytest.fixture(autouse=True)
+def _wide(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(console, "_width", 200)
+
+
+def test_percentiles_are_of_what_was_measured() -> None:
+    """Percentiles are in milliseconds, of the answers or of the echo; all stand in the JSON object by name."""
+    seconds, echo = np.arange(1001) / 1e6, np.arange(1001) / 1e7
+    latency = Latency("osc", 120.0, 10, 9, 1, seconds, echo)
+    assert latency.percentile(50) == pytest.approx(0.5)
+    assert latency.percentile(99, echo=True) == pytest.approx(0.099)
+    described = latency.as_json()
+    assert set(described) >= KEYS
+    assert (described["transport"], described["rate_hz"]) == ("osc", 120.0)
+    assert (described["sent"], described["answered"], described["lost"]) == (10, 9, 1)
+    assert [described[name] for name in ("p50_ms", "p95_ms", "p99_ms", "p999_ms", "max_ms")] == pytest.approx(
+        [0.5, 0.95, 0.99, 0.999, 1.0], abs=1e-4
+    )
+    assert described["echo_max_ms"] == pytest.approx(0.1)
+
+
+def test_what_was_not_measured_is_null() -> None:
+    """Without a single answer the figures are NaN, and null in the JSON object, which stays valid JSON."""
+    latency = Latency("zmq", 120.0, 10, 0, 3, np.array([]), np.array([0.001]))
+    assert math.isnan(latency.percentile(99))
+    described = json.loads(json.dumps(latency.as_json(), allow_nan=False))
+    assert described["p99_ms"] is None
+    assert described["max_ms"] is None
+    assert described["echo_p99_ms"] == 1.0
+
+
+def test_every_frame_and_answer_is_accounted_for() -> None:
+    """A run sends every frame, every answer due is answered or lost, and each latency is a positive time."""
+    latency = measure("zmq", rate_hz=100.0, seconds=1.2, settings=Settings(window=0.3, hop=0.05))
+    assert latency.sent == 120
+    # A window of 30 frames is full with the 31st; from then on every fifth frame is answered.
+    assert latency.answered + latency.lost == 18
+    assert latency.answered > 0
+    assert len(latency.seconds) <= latency.answered
+    # The first half second warms up and is not counted.
+    assert 0 < len(latency.echo_seconds) <= 70
+    for seconds in (latency.seconds, latency.echo_seconds):
+        assert np.isfinite(seconds).all()
+        assert (seconds > 0).all()
+
+
+def test_answers_that_never_come_are_lost(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """When a recogniser answers something else than was due, every answer due is counted as lost, the last ones too."""
+    whole = MotionLibrary.builtin()
+    other = replace(whole, motions=tuple(replace(motion, class_name="else") for motion in whole.motions))
+    other.save(tmp_path / "other.npz")
+    service = partial(BackgroundService, library=tmp_path / "other.npz")
+    monkeypatch.setattr("tools.latency.BackgroundService", service)
+    latency = measure("osc", rate_hz=100.0, seconds=0.6, settings=Settings(window=0.3, hop=0.05))
+    assert (latency.sent, latency.answered, latency.lost) == (60, 0, 6)
+    assert latency.seconds.size == 0
+
+
+def test_the_table_has_a_transport_and_its_echo(capsys: pytest.CaptureFixture[str]) -> None:
+    """The table has a row for the recogniser and one for the bare echo, figures ordered, counts beside the former."""
+    assert main(["latency", "--transport", "osc", "--seconds", "1.1", "--window", "0.3", "--rate", "60"]) == 0
+    printed = capsys.readouterr().out
+    assert "milliseconds, at 60 Hz" in printed
+    rows = [[cell.strip() for cell in line.split("│")[1:-1]] for line in printed.splitlines() if "│" in line]
+    assert [row[0] for row in rows] == ["osc recogniser", "osc bare echo"]
+    for row in rows:
+        figures = [float(figure) for figure in row[1:6]]
+        assert figures == sorted(figures)
+        assert figures[0] >= 0
+    assert [row[6] for row in rows] == ["66", ""]
+
+
+@pytest.mark.parametrize("seconds", ["1", "1.5"])
+def test_too_short_a_run_is_refused(seconds: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """A run that ends before a window and the warm-up have passed could measure nothing: one line, status 2."""
+    assert main(["latency", "--seconds", seconds]) == 2
+    assert capsys.readouterr().err == (
+        f"kinespace: --seconds: expected more than a window, 1.0 s, got {float(seconds)}\n"
+    )
+
+
+def test_the_command_prints_one_json_object() -> None:
+    """As a command of its own, for each transport, latency prints one object of finite, positive, ordered figures."""
+    with ExitStack() as stack:
+        options = ("--seconds", 2, "--json")
+        runs = {
+            transport: stack.enter_context(started("latency", "--transport", transport, *options))
+            for transport in ("osc", "zmq")
+        }
+        for transport, program in runs.items():
+            assert (program.wait(), program.errors) == (0, "")
+            assert program.output.count("\n") == 1
+            described = json.loads(program.output)
+            assert set(described) >= KEYS
+            assert (described["transport"], described["rate_hz"]) == (transport, 120.0)
+            assert described["sent"] == 240
+            # The first window is full with frame 121; from then on every fourth frame is answered.
+            assert described["answered"] + described["lost"] == 30
+            assert described["answered"] > 0
+            assert 0 < described["p50_ms"] <= described["p99_ms"] <= described["max_ms"] < math.inf
+            assert 0 < described["echo_p50_ms"] <= described["echo_p99_ms"] < math.inf

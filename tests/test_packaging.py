@@ -1,0 +1,132 @@
+"""What is shipped: three packages, their data, and a built-in library that our own command built."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+import tomllib
+from importlib import resources
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from programs import ROOT
+
+from library import MotionLibrary, hdm05
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from library import Clip
+
+PACKAGES = ("library", "stream", "tools")
+RECORDINGS = (".amc", ".asf", ".c3d", ".bvh", ".trc", ".fbx")
+#: Bytes above which a recording is data, not a test's example.
+LARGEST_EXAMPLE = 20_000
+LARGEST_LIBRARY = 2_000_000
+
+
+def project() -> dict[str, dict[str, object]]:
+    """Read pyproject.toml."""
+    return tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+
+
+def tracked_files() -> list[Path]:
+    """List what git tracks."""
+    git = shutil.which("git")
+    if git is None or not (ROOT / ".git").exists():
+        pytest.skip("not a git checkout")
+    listed = subprocess.run([git, "ls-files", "-z"], cwd=ROOT, capture_output=True, text=True, check=True, timeout=60)
+    return [ROOT / name for name in listed.stdout.split("\0") if name]
+
+
+def test_exactly_three_packages_are_shipped() -> None:
+    """The packages are named one by one, and they are all the packages the sources have beside the tests."""
+    setuptools = project()["tool"]["setuptools"]
+    assert isinstance(setuptools, dict)
+    assert sorted(setuptools["packages"]) == sorted(PACKAGES)
+    there = {path.parent.name for path in ROOT.glob("*/__init__.py")}
+    assert there == set(PACKAGES)
+
+
+def test_what_is_declared_as_data_is_there() -> None:
+    """Every data file that is declared can be found the way an installed package finds it, and is not empty."""
+    setuptools = project()["tool"]["setuptools"]
+    assert isinstance(setuptools, dict)
+    declared = {(package, name) for package, names in setuptools["package-data"].items() for name in names}
+    assert declared >= {("library", "hdm05.npz"), ("library", "LICENSE-hdm05.txt")}
+    assert declared >= {(package, "py.typed") for package in PACKAGES}
+    for package, name in declared:
+        found = resources.files(package) / name
+        assert found.is_file()
+        assert name == "py.typed" or found.read_bytes()
+
+
+def test_whatever_lies_in_a_package_is_declared() -> None:
+    """No file lies in a package that is neither Python nor declared as its data: it would be missing from the wheel."""
+    setuptools = project()["tool"]["setuptools"]
+    assert isinstance(setuptools, dict)
+    for package in PACKAGES:
+        others = {path.name for path in (ROOT / package).iterdir() if path.is_file() and path.suffix != ".py"}
+        assert others == set(setuptools["package-data"][package])
+
+
+def test_the_librarys_terms_stand_beside_it() -> None:
+    """The licence beside the built-in library names its terms and whom to name, and so does the library itself."""
+    text = " ".join((resources.files("library") / "LICENSE-hdm05.txt").read_text(encoding="utf-8").split())
+    assert "CC BY-SA 3.0" in text or "Attribution-ShareAlike 3.0" in text
+    assert "HDM05" in text
+    assert "Mueller" in text
+    library = MotionLibrary.builtin()
+    assert (library.licence, library.attribution) == (hdm05.LICENCE, hdm05.ATTRIBUTION)
+    licence = project()["project"]["license"]
+    assert licence == "MIT AND CC-BY-SA-3.0"
+    assert project()["project"]["license-files"] == ["LICENSE", "library/LICENSE-hdm05.txt"]
+
+
+def test_the_built_in_library_is_small() -> None:
+    """The built-in library takes at most 2 MB."""
+    assert 0 < len((resources.files("library") / "hdm05.npz").read_bytes()) <= LARGEST_LIBRARY
+
+
+def test_the_built_in_library_is_the_one_the_recordings_give(hdm05_clips: tuple[Clip, ...]) -> None:
+    """Rebuilt from the 288 clips the library has the same classes, motions, means, spreads and, up to sign, axes."""
+    shipped = MotionLibrary.builtin()
+    rebuilt = MotionLibrary.of_clips(hdm05_clips)
+    assert shipped.classes == rebuilt.classes
+    assert shipped.skeleton == rebuilt.skeleton
+    for ours, theirs in zip(shipped.motions, rebuilt.motions, strict=True):
+        assert (ours.class_name, ours.actor, ours.take) == (theirs.class_name, theirs.actor, theirs.take)
+        assert (ours.frames, ours.frame_rate) == (theirs.frames, theirs.frame_rate)
+        assert ours.eigenvalue == pytest.approx(theirs.eigenvalue, rel=1e-4)
+        assert ours.share == pytest.approx(theirs.share, abs=1e-4)
+    np.testing.assert_allclose(shipped.means, rebuilt.means, atol=1e-4)
+    np.testing.assert_allclose(shipped.deviations, rebuilt.deviations, atol=1e-4)
+    signs = np.sign(np.sum(shipped.axes * rebuilt.axes, axis=1, keepdims=True))
+    np.testing.assert_allclose(shipped.axes, signs * rebuilt.axes, atol=1e-4)
+
+
+def test_no_recording_is_tracked() -> None:
+    """Git tracks no recording larger than a test's example, under any capitalisation of its ending."""
+    large = [
+        path.name
+        for path in tracked_files()
+        if path.suffix.lower() in RECORDINGS and path.exists() and path.stat().st_size > LARGEST_EXAMPLE
+    ]
+    assert large == []
+
+
+def test_the_only_large_file_is_the_library() -> None:
+    """Nothing larger than 300 kB is tracked but the built-in library: no data comes in under another name."""
+    large = {path.name for path in tracked_files() if path.exists() and path.stat().st_size > 300_000}
+    assert large == {"hdm05.npz"}
+
+
+def test_a_python_that_is_promised_is_one_that_is_required() -> None:
+    """The lowest Python among the classifiers is the one that is required."""
+    described = project()["project"]
+    classifiers = described["classifiers"]
+    assert isinstance(classifiers, list)
+    prefix = "Programming Language :: Python :: 3."
+    promised = [int(each.removeprefix(prefix)) for each in classifiers if each.startswith(prefix)]
+    assert described["requires-python"] == f">=3.{min(promised)}"

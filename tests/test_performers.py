@@ -1,0 +1,279 @@
+"""Several performers: each recognised as if alone, followed from first frame to silence, bounded in number."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from synthetic import STICK, STICK_CLASSES, stick_clip, stick_clips
+
+from library.motionlibrary import MotionLibrary
+from stream.frame import Announcement, Frame
+from stream.performers import Performers
+from stream.recognizer import Recognizer, Settings
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from stream.recognition import Recognition
+
+POSE = stick_clip("bow").positions[0]
+
+
+@pytest.fixture(scope="module")
+def library() -> MotionLibrary:
+    return MotionLibrary.of_clips(stick_clips())
+
+
+def _frames(performer: str, class_name: str, *, frames: int = 200, start: float = 0.0) -> list[Frame]:
+    positions = stick_clip(class_name, seed=70, frames=frames).positions
+    return [Frame(performer, start + index / 120, each) for index, each in enumerate(positions)]
+
+
+def _reordered(frames: Sequence[Frame], order: Sequence[int]) -> list[Frame]:
+    return [dataclasses.replace(frame, positions=frame.positions[list(order)]) for frame in frames]
+
+
+def _pushed(performers: Performers, frames: Sequence[Frame], arrival: float = 0.0) -> list[Recognition]:
+    return [answer for frame in frames if (answer := performers.push(frame, arrival)) is not None]
+
+
+def _alone(library: MotionLibrary, frames: Sequence[Frame]) -> list[Recognition]:
+    recognizer = Recognizer(library)
+    return [answer for frame in frames if (answer := recognizer.push(frame)) is not None]
+
+
+def _assert_same(first: Sequence[Recognition], second: Sequence[Recognition]) -> None:
+    """Demand the same answers, number for number."""
+    assert len(first) == len(second) > 0
+    for one, other in zip(first, second, strict=True):
+        assert np.array_equal(one.scores, other.scores)
+        assert (one.performer, one.time, one.label) == (other.performer, other.time, other.label)
+
+
+# --- each as if alone --------------------------------------------------------------------------------------------
+
+
+@given(seed=st.integers(0, 2**32 - 1))
+@settings(max_examples=10)
+def test_interleaved_feeds_are_recognised_as_if_alone(library: MotionLibrary, seed: int) -> None:
+    """However the frames of several performers are mixed, each gets the answers that it gets alone."""
+    generator = np.random.default_rng(seed)
+    feeds = {name: _frames(name, name, start=100.0 * place) for place, name in enumerate(STICK_CLASSES)}
+    turns = generator.permutation(np.repeat(STICK_CLASSES, 200)).tolist()
+    waiting = {name: iter(feed) for name, feed in feeds.items()}
+    performers = Performers(library)
+    answers = _pushed(performers, [next(waiting[name]) for name in turns])
+    assert set(performers.names) == set(STICK_CLASSES)
+    for name, feed in feeds.items():
+        _assert_same([answer for answer in answers if answer.performer == name], _alone(library, feed))
+    assert performers.counts.recognizers.frames == 600
+    assert performers.counts.recognizers.hops == len(answers)
+
+
+def test_the_settings_are_every_recognisers(library: MotionLibrary) -> None:
+    """What is set for all holds for each: with a hop of 0 every frame of every full window is answered."""
+    performers = Performers(library, Settings(hop=0, window=0.5))
+    for name in ("a", "b"):
+        assert len(_pushed(performers, _frames(name, "jump"))) == 200 - 60
+
+
+# --- joints ------------------------------------------------------------------------------------------------------
+
+
+def test_joints_may_come_in_any_order(library: MotionLibrary) -> None:
+    """A feed that announces its joints in another order, with some more among them, gets the same answers."""
+    frames = _frames("p", "wave")
+    order = [5, 2, 0, 4, 1, 3]
+    names = ["tail", *(STICK.joints[index] for index in order), "hat"]
+    mixed = [
+        dataclasses.replace(frame, positions=np.vstack([[[9.0, 9.0, 9.0]], frame.positions[order], POSE[:1]]))
+        for frame in frames
+    ]
+    performers = Performers(library)
+    performers.announce(Announcement("p", tuple(names)), 0.0)
+    _assert_same(_pushed(performers, mixed), _alone(library, frames))
+
+
+def test_without_an_announcement_the_skeletons_own_order_is_assumed(library: MotionLibrary) -> None:
+    """Frames of the right number of joints are taken as the library's skeleton, announced so or not."""
+    frames = _frames("p", "wave")
+    _assert_same(_pushed(Performers(library), frames), _alone(library, frames))
+    announced = Performers(library)
+    announced.announce(Announcement("p", STICK.joints), 0.0)
+    _assert_same(_pushed(announced, frames), _alone(library, frames))
+
+
+@pytest.mark.parametrize("before", [0, 150])
+def test_saying_what_was_assumed_changes_nothing(library: MotionLibrary, before: int) -> None:
+    """The skeleton's own joints announced at any moment, again and again, leave the window as it is."""
+    frames = _frames("p", "jump")
+    performers, answers = Performers(library), []
+    for index, frame in enumerate(frames):
+        if index >= before:
+            performers.announce(Announcement("p", STICK.joints), 0.0)
+        answers += _pushed(performers, [frame])
+    _assert_same(answers, _alone(library, frames))
+
+
+def test_a_repeated_announcement_changes_nothing(library: MotionLibrary) -> None:
+    """Another order, announced every second as senders do, begins no new window."""
+    order = [3, 1, 0, 2, 5, 4]
+    frames = _frames("p", "wave")
+    performers, answers = Performers(library), []
+    for frame in _reordered(frames, order):
+        performers.announce(Announcement("p", tuple(STICK.joints[index] for index in order)), 0.0)
+        answers += _pushed(performers, [frame])
+    _assert_same(answers, _alone(library, frames))
+
+
+def test_other_joints_begin_a_new_window(library: MotionLibrary) -> None:
+    """Once other joints are announced the window holds only frames that came after, in the new order."""
+    performers = Performers(library)
+    first = _pushed(performers, _frames("p", "bow"))
+    order = [1, 0, 3, 2, 5, 4]
+    performers.announce(Announcement("p", tuple(STICK.joints[index] for index in order)), 0.0)
+    after = _frames("p", "wave", start=200 / 120)
+    answers = _pushed(performers, _reordered(after, order))
+    assert {answer.label for answer in first} == {"bow"}
+    _assert_same(answers, _alone(library, after))
+
+
+def test_one_performers_joints_are_not_anothers(library: MotionLibrary) -> None:
+    """An announcement says what its own performer's frames hold."""
+    performers = Performers(library)
+    performers.announce(Announcement("a", STICK.joints[::-1]), 0.0)
+    frames = _frames("b", "jump")
+    _assert_same(_pushed(performers, frames), _alone(library, frames))
+
+
+@pytest.mark.parametrize("joints", [STICK.joints[:5], ("nobody", *STICK.joints[1:]), ("x",)])
+def test_frames_of_joints_that_do_not_cover_the_skeleton_are_counted(
+    library: MotionLibrary, joints: tuple[str, ...]
+) -> None:
+    """With a joint missing or unknown no frame is used, whatever its size, until joints are announced that do."""
+    performers = Performers(library)
+    performers.announce(Announcement("p", joints), 0.0)
+    assert performers.push(Frame("p", 0.0, np.zeros((len(joints), 3))), 0.0) is None
+    assert performers.push(Frame("p", 0.1, np.zeros((6, 3))), 0.0) is None
+    assert (performers.counts.other_joints, performers.counts.recognizers.frames) == (2, 0)
+    performers.announce(Announcement("p", STICK.joints), 0.0)
+    frames = _frames("p", "bow")
+    _assert_same(_pushed(performers, frames), _alone(library, frames))
+    assert performers.counts.other_joints == 2
+
+
+@pytest.mark.parametrize("announced", [False, True])
+@pytest.mark.parametrize("joints", [0, 5, 7, 31])
+def test_frames_of_another_size_are_counted_and_passed_over(
+    library: MotionLibrary, joints: int, *, announced: bool
+) -> None:
+    """Between valid frames, frames of another number of joints than announced or assumed cost nothing but a count."""
+    performers = Performers(library)
+    if announced:
+        performers.announce(Announcement("p", STICK.joints), 0.0)
+    frames = _frames("p", "bow")
+    answers = []
+    for frame in frames:
+        answers += _pushed(performers, [frame, Frame("p", frame.time + 0.001, np.zeros((joints, 3)))])
+    _assert_same(answers, _alone(library, frames))
+    assert performers.counts.other_joints == len(frames)
+
+
+def test_a_larger_announced_body_does_not_pass_as_the_assumed_one(library: MotionLibrary) -> None:
+    """A sender that announced eight joints and sends six has its frames refused: which six is not known."""
+    performers = Performers(library)
+    performers.announce(Announcement("p", (*STICK.joints, "hat", "tail")), 0.0)
+    assert performers.push(Frame("p", 0.0, POSE), 0.0) is None
+    assert performers.push(Frame("p", 0.1, np.vstack([POSE, POSE[:2]])), 0.0) is None
+    assert (performers.counts.other_joints, performers.counts.recognizers.frames) == (1, 1)
+
+
+# --- coming and going --------------------------------------------------------------------------------------------
+
+
+def test_performers_come_with_their_first_frame_or_announcement(library: MotionLibrary) -> None:
+    """Performers are followed, in the order in which they were first heard of."""
+    performers = Performers(library)
+    assert (len(performers), performers.names) == (0, ())
+    performers.push(Frame("b", 0.0, POSE), 0.0)
+    performers.announce(Announcement("a", STICK.joints), 0.0)
+    performers.push(Frame("b", 0.1, POSE), 0.0)
+    assert (len(performers), performers.names) == (2, ("b", "a"))
+
+
+def test_the_silent_are_dropped_and_their_counts_kept(library: MotionLibrary) -> None:
+    """Only who was not heard for longer than the silence goes, by the arrivals' clock; what was counted stays."""
+    performers = Performers(library, silence=2.0)
+    performers.push(Frame("a", 900.0, POSE), 10.0)
+    performers.push(Frame("b", 5.0, POSE), 10.5)
+    performers.announce(Announcement("c", STICK.joints), 11.0)
+    assert performers.drop_silent(12.0) == []
+    assert performers.drop_silent(12.6) == ["a", "b"]
+    assert performers.names == ("c",)
+    assert performers.counts.dropped == 2
+    assert performers.counts.recognizers.frames == 2
+    performers.push(Frame("a", 901.0, POSE), 12.7)
+    assert performers.counts.recognizers.frames == 3
+
+
+def test_who_comes_back_after_silence_is_new(library: MotionLibrary) -> None:
+    """A performer who was dropped starts with an empty window, even if the frames' own clock shows no gap."""
+    performers = Performers(library, silence=2.0)
+    first = _frames("p", "bow")
+    _pushed(performers, first, arrival=0.0)
+    performers.drop_silent(3.0)
+    back = _frames("p", "wave", start=200 / 120)
+    _assert_same(_pushed(performers, back, arrival=4.0), _alone(library, back))
+
+
+def test_there_is_room_for_only_so_many(library: MotionLibrary) -> None:
+    """Frames of one performer too many are counted and refused, and those that are followed do not suffer."""
+    performers = Performers(library, most=2)
+    frames = _frames("a", "jump")
+    performers.push(Frame("b", 0.0, POSE), 0.0)
+    answers = []
+    for index, frame in enumerate(frames):
+        answers += _pushed(performers, [frame])
+        assert performers.push(Frame(f"stranger {index}", frame.time, POSE), 0.0) is None
+        performers.announce(Announcement(f"stranger {index}", STICK.joints), 0.0)
+    _assert_same(answers, _alone(library, frames))
+    assert performers.names == ("b", "a")
+    assert performers.counts.no_room == len(frames)
+
+
+def test_the_silent_make_room(library: MotionLibrary) -> None:
+    """When there is no room, whoever fell silent makes some for who comes now."""
+    performers = Performers(library, most=1, silence=2.0)
+    performers.push(Frame("a", 0.0, POSE), 0.0)
+    performers.push(Frame("b", 0.0, POSE), 2.0)
+    assert performers.names == ("a",)
+    performers.push(Frame("b", 0.0, POSE), 2.1)
+    assert performers.names == ("b",)
+    assert (performers.counts.no_room, performers.counts.dropped) == (1, 1)
+
+
+def test_the_counts_are_a_copy(library: MotionLibrary) -> None:
+    """Counts that were read do not move on, and reading them twice counts nothing twice."""
+    performers = Performers(library)
+    performers.push(Frame("a", 0.0, POSE), 0.0)
+    before = performers.counts
+    performers.push(Frame("a", 1.0, np.zeros((2, 3))), 0.0)
+    performers.push(Frame("a", 1.0, POSE), 0.0)
+    assert (before.recognizers.frames, before.other_joints) == (1, 0)
+    assert performers.counts == performers.counts
+    assert (performers.counts.recognizers.frames, performers.counts.other_joints) == (2, 1)
+
+
+@pytest.mark.parametrize(
+    ("most", "silence", "named"),
+    [(0, 5.0, "most"), (-1, 5.0, "most"), (1, 0.0, "silence"), (1, np.inf, "silence"), (1, np.nan, "silence")],
+)
+def test_bounds_that_make_no_sense_are_refused(library: MotionLibrary, most: int, silence: float, named: str) -> None:
+    """There is room for at least one, and silence is a positive number of seconds."""
+    with pytest.raises(ValueError, match=f"{named}: expected"):
+        Performers(library, most=most, silence=silence)

@@ -1,0 +1,336 @@
+"""`kinespace replay`: recordings as a fake live feed, and what was answered to it."""
+
+from __future__ import annotations
+
+import json
+import threading
+import time
+from contextlib import contextmanager
+from types import SimpleNamespace
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+import zmq
+from programs import LOOPBACK, PATIENCE, finished, free_udp_port
+from recorded import write_take, write_takes
+
+from library import MotionLibrary, read_recordings
+from stream import Announcement, Frame, Performers, Recognizer, Settings, osc, zeromq
+from stream.service import OscSink, OscSource, Service, ZmqSink, ZmqSource
+from tools.cli import main
+from tools.console import console
+from tools.feed import Cue, clip_cues
+from tools.replay import Faults, Score
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator, Sequence
+    from pathlib import Path
+
+    from library import Clip
+
+#: Fast enough that nobody waits long, slow enough that a busy machine keeps up.
+SPEED = 8.0
+KEYS = {"sent", "failed", "answers", "right"}
+
+
+@pytest.fixture(autouse=True)
+def _wide(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(console, "_width", 200)
+
+
+@pytest.fixture
+def stage() -> Iterator[osc.OscReceiver]:
+    """Open a UDP port that hears what is replayed."""
+    receiver = osc.OscReceiver(LOOPBACK, 0)
+    yield receiver
+    receiver.close()
+
+
+@pytest.fixture
+def take(tmp_path: Path) -> Path:
+    """Write one clip of a second and a half."""
+    return write_take(tmp_path, "bd", "bendLeft", 1)
+
+
+def replay(*arguments: object) -> int:
+    """Run `kinespace replay` in this process, eight times as fast as recorded unless told otherwise."""
+    return main(["replay", "--speed", str(SPEED), *map(str, arguments)])
+
+
+def target(receiver: osc.OscReceiver) -> str:
+    """Give a receiver's address as it is typed."""
+    return f"{LOOPBACK}:{receiver.address[1]}"
+
+
+def heard(receiver: osc.OscReceiver) -> list[Frame | Announcement]:
+    """Take everything that has arrived, decoded."""
+    events: list[Frame | Announcement] = []
+    while (datagram := receiver.receive()) is not None:
+        received = osc.decode(datagram, 0.0)
+        assert received.malformed == received.foreign == 0
+        events += received.events
+    return events
+
+
+def frames_in(events: Iterable[Frame | Announcement]) -> list[Frame]:
+    """Give the frames among some events."""
+    return [event for event in events if isinstance(event, Frame)]
+
+
+@contextmanager
+def recognising(library: MotionLibrary, source: object, sink: object) -> Iterator[Service]:
+    """Run a service in a thread of this process."""
+    performers = Performers(library, Settings(window=0.5))
+    with Service(performers, [source], [sink]) as service:  # type: ignore[list-item]  # one of either transport
+        thread = threading.Thread(target=service.run)
+        thread.start()
+        try:
+            yield service
+        finally:
+            service.stop()
+            thread.join(PATIENCE)
+
+
+def test_a_clip_is_sent_as_live_packets(stage: osc.OscReceiver, take: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The joints are announced first; then every frame comes in order with its time and its positions as float32."""
+    assert replay(take, "--osc", target(stage), "--performer", "me") == 0
+    events = heard(stage)
+    (clip,) = read_recordings([take])
+    assert events[0] == Announcement("me", clip.skeleton.joints)
+    frames = frames_in(events)
+    assert [frame.performer for frame in frames] == ["me"] * clip.frames
+    np.testing.assert_allclose([frame.time for frame in frames], 1.0 + clip.times, rtol=1e-12)
+    np.testing.assert_array_equal([frame.positions for frame in frames], clip.positions.astype(np.float32))
+    assert capsys.readouterr().out == "180 frames sent, 0 the system would not take\n"
+
+
+def test_the_joints_are_announced_every_second(
+    stage: osc.OscReceiver, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A feed of two and a half seconds announces its joints at 0, 1 and 2 seconds, always alike."""
+    monkeypatch.setattr("tools.feed.time", SimpleNamespace(perf_counter=time.perf_counter, sleep=lambda _: None))
+    path = write_take(tmp_path, "bd", "bendLeft", 1, frames=300)
+    assert main(["replay", str(path), "--osc", target(stage)]) == 0
+    events = heard(stage)
+    places = [index for index, event in enumerate(events) if isinstance(event, Announcement)]
+    assert places == [0, 121, 242]
+    assert len({event for event in events if isinstance(event, Announcement)}) == 1
+
+
+def test_a_feed_takes_its_recordings_time(stage: osc.OscReceiver, take: Path) -> None:
+    """A feed ends no sooner than its last frame is due."""
+    begun = time.perf_counter()
+    assert main(["replay", str(take), "--osc", target(stage), "--speed", "4"]) == 0
+    assert time.perf_counter() - begun >= 179 / 120 / 4
+
+
+def test_folders_are_replayed_clip_by_clip(stage: osc.OscReceiver, tmp_path: Path) -> None:
+    """All clips under a folder are sent one after the other with the pause ordered between them."""
+    paths = write_takes(tmp_path, actors=("bd",), takes=1, frames=30)
+    assert replay(tmp_path, "--osc", target(stage), "--pause", "0.25") == 0
+    frames = frames_in(heard(stage))
+    assert len(frames) == 30 * len(paths)
+    steps = np.diff([frame.time for frame in frames])
+    assert np.flatnonzero(steps > 0.1).tolist() == [29, 59]
+    assert steps[29] == pytest.approx(0.25 + 1 / 120)
+
+
+def test_a_given_skeleton_is_used(stage: osc.OscReceiver, take: Path) -> None:
+    """With --asf no skeleton is looked for by name."""
+    (take.parents[1] / "HDM_bd.asf").rename(take.parents[1] / "other.asf")
+    assert replay(take, "--osc", target(stage)) == 2
+    assert replay(take, "--osc", target(stage), "--asf", take.parents[1] / "other.asf") == 0
+    assert len(frames_in(heard(stage))) == 180
+
+
+def test_faults_are_those_ordered(stage: osc.OscReceiver, take: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Frames are lost and swapped exactly as the seed says, and `sent` counts what was really sent."""
+    (clip,) = read_recordings([take])
+    faults = Faults(drop=0.2, jitter=0.01, reorder=0.2, seed=5)
+    expected = [cue.frame.time for cue in faults.applied(clip_cues([clip], "replay", speed=SPEED))]
+    order = ("--drop", 0.2, "--jitter-ms", 10, "--reorder", 0.2)
+    assert replay(take, "--osc", target(stage), *order, "--seed", 5, "--json") == 0
+    times = [frame.time for frame in frames_in(heard(stage))]
+    assert times == expected
+    assert 100 < len(times) < 180
+    assert times != sorted(times)
+    described = json.loads(capsys.readouterr().out)
+    assert described == {"sent": len(times), "failed": 0, "answers": 0, "right": None}
+    replay(take, "--osc", target(stage), *order, "--seed", 6)
+    assert [frame.time for frame in frames_in(heard(stage))] != times
+
+
+def test_no_faults_change_nothing() -> None:
+    """Without any fault ordered the feed passes through as it is, whatever the seed."""
+    cues = [Cue(index / 120, Frame("me", 1.0, np.zeros((6, 3))), index) for index in range(50)]
+    assert list(Faults(seed=3).applied(iter(cues))) == cues
+
+
+@pytest.mark.parametrize("performer", ["me", "my dancer", "[/]", "søren"])
+def test_osc_answers_to_any_performer_are_counted(
+    performer: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """With --listen every answer is heard and compared with the class performed, whatever the performer is called."""
+    take = write_take(tmp_path, "bd", "bendLeft", 1)
+    clips = list(read_recordings(write_takes(tmp_path, takes=1)))
+    library = MotionLibrary.of_clips(clips)
+    source = OscSource(osc.OscReceiver(LOOPBACK, 0))
+    port = free_udp_port()
+    sink = OscSink(osc.OscSender(LOOPBACK, port))
+    to = target(source.receiver)
+    with recognising(library, source, sink):
+        arguments = (take, "--osc", to, "--listen", f"{LOOPBACK}:{port}", "--performer", performer, "--json")
+        assert replay(*arguments, "--speed", "2") == 0
+    described = json.loads(capsys.readouterr().out)
+    assert set(described) == KEYS
+    assert (described["sent"], described["failed"]) == (180, 0)
+    answers, share = _expected_answers(library, clips[:1])
+    assert described["answers"] == answers > 20
+    assert described["right"] == round(share, 4)
+
+
+def test_zmq_answers_are_counted(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Over ZeroMQ the answers are heard as well; the table has a row for each class performed."""
+    takes = write_takes(tmp_path, actors=("bd",), takes=1, frames=120)
+    clips = list(read_recordings(takes))
+    library = MotionLibrary.of_clips(clips)
+    anywhere = zeromq.Endpoint(f"tcp://{LOOPBACK}:*", bind=True)
+    source, sink = ZmqSource(zeromq.ZmqReceiver(anywhere)), ZmqSink(zeromq.ZmqSender(anywhere))
+    arguments = (*takes, "--zmq", source.receiver.address, "--listen", sink.sender.address)
+    with recognising(library, source, sink):
+        assert replay(*arguments, "--speed", "2") == 0
+    printed = capsys.readouterr().out
+    assert "360 frames sent, 0 the system would not take" in printed
+    rows = [[cell.strip() for cell in line.split("│")[1:-1]] for line in printed.splitlines() if "│" in line]
+    assert [row[0] for row in rows] == ["bendLeft", "bendRight", "raiseBoth", "all"]
+    answers, share = _expected_answers(library, clips)
+    assert sum(int(row[1]) for row in rows[:3]) == int(rows[3][1]) == answers
+    assert rows[3][2] == f"{share:.0%}"
+
+
+def _expected_answers(library: MotionLibrary, clips: Sequence[Clip]) -> tuple[int, float]:
+    """Give how many answers there are to some clips, and which share of them is right."""
+    recognizer = Recognizer(library, Settings(window=0.5))
+    answers = [(cue.class_name, recognizer.push(cue.frame)) for cue in clip_cues(clips, "me")]
+    right = [answer.label == performed for performed, answer in answers if answer is not None]
+    return len(right), sum(right) / len(right)
+
+
+def test_silence_is_explained(stage: osc.OscReceiver, take: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """When nothing answers, what to look for is said instead of an empty table."""
+    assert replay(take, "--osc", target(stage), "--listen", f"{LOOPBACK}:0") == 0
+    assert "no answers heard: is a recogniser running" in capsys.readouterr().out
+
+
+def test_answers_to_somebody_else_are_not_ours(
+    stage: osc.OscReceiver, take: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Answers that name another performer, and packets that are none, are not counted."""
+    port = free_udp_port()
+    bundle = osc.encode_recognition(_recognition("you"))
+    listening = threading.Event()
+    sender = osc.OscSender(LOOPBACK, port)
+
+    def disturb() -> None:
+        while not listening.wait(0.01):
+            sender.send(bundle)
+            sender.send(b"rubbish")
+
+    thread = threading.Thread(target=disturb)
+    thread.start()
+    try:
+        assert replay(take, "--osc", target(stage), "--listen", f"{LOOPBACK}:{port}", "--json") == 0
+    finally:
+        listening.set()
+        thread.join(PATIENCE)
+        sender.close()
+    assert json.loads(capsys.readouterr().out)["answers"] == 0
+
+
+def _recognition(performer: str) -> object:
+    library = MotionLibrary.builtin()
+    recognizer = Recognizer(library, Settings(window=0.1))
+    generator = np.random.default_rng(1)
+    answers = [
+        recognizer.push(Frame(performer, 1.0 + index / 120, generator.normal(size=(31, 3)))) for index in range(30)
+    ]
+    return next(answer for answer in answers if answer is not None)
+
+
+def test_a_published_feed_is_numbered(take: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Over ZeroMQ with @ the feed is published where it is bound: numbered without gap, the joints with the first."""
+    context = zmq.Context.instance()
+    subscriber = context.socket(zmq.SUB)
+    received: list[zeromq.NumberedFrame] = []
+    try:
+        subscriber.linger = 0
+        subscriber.subscribe(b"frame/me/")
+        port = subscriber.bind_to_random_port(f"tcp://{LOOPBACK}")
+        subscriber.unbind(f"tcp://{LOOPBACK}:{port}")
+        subscriber.connect(f"tcp://{LOOPBACK}:{port}")
+        assert replay(take, "--zmq", f"@tcp://{LOOPBACK}:{port}", "--performer", "me", "--json") == 0
+        while subscriber.poll(500):
+            received.append(zeromq.decode(subscriber.recv_multipart(), 0.0))
+    finally:
+        subscriber.close()
+    assert [each.seq for each in received] == list(range(180))
+    announced = [each.announcement is not None for each in received]
+    assert announced[0]
+    assert json.loads(capsys.readouterr().out)["sent"] == 180
+
+
+def test_ctrl_c_ends_the_feed_and_reports(
+    stage: osc.OscReceiver, take: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """An endless feed goes through the clip again and again; Ctrl-C ends it with the report, alone, and status 0."""
+    sleeps = iter(range(401))
+
+    def sleep(_: float) -> None:
+        if next(sleeps) == 400:
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr("tools.feed.time", SimpleNamespace(perf_counter=time.perf_counter, sleep=sleep))
+    assert main(["replay", str(take), "--osc", target(stage), "--loop", "--json"]) == 0
+    printed = capsys.readouterr().out
+    described = json.loads(printed)
+    assert set(described) == KEYS
+    frames = frames_in(heard(stage))
+    assert len(frames) == described["sent"] > 400
+    times = [frame.time for frame in frames]
+    assert times == sorted(times)
+    assert times[180] == pytest.approx(1.0 + 1.5 + 1.0)
+
+
+def test_the_score_is_kept_by_class() -> None:
+    """Answers are counted under what was performed; the share is over all of them, and None without any."""
+    score = Score()
+    assert score.share() is None
+    for performed, label in (("bow", "bow"), ("bow", "wave"), ("wave", "wave"), ("wave", "wave")):
+        score.add(performed, label)
+    assert score.answers == {"bow": 2, "wave": 2}
+    assert score.right == {"bow": 1, "wave": 2}
+    assert score.share() == 0.75
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [("--osc", "nowhere"), ("--zmq", "nowhere"), ("--listen", "nowhere"), ("--listen", "tcp://"), ("--performer", "")],
+)
+def test_a_wrong_address_leaves_no_socket(
+    arguments: tuple[str, str], take: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Whichever address or name is wrong, what was opened before it is closed again, and the port is free."""
+    port = free_udp_port()
+    listen = () if "--listen" in arguments else ("--listen", f"{LOOPBACK}:{port}")
+    assert replay(take, *listen, *arguments) == 2
+    assert capsys.readouterr().err.count("\n") == 1
+    osc.OscReceiver(LOOPBACK, port).close()
+
+
+def test_the_command_replays(stage: osc.OscReceiver, take: Path) -> None:
+    """As a command of its own, replay sends the clip and prints exactly one JSON object."""
+    status, output, errors = finished("replay", take, "--osc", target(stage), "--speed", SPEED, "--json")
+    assert (status, errors) == (0, "")
+    assert json.loads(output) == {"sent": 180, "failed": 0, "answers": 0, "right": None}
+    assert len(frames_in(heard(stage))) == 180

@@ -182,7 +182,7 @@ def measured(  # noqa: PLR0913 - a recording, its windows, and all that measures
         Frames per second.
     ends
         For each window the index after its last frame; at least `FEWEST_FRAMES`. A window reaches back as far as the
-        recording does, at most the measure's seconds.
+        recording does, at most the measure's seconds (two frames where those are fewer).
     measure
         What.
     body, basis
@@ -192,7 +192,10 @@ def measured(  # noqa: PLR0913 - a recording, its windows, and all that measures
     -------
     Shape (windows, numbers).
     """
-    starts = np.maximum(ends - round(measure.seconds * frame_rate), 0)
+    if not len(ends):
+        directions = basis.shape[1]
+        return np.zeros((0, directions * (directions + 1) // 2 if measure.kind is Kind.SHAPE else rows.shape[1]))
+    starts = np.maximum(ends - max(round(measure.seconds * frame_rate), 2), 0)
     if measure.kind is Kind.SHAPE:
         seen = rows @ basis
         return shape_of(np.array([np.cov(seen[a:b].T) for a, b in zip(starts, ends, strict=True)]))

@@ -203,7 +203,8 @@ class WindowTable:
             raise ValueError("vectors: expected as many windows in each group as there are, of as many numbers as axes")
         if not _finite(*self.vectors):
             raise ValueError("vectors: expected finite numbers, got NaN or infinity")
-        if not np.isin(self.motions, np.arange(len(self.classes))).all() or not _ascending(self.motions):
+        indices = np.arange(len(self.classes))
+        if self.motions.ndim != 1 or not np.isin(self.motions, indices).all() or not _ascending(self.motions):
             raise ValueError("motions: expected indices of the library's motions, ascending")
         if not _ascending(self.classes) or not np.isin(self.classes, self.classes[self.motions]).all():
             raise ValueError(f"motions: expected windows of every class in order, of {FEWEST_FRAMES} frames at least")

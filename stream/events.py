@@ -109,12 +109,11 @@ class EventDetector:
 
     def _gained(self, recognition: Recognition) -> float:
         """Say how much lead a second like this one gathers."""
-        if recognition.class_index < 0:
+        # A library's only class has no other to lead: it starts at the pace at which it ends.
+        if recognition.class_index < 0 or len(recognition.scores) == 1:
             return self._needed / _ENDED_AFTER
         distances = np.log(1 / np.maximum(recognition.scores, 1e-9) - 1 + _ALIKE)
         others = np.delete(distances, recognition.class_index)
-        if not len(others):
-            return math.inf
         return _PER_SECOND * max(float(others.min() - distances[recognition.class_index]), 0.0)
 
     def _changed(self, recognition: Recognition) -> tuple[Event, ...]:

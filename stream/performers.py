@@ -76,6 +76,8 @@ class Performers:
         self.silence = silence
         self._counts = PerformerCounts()
         self._performers: dict[str, _Performer] = {}
+        #: Ends of what performers did who were dropped to make room, not yet given to anybody.
+        self._ended: list[Event] = []
 
     def __len__(self) -> int:
         return len(self._performers)
@@ -152,13 +154,15 @@ class Performers:
         for recognizer in gone:
             _add(self._counts.recognizers, recognizer.counts)
             self._counts.dropped += 1
-        return [event for recognizer in gone if (event := recognizer.end())]
+        ended = [*self._ended, *(event for recognizer in gone if (event := recognizer.end()))]
+        self._ended = []
+        return ended
 
     def _performer(self, name: str, arrival: float) -> _Performer | None:
         performer = self._performers.get(name)
         if performer is None:
             if len(self._performers) >= self.most:
-                self.drop_silent(arrival)
+                self._ended = self.drop_silent(arrival)
             if len(self._performers) >= self.most:
                 return None
             recognizer = Recognizer(self.library, self.settings)

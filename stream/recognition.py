@@ -46,7 +46,7 @@ class Recognition:
         movement scores low everywhere. Given even when the outcome is none.
     best
         Index of the class that is the best guess, whatever the outcome. Usually the one with the highest score; at a
-        change of motion the one before, until the new one has led for long enough.
+        change of motion the one before, until the new one has led for long enough. Not given: the highest score's.
     movement
         Root mean square deviation of a distance in the window, relative to the body's size.
     share
@@ -64,12 +64,16 @@ class Recognition:
     outcome: Outcome
     classes: tuple[str, ...] = field(repr=False)
     scores: NDArray[np.floating] = field(repr=False)
-    best: int
     movement: float
+    best: int = -1
     share: float | None = None
     gap: float | None = None
     residual: float | None = None
     events: tuple[Event, ...] = ()
+
+    def __post_init__(self) -> None:
+        if self.best < 0:
+            object.__setattr__(self, "best", int(np.argmax(self.scores)))
 
     @property
     def class_index(self) -> int:

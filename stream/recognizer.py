@@ -124,6 +124,7 @@ class Recognizer:
         self._matcher = _matcher(library, self.settings)
         self._detector = EventDetector(self.settings.lead)
         self._newest = -math.inf
+        self._last = -math.inf
         self._due = -math.inf
         self._late_in_a_row = 0
 
@@ -155,7 +156,7 @@ class Recognizer:
         if not self._in_time(frame.time):
             return None
         self._matcher.push(frame.time, row)
-        self._newest = frame.time
+        self._newest = self._last = frame.time
         self.counts.frames += 1
         return self._recognize(frame) if self._matcher.ready and self._is_due(frame.time) else None
 
@@ -208,7 +209,7 @@ class Recognizer:
 
     def end(self) -> Event | None:
         """End the motion that is going on, because nothing more will come; None when none is."""
-        return self._detector.end(self._newest)
+        return self._detector.end(self._last)
 
 
 def _matcher(library: MotionLibrary, settings: Settings) -> Matcher:

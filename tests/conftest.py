@@ -9,7 +9,9 @@ from typing import TYPE_CHECKING, NoReturn
 import pytest
 from hypothesis import settings
 
+from library.motionlibrary import MotionLibrary
 from library.recordings import find_recordings, read_recordings
+from library.windowtable import Comparison
 
 if TYPE_CHECKING:
     from library.clip import Clip
@@ -64,3 +66,9 @@ def some_paths(hdm05_folder: Path) -> tuple[Path, ...]:
 def some_clips(some_paths: tuple[Path, ...]) -> tuple[Clip, ...]:
     """Give the first clip of each class."""
     return tuple(read_recordings(some_paths))
+
+
+@pytest.fixture(scope="session")
+def hdm05_library(hdm05_clips: tuple[Clip, ...]) -> MotionLibrary:
+    """Build the library of all 288 clips as the one in the package is built, windows included."""
+    return MotionLibrary.of_clips(hdm05_clips, comparison=Comparison.learned(hdm05_clips))

@@ -10,6 +10,7 @@ from recorded import JOINTS, SWINGS, TWO_ARMS, two_arms_frames, write_take, writ
 from synthetic import amc_text, stick_clips
 
 from library import MotionLibrary, hdm05, read_recordings
+from library.windowtable import FOR_ANYBODY, FOR_ONE_PERSON
 from tools.cli import main
 
 if TYPE_CHECKING:
@@ -149,3 +150,47 @@ def test_a_folder_of_real_recordings_becomes_a_library(hdm05_folder: Path, tmp_p
     assert key == [(whole.motions[i].actor, whole.motions[i].take, whole.motions[i].frames) for i in of_class]
     alike = np.abs(np.sum(built.axes * whole.axes[of_class], axis=1))
     np.testing.assert_allclose(alike, 1.0, atol=1e-4)
+
+
+# --- windows -----------------------------------------------------------------------------------------------------
+
+
+def test_one_persons_recordings_are_compared_as_the_built_in_library_does(hdm05_folder: Path, tmp_path: Path) -> None:
+    """One person's recordings of the usual body get windows for that person, measured as the built-in library's."""
+    paths = [min((hdm05_folder / name).glob("*_bk_*.amc")) for name in ("squat1Reps", "grabHighR")]
+    assert build(*paths, "-o", tmp_path / "mine.npz") == 0
+    windows, builtin = MotionLibrary.load(tmp_path / "mine.npz").windows, MotionLibrary.builtin().windows
+    assert windows is not None
+    assert builtin is not None
+    assert windows.groups == FOR_ONE_PERSON
+    assert windows.comparison.is_same(builtin.comparison)
+
+
+def test_three_people_teach_their_own_comparison(tmp_path: Path) -> None:
+    """Three people's recordings of any body get windows for anybody, two people's of an unknown body none."""
+    write_takes(tmp_path, actors=("bd", "mm"), takes=1)
+    assert build(tmp_path, "-o", tmp_path / "two.npz") == 0
+    write_takes(tmp_path, actors=("tr",), takes=1)
+    assert build(tmp_path, "-o", tmp_path / "three.npz") == 0
+    windows = MotionLibrary.load(tmp_path / "three.npz").windows
+    assert windows is not None
+    assert windows.groups == FOR_ANYBODY
+    assert set(windows.actors.tolist()) == {"bd", "mm", "tr"}
+    assert MotionLibrary.load(tmp_path / "two.npz").windows is None
+
+
+def test_labels_cut_recordings_into_motions(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """With labels each segment is a motion of its label's class; a bad line ends with the file and the line."""
+    path = write_take(tmp_path, "bd", "bendLeft", 1)
+    labels = tmp_path / "labels.csv"
+    labels.write_text("start_s,end_s,label\n0.5,1,down\n0,0.5,up\n")
+    assert build(path, "--labels", labels, "-o", tmp_path / "mine.npz") == 0
+    motions = MotionLibrary.load(tmp_path / "mine.npz").motions
+    assert [(motion.class_name, motion.duration, motion.take) for motion in motions] == [
+        ("down", 0.5, path.stem),
+        ("up", 0.5, path.stem),
+    ]
+    labels.write_text("start_s,end_s,label\n0,0.5,up\n0.5,x,down\n")
+    capsys.readouterr()
+    assert build(path, "--labels", labels, "-o", tmp_path / "other.npz") == 2
+    assert capsys.readouterr().err.startswith(f"kinespace: {labels}:3: could not convert string to float: 'x'")

@@ -14,11 +14,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
-from synthetic import stick_clips
+from synthetic import STICK_CLASSES, stick_clip, stick_clips
 
 from library import libraryfile
 from library.libraryfile import LibraryFileError
 from library.motionlibrary import MotionLibrary
+from library.windowtable import Comparison
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -457,3 +458,124 @@ def test_a_header_at_odds_with_its_arrays_is_refused(
     libraryfile.write(path, header, arrays)
     with pytest.raises(LibraryFileError, match=re.escape(f"{path}: not a usable motion library (")):
         MotionLibrary.load(path)
+
+
+# --- windows -----------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def windowed_library() -> MotionLibrary:
+    clips = [stick_clip(name, seed=seed, frames=130, actor=actor) for name in STICK_CLASSES for seed, actor in PEOPLE]
+    return MotionLibrary.of_clips(clips, comparison=Comparison.learned(clips))
+
+
+PEOPLE = ((1, "aa"), (2, "bb"), (3, "aa"))
+
+
+def _without_array(name: str) -> Callable[[dict[str, Any], dict[str, Any]], None]:
+    def change(_header: dict[str, Any], arrays: dict[str, Any]) -> None:
+        del arrays[name]
+
+    return change
+
+
+def _not_finite(array: np.ndarray, number: float = np.nan) -> np.ndarray:
+    changed = array.copy()
+    changed.flat[1] = number
+    return changed
+
+
+WINDOW_ARRAYS = (
+    *("window_motions", "basis", "window_vectors0", "window_vectors1", "window_vectors2"),
+    *(
+        f"{name}_{part}"
+        for name in ("spread250", "spread1000", "shape2000", "posture125")
+        for part in ("origin", "axes")
+    ),
+)
+
+
+def test_windows_are_kept_in_half_precision(windowed_library: MotionLibrary, tmp_path: Path) -> None:
+    """A file with windows holds their arrays as float16 and the motions' as float32, and nothing else."""
+    windowed_library.save(tmp_path / "library.npz")
+    _, arrays = libraryfile.read(tmp_path / "library.npz")
+    assert set(arrays) == {*NAMES, *WINDOW_ARRAYS, "shape1000_origin", "shape1000_axes"}
+    single = {*NAMES, "window_motions"}
+    assert {name for name, array in arrays.items() if array.dtype == "<f4"} == single
+    assert {name for name, array in arrays.items() if array.dtype == "<f2"} == set(arrays) - single
+
+
+def test_a_library_without_windows_is_one(small_library: MotionLibrary, tmp_path: Path) -> None:
+    """A file that says nothing of windows is read as a library of whole motions."""
+    small_library.save(tmp_path / "library.npz")
+    header, arrays = libraryfile.read(tmp_path / "library.npz")
+    assert "windows" not in header
+    assert set(arrays) == set(NAMES)
+    assert MotionLibrary.load(tmp_path / "library.npz").windows is None
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        *(pytest.param(_without_array(name), id=f"no {name}") for name in WINDOW_ARRAYS),
+        *(pytest.param(_array(name, lambda array: array[:-1]), id=f"{name} shorter") for name in WINDOW_ARRAYS),
+        *(pytest.param(_array(name, np.ravel), id=f"{name} flat") for name in WINDOW_ARRAYS if "axes" in name),
+        *(pytest.param(_array(name, lambda array: array[..., None]), id=f"{name} deeper") for name in WINDOW_ARRAYS),
+        *(pytest.param(_array(name, lambda array: array[:0]), id=f"{name} empty") for name in WINDOW_ARRAYS),
+        *(pytest.param(_array(name, _not_finite), id=f"{name} NaN") for name in WINDOW_ARRAYS),
+        *(
+            pytest.param(_array(name, lambda array: _not_finite(array, -np.inf)), id=f"{name} infinite")
+            for name in WINDOW_ARRAYS
+        ),
+        pytest.param(_array("basis", lambda basis: basis[:, 1:]), id="a direction missing"),
+        pytest.param(_array("spread1000_axes", lambda axes: axes[:, 1:]), id="an axis missing"),
+        pytest.param(_array("window_vectors1", lambda vectors: vectors[:, 1:]), id="a number missing"),
+        pytest.param(_array("window_motions", lambda motions: motions + 1), id="motions beyond"),
+        pytest.param(_array("window_motions", lambda motions: motions - 1), id="motions below"),
+        pytest.param(_array("window_motions", lambda motions: motions + np.float32(0.5)), id="motions by halves"),
+        pytest.param(_array("window_motions", lambda motions: motions[::-1]), id="motions backwards"),
+        pytest.param(_array("window_motions", lambda motions: motions * 0), id="one motion's windows"),
+        pytest.param(_setting("windows", to=[]), id="windows a list"),
+        pytest.param(_setting("windows", to="many"), id="windows a word"),
+        pytest.param(_setting("windows", to={}), id="windows without entries"),
+        pytest.param(_without("windows", "groups"), id="no groups"),
+        pytest.param(_without("windows", "outside"), id="no weights"),
+        pytest.param(_without("windows", "outside", "shape1000"), id="a weight missing"),
+        pytest.param(_setting("windows", "outside", to=5), id="weights a number"),
+        pytest.param(_setting("windows", "outside", "shape1000", to="much"), id="a weight a word"),
+        pytest.param(_setting("windows", "outside", "shape1000", to=-1), id="a weight below 0"),
+        pytest.param(_setting("windows", "outside", "shape1000", to=float("inf")), id="a weight infinite"),
+        pytest.param(_setting("windows", "outside", "shape1000", to=10**400), id="a weight without bounds"),
+        pytest.param(_setting("windows", "groups", to=[]), id="groups without entries"),
+        pytest.param(_setting("windows", "groups", to=3), id="groups a number"),
+        pytest.param(_setting("windows", "groups", 0, to=[]), id="a group of nothing"),
+        pytest.param(_setting("windows", "groups", 0, to=[["spread", 1.0]]), id="a group without weight"),
+        pytest.param(_setting("windows", "groups", 0, to=[["spread", 3.0, 1.0]]), id="another length"),
+        pytest.param(_setting("windows", "groups", 0, to=[["colour", 1.0, 1.0]]), id="another kind"),
+        pytest.param(_setting("windows", "groups", 0, to=[["spread", 1.0, -1.0]]), id="weighing less than nothing"),
+        pytest.param(_setting("skeleton", "parents", to=[]), id="no parents"),
+        pytest.param(_setting("skeleton", "parents", to=[-1, 2, 1, 1, 1, 0]), id="parents in a circle"),
+    ],
+)
+def test_broken_windows_are_refused(
+    windowed_library: MotionLibrary, tmp_path: Path, change: Callable[[dict[str, Any], dict[str, Any]], None]
+) -> None:
+    """A file whose windows are missing, of another shape, not finite or at odds with the rest is refused by name."""
+    path = tmp_path / "library.npz"
+    windowed_library.save(path)
+    header, arrays = libraryfile.read(path)
+    change(header, arrays)
+    libraryfile.write(path, header, arrays)
+    with pytest.raises(LibraryFileError, match=re.escape(f"{path}: not a usable motion library (")):
+        MotionLibrary.load(path)
+
+
+def test_a_damaged_file_with_windows_is_refused(windowed_library: MotionLibrary, tmp_path: Path) -> None:
+    """Cut short, or with a stretch overwritten, at any of some hundred places, a file with windows is refused."""
+    path = tmp_path / "library.npz"
+    windowed_library.save(path)
+    content = path.read_bytes()
+    step = len(content) // 60
+    for place in range(0, len(content) - 64, step):
+        _assert_refused(path, content[:place])
+        _assert_refused(path, content[:place] + b"\xff" * 64 + content[place + 64 :])

@@ -78,9 +78,12 @@ def run(
 def _comparison(clips: Sequence[Clip]) -> Comparison | None:
     """Choose how windows are compared: as several people's clips teach, else as the built-in library does.
 
-    A skeleton of other joints than the built-in library's, performed by too few, leaves whole motions only.
+    Several people teach when there are three of them and two share a class. A skeleton of other joints than the
+    built-in library's, performed by too few, leaves whole motions only.
     """
-    if len({clip.actor for clip in clips if clip.actor}) >= _TEACHERS:
+    people = {clip.actor for clip in clips if clip.actor}
+    performed = {(clip.class_name, clip.actor) for clip in clips if clip.actor}
+    if len(people) >= _TEACHERS and len(performed) > len({class_name for class_name, _ in performed}):
         return Comparison.learned(clips)
     builtin = MotionLibrary.builtin()
     same = clips[0].skeleton.joints == builtin.skeleton.joints

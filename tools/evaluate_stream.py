@@ -111,7 +111,15 @@ def replay(
         if recognition is not None:
             recognitions.append(recognition)
     events = [event for recognition in recognitions for event in recognition.events]
-    return course_of(take.name, take.times, segments, classes=classes, recognitions=recognitions, events=events)
+    return course_of(
+        take.name,
+        take.times,
+        segments,
+        classes=classes,
+        known=library.classes,
+        recognitions=recognitions,
+        events=events,
+    )
 
 
 def _labelled_takes(places: Sequence[Path], labels: Sequence[Path], names: Mapping[str, str]) -> list[LabelledTake]:

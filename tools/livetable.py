@@ -67,7 +67,9 @@ class PlainLines:
 
     def publish_event(self, event: Event) -> None:
         """Print it."""
-        console.print(f"{event.time:10.3f} s  {event.performer}  {event.kind}: {event.label}", soft_wrap=True)
+        console.print(
+            f"{event.time:10.3f} s  {printable(event.performer)}  {event.kind}: {event.label}", soft_wrap=True
+        )
 
     def publish_classes(self, classes: Sequence[str]) -> None:
         """Say nothing."""

@@ -14,7 +14,7 @@ import numpy as np
 from stream.events import EventKind
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Collection, Sequence
 
     from numpy.typing import NDArray
 
@@ -74,6 +74,7 @@ def course_of(
     segments: Sequence[Segment],
     *,
     classes: Sequence[str],
+    known: Collection[str],
     recognitions: Sequence[Recognition],
     events: Sequence[Event],
 ) -> Course:
@@ -86,7 +87,9 @@ def course_of(
     segments
         What was performed, by start.
     classes
-        Class names that indices count in; the recogniser's library knows some or all of them.
+        Class names that indices count in.
+    known
+        Those that the recogniser's library knows.
     recognitions, events
         What was published, by time.
     """
@@ -94,7 +97,7 @@ def course_of(
     inside = np.searchsorted([each.start for each in segments], times, side="right") - 1
     ends = np.array([each.end for each in segments])
     segment = np.where((inside >= 0) & (times < ends[inside]), inside, -1)
-    known = np.array([places.get(each.label, NONE) for each in segments])
+    performed = np.array([places[each.label] if each.label in known else NONE for each in segments])
     last = np.searchsorted([each.time for each in recognitions], times, side="right") - 1
     going_on = [places[each.label] if each.kind is EventKind.START else NONE for each in events]
     guesses = [places[each.classes[each.best]] if each.guess_index >= 0 else NONE for each in recognitions]
@@ -104,7 +107,7 @@ def course_of(
         name=name,
         times=times,
         segments=tuple(segments),
-        truth=np.where(segment >= 0, known[segment], NONE),
+        truth=np.where(segment >= 0, performed[segment], NONE),
         labelled=segment >= 0,
         segment=segment,
         guess=_held(guesses, last, NONE),
@@ -205,8 +208,8 @@ def score_courses(courses: Sequence[Course], classes: Sequence[str], window: flo
         median_event_delay_s=_percentile(event_delays, 50),
         false_per_minute=_false_per_minute(courses),
         unknown_answered=_share(published != NONE, unknown),
-        changes_per_minute=sum(_changes(each.event) for each in courses) / minutes,
-        true_changes_per_minute=sum(_changes(each.truth) for each in courses) / minutes,
+        changes_per_minute=sum(_changes(each.event) for each in courses) / minutes if minutes else 0.0,
+        true_changes_per_minute=sum(_changes(each.truth) for each in courses) / minutes if minutes else 0.0,
         auc_unknown=_roc_area(scores[known & inside], scores[unknown & inside]),
         classes=_by_class(courses, classes, truth, guess, inside),
     )
@@ -271,14 +274,13 @@ def _event_delays(courses: Sequence[Course]) -> list[float]:
 
 
 def _false_per_minute(courses: Sequence[Course]) -> float | None:
-    begun, frames, seconds = 0, 0, 0.0
+    begun, seconds = 0, 0.0
     for course in courses:
         unknown = course.labelled & (course.truth == NONE)
         new = np.append(True, course.published[1:] != course.published[:-1])
         begun += int((unknown & new & (course.published != NONE)).sum())
-        frames += int(unknown.sum())
         seconds += float(unknown.mean()) * _seconds(course)
-    return begun / seconds * 60 if frames else None
+    return begun / seconds * 60 if seconds else None
 
 
 def _by_class(

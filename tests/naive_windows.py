@@ -1,0 +1,268 @@
+"""The slow twin of what is measured of windows and how they are compared; see `naive` for the rest.
+
+Nothing here calls the product: trees are walked, sums are added up one by one, matrices are written out and inverted.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+import scipy.linalg
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from numpy.typing import NDArray
+
+    Matrix = NDArray[np.float64]
+
+
+# --- what is measured --------------------------------------------------------------------------------------------
+
+
+def mean(numbers: Sequence[float]) -> float:
+    """Add up and divide."""
+    return math.fsum(numbers) / len(numbers)
+
+
+def deviation(numbers: Sequence[float]) -> float:
+    """Take the standard deviation of a sample, divided by one less than there are."""
+    middle = mean(numbers)
+    return math.sqrt(math.fsum((number - middle) ** 2 for number in numbers) / (len(numbers) - 1))
+
+
+def segments(parents: Sequence[int]) -> list[tuple[int, int]]:
+    """Name each joint with its parent, the smaller first."""
+    return [(min(joint, parent), max(joint, parent)) for joint, parent in enumerate(parents) if parent >= 0]
+
+
+def path_between(first: int, second: int, parents: Sequence[int]) -> list[tuple[int, int]]:
+    """Walk from one joint up the tree until the other's way up is met, and down to the other: the segments crossed."""
+    ways = []
+    for joint in (first, second):
+        way = [joint]
+        while parents[way[-1]] >= 0:
+            way.append(parents[way[-1]])
+        ways.append(way)
+    meeting = next(joint for joint in ways[0] if joint in ways[1])
+    crossed = []
+    for way in ways:
+        for joint in way[: way.index(meeting)]:
+            crossed += [(min(joint, parents[joint]), max(joint, parents[joint]))]
+    return crossed
+
+
+def body_size(means: Mapping[tuple[int, int], float], parents: Sequence[int]) -> float:
+    """Take the mean length of the segments."""
+    return mean([means[segment] for segment in segments(parents)])
+
+
+def spread(rows: Matrix, pairs: Sequence[tuple[int, int]], parents: Sequence[int]) -> list[float]:
+    """Take log deviations relative to the body's size, a 60th added before, and half their mean away after."""
+    columns = rows.T.tolist()
+    size = body_size({pair: mean(column) for pair, column in zip(pairs, columns, strict=True)}, parents)
+    logs = [math.log(deviation(column) / size + 1 / 60) for column in columns]
+    return [log - mean(logs) / 2 for log in logs]
+
+
+def posture(rows: Matrix, pairs: Sequence[tuple[int, int]], parents: Sequence[int]) -> list[float]:
+    """Divide each mean distance by the mean lengths of the segments that lead from one joint to the other."""
+    means = {pair: mean(column) for pair, column in zip(pairs, rows.T.tolist(), strict=True)}
+    return [
+        means[first, second] / math.fsum(means[segment] for segment in path_between(first, second, parents))
+        for first, second in pairs
+    ]
+
+
+def shape(covariance: Matrix) -> list[float]:
+    """Write the square root of a covariance of trace 1 as its upper triangle, off the diagonal times √2."""
+    root = scipy.linalg.sqrtm(covariance / np.trace(covariance)).real
+    size = len(covariance)
+    return [root[i, j] * (1.0 if i == j else math.sqrt(2.0)) for i in range(size) for j in range(i, size)]
+
+
+def basis(classes: Sequence[Sequence[Matrix]], sizes: Sequence[Sequence[float]], directions: int) -> Matrix:
+    """Find the principal axes of the correlations, averaged over motions and then over classes.
+
+    Parameters
+    ----------
+    classes
+        For each class its motions' distance rows.
+    sizes
+        For each class its motions' body sizes.
+    directions
+        How many.
+    """
+    count = classes[0][0].shape[1]
+    total = np.zeros((count, count))
+    for motions, their_sizes in zip(classes, sizes, strict=True):
+        for rows, size in zip(motions, their_sizes, strict=True):
+            centred = (rows - rows.mean(axis=0)) / size
+            total += centred.T @ centred / len(rows) / len(motions) / len(classes)
+    variances = [total[i, i] for i in range(count)]
+    scales = [1 / math.sqrt(v) if v > mean(variances) / 1000 else 0.0 for v in variances]
+    correlation = np.diag(scales) @ total @ np.diag(scales)
+    values, vectors = scipy.linalg.eigh(correlation)
+    order = sorted(range(count), key=lambda index: -values[index])[:directions]
+    return np.diag(scales) @ vectors[:, order]
+
+
+# --- how windows are compared ------------------------------------------------------------------------------------
+
+
+def squared_distance(first: Sequence[float], second: Sequence[float]) -> float:
+    """Add up squared differences."""
+    return math.fsum((a - b) ** 2 for a, b in zip(first, second, strict=True))
+
+
+def within_class_metric(spreads: Matrix, classes: Sequence[str], shrinkage: float) -> Matrix:
+    """Invert the within-class scatter, each class weighing the same, drawn towards equal scatter."""
+    numbers = spreads.shape[1]
+    scatter = np.zeros((numbers, numbers))
+    for name in sorted(set(classes)):
+        own = spreads[[index for index, other in enumerate(classes) if other == name]]
+        for row in own:
+            difference = row - own.mean(axis=0)
+            scatter += np.outer(difference, difference) / len(own) / len(set(classes))
+    equal = np.trace(scatter) / numbers * np.eye(numbers)
+    return np.linalg.inv((1 - shrinkage) * scatter + shrinkage * equal)
+
+
+def metric_between_people(
+    measures: Matrix, classes: Sequence[int], actors: Sequence[str], shrinkage: float, kept: int
+) -> Matrix:
+    """Learn what differs between people doing the same, and give the matrix M of the squared distance dᵀ M d."""
+    numbers = measures.shape[1]
+    centred = measures - measures.mean(axis=0)
+    matrix = _leading(centred, np.eye(numbers), kept)
+    scatter = np.eye(numbers)
+    for _ in range(2):
+        scatter = np.zeros((numbers, numbers))
+        shared = sorted({c for c in classes if len({a for a, d in zip(actors, classes, strict=True) if d == c}) > 1})
+        for index in shared:
+            own = [window for window, other in enumerate(classes) if other == index]
+            for window in own:
+                others = [other for other in own if actors[other] != actors[window]]
+                between = [measures[window] - measures[other] for other in others]
+                nearest = min(between, key=lambda difference: float(difference @ matrix @ difference))
+                scatter += np.outer(nearest, nearest) / len(own) / len(shared)
+        shrunk = (1 - shrinkage) * scatter / (np.trace(scatter) / numbers) + shrinkage * np.eye(numbers)
+        matrix = _leading(centred, np.linalg.inv(scipy.linalg.sqrtm(shrunk).real), kept)
+    return matrix / np.trace(matrix @ scatter)
+
+
+def _leading(centred: Matrix, whitening: Matrix, kept: int) -> Matrix:
+    """Keep the leading principal axes of whitened measures."""
+    white = centred @ whitening
+    values, vectors = np.linalg.eigh(white.T @ white)
+    axes = vectors[:, sorted(range(len(values)), key=lambda index: -values[index])[:kept]]
+    return whitening @ axes @ axes.T @ whitening
+
+
+def log_distances(
+    asked: Sequence[Sequence[float]],
+    outside: Sequence[float],
+    vectors: Sequence[Matrix],
+    classes: Sequence[int],
+    *,
+    floor: float,
+) -> list[float]:
+    """For each class find the nearest window in each group, and take the mean of the logarithms.
+
+    Parameters
+    ----------
+    asked
+        For each group the asking window's vector.
+    outside
+        For each group what the asking window lies off the axes, squared.
+    vectors
+        For each group the library's windows.
+    classes
+        Of each of the library's windows.
+    floor
+        Added before the logarithm.
+    """
+    found = []
+    for index in sorted(set(classes)):
+        logs = []
+        for own, off, windows in zip(asked, outside, vectors, strict=True):
+            of_class = [row for row, other in zip(windows.tolist(), classes, strict=True) if other == index]
+            logs.append(math.log(min(squared_distance(own, row) for row in of_class) + off + floor))
+        found.append(mean(logs))
+    return found
+
+
+def quantile(numbers: Sequence[float], share: float) -> float:
+    """Find the number below which a share of the numbers lies, in a straight line between neighbours."""
+    ordered = sorted(numbers)
+    place = share * (len(ordered) - 1)
+    below = int(place)
+    above = min(below + 1, len(ordered) - 1)
+    return ordered[below] + (place - below) * (ordered[above] - ordered[below])
+
+
+def thresholds(  # noqa: PLR0913 - windows, their two labels and the three numbers of the rule
+    vectors: Sequence[Matrix],
+    classes: Sequence[int],
+    actors: Sequence[str],
+    rates: Sequence[float],
+    *,
+    floor: float,
+    common_weight: float,
+) -> list[list[float]]:
+    """Let each window ask as an impostor, and give for each rate and class the quantile of what it finds.
+
+    Parameters
+    ----------
+    vectors
+        For each group the library's windows.
+    classes, actors
+        Of each window.
+    rates
+        Shares of impostors to be answered.
+    floor
+        Added to squared distances before the logarithm.
+    common_weight
+        How many impostors of a class's own the quantile of all counts for.
+    """
+    names = sorted(set(classes))
+    several = len(set(actors)) > 1
+    found: dict[int, list[float]] = {index: [] for index in names}
+    for asking in range(len(classes)):
+        scores = {}
+        for index in names:
+            theirs = [
+                other
+                for other in range(len(classes))
+                if classes[other] == index and not (several and actors[other] == actors[asking])
+            ]
+            if index != classes[asking] and theirs:
+                scores[index] = mean(
+                    [
+                        math.log(min(squared_distance(each[asking], each[other]) for other in theirs) + floor)
+                        for each in vectors
+                    ]
+                )
+        if scores:
+            nearest = min(scores, key=lambda index: scores[index])
+            found[nearest].append(scores[nearest])
+    together = [score for scores in found.values() for score in scores]
+    return [
+        [
+            (quantile(own, rate) * len(own) + quantile(together, rate) * common_weight) / (len(own) + common_weight)
+            if own
+            else quantile(together, rate)
+            for own in found.values()
+        ]
+        for rate in rates
+    ]
+
+
+# --- labels ------------------------------------------------------------------------------------------------------
+
+
+def frames_within(frames: int, frame_rate: float, start: float, end: float) -> list[int]:
+    """Say which frames' middles lie within a stretch of time."""
+    return [frame for frame in range(frames) if start <= (frame + 0.5) / frame_rate < end]

@@ -1,0 +1,279 @@
+"""`kinespace evaluate stream`: labelled takes in, figures and pictures out, as a person runs it."""
+
+from __future__ import annotations
+
+import json
+from typing import TYPE_CHECKING, Any
+
+import matplotlib as mpl
+import numpy as np
+import pytest
+from takes import write_take
+
+from library import MotionLibrary, read_recordings
+from library.labels import cut, read_labels, renamed
+from stream.recognizer import Settings
+from tools.cli import main
+from tools.console import console
+from tools.evaluate_stream import replay
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from pathlib import Path
+
+KEYS = [
+    "frame_accuracy",
+    "segment_accuracy",
+    "known_answered",
+    "segments_found",
+    "median_delay_s",
+    "p90_delay_s",
+    "median_event_delay_s",
+    "false_per_minute",
+    "unknown_answered",
+    "changes_per_minute",
+    "true_changes_per_minute",
+    "auc_unknown",
+    "classes",
+]
+KNOWN = [("clap", 2.5), ("hail", 2.5), ("row", 2.5)]
+
+
+@pytest.fixture(autouse=True)
+def _wide(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(console, "_width", 200)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Write three takes of three motions; the last also does what no other take has."""
+    folder = tmp_path_factory.mktemp("takes")
+    write_take(folder, 1, KNOWN)
+    write_take(folder, 2, KNOWN[::-1])
+    write_take(folder, 3, [KNOWN[1], ("salute", 2.5), KNOWN[0]])
+    return folder
+
+
+@pytest.fixture(scope="module")
+def library(folder: Path) -> Path:
+    """Build a library of the first take's segments."""
+    path = folder / "first.library"
+    (take,) = read_recordings([folder / "puppet_01.amc"])
+    MotionLibrary.of_clips(cut(take, read_labels(folder / "puppet_01.csv"))).save(path)
+    return path
+
+
+def _evaluate(*arguments: object) -> int:
+    return main(["evaluate", "stream", *map(str, arguments)])
+
+
+def _scored(capsys: pytest.CaptureFixture[str], *arguments: object) -> dict[str, Any]:
+    """Run it with --json, and read what it printed: one object, nothing else."""
+    assert _evaluate(*arguments, "--json") == 0
+    score: dict[str, Any] = json.loads(capsys.readouterr().out)
+    return score
+
+
+def _refused(capsys: pytest.CaptureFixture[str], *arguments: object) -> str:
+    """Run it to its failure; the one line it says."""
+    assert _evaluate(*arguments) == 2
+    printed = capsys.readouterr()
+    assert printed.out == ""
+    assert printed.err.count("\n") == 1
+    return printed.err
+
+
+# --- figures -----------------------------------------------------------------------------------------------------
+
+
+def test_json_has_every_figure_by_its_name(folder: Path, library: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The object has exactly the figures' names, and each class its seconds and shares."""
+    score = _scored(capsys, folder, "--library", library)
+    assert list(score) == KEYS
+    assert list(score["classes"]) == ["clap", "hail", "row"]
+    for each in score["classes"].values():
+        assert list(each) == ["seconds", "right", "right_inside"]
+    assert all(isinstance(score[name], float) for name in KEYS[:-1])
+    assert score["classes"]["clap"]["seconds"] == pytest.approx(7.5, abs=0.05)
+
+
+def test_what_the_library_knows_is_found(folder: Path, library: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Takes of the library's own motions, each differently performed, are guessed right once the second is inside."""
+    score = _scored(capsys, folder / "puppet_02.amc", "--library", library)
+    assert score["segment_accuracy"] > 0.95
+    assert score["segments_found"] == 1.0
+    assert score["median_delay_s"] < 1.1
+    assert score["true_changes_per_minute"] == pytest.approx(2 * 60 / 7.5, rel=0.01)
+    assert (score["false_per_minute"], score["unknown_answered"], score["auc_unknown"]) == (None, None, None)
+
+
+def test_figures_are_those_of_the_take_replayed(
+    folder: Path, library: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Accuracy is the share of the known time in which the take, replayed by hand, was guessed right."""
+    score = _scored(capsys, folder / "puppet_03.amc", "--library", library)
+    (take,) = read_recordings([folder / "puppet_03.amc"])
+    known = MotionLibrary.load(library)
+    segments = read_labels(folder / "puppet_03.csv")
+    course = replay(take, segments, library=known, classes=known.classes, settings=Settings())
+    labels = np.array([segments[int(time / 2.5)].label for time in take.times])
+    guesses = np.array(["none", *known.classes])[course.guess + 1]
+    performed = np.isin(labels, known.classes)
+    assert score["frame_accuracy"] == pytest.approx((guesses == labels)[performed].mean())
+    assert score["unknown_answered"] == pytest.approx((course.published >= 0)[~performed].mean())
+    assert 0 < performed.mean() < 1
+
+
+def test_two_runs_are_equal(folder: Path, library: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The same takes have the same figures to the last digit, in every run."""
+    for options in (["--library", library], ["--protocol", "leave-one-take-out"]):
+        printed = []
+        for _ in range(2):
+            assert _evaluate(folder, *options, "--json") == 0
+            printed.append(capsys.readouterr().out)
+        assert printed[0] == printed[1]
+
+
+def test_without_json_a_person_reads_the_same_figures(
+    folder: Path, library: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The table says the shares of --json in per cent, and names every class."""
+    score = _scored(capsys, folder, "--library", library)
+    assert _evaluate(folder, "--library", library) == 0
+    printed = capsys.readouterr().out
+    for name in ("frame_accuracy", "segment_accuracy", "unknown_answered"):
+        assert f"{score[name]:.1%}" in printed
+    assert f"{score['median_delay_s']:.2f} s" in printed
+    assert all(name in printed for name in score["classes"])
+
+
+# --- leave one take out ------------------------------------------------------------------------------------------
+
+
+def test_each_take_is_recognised_by_the_others(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Leaving one take out is evaluating it with a library of the others' segments; alone known in it is unknown."""
+    score = _scored(capsys, folder, "--protocol", "leave-one-take-out")
+    paths = [folder / f"puppet_0{number}.amc" for number in (1, 2, 3)]
+    takes = [
+        (take, read_labels(path.with_suffix(".csv"))) for path, take in zip(paths, read_recordings(paths), strict=True)
+    ]
+    right, known, answered, unknown = 0, 0, 0, 0
+    for index, (take, segments) in enumerate(takes):
+        others = [clip for other, each in enumerate(takes) if other != index for clip in cut(*each)]
+        library = MotionLibrary.of_clips(others)
+        course = replay(take, segments, library=library, classes=library.classes, settings=Settings())
+        right += int(((course.guess == course.truth) & (course.truth >= 0)).sum())
+        known += int((course.truth >= 0).sum())
+        answered += int(((course.published >= 0) & (course.truth < 0)).sum())
+        unknown += int((course.truth < 0).sum())
+    assert score["frame_accuracy"] == pytest.approx(right / known)
+    assert unknown == 300
+    assert score["unknown_answered"] == pytest.approx(answered / unknown)
+    assert "salute" not in score["classes"]
+
+
+def test_a_single_take_cannot_be_left_out(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Leaving the only take out leaves nothing to recognise with; the error says so."""
+    told = _refused(capsys, folder / "puppet_01.amc", "--protocol", "leave-one-take-out")
+    assert "--protocol leave-one-take-out: expected at least two takes, got one" in told
+
+
+# --- labels and names --------------------------------------------------------------------------------------------
+
+
+def test_labels_may_lie_elsewhere(
+    folder: Path, library: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Labels named by --labels, in the takes' order, count as those beside the takes do."""
+    beside = _scored(capsys, folder / "puppet_01.amc", folder / "puppet_02.amc", "--library", library)
+    files = []
+    for number in (1, 2):
+        take = folder / f"puppet_0{number}.amc"
+        files.append(tmp_path / f"{number}.labels.csv")
+        files[-1].write_bytes(take.with_suffix(".csv").read_bytes())
+    takes = (folder / "puppet_01.amc", folder / "puppet_02.amc")
+    assert _scored(capsys, *takes, "--library", library, "--labels", *files) == beside
+    assert _scored(capsys, *takes, "--library", library, "--labels", *files[::-1]) != beside
+
+
+def test_as_many_labels_as_takes(folder: Path, library: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Labels for another number of takes are refused, and the error says both numbers."""
+    told = _refused(capsys, folder, "--library", library, "--labels", folder / "puppet_01.csv")
+    assert told == "kinespace: --labels: expected one for each of 3 takes, got 1\n"
+
+
+def test_a_take_without_labels_is_named(library: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A take beside which no labels lie is an error that names the missing file."""
+    take = write_take(tmp_path, 9, KNOWN, labelled=False)
+    assert "puppet_09.csv" in _refused(capsys, take, "--library", library)
+
+
+def test_labels_are_renamed_to_classes(folder: Path, library: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A label mapped to a class is performed as that class: what was unknown is now known, and guessed wrong."""
+    plain = _scored(capsys, folder / "puppet_03.amc", "--library", library)
+    mapped = _scored(capsys, folder / "puppet_03.amc", "--library", library, "--map", "salute=row", "hail=hail")
+    assert plain["unknown_answered"] is not None
+    assert mapped["unknown_answered"] is None
+    assert set(mapped["classes"]) - set(plain["classes"]) == {"row"}
+    assert renamed(read_labels(folder / "puppet_03.csv"), {"salute": "row"})[1].label == "row"
+
+
+@pytest.mark.parametrize("mapping", ["salute", "=row", "salute=", "="])
+def test_a_mapping_is_a_label_and_a_class(mapping: str, folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A mapping without a label, a class or a sign between them is refused, and the error says what was expected."""
+    with pytest.raises(SystemExit) as refused:
+        _evaluate(folder, "--map", mapping)
+    assert refused.value.code == 2
+    assert f"expected LABEL=CLASS, got {mapping!r}" in capsys.readouterr().err
+
+
+def test_takes_of_another_body_are_refused(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The built-in library cannot recognise a body of six joints; the error is one line."""
+    assert "joint" in _refused(capsys, folder)
+
+
+def test_settings_reach_the_recogniser(folder: Path, library: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A shorter window answers sooner, and windows that the library does not keep are refused."""
+    take = folder / "puppet_02.amc"
+    slow = _scored(capsys, take, "--library", library, "--window", "1.5")
+    fast = _scored(capsys, take, "--library", library, "--window", "0.4")
+    assert fast["median_delay_s"] < slow["median_delay_s"]
+    assert "library with windows" in _refused(capsys, take, "--library", library, "--signature", "windows")
+
+
+# --- pictures ----------------------------------------------------------------------------------------------------
+
+
+def _texts(path: Path) -> Sequence[str]:
+    drawn = path.read_text(encoding="utf-8")
+    return [part.split("</text>")[0].rsplit(">", 1)[-1] for part in drawn.split("<text")[1:]]
+
+
+def test_pictures_show_takes_labels_and_answers(
+    folder: Path, library: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The timeline names each take and every segment in it, the confusion each label and answer; figures stay."""
+    monkeypatch.setitem(mpl.rcParams, "svg.fonttype", "none")
+    timeline, shares = tmp_path / "timeline.svg", tmp_path / "confusion.svg"
+    plain = _scored(capsys, folder, "--library", library)
+    assert _scored(capsys, folder, "--library", library, "--timeline", timeline, "--confusion", shares) == plain
+    texts = _texts(timeline)
+    assert [texts.count(f"puppet_0{number}") for number in (1, 2, 3)] == [1, 1, 1]
+    assert [texts.count(name) for name in ("clap", "hail", "row", "salute")] == [3, 3, 2, 1]
+    assert texts.count("performed") == texts.count("published") == texts.count("event") == 3
+    texts = _texts(shares)
+    assert [texts.count(name) for name in ("clap", "hail", "row", "salute", "none")] == [2, 2, 2, 1, 1]
+
+
+def test_pictures_show_what_came_out(folder: Path, library: Path, tmp_path: Path) -> None:
+    """Pictures are of some size, the same for the same answers and others for others."""
+    files = {}
+    for name, options in {"once": (), "again": (), "other": ("--window", "0.3")}.items():
+        files[name] = (tmp_path / f"{name}.png", tmp_path / f"{name}_shares.png")
+        pictures = ("--timeline", files[name][0], "--confusion", files[name][1])
+        assert _evaluate(folder / "puppet_03.amc", "--library", library, *pictures, *options) == 0
+    for once, again, other in zip(*files.values(), strict=True):
+        assert once.read_bytes().startswith(b"\x89PNG")
+        assert once.stat().st_size > 8000
+        assert once.read_bytes() == again.read_bytes()
+        assert once.read_bytes() != other.read_bytes()

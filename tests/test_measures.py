@@ -1,0 +1,315 @@
+"""What is measured of a window: against loops, and what must not change it."""
+
+from __future__ import annotations
+
+from itertools import combinations
+from typing import TYPE_CHECKING
+
+import naive_windows
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from synthetic import STICK, stick_clip, stick_clips
+
+from library.distances import distance_rows
+from library.measures import BASIS_SIZE, FEWEST_FRAMES, Body, Kind, Measure, learned_basis, measured, shape_of
+from library.retrieval import turned
+from library.skeleton import Skeleton
+from library.windowtable import MEASURES
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from library.clip import Clip
+
+#: Measures that need no basis.
+OF_DISTANCES = (Kind.SPREAD, Kind.POSTURE)
+
+
+def _rows(clip: Clip) -> np.ndarray:
+    return distance_rows(clip.positions, clip.skeleton)
+
+
+def _pairs(skeleton: Skeleton) -> list[tuple[int, int]]:
+    return list(combinations(range(len(skeleton.joints)), 2))
+
+
+def _random_covariance(generator: np.random.Generator, size: int) -> np.ndarray:
+    return np.cov(generator.normal(size=(3 * size, size)) @ generator.normal(size=(size, size)), rowvar=False)
+
+
+def _stick_basis(directions: int = 6) -> np.ndarray:
+    return np.random.default_rng(5).normal(size=(15, directions))
+
+
+def _all_measured(clip: Clip, ends: np.ndarray) -> dict[Measure, np.ndarray]:
+    body, basis = Body.of(clip.skeleton), _stick_basis()
+    return {
+        measure: measured(_rows(clip), clip.frame_rate, ends, measure, body=body, basis=basis) for measure in MEASURES
+    }
+
+
+# --- the body ----------------------------------------------------------------------------------------------------
+
+
+def test_the_bodys_segments_and_paths_are_those_walked(some_clips: tuple[Clip, ...]) -> None:
+    """Of the 31 joints, 30 segments are named, and between two joints lie those met walking from one to the other."""
+    skeleton = some_clips[0].skeleton
+    body, pairs = Body.of(skeleton), _pairs(skeleton)
+    segments = [pairs[index] for index in body.segments]
+    assert sorted(segments) == sorted(naive_windows.segments(skeleton.parents))
+    for path, (first, second) in zip(body.paths, pairs, strict=True):
+        crossed = [segment for segment, there in zip(segments, path, strict=True) if there == 1.0]
+        assert sorted(crossed) == sorted(naive_windows.path_between(first, second, skeleton.parents))
+        assert set(path) <= {0.0, 1.0}
+
+
+@given(st.integers(0, 2**32 - 1), st.integers(2, 9))
+def test_paths_of_any_tree_are_those_walked(seed: int, joints: int) -> None:
+    """However the joints hang together, and in whatever order they stand, paths are those of walking the tree."""
+    generator = np.random.default_rng(seed)
+    names = generator.permutation(joints)
+    parents = [-1] * joints
+    for place in range(1, joints):
+        parents[names[place]] = int(names[generator.integers(place)])
+    skeleton = Skeleton(tuple(f"joint {index}" for index in range(joints)), tuple(parents))
+    body, pairs = Body.of(skeleton), _pairs(skeleton)
+    for path, (first, second) in zip(body.paths, pairs, strict=True):
+        crossed = [pairs[body.segments[index]] for index in np.flatnonzero(path)]
+        assert sorted(crossed) == sorted(naive_windows.path_between(first, second, parents))
+
+
+@pytest.mark.parametrize(
+    "skeleton",
+    [pytest.param(Skeleton(STICK.joints), id="no parents"), pytest.param(STICK.without_segments(), id="no segments")],
+)
+def test_a_skeleton_without_segments_has_no_measures(skeleton: Skeleton) -> None:
+    """Without parents, or with the segments left out of its pairs, a skeleton is refused."""
+    with pytest.raises(ValueError, match="skeleton: expected parents and segments among the pairs"):
+        Body.of(skeleton)
+
+
+@pytest.mark.parametrize(
+    "parents",
+    [
+        pytest.param((-1, 0, 1, -1, 3, 0), id="two roots"),
+        pytest.param((1, 2, 0, 0, 0, 0), id="no root"),
+        pytest.param((-1, 2, 1, 1, 1, 0), id="a circle"),
+        pytest.param((-1, 0, 3, 4, 2, 0), id="a circle of three"),
+    ],
+)
+def test_parents_that_make_no_tree_are_refused(parents: tuple[int, ...]) -> None:
+    """Joints in two pieces, or going round in a circle, are refused and not walked for ever."""
+    with pytest.raises(ValueError, match="skeleton: expected parents that make one tree"):
+        Body.of(Skeleton(STICK.joints, parents))
+
+
+# --- against the slow twin ---------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("kind", OF_DISTANCES)
+def test_real_windows_measure_as_the_loops_say(some_clips: tuple[Clip, ...], kind: Kind) -> None:
+    """Spread and posture of a window of each class are what adding up number by number gives."""
+    twin = {Kind.SPREAD: naive_windows.spread, Kind.POSTURE: naive_windows.posture}[kind]
+    for clip in some_clips:
+        rows, body = _rows(clip), Body.of(clip.skeleton)
+        end = min(40, clip.frames)
+        (found,) = measured(
+            rows, clip.frame_rate, np.array([end]), Measure(kind, 0.25), body=body, basis=np.zeros((465, 1))
+        )
+        expected = twin(rows[end - 30 : end], _pairs(clip.skeleton), clip.skeleton.parents)
+        np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-10)
+
+
+@pytest.mark.parametrize("size", [1, 2, 7, 24])
+def test_shapes_are_those_of_the_matrix_root(size: int) -> None:
+    """A shape holds the upper triangle of the root of the covariance over its trace, one at a time or many at once."""
+    generator = np.random.default_rng(size)
+    covariances = np.array([_random_covariance(generator, size).reshape(size, size) for _ in range(5)])
+    shapes = shape_of(covariances)
+    for covariance, shape in zip(covariances, shapes, strict=True):
+        np.testing.assert_allclose(shape, naive_windows.shape(covariance), atol=1e-6)
+        np.testing.assert_allclose(shape_of(covariance), shape, atol=1e-12)
+
+
+def test_real_windows_have_the_shape_of_their_covariance(some_clips: tuple[Clip, ...]) -> None:
+    """The shape of a window of each class is that of its covariance in the basis, found by numpy and a matrix root."""
+    basis = np.random.default_rng(2).normal(size=(465, 7))
+    for clip in some_clips:
+        rows = _rows(clip)
+        end = min(90, clip.frames)
+        (found,) = measured(
+            rows,
+            clip.frame_rate,
+            np.array([end]),
+            Measure(Kind.SHAPE, 0.5),
+            body=Body.of(clip.skeleton),
+            basis=basis,
+        )
+        covariance = np.cov((rows[max(end - 60, 0) : end] @ basis).T)
+        np.testing.assert_allclose(found, naive_windows.shape(covariance), atol=1e-5)
+
+
+@given(st.integers(0, 2**32 - 1), st.integers(1, 8), st.integers(1, 8))
+def test_shapes_multiply_as_weighted_subspaces(seed: int, size: int, frames: int) -> None:
+    """The inner product of two shapes is the sum of √(λᵢ μⱼ) (uᵢ · vⱼ)², few frames or many, and 1 with itself."""
+    generator = np.random.default_rng(seed)
+    covariances = [_random_covariance(generator, size).reshape(size, size) for _ in range(2)]
+    few = generator.normal(size=(frames, size))
+    covariances.append(few.T @ few / frames)
+    systems = [np.linalg.eigh(covariance / np.trace(covariance)) for covariance in covariances]
+    shapes = shape_of(np.array(covariances))
+    for first, (values, axes) in zip(shapes, systems, strict=True):
+        for second, (others, other_axes) in zip(shapes, systems, strict=True):
+            expected = sum(
+                np.sqrt(max(values[i], 0.0) * max(others[j], 0.0)) * (axes[:, i] @ other_axes[:, j]) ** 2
+                for i in range(size)
+                for j in range(size)
+            )
+            assert first @ second == pytest.approx(expected, abs=1e-7)
+        assert first @ first == pytest.approx(1.0)
+
+
+def test_a_window_without_movement_has_no_shape() -> None:
+    """Where nothing varies the shape is the zero vector, and warns of nothing."""
+    assert shape_of(np.zeros((2, 3, 3))).tolist() == [[0.0] * 6] * 2
+
+
+# --- windows -----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("measure", MEASURES, ids=lambda measure: measure.name)
+def test_a_window_is_the_frames_before_its_end(measure: Measure) -> None:
+    """Each window measures as a recording of its frames alone: those of its seconds, or as many as there are."""
+    clip = stick_clip("wave", seed=3, frames=300)
+    ends = np.array([FEWEST_FRAMES, 14, 15, 31, 120, 121, 240, 300])
+    found = _all_measured(clip, ends)[measure]
+    assert len(found) == len(ends)
+    for end, numbers in zip(ends.tolist(), found, strict=True):
+        start = max(0, end - round(measure.seconds * 120))
+        alone = clip.moved_to(clip.positions[start:end])
+        assert np.array_equal(numbers, _all_measured(alone, np.array([end - start]))[measure][0])
+        if end < clip.frames:
+            assert not np.array_equal(numbers, _all_measured(clip, np.array([end + 1]))[measure][0])
+
+
+def test_measures_have_names_of_their_own() -> None:
+    """No two of the measures compared are named alike, and a name says kind and milliseconds."""
+    assert len({measure.name for measure in MEASURES}) == len(MEASURES)
+    assert Measure(Kind.POSTURE, 0.125).name == "posture125"
+
+
+# --- what must not matter ----------------------------------------------------------------------------------------
+
+
+def _scaled(clip: Clip) -> Clip:
+    return clip.moved_to(clip.positions * 1.7)
+
+
+def _mirrored(clip: Clip) -> Clip:
+    return clip.moved_to(clip.positions * [-1.0, 1.0, 1.0])
+
+
+def _turned(clip: Clip) -> Clip:
+    return turned(clip, np.random.default_rng(1))
+
+
+def _carried(clip: Clip) -> Clip:
+    """Walk away while turning: another rigid motion in every frame."""
+    generator = np.random.default_rng(2)
+    return clip.moved_to(
+        np.concatenate([turned(clip.moved_to(frame[None]), generator).positions for frame in clip.positions])
+    )
+
+
+@pytest.mark.parametrize("change", [_scaled, _mirrored, _turned, _carried])
+def test_size_place_heading_and_handedness_do_not_matter(change: Callable[[Clip], Clip]) -> None:
+    """The body scaled, mirrored, turned or carried about, every measure of every window is the same."""
+    clip = stick_clip("jump", seed=4, frames=200)
+    ends = np.array([8, 50, 200])
+    changed = _all_measured(change(clip), ends)
+    for measure, numbers in _all_measured(clip, ends).items():
+        np.testing.assert_allclose(changed[measure], numbers, atol=1e-7)
+
+
+def test_real_windows_do_not_depend_on_size_and_handedness(some_clips: tuple[Clip, ...]) -> None:
+    """Spread and posture of real motion are those of the same motion mirrored and done by somebody twice as large."""
+    for clip in some_clips:
+        body, ends = Body.of(clip.skeleton), np.array([clip.frames // 2, clip.frames])
+        other = clip.moved_to(clip.positions * [2.0, 2.0, -2.0])
+        for kind in OF_DISTANCES:
+            first, second = (
+                measured(_rows(each), 120.0, ends, Measure(kind, 0.25), body=body, basis=np.zeros((465, 1)))
+                for each in (clip, other)
+            )
+            np.testing.assert_allclose(second, first, atol=1e-9)
+
+
+def test_shapes_do_not_depend_on_the_motions_size() -> None:
+    """Distances that swing twice as far about the same means have the same shape, and another spread."""
+    rows = _rows(stick_clip("wave", frames=60))
+    larger = rows.mean(axis=0) + 2 * (rows - rows.mean(axis=0))
+    first, second = (
+        {
+            kind: measured(each, 120.0, np.array([60]), Measure(kind, 1.0), body=Body.of(STICK), basis=_stick_basis())
+            for kind in Kind
+        }
+        for each in (rows, larger)
+    )
+    np.testing.assert_allclose(second[Kind.SHAPE], first[Kind.SHAPE], atol=1e-9)
+    np.testing.assert_allclose(second[Kind.POSTURE], first[Kind.POSTURE], atol=1e-12)
+    assert (second[Kind.SPREAD] - first[Kind.SPREAD]).mean() > 0.1
+
+
+def test_postures_are_shares_of_the_way_through_the_body(some_clips: tuple[Clip, ...]) -> None:
+    """A segment's own posture is 1, and no distance is longer than the way along the segments."""
+    for clip in some_clips:
+        body = Body.of(clip.skeleton)
+        posture = body.posture(_rows(clip).mean(axis=0))
+        np.testing.assert_allclose(posture[body.segments], 1.0, rtol=1e-12)
+        assert 0 < posture.min() < 0.5
+        assert posture.max() <= 1 + 1e-12
+
+
+# --- the basis ---------------------------------------------------------------------------------------------------
+
+
+def test_the_basis_is_that_of_the_textbook(hdm05_clips: tuple[Clip, ...]) -> None:
+    """The 24 directions learned from real motion are the correlations' leading axes, whatever their signs."""
+    skeleton = hdm05_clips[0].skeleton
+    body = Body.of(skeleton)
+    by_class: dict[str, list[np.ndarray]] = {}
+    for clip in hdm05_clips[::9]:
+        by_class.setdefault(clip.class_name, []).append(_rows(clip))
+    lengths = [[skeleton.pairs.tolist().index(list(pair)) for pair in naive_windows.segments(skeleton.parents)]] * 99
+    sizes = [
+        [float(rows.mean(axis=0)[own].mean()) for rows, own in zip(motions, lengths, strict=False)]
+        for motions in by_class.values()
+    ]
+    basis = learned_basis(list(by_class.values()), body)
+    expected = naive_windows.basis(list(by_class.values()), sizes, 24)
+    assert basis.shape == (465, BASIS_SIZE)
+    signs = np.sign((basis * expected).sum(axis=0))
+    np.testing.assert_allclose(basis * signs, expected, atol=1e-5 * np.abs(expected).max())
+
+
+def test_rigid_pairs_are_not_in_the_basis(some_clips: tuple[Clip, ...]) -> None:
+    """The distances of the 30 segments, which do not move, have no part in any direction; others have."""
+    body = Body.of(some_clips[0].skeleton)
+    basis = learned_basis([[_rows(clip)] for clip in some_clips], body)
+    assert not basis[body.segments].any()
+    assert (np.abs(basis).sum(axis=1) > 0).sum() > 300
+
+
+def test_a_class_counts_once_and_a_body_by_its_own_measure() -> None:
+    """A class given twice over, and bodies scaled, change the basis in nothing but signs; a class left out does."""
+    clips = stick_clips(takes=1)
+    rows = [[_rows(clip) for clip in clips if clip.class_name == name] for name in ("bow", "jump", "wave")]
+    body = Body.of(STICK)
+    plain = np.abs(learned_basis(rows, body))
+    twice = np.abs(learned_basis([rows[0] * 2, *rows[1:]], body))
+    scaled = np.abs(learned_basis([[2.5 * each for each in rows[0]], *rows[1:]], body))
+    np.testing.assert_allclose(twice, plain, atol=1e-6 * plain.max())
+    np.testing.assert_allclose(scaled, plain, atol=1e-6 * plain.max())
+    assert np.abs(np.abs(learned_basis(rows[1:], body)) - plain).max() > 0.01 * plain.max()

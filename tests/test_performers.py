@@ -221,6 +221,19 @@ def test_the_silent_are_dropped_and_their_counts_kept(library: MotionLibrary) ->
     assert performers.counts.recognizers.frames == 3
 
 
+@pytest.mark.parametrize("heard", ["frames", "announcements", "bad frames"])
+def test_who_goes_on_is_not_dropped(library: MotionLibrary, heard: str) -> None:
+    """Anything that comes of a performer, used or not, breaks the silence."""
+    performers = Performers(library, silence=2.0)
+    for second in range(10):
+        if heard == "announcements":
+            performers.announce(Announcement("p", STICK.joints), float(second))
+        else:
+            performers.push(Frame("p", 1.0, POSE if heard == "frames" else POSE[:2]), float(second))
+        assert performers.drop_silent(second + 1.5) == []
+    assert performers.drop_silent(12.0) == ["p"]
+
+
 def test_who_comes_back_after_silence_is_new(library: MotionLibrary) -> None:
     """A performer who was dropped starts with an empty window, even if the frames' own clock shows no gap."""
     performers = Performers(library, silence=2.0)

@@ -99,6 +99,28 @@ def test_joints_may_come_in_any_order(library: MotionLibrary) -> None:
     _assert_same(_pushed(performers, mixed), _alone(library, frames))
 
 
+def test_an_announced_order_outlives_a_silence(library: MotionLibrary) -> None:
+    """Joints said once, before a silence in which the performer was dropped, still hold for the frames after it."""
+    order = list(range(len(STICK.joints)))[::-1]
+    performers = Performers(library, silence=1.0)
+    performers.announce(Announcement("a", tuple(STICK.joints[index] for index in order)), 0.0)
+    assert performers.drop_silent(10.0) == ["a"]
+    answers = _pushed(performers, _reordered(_frames("a", "bow"), order), 10.0)
+    _assert_same(answers, _alone(library, _frames("a", "bow")))
+
+
+def test_announcements_of_strangers_do_not_pile_up(library: MotionLibrary) -> None:
+    """Who announces under ever new names is remembered for so many of them only."""
+    performers = Performers(library, most=2, silence=1.0)
+    order = list(range(len(STICK.joints)))[::-1]
+    backwards = tuple(STICK.joints[index] for index in order)
+    for stranger in range(100):
+        performers.announce(Announcement(f"s{stranger}", backwards), 2.0 * stranger)
+    performers.drop_silent(1000.0)
+    answers = _pushed(performers, _frames("s0", "bow"), 1000.0)
+    _assert_same(answers, _alone(library, _frames("s0", "bow")))
+
+
 def test_without_an_announcement_the_skeletons_own_order_is_assumed(library: MotionLibrary) -> None:
     """Frames of the right number of joints are taken as the library's skeleton, announced so or not."""
     frames = _frames("p", "wave")

@@ -4,6 +4,10 @@ VENV := .venv
 BIN := $(VENV)/bin
 MADE := $(VENV)/.made
 
+# Small matrices: threads of the linear algebra would only fight each other for the cores.
+export OPENBLAS_NUM_THREADS := 1
+export OMP_NUM_THREADS := 1
+
 .PHONY: setup demo test lint types pytest wheel-check clean
 
 setup: $(MADE)

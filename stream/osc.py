@@ -242,6 +242,15 @@ def decode_answer(datagram: bytes) -> Answer | None:
         return None
 
 
+def _resolved(host: str, port: int) -> tuple[int, int, tuple[Any, ...]]:
+    """Look a host up: address family, socket kind and socket address; raises OSError naming the host."""
+    try:
+        family, kind, _, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_DGRAM)[0]
+    except OSError as error:
+        raise OSError(error.errno, f"{host}:{port}: {error.strerror}") from error
+    return family, kind, address
+
+
 class OscReceiver:
     """A UDP socket that frames come in on.
 
@@ -262,7 +271,7 @@ class OscReceiver:
     """
 
     def __init__(self, host: str, port: int) -> None:
-        family, kind, _, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_DGRAM, flags=socket.AI_PASSIVE)[0]
+        family, kind, address = _resolved(host, port)
         self.socket = socket.socket(family, kind)
         try:
             self.socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER)
@@ -321,7 +330,7 @@ class OscSender:
     """
 
     def __init__(self, host: str, port: int) -> None:
-        family, kind, _, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_DGRAM)[0]
+        family, kind, address = _resolved(host, port)
         self.target: tuple[Any, ...] = address
         self.socket = socket.socket(family, kind)
         self.socket.settimeout(0.0)

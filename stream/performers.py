@@ -19,6 +19,10 @@ if TYPE_CHECKING:
     from stream.recognition import Recognition
 
 
+#: How many times as many performers' joint names are remembered as there may be performers.
+_REMEMBERED = 4
+
+
 @dataclass(slots=True)
 class PerformerCounts:
     """What became of the frames of all performers."""
@@ -78,6 +82,8 @@ class Performers:
         self._performers: dict[str, _Performer] = {}
         #: Ends of what performers did who were dropped to make room, not yet given to anybody.
         self._ended: list[Event] = []
+        # Said once and then only on change, so it outlives a silence.
+        self._announced: dict[str, Announcement] = {}
 
     def __len__(self) -> int:
         return len(self._performers)
@@ -109,7 +115,15 @@ class Performers:
             When, seconds on our clock.
         """
         performer = self._performer(announcement.performer, arrival)
-        if performer is None or performer.joints == announcement.joints:
+        if performer is None:
+            return
+        if announcement.performer not in self._announced and len(self._announced) >= _REMEMBERED * self.most:
+            del self._announced[next(iter(self._announced))]
+        self._announced[announcement.performer] = announcement
+        self._learn_joints(performer, announcement)
+
+    def _learn_joints(self, performer: _Performer, announcement: Announcement) -> None:
+        if performer.joints == announcement.joints:
             return
         performer.joints = announcement.joints
         performer.recognizer.reset()
@@ -167,6 +181,8 @@ class Performers:
                 return None
             recognizer = Recognizer(self.library, self.settings)
             performer = self._performers[name] = _Performer(recognizer, arrival, self.library.skeleton.joints)
+            if name in self._announced:
+                self._learn_joints(performer, self._announced[name])
         performer.heard = arrival
         return performer
 

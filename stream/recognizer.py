@@ -53,7 +53,8 @@ class Settings:
     lead
         How clear a lead, added up over time, a class needs before a start event: more is later and surer.
     longest_gap
-        Seconds without a frame after which the window starts anew, because what happened in between is not known.
+        Seconds without a frame after which the window starts anew, because what happened in between is not known. A
+        gap as long as the window always does: nothing would be left in it.
     stillness
         Movement, relative to the body's size, below which a window is still. The default, 1 %, is about 8 mm for an
         adult: a tenth of the quietest motion of the built-in library, twenty times a markers' noise.
@@ -163,7 +164,7 @@ class Recognizer:
     def _in_time(self, time: float) -> bool:
         """Sort out frames that come late; start anew after a gap or when the sender's clock began again."""
         behind = self._newest - time
-        if behind < -self.settings.longest_gap and math.isfinite(self._newest):
+        if behind < -min(self.settings.longest_gap, self.settings.window) and math.isfinite(self._newest):
             self._restart()
         elif behind >= 0:
             self._late_in_a_row += 1

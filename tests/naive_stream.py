@@ -136,7 +136,7 @@ class NaiveRecognizer:
             return False
         behind = self.frames[-1][0] - time
         if behind < 0:
-            if -behind > self.longest_gap:
+            if -behind > min(self.longest_gap, self.window):
                 self._begin_anew()
             return False
         self.late_in_a_row += 1

@@ -52,7 +52,8 @@ class Program:
     @property
     def output(self) -> str:
         """What it has printed so far."""
-        return (self._folder / "output").read_text(encoding="utf-8")
+        # It may be in the middle of a character.
+        return (self._folder / "output").read_text(encoding="utf-8", errors="replace")
 
     @property
     def errors(self) -> str:

@@ -279,13 +279,17 @@ def test_a_busy_zmq_endpoint_is_named(
         (("live", "--zmq-in", "here"), "endpoint: expected an address like tcp://127.0.0.1:5556, got 'here'"),
         (("live", "--zmq-in", "pigeon://here"), "pigeon://here: Protocol not supported"),
         (("live", "--zmq-in", "tcp://"), "tcp://: Invalid argument"),
+        (
+            ("live", "--osc-in", f"{LOOPBACK}:0", "--window", "1e9"),
+            "--window: expected seconds that memory has room for",
+        ),
         (("live", "--osc-in", f"{LOOPBACK}:0", "--performers", "0"), "most: expected at least 1 performer, got 0"),
     ],
 )
 def test_an_address_that_makes_no_sense_is_named(
     arguments: tuple[str, ...], expected: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """What is typed and cannot be an address, or a number of performers, is named."""
+    """What is typed and cannot be an address, a window or a number of performers is named."""
     assert one_line(capsys, *arguments).startswith(expected)
 
 
@@ -486,3 +490,8 @@ def test_a_running_recogniser_counts_what_is_bad_and_goes_on(transport: Transpor
         **bad.counts,
     }
     assert counts == {**dict.fromkeys(counts, 0), **seen}
+
+
+def test_a_host_that_nobody_knows_is_named(capsys: pytest.CaptureFixture[str]) -> None:
+    """A host name that cannot be resolved is in the error, with its port."""
+    assert one_line(capsys, "live", "--osc-in", "nohost.invalid:9000").startswith("nohost.invalid:9000: ")

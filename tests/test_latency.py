@@ -101,7 +101,7 @@ def test_the_table_has_a_transport_and_its_echo(capsys: pytest.CaptureFixture[st
     printed = capsys.readouterr().out
     assert "milliseconds, at 60 Hz" in printed
     rows = [[cell.strip() for cell in line.split("│")[1:-1]] for line in printed.splitlines() if "│" in line]
-    assert [row[0] for row in rows] == ["osc recogniser", "osc bare echo"]
+    assert [("osc" in row[0], "echo" in row[0]) for row in rows] == [(True, False), (True, True)]
     for row in rows:
         figures = [float(figure) for figure in row[1:6]]
         assert figures == sorted(figures)

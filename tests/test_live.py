@@ -105,6 +105,17 @@ def test_no_performers_name_ends_it(options: tuple[str, ...]) -> None:
         assert stage.stopped()["frames"] == 4 * 144
 
 
+@pytest.mark.parametrize("options", [("--plain",), ()], ids=["plain", "table"])
+def test_a_terminal_without_the_characters_does_not_end_it(options: tuple[str, ...]) -> None:
+    """Where standard output takes ASCII only, other names and signs become question marks, and it goes on."""
+    cues = ghost_cues("squat1Reps", 1.2, performer="Zoë 舞")
+    with live(*options, environment={"FORCE_COLOR": "1", "PYTHONIOENCODING": "ascii"}) as stage:
+        stage.play(cues)
+        assert len(stage.answers(5)) >= 5
+        stage.program.expect(r"Zo\? \?")
+        assert stage.stopped()["frames"] == len(cues)
+
+
 def test_the_table_shows_what_is_recognised() -> None:
     """On a terminal a table is drawn that waits, then shows performer and motion; Ctrl-C ends it with the counts."""
     cues = ghost_cues("lieDownFloor", 1.5, performer="me")

@@ -99,6 +99,28 @@ def test_joints_may_come_in_any_order(library: MotionLibrary) -> None:
     _assert_same(_pushed(performers, mixed), _alone(library, frames))
 
 
+def test_an_announced_order_outlives_a_silence(library: MotionLibrary) -> None:
+    """Joints said once, before a silence in which the performer was dropped, still hold for the frames after it."""
+    order = list(range(len(STICK.joints)))[::-1]
+    performers = Performers(library, silence=1.0)
+    performers.announce(Announcement("a", tuple(STICK.joints[index] for index in order)), 0.0)
+    assert performers.drop_silent(10.0) == ["a"]
+    answers = _pushed(performers, _reordered(_frames("a", "bow"), order), 10.0)
+    _assert_same(answers, _alone(library, _frames("a", "bow")))
+
+
+def test_announcements_of_strangers_do_not_pile_up(library: MotionLibrary) -> None:
+    """Who announces under ever new names is remembered for so many of them only."""
+    performers = Performers(library, most=2, silence=1.0)
+    order = list(range(len(STICK.joints)))[::-1]
+    backwards = tuple(STICK.joints[index] for index in order)
+    for stranger in range(100):
+        performers.announce(Announcement(f"s{stranger}", backwards), 2.0 * stranger)
+    performers.drop_silent(1000.0)
+    answers = _pushed(performers, _frames("s0", "bow"), 1000.0)
+    _assert_same(answers, _alone(library, _frames("s0", "bow")))
+
+
 def test_without_an_announcement_the_skeletons_own_order_is_assumed(library: MotionLibrary) -> None:
     """Frames of the right number of joints are taken as the library's skeleton, announced so or not."""
     frames = _frames("p", "wave")
@@ -219,6 +241,19 @@ def test_the_silent_are_dropped_and_their_counts_kept(library: MotionLibrary) ->
     assert performers.counts.recognizers.frames == 2
     performers.push(Frame("a", 901.0, POSE), 12.7)
     assert performers.counts.recognizers.frames == 3
+
+
+@pytest.mark.parametrize("heard", ["frames", "announcements", "bad frames"])
+def test_who_goes_on_is_not_dropped(library: MotionLibrary, heard: str) -> None:
+    """Anything that comes of a performer, used or not, breaks the silence."""
+    performers = Performers(library, silence=2.0)
+    for second in range(10):
+        if heard == "announcements":
+            performers.announce(Announcement("p", STICK.joints), float(second))
+        else:
+            performers.push(Frame("p", 1.0, POSE if heard == "frames" else POSE[:2]), float(second))
+        assert performers.drop_silent(second + 1.5) == []
+    assert performers.drop_silent(12.0) == ["p"]
 
 
 def test_who_comes_back_after_silence_is_new(library: MotionLibrary) -> None:

@@ -227,10 +227,20 @@ def test_a_shorter_gap_does_not(library: MotionLibrary) -> None:
 @pytest.mark.parametrize("gap", [0.2, 2.0])
 def test_the_longest_gap_is_a_setting(library: MotionLibrary, gap: float) -> None:
     """The window begins anew after just the given gap."""
-    recognizer = Recognizer(library, Settings(longest_gap=gap))
+    recognizer = Recognizer(library, Settings(longest_gap=gap, window=3.0))
     for time in (0.0, gap - 0.01, 2 * gap + 0.01):
         recognizer.push(Frame("p", time, _frames("bow")[0].positions))
     assert recognizer.counts.restarts == 1
+
+
+def test_a_gap_as_long_as_the_window_is_too_long(library: MotionLibrary) -> None:
+    """When a gap leaves nothing of a short window, no answer is made of the few frames that came since."""
+    recognizer = Recognizer(library, Settings(window=0.3, longest_gap=0.5, hop=0.0))
+    frames = _frames("bow")
+    assert _pushed(recognizer, frames[:100])
+    answers = _pushed(recognizer, frames[100 + 40 :])
+    assert recognizer.counts.restarts == 1
+    assert answers[0].time == pytest.approx(frames[140].time + 0.3)
 
 
 def test_a_sender_that_starts_anew_is_followed_at_once(library: MotionLibrary) -> None:

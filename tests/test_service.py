@@ -210,9 +210,10 @@ def test_classes_and_status_are_told_on_time(bench: Bench) -> None:
 def test_after_a_long_sleep_nothing_is_made_up_for(bench: Bench) -> None:
     """When the clock jumps by an hour, one status is told, not three thousand."""
     bench.step()
+    bench.step(3600.0)
     for _ in range(5):
-        bench.step(3600.0)
-    assert (len(bench.sink.classes), len(bench.sink.statuses)) == (6, 6)
+        bench.step(0.01)
+    assert (len(bench.sink.classes), len(bench.sink.statuses)) == (2, 2)
 
 
 def test_arrivals_are_stamped_by_the_clock(bench: Bench) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import sys
 from importlib.metadata import PackageNotFoundError, version
+from io import TextIOWrapper
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -22,6 +23,10 @@ _DEFAULTS = Settings()
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run `kinespace`; give the exit status: 0 done, 1 ended by the user, 2 could not be done."""
+    for stream in (sys.stdout, sys.stderr):
+        # A performer's name that this terminal has no characters for must not end a recogniser.
+        if isinstance(stream, TextIOWrapper):
+            stream.reconfigure(errors="replace")
     parsed = _parser().parse_args(arguments)
     try:
         status: int = parsed.run(parsed)

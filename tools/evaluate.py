@@ -90,6 +90,9 @@ def _clips(places: Sequence[Path], turned_by: int | None) -> list[Clip]:
     unnamed = [clip.name for clip in clips if not clip.class_name or not clip.actor]
     if unnamed:
         raise ValueError(f"{unnamed[0]}: expected a name that tells class and actor, as HDM05's clips have")
+    short = [clip.name for clip in clips if clip.frames < 2]
+    if short:
+        raise ValueError(f"{short[0]}: expected a motion of at least 2 frames, got one")
     if turned_by is None:
         return clips
     generator = np.random.default_rng(turned_by)

@@ -16,6 +16,7 @@ from rich.live import Live
 from library import MotionLibrary
 from stream import osc, zeromq
 from stream.performers import Performers
+from stream.recognizer import Recognizer
 from stream.service import OscSink, OscSource, Service, Sink, Source, ZmqSink, ZmqSource
 from tools.address import host_and_port
 from tools.console import console
@@ -45,6 +46,7 @@ class Addresses:
 def run(addresses: Addresses, *, library: Path | None, settings: Settings, most: int, plain: bool) -> int:
     """Open the addresses, recognise until interrupted, print the counts."""
     motions = MotionLibrary.load(library) if library else MotionLibrary.builtin()
+    _require_room_for(motions, settings)
     performers = Performers(motions, settings, most=most)
     shown: PlainLines | LiveTable = PlainLines() if plain or not console.is_terminal else LiveTable(motions.classes)
     sources, sinks = _open(addresses)
@@ -61,6 +63,14 @@ def run(addresses: Addresses, *, library: Path | None, settings: Settings, most:
         status = service.status()
     console.print(summary(status), soft_wrap=True)
     return 0
+
+
+def _require_room_for(motions: MotionLibrary, settings: Settings) -> None:
+    """Refuse a window that this machine has no memory for now, not at the first performer's first frame."""
+    try:
+        Recognizer(motions, settings)
+    except MemoryError as error:
+        raise ValueError(f"--window: expected seconds that memory has room for, got {settings.window:g}") from error
 
 
 def _open(addresses: Addresses) -> tuple[list[Source], list[Sink]]:

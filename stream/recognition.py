@@ -43,10 +43,7 @@ class Recognition:
     scores
         Score of each class, 0 to 1, shape (classes,), by its nearest motion or window: the absolute inner product of
         leading eigenvectors, or 1 / (1 + d²) of the distance between windows. Raw, not normalised: an unknown
-        movement scores low everywhere. Given even when the outcome is none.
-    best
-        Index of the class that is the best guess, whatever the outcome. Usually the one with the highest score; at a
-        change of motion the one before, until the new one has led for long enough. Not given: the highest score's.
+        movement scores low everywhere. All 0 in a window too still to be compared.
     movement
         Root mean square deviation of a distance in the window, relative to the body's size.
     share
@@ -55,6 +52,9 @@ class Recognition:
         (λ₁ − λ₂) / λ₁ of the window's two leading eigenvalues; None likewise.
     residual
         ‖Cv − λv‖ / λ of the leading eigenvector, at most 1e-6; None likewise.
+    guess
+        Index of the class that is the best guess, whatever the outcome. Usually the one with the highest score; at a
+        change of motion the one before, until the new one has led for long enough. None: the highest score's.
     events
         What this recognition made happen: a motion's end, a motion's start, or nothing.
     """
@@ -65,15 +65,16 @@ class Recognition:
     classes: tuple[str, ...] = field(repr=False)
     scores: NDArray[np.floating] = field(repr=False)
     movement: float
-    best: int = -1
     share: float | None = None
     gap: float | None = None
     residual: float | None = None
+    guess: int | None = None
     events: tuple[Event, ...] = ()
 
-    def __post_init__(self) -> None:
-        if self.best < 0:
-            object.__setattr__(self, "best", int(np.argmax(self.scores)))
+    @property
+    def best(self) -> int:
+        """Index of the best guess: `guess`, or the class with the highest score."""
+        return int(np.argmax(self.scores)) if self.guess is None else self.guess
 
     @property
     def class_index(self) -> int:

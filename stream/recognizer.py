@@ -130,7 +130,7 @@ class Recognizer:
         self._late_in_a_row = 0
 
     def reset(self) -> None:
-        """Forget the window, as when the feed begins; the counts and the motion going on stay."""
+        """Forget the window, as when the feed begins; the counts stay, and what is going on till something ends it."""
         self._matcher.clear()
         self._newest = self._due = -math.inf
         self._late_in_a_row = 0
@@ -199,7 +199,7 @@ class Recognizer:
             outcome=reading.outcome,
             classes=self.library.classes,
             scores=reading.scores,
-            best=reading.best,
+            guess=reading.best,
             movement=reading.movement,
             share=axis.share if axis else None,
             gap=axis.gap if axis else None,

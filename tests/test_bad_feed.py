@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from library.clip import Clip
+    from stream.events import Event
     from stream.recognition import Recognition
     from stream.status import Status
 
@@ -50,6 +51,9 @@ class Kept:
     def publish(self, recognition: Recognition) -> None:
         """Keep one."""
         self.recognitions.append(recognition)
+
+    def publish_event(self, event: Event) -> None:
+        """Pass over events."""
 
     def publish_classes(self, classes: Sequence[str]) -> None:
         """Pass over."""

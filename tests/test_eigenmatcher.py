@@ -73,19 +73,27 @@ def test_it_is_ready_after_one_whole_window(library: MotionLibrary, window: floa
 
 
 @pytest.mark.parametrize(
-    ("thresholds", "outcome"),
-    [
-        ({}, Outcome.NAMED),
-        ({"stillness": 0.9}, Outcome.STILL),
-        ({"smallest_gap": 1.0}, Outcome.AMBIGUOUS),
-        ({"stillness": 0.9, "smallest_gap": 1.0}, Outcome.STILL),
-    ],
+    ("smallest_gap", "outcome"), [(0.02, Outcome.NAMED), (0.5, Outcome.NAMED), (1.0, Outcome.AMBIGUOUS)]
 )
-def test_thresholds_make_the_outcome(library: MotionLibrary, thresholds: dict[str, float], outcome: Outcome) -> None:
-    """Too little movement is still, too small a gap ambiguous, stillness first; the guess is given all the same."""
-    readings = _readings(_matcher(library, **thresholds), _rows("jump"))
+def test_too_small_a_gap_is_ambiguous(library: MotionLibrary, smallest_gap: float, outcome: Outcome) -> None:
+    """A gap below the smallest is ambiguous, above it named; the best guess is given all the same."""
+    readings = _readings(_matcher(library, smallest_gap=smallest_gap), _rows("jump"))
     assert {reading.outcome for reading in readings.values()} == {outcome}
     assert {library.classes[reading.best] for reading in readings.values()} == {"jump"}
+
+
+@pytest.mark.parametrize("smallest_gap", [0.02, 1.0])
+def test_too_little_movement_is_still_whatever_the_gap(library: MotionLibrary, smallest_gap: float) -> None:
+    """Below the stillness no axis is asked for and no class scores, and the movement is told as it is."""
+    readings = _readings(_matcher(library, stillness=0.9, smallest_gap=smallest_gap), _rows("jump"))
+    moving = _readings(_matcher(library), _rows("jump"))
+    assert readings.keys() == moving.keys()
+    for index, reading in readings.items():
+        assert reading.outcome is Outcome.STILL
+        assert reading.axis is None
+        assert not reading.scores.any()
+        assert reading.scores.shape == moving[index].scores.shape
+        assert reading.movement == pytest.approx(moving[index].movement, rel=1e-9)
 
 
 def test_after_clear_it_is_as_new(library: MotionLibrary) -> None:

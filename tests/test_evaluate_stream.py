@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import matplotlib as mpl
@@ -13,6 +14,7 @@ from takes import write_take
 from library import MotionLibrary, read_recordings
 from library.labels import cut, read_labels, renamed
 from stream.recognizer import Settings
+from tools import pictures
 from tools.cli import main
 from tools.console import console
 from tools.evaluate_stream import replay
@@ -270,10 +272,23 @@ def test_pictures_show_what_came_out(folder: Path, library: Path, tmp_path: Path
     files = {}
     for name, options in {"once": (), "again": (), "other": ("--window", "0.3")}.items():
         files[name] = (tmp_path / f"{name}.png", tmp_path / f"{name}_shares.png")
-        pictures = ("--timeline", files[name][0], "--confusion", files[name][1])
-        assert _evaluate(folder / "puppet_03.amc", "--library", library, *pictures, *options) == 0
+        drawn = ("--timeline", files[name][0], "--confusion", files[name][1])
+        assert _evaluate(folder / "puppet_03.amc", "--library", library, *drawn, *options) == 0
     for once, again, other in zip(*files.values(), strict=True):
         assert once.read_bytes().startswith(b"\x89PNG")
         assert once.stat().st_size > 8000
         assert once.read_bytes() == again.read_bytes()
         assert once.read_bytes() != other.read_bytes()
+
+
+@pytest.mark.parametrize("track", ["published", "event", "score"])
+def test_the_timeline_shows_each_track(track: str, folder: Path, library: Path, tmp_path: Path) -> None:
+    """A take of which nothing was published, no event going on or another score has another picture."""
+    (take,) = read_recordings([folder / "puppet_02.amc"])
+    known = MotionLibrary.load(library)
+    segments = read_labels(folder / "puppet_02.csv")
+    course = replay(take, segments, library=known, classes=known.classes, settings=Settings())
+    without = replace(course, **{track: np.full_like(getattr(course, track), -1)})
+    for name, each in {"with": course, "without": without}.items():
+        pictures.draw_timelines(tmp_path / f"{name}.png", [each], known.classes)
+    assert (tmp_path / "with.png").read_bytes() != (tmp_path / "without.png").read_bytes()

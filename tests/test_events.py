@@ -31,7 +31,7 @@ def _recognition(
     best = int(values.argmax()) if best is None else best
     classes = CLASSES[: len(values)]
     return Recognition(
-        performer="p", time=time, outcome=outcome, classes=classes, scores=values, best=best, movement=0.1
+        performer="p", time=time, outcome=outcome, classes=classes, scores=values, guess=best, movement=0.1
     )
 
 

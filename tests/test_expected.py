@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from programs import ghost_cues
 
 from library import MotionLibrary
-from stream import Frame, Recognizer, Settings, osc, zeromq
+from stream import Frame, LiveSignature, Recognizer, Settings, osc, zeromq
 from stream.answer import Answer
 from tools.expected import AnswerMatcher, Expected, expected_answers
 
@@ -70,7 +70,8 @@ def test_positions_are_rounded_as_the_wire_rounds_them() -> None:
 
 def test_nothing_is_expected_of_a_feed_shorter_than_a_window() -> None:
     """Frames that do not fill a window are answered by nothing."""
-    assert expected_answers(ghost_cues("squat1Reps", 0.9), MotionLibrary.builtin(), Settings()) == []
+    settings = Settings(signature=LiveSignature.EIGENVECTOR)
+    assert expected_answers(ghost_cues("squat1Reps", 0.9), MotionLibrary.builtin(), settings) == []
 
 
 @given(st.lists(st.booleans(), max_size=40))

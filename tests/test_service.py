@@ -30,6 +30,7 @@ from stream.zeromq import Endpoint
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
+    from stream.events import Event
     from stream.recognition import Recognition
     from stream.status import Status
 
@@ -107,6 +108,9 @@ class FakeSink:
     def publish(self, recognition: Recognition) -> None:
         """Keep a recognition."""
         self.recognitions.append(recognition)
+
+    def publish_event(self, event: Event) -> None:
+        """Pass over events."""
 
     def publish_classes(self, classes: Sequence[str]) -> None:
         """Keep the classes."""
@@ -394,7 +398,7 @@ def test_over_osc_frames_go_in_and_answers_come_out(library: MotionLibrary, open
             receive()
     assert service.status().inputs == InputCounts(received=len(frames) + 2, malformed=1)
     assert addresses == {
-        *("/motion/p/class", "/motion/p/label", "/motion/p/scores"),
+        *("/motion/p/class", "/motion/p/label", "/motion/p/scores", "/motion/p/event"),
         *("/motion/classes", "/motion/status"),
     }
 
@@ -504,5 +508,5 @@ def test_answers_that_cannot_be_sent_are_counted(library: MotionLibrary, opened:
         zmq_sink.close()
         service.step(0.0)
         status = service.status()
-    # Each failed to send the classes, the first status and every answer.
-    assert status.unsent == 2 * (2 + status.outcomes.recognizers.hops)
+    # Each failed to send the classes, the first status, every answer and the start of the one motion.
+    assert status.unsent == 2 * (2 + status.outcomes.recognizers.hops + 1)

@@ -269,7 +269,7 @@ def _recognition(time: float, best: int, score: float, outcome: Outcome = Outcom
     scores = np.full(3, 0.01)
     scores[best] = score
     return Recognition(
-        performer="p", time=time, outcome=outcome, classes=CLASSES, scores=scores, best=best, movement=0.1
+        performer="p", time=time, outcome=outcome, classes=CLASSES, scores=scores, guess=best, movement=0.1
     )
 
 

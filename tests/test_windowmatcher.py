@@ -288,6 +288,21 @@ def test_after_clear_it_is_as_new(anybody: MotionLibrary, feed: Feed) -> None:
         assert (again.reading.best, again.reading.outcome) == (new.reading.best, new.reading.outcome)
 
 
+def test_clear_forgets_how_far_everything_was(anybody: MotionLibrary, feed: Feed, some_clips: tuple[Clip, ...]) -> None:
+    """After movement that is none of the library's, one of its own clips is named at once when cleared in between."""
+    matcher = _matcher(anybody)
+    noise = feed.rows * np.random.default_rng(6).uniform(0.5, 1.5, size=feed.rows.shape)
+    far = _hops(matcher, Feed(feed.times, feed.positions, noise))
+    assert {hop.reading.outcome for hop in far} == {Outcome.UNKNOWN}
+    clip = some_clips[4]
+    rows = distance_rows(clip.positions, clip.skeleton)
+    own = Feed(clip.times, clip.positions, rows)
+    matcher.clear()
+    cleared, fresh = _hops(matcher, own), _hops(_matcher(anybody), own)
+    assert [hop.reading.outcome for hop in cleared] == [hop.reading.outcome for hop in fresh]
+    assert cleared[0].reading.outcome is Outcome.NAMED
+
+
 def test_a_clip_of_the_library_is_named_by_its_own_class(
     one_person: MotionLibrary, some_clips: tuple[Clip, ...]
 ) -> None:

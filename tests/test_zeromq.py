@@ -312,6 +312,7 @@ def test_an_answer_holds_all_of_the_recognition() -> None:
         "performer": "Ada",
         "t": 4.0,
         "class": "jump",
+        "guess": NAMED.class_name,
         "index": 1,
         "outcome": "named",
         "score": 0.75,
@@ -321,7 +322,10 @@ def test_an_answer_holds_all_of_the_recognition() -> None:
         "gap": 0.6,
         "residual": 1e-8,
     }
-    assert {each.name for each in dataclasses.fields(Recognition)} - {"time", "classes"} <= {"scores", *answer}
+    assert {each.name for each in dataclasses.fields(Recognition)} - {"time", "classes", "events"} <= {
+        "scores",
+        *answer,
+    }
 
 
 @pytest.mark.parametrize("outcome", [Outcome.STILL, Outcome.AMBIGUOUS])
@@ -336,7 +340,7 @@ def test_without_a_class_it_is_null(outcome: Outcome) -> None:
 def test_an_answer_is_read_as_it_was_sent(outcome: Outcome) -> None:
     """A listener reads who, which class, score, margin and label."""
     recognition = dataclasses.replace(NAMED, performer="Zoë 1", outcome=outcome)
-    expected = Answer("Zoë 1", recognition.class_index, 0.75, recognition.margin, recognition.label)
+    expected = Answer("Zoë 1", recognition.guess_index, 0.75, recognition.margin, recognition.label)
     assert zeromq.decode_answer(zeromq.encode_recognition(recognition)) == expected
 
 

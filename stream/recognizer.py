@@ -40,7 +40,7 @@ class Settings:
     Attributes
     ----------
     signature
-        By what windows are compared; by default WINDOWS where the library keeps them, else EIGENVECTOR.
+        By what windows are compared. WINDOWS needs a library that keeps them.
     window
         Length of the eigenvector's sliding window, seconds. It ends with the newest frame: an answer speaks of the
         last `window` seconds, and the first one comes when the feed has been followed for that long. WINDOWS has
@@ -70,7 +70,7 @@ class Settings:
         A value is not finite, window or longest_gap not positive, another negative.
     """
 
-    signature: LiveSignature | None = None
+    signature: LiveSignature = LiveSignature.EIGENVECTOR
     window: float = 1.0
     sensitivity: float = 0.2
     lead: float = 3.0
@@ -214,15 +214,15 @@ class Recognizer:
 
 
 def _matcher(library: MotionLibrary, settings: Settings) -> Matcher:
-    if settings.signature is LiveSignature.WINDOWS and library.windows is None:
-        raise ValueError("signature: expected a library with windows for it, got one of whole motions only")
-    if library.windows is None or settings.signature is LiveSignature.EIGENVECTOR:
+    if settings.signature is LiveSignature.EIGENVECTOR:
         return EigenvectorMatcher(
             library,
             window=settings.window,
             stillness=settings.stillness,
             smallest_gap=settings.smallest_gap,
         )
+    if library.windows is None:
+        raise ValueError("signature: expected a library with windows for it, got one of whole motions only")
     return WindowMatcher(
         library.skeleton,
         library.windows,

@@ -1,4 +1,4 @@
-"""The default way: spread, shape and posture of several windows at once, by their nearest windows in the library.
+"""Beyond the paper: spread, shape and posture of several windows at once, by their nearest windows in the library.
 
 The class with the nearest window changes back and forth at a change of motion. The guess therefore stays with a class
 until another has led without a break for long enough: the lead, in the logarithm of the distance, is added up hop by

@@ -84,7 +84,7 @@ def test_plain_prints_a_line_per_change() -> None:
         stage.play([*first, *second])
         stage.answers(len(expected))
         counts = stage.stopped()
-        lines = [line for line in stage.program.output.splitlines() if " me " in line]
+        lines = [line for line in stage.program.output.splitlines() if "  me  " in line and "  score " in line]
     assert counts["restarts"] == 1
     number = r"0\.\d{3}|1\.000"
     for line, label in zip(lines, changes, strict=True):

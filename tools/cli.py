@@ -343,9 +343,9 @@ def _run_retrieval(parsed: argparse.Namespace) -> int:
 def _add_settings(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--signature",
-        choices=("windows", "eigenvector"),
-        help="compare several measures of several windows, or as the paper does (default: windows, where the library "
-        "keeps them)",
+        choices=("eigenvector", "windows"),
+        default="eigenvector",
+        help="compare as the paper does, or several measures of several windows (default %(default)s)",
     )
     parser.add_argument(
         "--sensitivity",
@@ -356,8 +356,7 @@ def _add_settings(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--window",
         type=_positive,
-        default=_DEFAULTS.window,
-        help="seconds the eigenvector looks back (default %(default)s)",
+        help=f"seconds the eigenvector looks back (default {_DEFAULTS.window:g})",
     )
     parser.add_argument(
         "--hop", type=_not_negative, default=_DEFAULTS.hop, help="seconds between answers (default 1/30)"
@@ -365,8 +364,17 @@ def _add_settings(parser: argparse.ArgumentParser) -> None:
 
 
 def _settings(parsed: argparse.Namespace) -> Settings:
-    signature = LiveSignature(parsed.signature) if parsed.signature else None
-    return Settings(signature=signature, window=parsed.window, hop=parsed.hop, sensitivity=parsed.sensitivity)
+    signature = LiveSignature(parsed.signature)
+    if parsed.window and signature is LiveSignature.WINDOWS:
+        raise ValueError(
+            "--window: expected --signature eigenvector with it, got windows, which has lengths of its own"
+        )
+    return Settings(
+        signature=signature,
+        window=parsed.window or _DEFAULTS.window,
+        hop=parsed.hop,
+        sensitivity=parsed.sensitivity,
+    )
 
 
 def _number(text: str) -> float:

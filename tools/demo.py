@@ -21,7 +21,7 @@ from rich.text import Text
 
 from library import MotionLibrary
 from stream.frame import Announcement, Frame
-from stream.recognizer import LiveSignature, Settings
+from stream.recognizer import Settings
 from tools.background import BackgroundService
 from tools.console import console
 from tools.expected import AnswerMatcher, expected_answers
@@ -74,8 +74,7 @@ def run(transport: Transport, *, seconds: float, picture: Path | None, as_json: 
     ValueError
         The seconds are too few for every class to fill a window.
     """
-    # A ghost swings along its leading eigenvector and in no other way: the paper's signature is what it has.
-    library, settings = MotionLibrary.builtin(), Settings(signature=LiveSignature.EIGENVECTOR)
+    library, settings = MotionLibrary.builtin(), Settings()
     each = seconds / len(library.classes) - _PAUSE
     if each < settings.window + 0.2:
         least = len(library.classes) * (settings.window + 0.2 + _PAUSE)

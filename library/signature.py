@@ -73,17 +73,8 @@ class Signature:
     @property
     def movement(self) -> float:
         """Root mean square deviation of a distance in units of the body's size; 0 for a statue."""
-        return _movement(self.mean, self.axis.total)
-
-
-def movement_of(moments: Moments) -> float:
-    """Give `Signature.movement` without the signature."""
-    return _movement(moments.mean, float(moments.covariance.trace()))
-
-
-def _movement(mean: NDArray[np.float64], total: float) -> float:
-    size = float(np.sqrt(np.mean(np.square(mean))))
-    return float(np.sqrt(max(total, 0.0) / len(mean))) / size if size > 0 else 0.0
+        size = self.body_size
+        return float(np.sqrt(self.axis.total / len(self.mean))) / size if size > 0 else 0.0
 
 
 def signature_of(moments: Moments, start: LeadingAxis | None = None) -> Signature:

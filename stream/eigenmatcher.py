@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from library.signature import movement_of, signature_of
+from library.signature import Signature, signature_of
 from stream.covariance import RollingCovariance
 from stream.matcher import Reading
 from stream.recognition import Outcome
@@ -68,18 +68,20 @@ class EigenvectorMatcher:
     def read(self) -> Reading:
         """Compare the window that ends with the newest row."""
         self._settle()
-        moments = self._covariance.moments()
-        movement = movement_of(moments)
-        if movement < self._stillness:
-            # There is no axis worth finding, and finding it would be dearest here: nothing dominates.
-            return Reading(Outcome.STILL, np.zeros(len(self._library.classes)), 0, movement)
-        signature = signature_of(moments, self._axis)
+        signature = signature_of(self._covariance.moments(), self._axis)
         self._axis = signature.axis
         scores = self._library.match(signature).class_scores
         return Reading(
-            outcome=Outcome.NAMED if signature.axis.gap >= self._smallest_gap else Outcome.AMBIGUOUS,
+            outcome=self._outcome(signature),
             scores=scores,
             best=int(np.argmax(scores)),
-            movement=movement,
+            movement=signature.movement,
             axis=signature.axis,
         )
+
+    def _outcome(self, signature: Signature) -> Outcome:
+        if signature.movement < self._stillness:
+            return Outcome.STILL
+        if signature.axis.gap < self._smallest_gap:
+            return Outcome.AMBIGUOUS
+        return Outcome.NAMED

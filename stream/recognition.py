@@ -43,7 +43,7 @@ class Recognition:
     scores
         Score of each class, 0 to 1, shape (classes,), by its nearest motion or window: the absolute inner product of
         leading eigenvectors, or 1 / (1 + d²) of the distance between windows. Raw, not normalised: an unknown
-        movement scores low everywhere. All 0 in a window too still to be compared.
+        movement scores low everywhere. Given even when the outcome is none.
     movement
         Root mean square deviation of a distance in the window, relative to the body's size.
     share

@@ -326,7 +326,7 @@ def test_answers_do_not_depend_on_the_eigenvectors_sign(
 
     clip = small_clips[0]
     expected = _run(Recognizer(small_library), _frames(clip))
-    monkeypatch.setattr("stream.recognizer.signature_of", turned)
+    monkeypatch.setattr("stream.eigenmatcher.signature_of", turned)
     answers = _run(Recognizer(small_library), _frames(clip))
     assert [answer.label for answer in answers] == [answer.label for answer in expected]
     for answer, other in zip(answers, expected, strict=True):

@@ -97,7 +97,6 @@ def read(path: Path) -> tuple[dict[str, Any], dict[str, NDArray[np.floating]]]:
         zlib.error,
         EOFError,
         KeyError,
-        NotImplementedError,
         RuntimeError,
         TypeError,
         ValueError,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Generic, TypeVar
 
 import numpy as np
 
@@ -22,36 +22,18 @@ if TYPE_CHECKING:
 _BATCH = MOST_PENDING // 4
 
 
-class _Distances:
-    """Mean and deviation of the distances over one length."""
+_Rolling = TypeVar("_Rolling", RollingVariance, RollingCovariance)
 
-    def __init__(self, seconds: float, pairs: int) -> None:
-        self._window = SlidingWindow(seconds, pairs)
-        self.rolling = RollingVariance(pairs)
+
+class _Length(Generic[_Rolling]):
+    """The rows of one length of time, and the statistic that is kept of them."""
+
+    def __init__(self, seconds: float, width: int, rolling: _Rolling) -> None:
+        self._window = SlidingWindow(seconds, width)
+        self.rolling: _Rolling = rolling
 
     def push(self, time: float, row: NDArray[np.float64]) -> None:
         self._window.push(time, row)
-        if self._window.pending >= _BATCH:
-            self.settle()
-
-    def settle(self) -> None:
-        if self._window.pending:
-            self.rolling.update(*self._window.take_change(), self._window.rows)
-
-    def clear(self) -> None:
-        self._window.clear()
-        self.rolling.clear()
-
-
-class _Shape:
-    """Covariance of the distances in the basis over one length."""
-
-    def __init__(self, seconds: float, directions: int) -> None:
-        self._window = SlidingWindow(seconds, directions)
-        self.rolling = RollingCovariance(directions)
-
-    def push(self, time: float, seen: NDArray[np.float64]) -> None:
-        self._window.push(time, seen)
         if self._window.pending >= _BATCH:
             self.settle()
 
@@ -83,11 +65,11 @@ class WindowMeasurer:
         self._measures = tuple(measures)
         self._body = Body.of(skeleton)
         self._basis = basis
-        pairs = len(skeleton.pairs)
+        pairs, directions = len(skeleton.pairs), basis.shape[1]
         shapes = {measure.seconds for measure in self._measures if measure.kind is Kind.SHAPE}
         others = {measure.seconds for measure in self._measures if measure.kind is not Kind.SHAPE}
-        self._distances = {seconds: _Distances(seconds, pairs) for seconds in others}
-        self._shapes = {seconds: _Shape(seconds, basis.shape[1]) for seconds in shapes}
+        self._distances = {seconds: _Length(seconds, pairs, RollingVariance(pairs)) for seconds in others}
+        self._shapes = {seconds: _Length(seconds, directions, RollingCovariance(directions)) for seconds in shapes}
         self._frames = 0
 
     def clear(self) -> None:

@@ -38,6 +38,8 @@ LEVEL_REMOVED = 0.5
 BASIS_SIZE = 24
 #: A pair whose variance is below this share of the mean pair's is rigid: what it shows is noise.
 _RIGID = 1e-3
+#: How much of a direction, relative to the clearest, fewer pairs must show for it to be measured by them.
+_SEEN = 0.2
 #: Frames below which a window has no covariance worth measuring.
 FEWEST_FRAMES = 8
 
@@ -73,6 +75,10 @@ class Body:
         Index of each segment (joint and parent) among the pairs, shape (segments,).
     paths
         Which segments lie between the joints of each pair, shape (pairs, segments), 0 or 1.
+    scale
+        By how much the mean segment of the body that measures were learned on is longer; 1 for that body itself.
+    stretches
+        By how much that body's paths are longer, shape (pairs,).
 
     Raises
     ------
@@ -82,9 +88,11 @@ class Body:
 
     segments: NDArray[np.intp] = field(repr=False)
     paths: NDArray[np.float64] = field(repr=False)
+    scale: float
+    stretches: NDArray[np.float64] = field(repr=False)
 
     @classmethod
-    def of(cls, skeleton: Skeleton) -> Body:
+    def of(cls, skeleton: Skeleton, scale: float = 1.0, stretches: NDArray[np.float64] | None = None) -> Body:
         """Work out segments and paths; every joint must hang together with every other."""
         if not skeleton.parents or not skeleton.with_segments:
             raise ValueError("skeleton: expected parents and segments among the pairs, got none")
@@ -100,12 +108,35 @@ class Body:
             if skeleton.parents[step] >= 0 or len(children) != len(skeleton.joints) - 1:
                 raise ValueError(f"skeleton: expected parents that make one tree, got {skeleton.parents}")
         first, second = skeleton.pairs.T
-        return cls(np.array(segments), (above[first] ^ above[second]).astype(np.float64))
+        paths = (above[first] ^ above[second]).astype(np.float64)
+        return cls(np.array(segments), paths, scale, np.ones(len(paths)) if stretches is None else stretches)
 
-    def size(self, rows: NDArray[np.float64]) -> NDArray[np.float64]:
+    def restricted_to(self, skeleton: Skeleton, pairs: NDArray[np.intp], rows: NDArray[np.floating]) -> Body:
+        """Give the body as fewer joints show it: what its segments lack in length is made up for.
+
+        Parameters
+        ----------
+        skeleton
+            Of the fewer joints.
+        pairs
+            Where its pairs stand among this body's, shape (fewer pairs,).
+        rows
+            Distance rows of some people, shape (rows, pairs), metres.
+        """
+        fewer = Body.of(skeleton)
+        scale = float(np.mean(self.size(rows) / fewer.size(rows[:, pairs])))
+        stretches = self.lengths(rows)[:, pairs] / fewer.lengths(rows[:, pairs])
+        return Body(fewer.segments, fewer.paths, scale, stretches.mean(axis=0))
+
+    def size(self, rows: NDArray[np.floating]) -> NDArray[np.float64]:
         """Mean length of the segments in distance rows (..., pairs), metres: shape (...)."""
-        size: NDArray[np.float64] = rows[..., self.segments].mean(axis=-1)
+        size: NDArray[np.float64] = rows[..., self.segments].mean(axis=-1) * self.scale
         return size
+
+    def lengths(self, rows: NDArray[np.floating]) -> NDArray[np.float64]:
+        """Length of the segments between the joints of each pair in distance rows (..., pairs), metres, likewise."""
+        lengths: NDArray[np.float64] = (rows[..., self.segments] @ self.paths.T) * self.stretches
+        return lengths
 
     def spread(self, mean: NDArray[np.float64], deviation: NDArray[np.float64]) -> NDArray[np.float64]:
         """Measure spreads from mean rows and standard deviations, both (..., pairs), metres."""
@@ -115,8 +146,7 @@ class Body:
 
     def posture(self, mean: NDArray[np.float64]) -> NDArray[np.float64]:
         """Measure postures from mean rows (..., pairs), metres."""
-        posture: NDArray[np.float64] = mean / (mean[..., self.segments] @ self.paths.T)
-        return posture
+        return mean / self.lengths(mean)
 
 
 def shape_of(covariance: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -142,7 +172,43 @@ def _upper(size: int) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.fl
     return first, second, np.where(first == second, 1.0, np.sqrt(2.0))
 
 
-def learned_basis(rows_by_class: Sequence[Sequence[NDArray[np.float64]]], body: Body) -> NDArray[np.float64]:
+@dataclass(frozen=True, slots=True, eq=False)
+class Basis:
+    """The directions in which shapes are measured.
+
+    Attributes
+    ----------
+    directions
+        Distance rows times these are a window's course in the basis, shape (pairs, directions).
+    weights
+        What each pair is multiplied by so that all swing alike, 0 for rigid ones, shape (pairs,): directions divided
+        by weights are orthonormal.
+
+    Raises
+    ------
+    ValueError
+        Shapes do not fit, or a number is not finite.
+    """
+
+    directions: NDArray[np.float64] = field(repr=False)
+    weights: NDArray[np.float64] = field(repr=False)
+
+    def __post_init__(self) -> None:
+        if self.directions.ndim != 2 or not np.isfinite(self.directions).all():
+            raise ValueError(f"basis: expected finite (pairs, directions), got {self.directions.shape}")
+        if self.weights.shape != (len(self.directions),) or not np.isfinite(self.weights).all():
+            raise ValueError(
+                f"weights: expected one for each of {len(self.directions)} pairs, got {self.weights.shape}"
+            )
+
+    def restricted_to(self, pairs: NDArray[np.intp]) -> Basis:
+        """Find the course in the same directions from fewer pairs, (fewer pairs,), by least squares."""
+        weights = self.weights[pairs]
+        seen = self.directions[pairs] / np.where(weights > 0, weights, 1.0)[:, None]
+        return Basis(np.linalg.pinv(seen.T, rcond=_SEEN) * weights[:, None], weights)
+
+
+def learned_basis(rows_by_class: Sequence[Sequence[NDArray[np.float64]]], body: Body) -> Basis:
     """Learn the directions in which the distances of many motions swing.
 
     Each pair counts alike however far it swings, each class however many motions it has. Rigid pairs count nothing.
@@ -153,10 +219,6 @@ def learned_basis(rows_by_class: Sequence[Sequence[NDArray[np.float64]]], body: 
         For each class the distance rows of its motions, each (frames, pairs), metres.
     body
         For the bodies' sizes.
-
-    Returns
-    -------
-    The basis, shape (pairs, directions).
     """
     classes = []
     for motions in rows_by_class:
@@ -167,8 +229,7 @@ def learned_basis(rows_by_class: Sequence[Sequence[NDArray[np.float64]]], body: 
     moving = variances > _RIGID * variances.mean()
     weights = np.where(moving, 1 / np.sqrt(np.where(moving, variances, 1.0)), 0.0)
     _, vectors = np.linalg.eigh(covariance * weights[:, None] * weights)
-    basis: NDArray[np.float64] = vectors[:, ::-1][:, :BASIS_SIZE] * weights[:, None]
-    return basis
+    return Basis(vectors[:, ::-1][:, :BASIS_SIZE] * weights[:, None], weights)
 
 
 def measured(  # noqa: PLR0913 - a recording, its windows, and all that measures need
@@ -178,7 +239,7 @@ def measured(  # noqa: PLR0913 - a recording, its windows, and all that measures
     measure: Measure,
     *,
     body: Body,
-    basis: NDArray[np.float64],
+    basis: Basis,
 ) -> NDArray[np.float64]:
     """Measure many windows of one recording.
 
@@ -201,11 +262,11 @@ def measured(  # noqa: PLR0913 - a recording, its windows, and all that measures
     Shape (windows, numbers).
     """
     if not len(ends):
-        directions = basis.shape[1]
+        directions = basis.directions.shape[1]
         return np.zeros((0, directions * (directions + 1) // 2 if measure.kind is Kind.SHAPE else rows.shape[1]))
     starts = np.maximum(ends - max(round(measure.seconds * frame_rate), 2), 0)
     if measure.kind is Kind.SHAPE:
-        seen = rows @ basis
+        seen = rows @ basis.directions
         return shape_of(np.array([np.cov(seen[a:b].T) for a, b in zip(starts, ends, strict=True)]))
     means = np.array([rows[a:b].mean(axis=0) for a, b in zip(starts, ends, strict=True)])
     if measure.kind is Kind.POSTURE:

@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 
 #: Rounds of finding the nearest windows in the metric and learning the metric from them.
 _ROUNDS = 2
+#: Variance below which half precision keeps nothing.
+_LEAST_SPARE = 1e-5
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -31,16 +33,61 @@ class Metric:
         Shape (numbers, kept), float32.
     outside
         How much a squared difference weighs that lies outside the kept axes: 0 when it is dropped.
+    together
+        How vectors vary together with measures, where it was learned, shape (kept, numbers), float32; else (0, 0).
+    spare
+        Variance of each number of a measure that its vector does not tell, shape (numbers,), float32; else (0,).
     """
 
     origin: NDArray[np.float32] = field(repr=False)
     axes: NDArray[np.float32] = field(repr=False)
     outside: float
+    together: NDArray[np.float32] = field(repr=False)
+    spare: NDArray[np.float32] = field(repr=False)
 
     def embedded(self, measures: NDArray[np.float64]) -> NDArray[np.float32]:
         """Map measures (..., numbers) to vectors (..., kept)."""
         vectors: NDArray[np.float32] = (measures - self.origin).astype(np.float32) @ self.axes
         return vectors
+
+    def restricted_to(self, numbers: NDArray[np.intp], level_removed: float) -> Metric:
+        """Find the same vectors from fewer numbers, as the measures that were learned from have them together.
+
+        The vector z of a measure x with prior covariance Z, where x is z D and independent noise of variance S, is
+        estimated from the numbers seen as (Dₛ Sₛ⁻¹ Dₛᵀ + Z⁻¹)⁻¹ Dₛ Sₛ⁻¹ (x - origin)ₛ: the linear estimate of least
+        mean square error.
+
+        Parameters
+        ----------
+        numbers
+            Which are seen, shape (fewer,).
+        level_removed
+            How much of their mean measures have been freed from; of fewer numbers the mean is another.
+
+        Raises
+        ------
+        ValueError
+            It was not learned how vectors and measures vary together.
+        """
+        if not self.together.size:
+            raise ValueError("metric: expected one learned with what varies together, got one without")
+        together, lift = self.together.astype(np.float64), level_removed / (1 - level_removed)
+        prior = together @ self.axes
+        prior = (prior + prior.T) / 2
+        decoder = np.linalg.solve(prior, together)
+        decoder += lift * decoder.mean(axis=1, keepdims=True)
+        origin = (self.origin + lift * self.origin.mean())[numbers]
+        seen = decoder[:, numbers] / self.spare[numbers]
+        axes = np.linalg.solve(seen @ decoder[:, numbers].T + np.linalg.inv(prior), seen).T
+        # What follows takes the mean of the fewer numbers back in: x + lift * mean(x).
+        mean = lift / (1 + lift) * origin.mean()
+        return Metric(
+            origin=halved(origin - mean),
+            axes=halved(axes + lift * axes.mean(axis=0)),
+            outside=0.0,
+            together=np.zeros((0, 0), dtype=np.float32),
+            spare=np.zeros(0, dtype=np.float32),
+        )
 
     def residual(self, measure: NDArray[np.float64], vector: NDArray[np.float32]) -> float:
         """Give the squared distance of one measure from the kept axes, (numbers,) and its vector (kept,)."""
@@ -50,13 +97,14 @@ class Metric:
         return max(self.outside * float(difference @ difference) - float(vector @ vector), 0.0)
 
 
-def learned_metric(
+def learned_metric(  # noqa: PLR0913 - windows, who made them, and how they are learned from
     measures: NDArray[np.float64],
     classes: NDArray[np.intp],
     actors: NDArray[np.str_],
     *,
     shrinkage: float,
     kept: int,
+    together: bool,
 ) -> Metric:
     """Learn a metric from windows of several people.
 
@@ -70,6 +118,8 @@ def learned_metric(
         0 to 1; at 1 nothing is divided by: the axes are the measures' own principal axes.
     kept
         How many axes to keep.
+    together
+        Whether to learn as well how vectors and measures vary together.
 
     Returns
     -------
@@ -88,7 +138,17 @@ def learned_metric(
         axes = _axes(measures, origin, differences, shrinkage, kept)
     scale = 1 / np.sqrt(np.square(differences @ axes).sum(axis=1).mean())
     outside = float(scale**2) if shrinkage == 1 else 0.0
-    return Metric(halved(origin), halved(axes * scale), outside)
+    vectors = (measures - origin) @ axes * scale
+    varying = vectors.T @ (measures - origin) / len(measures) if together else np.zeros((0, 0))
+    spare = _spare(measures - origin, vectors) if together else np.zeros(0)
+    return Metric(halved(origin), halved(axes * scale), outside, halved(varying), halved(spare))
+
+
+def _spare(measures: NDArray[np.float64], vectors: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Variance of each number that no linear map of the vectors tells, (numbers,); never 0 once rounded."""
+    told = vectors @ np.linalg.lstsq(vectors, measures, rcond=None)[0]
+    spare: NDArray[np.float64] = np.maximum(np.square(measures - told).mean(axis=0), _LEAST_SPARE)
+    return spare
 
 
 def _axes(

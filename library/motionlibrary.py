@@ -11,7 +11,6 @@ import numpy as np
 
 from library import libraryfile, windowtable
 from library.distances import distance_rows
-from library.measures import Body
 from library.portrait import Portrait, portraits_of
 from library.signature import Moments, Signature, signature_of, similarity
 from library.skeleton import Skeleton, SkeletonMismatchError
@@ -142,10 +141,8 @@ class MotionLibrary:
                 raise ValueError(f"{name}: expected shape {expected}, got {array.shape}")
             if not np.isfinite(array).all():
                 raise ValueError(f"{name}: expected finite numbers, got NaN or infinity")
-        if self.windows is not None:
-            Body.of(self.skeleton)
-            if (len(self.windows.classes), self.windows.comparison.pairs) != expected:
-                raise ValueError(f"windows: expected those of {expected[0]} motions and {expected[1]} pairs")
+        if self.windows is not None and (len(self.windows.classes), self.windows.comparison.pairs) != expected:
+            raise ValueError(f"windows: expected those of {expected[0]} motions and {expected[1]} pairs")
         order = _in_order(self.motions)
         if not np.array_equal(order, np.arange(len(order))):
             self._sort(order)
@@ -249,11 +246,12 @@ class MotionLibrary:
         header, arrays = libraryfile.read(path)
         try:
             skeleton = header["skeleton"]
+            body = Skeleton(tuple(skeleton["joints"]), tuple(skeleton["parents"]), skeleton["with_segments"])
             motions = tuple(Motion(**motion) for motion in header["motions"])
             return cls(
-                skeleton=Skeleton(tuple(skeleton["joints"]), tuple(skeleton["parents"]), skeleton["with_segments"]),
+                skeleton=body,
                 motions=motions,
-                windows=_restored_windows(header.get("windows"), arrays, motions),
+                windows=_restored_windows(header.get("windows"), arrays, body, motions),
                 portraits=_restored_portraits(arrays),
                 licence=header["licence"],
                 attribution=header["attribution"],
@@ -371,14 +369,14 @@ def _in_order(motions: Sequence[Motion]) -> NDArray[np.intp]:
 
 
 def _restored_windows(
-    header: object, arrays: Mapping[str, NDArray[np.floating]], motions: Sequence[Motion]
+    header: object, arrays: Mapping[str, NDArray[np.floating]], skeleton: Skeleton, motions: Sequence[Motion]
 ) -> WindowTable | None:
     if header is None:
         return None
     if not isinstance(header, dict):
         raise TypeError(f"windows: expected what they are, got {header!r}")
     _, classes = np.unique([motion.class_name for motion in motions], return_inverse=True)
-    return windowtable.restored(header, arrays, classes, np.array([motion.actor for motion in motions]))
+    return windowtable.restored(header, arrays, skeleton, classes, np.array([motion.actor for motion in motions]))
 
 
 def _restored_portraits(arrays: Mapping[str, NDArray[np.floating]]) -> tuple[Portrait, ...]:

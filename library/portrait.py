@@ -14,7 +14,7 @@ import numpy as np
 
 from library.distances import distance_rows
 from library.embedding import embedded
-from library.measures import Body, measured
+from library.measures import measured
 from library.metric import halved
 
 if TYPE_CHECKING:
@@ -111,15 +111,12 @@ def portraits_of(clips: Sequence[Clip], table: WindowTable) -> tuple[Portrait, .
     One for each class, in the order of class names.
     """
     skeleton = clips[0].skeleton
-    body = Body.of(skeleton)
     portraits = []
     for index, class_name in enumerate(sorted({clip.class_name for clip in clips})):
         stretches = [stretch for clip in clips if clip.class_name == class_name for stretch in _stretches(clip)]
         tried = stretches[:: -(-len(stretches) // _TRIED)]
         candidates = [Portrait.of_rows(stretch) for stretch in tried]
-        portraits.append(
-            candidates[int(np.argmin([_unlike(each, index, skeleton, body, table) for each in candidates]))]
-        )
+        portraits.append(candidates[int(np.argmin([_unlike(each, index, skeleton, table) for each in candidates]))])
     return tuple(portraits)
 
 
@@ -131,13 +128,13 @@ def _stretches(clip: Clip) -> list[NDArray[np.float64]]:
     return [rows[start : start + length] for start in starts]
 
 
-def _unlike(portrait: Portrait, index: int, skeleton: Skeleton, body: Body, table: WindowTable) -> float:
+def _unlike(portrait: Portrait, index: int, skeleton: Skeleton, table: WindowTable) -> float:
     """Say how far a moving portrait is from its class, and how little farther from the nearest other."""
     cycles = np.arange(_TRIED_ENDS[-1]) / _TRIED_RATE / _STRETCH
     rows = distance_rows(embedded(portrait.rows(cycles), skeleton), skeleton)
     ends = np.array(_TRIED_ENDS)
     measures = {
-        measure: measured(rows, _TRIED_RATE, ends, measure, body=body, basis=table.comparison.basis)
+        measure: measured(rows, _TRIED_RATE, ends, measure, body=table.comparison.body, basis=table.comparison.basis)
         for measure in table.measures
     }
     distances = np.array(

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from library.distances import distance_rows
-from library.measures import FEWEST_FRAMES, Body, Kind, Measure, learned_basis, measured
+from library.measures import FEWEST_FRAMES, LEVEL_REMOVED, Basis, Body, Kind, Measure, learned_basis, measured
 from library.metric import Metric, halved, learned_metric, squared_distances
 from library.skeleton import SkeletonMismatchError
 
@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from library.clip import Clip
+    from library.skeleton import Skeleton
 
 #: Measures added up before the logarithm, with their weights; over the groups the logarithms are averaged.
 Group = tuple[tuple[Measure, float], ...]
@@ -64,8 +65,10 @@ class Comparison:
 
     Attributes
     ----------
+    body
+        Whose rows are measured.
     basis
-        Directions in which shapes are measured, shape (pairs, directions).
+        Directions in which shapes are measured.
     metrics
         By measure.
 
@@ -75,13 +78,14 @@ class Comparison:
         Shapes do not fit, or a number is not finite.
     """
 
-    basis: NDArray[np.float64] = field(repr=False)
+    body: Body = field(repr=False)
+    basis: Basis = field(repr=False)
     metrics: Mapping[Measure, Metric] = field(repr=False)
 
     def __post_init__(self) -> None:
-        if self.basis.ndim != 2 or not _finite(self.basis):
-            raise ValueError(f"basis: expected finite (pairs, directions), got {self.basis.shape}")
-        pairs, directions = self.basis.shape
+        pairs, directions = self.basis.directions.shape
+        if len(self.body.paths) != pairs:
+            raise ValueError(f"body: expected one of {pairs} pairs, got {len(self.body.paths)}")
         for measure, metric in self.metrics.items():
             numbers = directions * (directions + 1) // 2 if measure.kind is Kind.SHAPE else pairs
             if metric.origin.shape != (numbers,) or metric.axes.ndim != 2 or len(metric.axes) != numbers:
@@ -92,15 +96,48 @@ class Comparison:
     @property
     def pairs(self) -> int:
         """How many distances a row has."""
-        return len(self.basis)
+        return len(self.basis.weights)
 
     def is_same(self, other: Comparison) -> bool:
         """Whether another comparison maps every window to the same vectors."""
-        return np.array_equal(self.basis, other.basis) and all(
-            np.array_equal(metric.origin, other.metrics[measure].origin)
-            and np.array_equal(metric.axes, other.metrics[measure].axes)
-            and metric.outside == other.metrics[measure].outside
-            for measure, metric in self.metrics.items()
+        same_body = np.array_equal(self.body.paths, other.body.paths) and self.body.scale == other.body.scale
+        return (
+            same_body
+            and np.array_equal(self.body.stretches, other.body.stretches)
+            and np.array_equal(self.basis.directions, other.basis.directions)
+            and all(
+                np.array_equal(metric.origin, other.metrics[measure].origin)
+                and np.array_equal(metric.axes, other.metrics[measure].axes)
+                and metric.outside == other.metrics[measure].outside
+                for measure, metric in self.metrics.items()
+            )
+        )
+
+    def restricted_to(self, skeleton: Skeleton, pairs: NDArray[np.intp], rows: NDArray[np.floating]) -> Comparison:
+        """Give the comparison that finds the same vectors from fewer joints, as nearly as those tell.
+
+        Parameters
+        ----------
+        skeleton
+            Of the fewer joints.
+        pairs
+            Where its pairs stand among this comparison's, shape (fewer pairs,).
+        rows
+            Distance rows of some people, shape (rows, pairs), metres.
+
+        Raises
+        ------
+        ValueError
+            It was itself made from another one so.
+        """
+        levels = {Kind.SPREAD: LEVEL_REMOVED, Kind.POSTURE: 0.0}
+        return Comparison(
+            body=self.body.restricted_to(skeleton, pairs, rows),
+            basis=self.basis.restricted_to(pairs),
+            metrics={
+                measure: metric if measure.kind is Kind.SHAPE else metric.restricted_to(pairs, levels[measure.kind])
+                for measure, metric in self.metrics.items()
+            },
         )
 
     @classmethod
@@ -129,9 +166,15 @@ class Comparison:
                 [_measured(clip, ends, measure, body, basis) for clip, ends in zip(clips, windows, strict=True)]
             )
             metrics[measure] = learned_metric(
-                numbers, classes, actors, shrinkage=_SHRINKAGE[measure.kind], kept=_KEPT_AXES[measure.kind]
+                numbers,
+                classes,
+                actors,
+                shrinkage=_SHRINKAGE[measure.kind],
+                kept=_KEPT_AXES[measure.kind],
+                together=measure.kind is not Kind.SHAPE,
             )
-        return cls(halved(basis).astype(np.float64), metrics)
+        kept = Basis(halved(basis.directions).astype(np.float64), halved(basis.weights).astype(np.float64))
+        return cls(body, kept, metrics)
 
 
 def _finite(*arrays: NDArray[np.floating]) -> bool:
@@ -148,9 +191,7 @@ def _window_ends(clip: Clip, every: float, first: float) -> NDArray[np.intp]:
     return np.arange(earliest, clip.frames + 1, max(1, round(every * clip.frame_rate)))
 
 
-def _measured(
-    clip: Clip, ends: NDArray[np.intp], measure: Measure, body: Body, basis: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def _measured(clip: Clip, ends: NDArray[np.intp], measure: Measure, body: Body, basis: Basis) -> NDArray[np.float64]:
     rows = distance_rows(clip.positions, clip.skeleton)
     return measured(rows, clip.frame_rate, ends, measure, body=body, basis=basis)
 
@@ -240,7 +281,6 @@ class WindowTable:
         people = {clip.actor for clip in clips if clip.actor}
         groups = FOR_ANYBODY if len(people) > 1 else FOR_ONE_PERSON
         every, first = (_KEEP_EVERY_ANYBODY, 1.0) if len(people) > 1 else (_KEEP_EVERY_ONE_PERSON, 0.1)
-        body = Body.of(clips[0].skeleton)
         windows = [_window_ends(clip, every, first) for clip in clips]
         _, classes = np.unique([clip.class_name for clip in clips], return_inverse=True)
         return cls._with_thresholds(
@@ -249,7 +289,7 @@ class WindowTable:
             motions=np.repeat(np.arange(len(clips)), [len(ends) for ends in windows]),
             classes=classes,
             actors=np.array([clip.actor for clip in clips]),
-            vectors=tuple(halved(_embedded(clips, windows, group, body, comparison)) for group in groups),
+            vectors=tuple(halved(_embedded(clips, windows, group, comparison)) for group in groups),
         )
 
     @classmethod
@@ -384,13 +424,13 @@ class _People:
 
 
 def _embedded(
-    clips: Sequence[Clip], windows: Sequence[NDArray[np.intp]], group: Group, body: Body, comparison: Comparison
+    clips: Sequence[Clip], windows: Sequence[NDArray[np.intp]], group: Group, comparison: Comparison
 ) -> NDArray[np.float32]:
     parts = []
     for measure, weight in group:
         metric = comparison.metrics[measure]
         vectors = [
-            metric.embedded(_measured(clip, ends, measure, body, comparison.basis))
+            metric.embedded(_measured(clip, ends, measure, comparison.body, comparison.basis))
             for clip, ends in zip(clips, windows, strict=True)
         ]
         parts.append(np.concatenate(vectors) * np.float32(np.sqrt(weight)))
@@ -441,6 +481,7 @@ def described(table: WindowTable) -> dict[str, object]:
     """Say what a file's header must hold of a table, beside `arrays_of`."""
     return {
         "groups": [[[measure.kind, measure.seconds, weight] for measure, weight in group] for group in table.groups],
+        "body_scale": table.comparison.body.scale,
         "outside": {measure.name: metric.outside for measure, metric in table.comparison.metrics.items()},
     }
 
@@ -450,9 +491,14 @@ def arrays_of(table: WindowTable) -> dict[str, NDArray[np.floating]]:
     arrays: dict[str, NDArray[np.floating]] = {
         "window_motions": table.motions.astype(np.float32),
         "window_thresholds": table.thresholds,
-        "basis": table.comparison.basis.astype(np.float16),
+        "body_stretches": table.comparison.body.stretches.astype(np.float32),
+        "basis": table.comparison.basis.directions.astype(np.float16),
+        "basis_weights": table.comparison.basis.weights.astype(np.float16),
     }
     for measure, metric in table.comparison.metrics.items():
+        if metric.together.size:
+            arrays[f"{measure.name}_together"] = metric.together.astype(np.float16)
+            arrays[f"{measure.name}_spare"] = metric.spare.astype(np.float16)
         arrays[f"{measure.name}_origin"] = metric.origin.astype(np.float16)
         arrays[f"{measure.name}_axes"] = metric.axes.astype(np.float16)
     for index, vectors in enumerate(table.vectors):
@@ -463,18 +509,11 @@ def arrays_of(table: WindowTable) -> dict[str, NDArray[np.floating]]:
 def restored(
     header: Mapping[str, Any],
     arrays: Mapping[str, NDArray[np.floating]],
+    skeleton: Skeleton,
     classes: NDArray[np.intp],
     actors: NDArray[np.str_],
 ) -> WindowTable:
     """Make a table of what `described` and `arrays_of` gave; else raise KeyError, TypeError or ValueError."""
-    metrics = {
-        measure: Metric(
-            arrays[f"{measure.name}_origin"].astype(np.float32),
-            arrays[f"{measure.name}_axes"].astype(np.float32),
-            float(header["outside"][measure.name]),
-        )
-        for measure in MEASURES
-    }
     groups = tuple(
         tuple((Measure(Kind(kind), float(seconds)), float(weight)) for kind, seconds, weight in group)
         for group in header["groups"]
@@ -483,11 +522,33 @@ def restored(
     if not (_finite(motions) and np.array_equal(motions, np.rint(motions))):
         raise ValueError("window_motions: expected indices")
     return WindowTable(
-        comparison=Comparison(arrays["basis"].astype(np.float64), metrics),
+        comparison=_restored_comparison(header, arrays, skeleton),
         groups=groups,
         motions=motions.astype(np.intp),
         classes=classes,
         actors=actors,
         vectors=tuple(arrays[f"window_vectors{index}"].astype(np.float32) for index in range(len(groups))),
         thresholds=arrays["window_thresholds"].astype(np.float32),
+    )
+
+
+def _restored_comparison(
+    header: Mapping[str, Any], arrays: Mapping[str, NDArray[np.floating]], skeleton: Skeleton
+) -> Comparison:
+    nothing = {"together": np.zeros((0, 0)), "spare": np.zeros(0)}
+    return Comparison(
+        body=Body.of(skeleton, float(header["body_scale"]), arrays["body_stretches"].astype(np.float64)),
+        basis=Basis(arrays["basis"].astype(np.float64), arrays["basis_weights"].astype(np.float64)),
+        metrics={
+            measure: Metric(
+                origin=arrays[f"{measure.name}_origin"].astype(np.float32),
+                axes=arrays[f"{measure.name}_axes"].astype(np.float32),
+                outside=float(header["outside"][measure.name]),
+                **{
+                    name: arrays.get(f"{measure.name}_{name}", empty).astype(np.float32)
+                    for name, empty in nothing.items()
+                },
+            )
+            for measure in MEASURES
+        },
     )

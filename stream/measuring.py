@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Generic, TypeVar
 
 import numpy as np
 
-from library.measures import FEWEST_FRAMES, Body, Kind, Measure, shape_of
+from library.measures import FEWEST_FRAMES, Kind, Measure, shape_of
 from stream.covariance import RollingCovariance
 from stream.variance import RollingVariance
 from stream.window import MOST_PENDING, SlidingWindow
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from library.skeleton import Skeleton
+    from library.measures import Basis, Body
 
 #: Frames taken in at once when hops are further apart.
 _BATCH = MOST_PENDING // 4
@@ -53,19 +53,17 @@ class WindowMeasurer:
 
     Parameters
     ----------
-    skeleton
-        Of the rows.
     measures
         What to measure.
-    basis
-        Directions for shapes, shape (pairs, directions).
+    body, basis
+        As learned.
     """
 
-    def __init__(self, skeleton: Skeleton, measures: Iterable[Measure], basis: NDArray[np.float64]) -> None:
+    def __init__(self, measures: Iterable[Measure], body: Body, basis: Basis) -> None:
         self._measures = tuple(measures)
-        self._body = Body.of(skeleton)
-        self._basis = basis
-        pairs, directions = len(skeleton.pairs), basis.shape[1]
+        self._body = body
+        self._directions = basis.directions
+        pairs, directions = basis.directions.shape
         shapes = {measure.seconds for measure in self._measures if measure.kind is Kind.SHAPE}
         others = {measure.seconds for measure in self._measures if measure.kind is not Kind.SHAPE}
         self._distances = {seconds: _Length(seconds, pairs, RollingVariance(pairs)) for seconds in others}
@@ -86,7 +84,7 @@ class WindowMeasurer:
         for distances in self._distances.values():
             distances.push(time, row)
         if self._shapes:
-            seen = row @ self._basis
+            seen = row @ self._directions
             for shape in self._shapes.values():
                 shape.push(time, seen)
 

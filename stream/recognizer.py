@@ -225,7 +225,6 @@ def _matcher(library: MotionLibrary, settings: Settings) -> Matcher:
             smallest_gap=settings.smallest_gap,
         )
     return WindowMatcher(
-        library.skeleton,
         library.windows,
         stillness=settings.stillness,
         sensitivity=settings.sensitivity,

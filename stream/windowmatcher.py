@@ -20,7 +20,6 @@ from stream.recognition import Outcome
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from library.skeleton import Skeleton
     from library.windowtable import WindowTable
 
 #: Seconds after which a feed is answered, even if the shortest window is longer.
@@ -44,18 +43,16 @@ class WindowMatcher:
 
     Parameters
     ----------
-    skeleton
-        The library's.
     table
-        Its windows.
+        The library's windows.
     stillness, sensitivity
         As `stream.recognizer.Settings` has them.
     """
 
-    def __init__(self, skeleton: Skeleton, table: WindowTable, *, stillness: float, sensitivity: float) -> None:
+    def __init__(self, table: WindowTable, *, stillness: float, sensitivity: float) -> None:
         self._table = table
         self._threshold = table.threshold_at(sensitivity)
-        self._measurer = WindowMeasurer(skeleton, table.measures, table.comparison.basis)
+        self._measurer = WindowMeasurer(table.measures, table.comparison.body, table.comparison.basis)
         # Whoever moves steadily swings the less the shorter one looks.
         self._stillness = stillness * min(1.0, self._measurer.longest)
         self._first_answer = min(_FIRST_ANSWER, *(measure.seconds for measure in table.measures))

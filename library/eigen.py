@@ -182,12 +182,12 @@ def _proven_runner_up(
     of what is left of the sum of squares, which is the smaller of the two when much is left in many directions.
     """
     second = max(float(values[1]), 0.0) if len(values) > 1 else 0.0
-    squares = np.einsum("ij,ij->i", outside, outside)
-    coupling = math.sqrt(squares[1:].sum())
+    beside = float(np.vdot(outside[1:], outside[1:]))
+    coupling = math.sqrt(beside)
     rest = max(total - float(values.sum()), 0.0)
     if rest > second:
         whole = float(np.vdot(covariance, covariance))
-        left = whole - float(values @ values) - 2.0 * float(squares.sum())
+        left = whole - float(values @ values) - 2.0 * beside
         rest = min(rest, math.sqrt(max(left, 0.0) + _SQUARES_ROUNDING * whole))
     bound = (second + rest) / 2 + math.hypot((second - rest) / 2, coupling)
     value = float(values[0])

@@ -295,7 +295,17 @@ class MotionLibrary:
             raise SkeletonMismatchError(
                 f"signature: expected {len(self.skeleton.pairs)} pairs, got {len(signature.mean)}"
             )
-        scores = similarity(self.axes, signature.axis.vector.astype(np.float32))
+        return self.match_axis(signature.axis.vector)
+
+    def match_axis(self, axis: NDArray[np.floating]) -> Match:
+        """Compare a leading eigenvector with every motion's, in one product; it is all that `match` compares.
+
+        Parameters
+        ----------
+        axis
+            Unit vector over this library's skeleton, shape (pairs,).
+        """
+        scores = similarity(self.axes, axis.astype(np.float32))
         return Match(scores, np.maximum.reduceat(scores, self._class_starts))
 
     def merged_with(self, other: MotionLibrary) -> MotionLibrary:

@@ -13,8 +13,6 @@ from dataclasses import dataclass, replace
 from enum import StrEnum
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 if TYPE_CHECKING:
     from stream.recognition import Recognition
 
@@ -25,6 +23,11 @@ _ENDED_AFTER = 0.4
 #: Longest time between two recognitions that counts, seconds: who was away has not led meanwhile.
 _LONGEST_HOP = 0.1
 _PER_SECOND = 30.0
+
+
+def _distance(score: float) -> float:
+    """Logarithm of the distance that a score stands for."""
+    return math.log(1 / max(score, 1e-9) - 1 + _ALIKE)
 
 
 class EventKind(StrEnum):
@@ -112,9 +115,10 @@ class EventDetector:
         # A library's only class has no other to lead: it starts at the pace at which it ends.
         if recognition.class_index < 0 or len(recognition.scores) == 1:
             return self._needed / _ENDED_AFTER
-        distances = np.log(1 / np.maximum(recognition.scores, 1e-9) - 1 + _ALIKE)
-        others = np.delete(distances, recognition.class_index)
-        return _PER_SECOND * max(float(others.min() - distances[recognition.class_index]), 0.0)
+        others = recognition.scores.copy()
+        others[recognition.class_index] = 0.0
+        lead = _distance(float(others.max())) - _distance(float(recognition.scores[recognition.class_index]))
+        return _PER_SECOND * max(lead, 0.0)
 
     def _changed(self, recognition: Recognition) -> tuple[Event, ...]:
         events = [self._event(EventKind.END, recognition, self._active.index)] if self._active else []

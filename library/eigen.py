@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 from scipy.linalg import eigh
@@ -101,60 +101,98 @@ def leading_axis(covariance: NDArray[np.float64], start: LeadingAxis | None = No
         raise ValueError(f"covariance: expected a square matrix, got {covariance.shape}")
     if start is not None and len(start.vector) != size:
         raise ValueError(f"start: expected a vector of {size}, got {len(start.vector)}")
-    return leading_axis_from(covariance, None if start is None else start.block)
+    return leading_axis_from(DenseMatrix(covariance), None if start is None else start.block)
 
 
-def leading_axis_from(covariance: NDArray[np.float64], block: NDArray[np.float64] | None) -> LeadingAxis:
+class SymmetricMatrix(Protocol):
+    """A symmetric, positive semidefinite matrix, known by what it does to vectors.
+
+    Attributes
+    ----------
+    total
+        Its trace; 0 for a matrix without variance.
+    """
+
+    total: float
+
+    def __len__(self) -> int: ...
+
+    def times(self, rows: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Multiply it with vectors, the rows of an array of shape (k, n)."""
+
+    def dense(self) -> NDArray[np.float64]:
+        """Write it out, shape (n, n)."""
+
+
+class DenseMatrix:
+    """A symmetric matrix written out, shape (n, n)."""
+
+    def __init__(self, matrix: NDArray[np.float64]) -> None:
+        self._matrix = matrix
+        self.total = float(matrix.trace())
+
+    def __len__(self) -> int:
+        return len(self._matrix)
+
+    def times(self, rows: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Multiply it with vectors."""
+        return rows @ self._matrix
+
+    def dense(self) -> NDArray[np.float64]:
+        """Give it as it is."""
+        return self._matrix
+
+
+def leading_axis_from(matrix: SymmetricMatrix, block: NDArray[np.float64] | None) -> LeadingAxis:
     """Find the leading eigenvector as `leading_axis` does, from any vectors thought to be near the leading ones.
 
     Parameters
     ----------
-    covariance
-        As there; not checked.
+    matrix
+        Of size n.
     block
         Shape (n, k), independent of each other if possible, neither orthogonal nor of unit length; none to solve
         exactly.
     """
-    size, total = len(covariance), float(covariance.trace())
-    if total <= 0:
+    columns = min(BLOCK, len(matrix))
+    if matrix.total <= 0:
         # Nothing to solve: every direction is an eigenvector, and the last as good as any.
-        block = np.eye(size, min(BLOCK, size), min(BLOCK, size) - size)[:, ::-1]
-        return LeadingAxis(block[:, 0], 0.0, 0.0, total, 0.0, exact=False, block=block)
-    warm = None
-    if block is not None and block.shape[1] == min(BLOCK, size):
-        warm = _iterated(covariance, total, block.T)
-    return warm or _solved(covariance, total)
+        block = np.eye(len(matrix), columns, columns - len(matrix))[:, ::-1]
+        return LeadingAxis(block[:, 0], 0.0, 0.0, matrix.total, 0.0, exact=False, block=block)
+    warm = _iterated(matrix, block.T) if block is not None and block.shape[1] == columns else None
+    return warm or _solved(matrix, columns)
 
 
-def _solved(covariance: NDArray[np.float64], total: float) -> LeadingAxis:
+def _solved(matrix: SymmetricMatrix, columns: int) -> LeadingAxis:
+    covariance = matrix.dense()
     size = len(covariance)
-    block = min(BLOCK, size)
-    values, vectors = eigh(covariance, subset_by_index=(size - block, size - 1), check_finite=False)
+    values, vectors = eigh(covariance, subset_by_index=(size - columns, size - 1), check_finite=False)
     vector, value = np.ascontiguousarray(vectors[:, -1]), max(float(values[-1]), 0.0)
     residual = float(np.linalg.norm(covariance @ vector - value * vector)) / value if value > 0 else 0.0
-    runner_up = max(float(values[-2]), 0.0) if block > 1 else 0.0
-    return LeadingAxis(vector, value, runner_up, total, residual, exact=True, block=vectors[:, ::-1])
+    runner_up = max(float(values[-2]), 0.0) if columns > 1 else 0.0
+    return LeadingAxis(vector, value, runner_up, matrix.total, residual, exact=True, block=vectors[:, ::-1])
 
 
-def _iterated(covariance: NDArray[np.float64], total: float, rows: NDArray[np.float64]) -> LeadingAxis | None:
+def _iterated(matrix: SymmetricMatrix, rows: NDArray[np.float64]) -> LeadingAxis | None:
     """Iterate from the last block, its vectors as rows; None when no step brought the proof."""
-    before = np.inf
+    before = math.inf
     for step in range(1, STEPS + 1):
         # Two products for one orthonormal basis: the block nearly leads already, so its vectors stay apart.
-        rows = _orthonormal(rows @ covariance @ covariance)
-        image = rows @ covariance
-        values, turn, _ = dsyev(image @ rows.T)
-        values, turn = values[::-1], turn.T[::-1]
+        rows = _orthonormal(matrix.times(matrix.times(rows)))
+        image = matrix.times(rows)
+        ascending, turn, _ = dsyev(image @ rows.T)
+        values, turn = ascending[::-1], turn.T[::-1]
         value = float(values[0])
         if value <= 0:
             return None
-        rows, image = turn @ rows, turn @ image
-        outside = image - values[:, None] * rows
+        rows = turn @ rows
+        outside = turn @ image
+        outside -= values[:, None] * rows
         residual = math.sqrt(outside[0] @ outside[0]) / value
         if residual <= RESIDUAL_TOLERANCE:
-            runner_up, certain = _proven_runner_up(covariance, total, values, outside)
+            runner_up, certain = _proven_runner_up(matrix, values.tolist(), outside)
             if certain and runner_up < value:
-                return LeadingAxis(rows[0], value, runner_up, total, residual, exact=False, block=rows.T)
+                return LeadingAxis(rows[0], value, runner_up, matrix.total, residual, exact=False, block=rows.T)
             if certain:
                 return None
         elif residual * (residual / before) ** (STEPS - step) > RESIDUAL_TOLERANCE:
@@ -171,7 +209,7 @@ def _orthonormal(rows: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _proven_runner_up(
-    covariance: NDArray[np.float64], total: float, values: NDArray[np.float64], outside: NDArray[np.float64]
+    matrix: SymmetricMatrix, values: list[float], outside: NDArray[np.float64]
 ) -> tuple[float, bool]:
     """Bound all eigenvalues but the block's first; say whether the bound is as good as it gets.
 
@@ -181,15 +219,16 @@ def _proven_runner_up(
     above that of [[second, ‖X‖], [‖X‖, ‖D‖]]. D has no more than what is left of the trace, and no more than the root
     of what is left of the sum of squares, which is the smaller of the two when much is left in many directions.
     """
-    second = max(float(values[1]), 0.0) if len(values) > 1 else 0.0
-    beside = float(np.vdot(outside[1:], outside[1:]))
+    second = max(values[1], 0.0) if len(values) > 1 else 0.0
+    others = outside[1:].reshape(-1)
+    beside = float(others @ others)
     coupling = math.sqrt(beside)
-    rest = max(total - float(values.sum()), 0.0)
+    rest = max(matrix.total - math.fsum(values), 0.0)
     if rest > second:
-        whole = float(np.vdot(covariance, covariance))
-        left = whole - float(values @ values) - 2.0 * beside
+        dense = matrix.dense()
+        whole = float(np.vdot(dense, dense))
+        left = whole - math.fsum(value * value for value in values) - 2.0 * beside
         rest = min(rest, math.sqrt(max(left, 0.0) + _SQUARES_ROUNDING * whole))
     bound = (second + rest) / 2 + math.hypot((second - rest) / 2, coupling)
-    value = float(values[0])
-    certain = bound - max(second, rest) <= GAP_TOLERANCE * value or coupling <= RESIDUAL_TOLERANCE * value
+    certain = bound - max(second, rest) <= GAP_TOLERANCE * values[0] or coupling <= RESIDUAL_TOLERANCE * values[0]
     return bound, certain

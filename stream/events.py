@@ -25,11 +25,6 @@ _LONGEST_HOP = 0.1
 _PER_SECOND = 30.0
 
 
-def _distance(score: float) -> float:
-    """Logarithm of the distance that a score stands for."""
-    return math.log(1 / max(score, 1e-9) - 1 + _ALIKE)
-
-
 class EventKind(StrEnum):
     """What happened."""
 
@@ -115,9 +110,10 @@ class EventDetector:
         # A library's only class has no other to lead: it starts at the pace at which it ends.
         if recognition.class_index < 0 or len(recognition.scores) == 1:
             return self._needed / _ENDED_AFTER
-        others = recognition.scores.copy()
-        others[recognition.class_index] = 0.0
-        lead = _distance(float(others.max())) - _distance(float(recognition.scores[recognition.class_index]))
+        scores, named = recognition.scores, recognition.class_index
+        others = scores.copy()
+        others[named] = 0.0
+        lead = _distance(float(others[others.argmax()])) - _distance(float(scores[named]))
         return _PER_SECOND * max(lead, 0.0)
 
     def _changed(self, recognition: Recognition) -> tuple[Event, ...]:
@@ -138,3 +134,8 @@ class EventDetector:
             score=float(recognition.scores[index]),
             time=recognition.time,
         )
+
+
+def _distance(score: float) -> float:
+    """Logarithm of the distance that a score stands for."""
+    return math.log(1 / max(score, 1e-9) - 1 + _ALIKE)

@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg.blas import dgemm
 
 from stream.covariance import DRIFT_TOLERANCE
 
@@ -24,6 +23,47 @@ _NO_MOVEMENT = 1e-7
 _EPSILON = float(np.finfo(np.float64).eps)
 #: Frames there is room for at first.
 _FIRST_ROOM = 64
+
+
+class CentredGram:
+    """Inner products of rows' deviations from their mean, as `library.eigen.SymmetricMatrix` has it.
+
+    Parameters
+    ----------
+    products
+        Inner products of the rows, relative to any one row, shape (rows, rows).
+    weights
+        1 / rows for each row.
+    squares
+        The products' trace.
+
+    Attributes
+    ----------
+    total
+        Sum of the squared deviations: the trace.
+    """
+
+    def __init__(self, products: Rows, weights: Rows, squares: float) -> None:
+        self._products = products
+        self._weights = weights
+        self.total = squares - len(products) * float(weights @ products @ weights)
+
+    def __len__(self) -> int:
+        return len(self._products)
+
+    def times(self, rows: Rows) -> Rows:
+        """Multiply with vectors whose numbers add up to 0, shape (vectors, rows); others are taken as if they did."""
+        # Centred on both sides. What is left of the first centring, once done, is rounding.
+        image = rows @ self._products
+        image -= (image @ self._weights)[:, None]
+        return image
+
+    def dense(self) -> Rows:
+        """Write the matrix out, shape (rows, rows)."""
+        means = self._products @ self._weights
+        means -= 0.5 * float(means @ self._weights)
+        centred: Rows = self._products - np.add.outer(means, means)
+        return centred
 
 
 class RollingGram:
@@ -45,11 +85,9 @@ class RollingGram:
         self._still = 0.0
         # The window's products are a square on the diagonal, which wanders down and is moved back at the end.
         self._products = np.empty((_FIRST_ROOM, _FIRST_ROOM))
+        self._squares = np.empty(_FIRST_ROOM)
         self._start = self._end = 0
-        self._memory = np.empty(0)
-        self._centred = np.empty((0, 0))
         self._weights = np.empty(0)
-        self._means = np.empty((3, 0))
         self.refreshes = 0
 
     def __len__(self) -> int:
@@ -87,23 +125,28 @@ class RollingGram:
         self._end = end + new
         relative = entered - self._reference
         # One factor alone needs to be relative to the reference: what the other has too much is the same for all.
-        across = relative @ window[:-new].T
+        across = relative @ window.T
         across -= (relative @ self._reference)[:, None]
-        self._products[end : self._end, start:end] = across
-        self._products[start:end, end : self._end] = across.T
-        self._products[end : self._end, end : self._end] = relative @ relative.T
+        among = across[:, -new:]
+        among += among.T.copy()
+        among *= 0.5
+        self._products[end : self._end, start : self._end] = across
+        self._products[start : self._end, end : self._end] = across.T
+        self._squares[end : self._end] = among.diagonal()
 
     def _make_room(self, count: int) -> None:
         """Move the window's products back to the front, into a larger square if they would soon be at the end again."""
-        kept = self._products[self._start : self._end, self._start : self._end]
-        size = len(kept)
+        held, squares = self._held, self._squares[self._start : self._end].copy()
+        size = len(held)
         if 2 * count > len(self._products):
-            larger = np.empty((3 * count, 3 * count))
-            larger[:size, :size] = kept
-            self._products = larger
-        else:
-            self._products[:size, :size] = kept.copy()
+            self._allocate(3 * count)
+        self._products[:size, :size] = held.copy()
+        self._squares[:size] = squares
         self._start, self._end = 0, size
+
+    def _allocate(self, room: int) -> None:
+        self._products = np.empty((room, room))
+        self._squares = np.empty(room)
 
     def _refresh(self, window: Rows) -> None:
         """Compute all products, relative to the window's own mean."""
@@ -111,18 +154,19 @@ class RollingGram:
         if not len(window):
             return
         if len(window) > len(self._products):
-            self._products = np.empty((3 * len(window), 3 * len(window)))
+            self._allocate(3 * len(window))
         np.mean(window, axis=0, out=self._reference)
         self._still = float(self._reference @ self._reference) * _NO_MOVEMENT**2
         self._end = len(window)
         relative = window - self._reference
-        np.matmul(relative, relative.T, out=self._products[: self._end, : self._end])
+        np.matmul(relative, relative.T, out=self._held)
+        self._squares[: self._end] = self._held.diagonal()
         self.refreshes += 1
 
-    def centred(self, window: Rows) -> NDArray[np.float64]:
+    def centred(self, window: Rows) -> CentredGram:
         """Give the inner products of the rows' deviations from their mean, in the order of the rows.
 
-        A body that does not move, to seven digits of its size, has none: what is left then is rounding.
+        A body that does not move, to seven digits of its size, has a total of 0: what is left then is rounding.
 
         Parameters
         ----------
@@ -131,7 +175,7 @@ class RollingGram:
 
         Returns
         -------
-        Gram matrix, shape (rows, rows), square metres; this object's memory, good until the next call.
+        The Gram matrix, square metres; this object's memory, good until the next update.
 
         Raises
         ------
@@ -140,34 +184,24 @@ class RollingGram:
         """
         if not len(self):
             raise ValueError("centred: expected at least one row, got none")
-        centred, total = self._centre()
-        scatter = float(centred.trace())
-        still = len(self) * self._still
-        if _EPSILON * total > DRIFT_TOLERANCE * max(scatter, still):
+        squares, still = self._sum_of_squares(), len(self) * self._still
+        centred = self._centred(squares)
+        if _EPSILON * squares > DRIFT_TOLERANCE * max(centred.total, still):
             self._refresh(window)
-            centred, _ = self._centre()
-            scatter, still = float(centred.trace()), len(self) * self._still
-        if scatter <= still:
-            centred[:] = 0.0
+            centred, still = self._centred(self._sum_of_squares()), len(self) * self._still
+        if centred.total <= still:
+            centred.total = 0.0
         return centred
 
-    def _centre(self) -> tuple[NDArray[np.float64], float]:
-        """Take the mean out of the products; give what is left, and their trace before."""
-        if len(self._centred) != len(self):
-            self._fit(len(self))
-        products = self._products[self._start : self._end, self._start : self._end]
-        means = products @ self._weights
-        np.subtract(means, 0.5 * float(means @ self._weights), out=self._means[1])
-        np.copyto(self._centred, products)
-        # Less the means of row and column, plus the mean of all, is less 1aᵀ + a1ᵀ: with [1 a 1] in memory one product
-        # of two columns with two others. BLAS counts column by column, but the matrix is its own transpose.
-        ones_and_means, means_and_ones = self._means[:2].T, self._means[1:].T
-        dgemm(-1.0, ones_and_means, means_and_ones, beta=1.0, c=self._centred.T, trans_b=True, overwrite_c=True)
-        return self._centred, float(products.trace())
+    @property
+    def _held(self) -> Rows:
+        return self._products[self._start : self._end, self._start : self._end]
 
-    def _fit(self, count: int) -> None:
-        if count * count > len(self._memory):
-            self._memory = np.empty(count * count)
-        self._centred = self._memory[: count * count].reshape(count, count)
-        self._weights = np.full(count, 1.0 / count)
-        self._means = np.ones((3, count))
+    def _sum_of_squares(self) -> float:
+        # Kept beside, for on the diagonal every number lies in another line of the cache.
+        return float(self._squares[self._start : self._end].sum())
+
+    def _centred(self, squares: float) -> CentredGram:
+        if len(self._weights) != len(self):
+            self._weights = np.full(len(self), 1.0 / len(self))
+        return CentredGram(self._held, self._weights, squares)

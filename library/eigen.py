@@ -208,9 +208,7 @@ def _orthonormal(rows: NDArray[np.float64]) -> NDArray[np.float64]:
     return orthonormal
 
 
-def _proven_runner_up(
-    matrix: SymmetricMatrix, values: list[float], outside: NDArray[np.float64]
-) -> tuple[float, bool]:
+def _proven_runner_up(matrix: SymmetricMatrix, values: list[float], outside: NDArray[np.float64]) -> tuple[float, bool]:
     """Bound all eigenvalues but the block's first; say whether the bound is as good as it gets.
 
     A small residual proves an eigenvector, not the leading one: after a sudden change the old axis may still be exact.

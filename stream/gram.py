@@ -119,6 +119,8 @@ class RollingGram:
             self._refresh(window)
             return
         self._start += len(left)
+        if not new:
+            return
         if self._end + new > len(self._products):
             self._make_room(count)
         start, end = self._start, self._end

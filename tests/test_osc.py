@@ -311,21 +311,23 @@ def test_an_answer_is_byte_for_byte_python_oscs(
     assert osc.encode_recognition(answer) == expected
 
 
-@given(
+_EVENTS = st.builds(
+    Event,
     performer=_NAMES,
-    label=_NAMES,
     kind=st.sampled_from(EventKind),
+    label=_NAMES,
     index=st.integers(0, 2**31 - 1),
     score=st.floats(0.0, 1.0),
     time=st.floats(allow_nan=False, allow_infinity=False),
 )
-def test_an_event_is_byte_for_byte_python_oscs(
-    performer: str, label: str, kind: EventKind, index: int, score: float, time: float
-) -> None:
+
+
+@given(event=_EVENTS)
+def test_an_event_is_byte_for_byte_python_oscs(event: Event) -> None:
     """Whatever happened, the packet is the one that python-osc builds."""
-    arguments = (("s", str(kind)), ("s", label), ("i", index), ("f", score), ("d", time))
-    expected = _message(f"/motion/{osc.address_part(performer)}/event", *arguments)
-    assert osc.encode_event(Event(performer, kind, label, index, score, time)) == expected
+    arguments = (("s", str(event.kind)), ("s", event.label), ("i", event.index), ("f", event.score), ("d", event.time))
+    expected = _message(f"/motion/{osc.address_part(event.performer)}/event", *arguments)
+    assert osc.encode_event(event) == expected
 
 
 @pytest.mark.parametrize("outcome", [Outcome.STILL, Outcome.AMBIGUOUS])

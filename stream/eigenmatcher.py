@@ -65,7 +65,7 @@ class EigenvectorMatcher:
         """Compare the window that ends with the newest row."""
         self._settle()
         mean, axis = self._axis.leading(self._window.rows)
-        scores = self._library.match_axis(axis.vector).class_scores
+        scores = self._library.class_scores(axis.vector)
         movement = movement_of(mean, axis.total)
         return Reading(
             outcome=self._outcome(movement, axis.gap),

@@ -79,7 +79,6 @@ class Shortlist:
 
 def _lengths_outside(axes: NDArray[np.float32], within: NDArray[np.float32]) -> NDArray[np.float32]:
     """Length of what the directions leave of each vector, never too short for rounding."""
-    squares = np.einsum("ij,ij->i", axes, axes, dtype=np.float64) - np.einsum(
-        "ij,ij->i", within, within, dtype=np.float64
-    )
-    return np.sqrt(np.maximum(squares, 0.0) + 1e-7).astype(np.float32)
+    all_squares, squares_within = (np.einsum("ij,ij->i", each, each, dtype=np.float64) for each in (axes, within))
+    lengths: NDArray[np.float32] = np.sqrt(np.maximum(all_squares - squares_within, 0.0) + 1e-7).astype(np.float32)
+    return lengths

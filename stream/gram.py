@@ -140,8 +140,8 @@ class RollingGram:
         """Move the window's products back to the front, into a larger square if they would soon be at the end again."""
         held, squares = self._held, self._squares[self._start : self._end].copy()
         size = len(held)
-        if 2 * count > len(self._products):
-            self._allocate(3 * count)
+        if 3 * count > 2 * len(self._products):
+            self._allocate(2 * count)
         self._products[:size, :size] = held.copy()
         self._squares[:size] = squares
         self._start, self._end = 0, size
@@ -156,7 +156,7 @@ class RollingGram:
         if not len(window):
             return
         if len(window) > len(self._products):
-            self._allocate(3 * len(window))
+            self._allocate(2 * len(window))
         np.mean(window, axis=0, out=self._reference)
         self._still = float(self._reference @ self._reference) * _NO_MOVEMENT**2
         self._end = len(window)

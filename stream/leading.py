@@ -123,8 +123,9 @@ class RollingAxis:
 
     def __init__(self, width: int) -> None:
         self._width = width
-        # Neither takes up memory before it is used: the system commits only what is touched.
-        self._by_frames, self._by_pairs = GramAxis(width), CovarianceAxis(width)
+        self._by_frames = GramAxis(width)
+        # Most windows are short, and would have no use for two matrices of pairs by pairs.
+        self._by_pairs: CovarianceAxis | None = None
         self._form: GramAxis | CovarianceAxis = self._by_frames
 
     @property
@@ -155,6 +156,7 @@ class RollingAxis:
         self._form.update(entered, left, window)
         share = len(window) / self._width
         if self.by_frames and share > _COVARIANCE_ABOVE:
+            self._by_pairs = self._by_pairs or CovarianceAxis(self._width)
             self._change_to(self._by_pairs, window)
         elif not self.by_frames and share < _GRAM_BELOW:
             self._change_to(self._by_frames, window)

@@ -70,7 +70,9 @@ class SlidingWindow:
     def clear(self) -> None:
         """Forget all rows, as at the start; what had left or entered is forgotten with them."""
         self._kept = self._start = self._fresh = self._end = 0
-        self._since = math.nan
+        # Plain numbers beside the array: to look one up in it takes as long as all the rest of a push.
+        self._since = self._oldest = math.nan
+        self._newest = -math.inf
 
     def push(self, time: float, row: NDArray[np.float64]) -> None:
         """Take in one row and let go of those that are `seconds` old.
@@ -82,22 +84,23 @@ class SlidingWindow:
         RuntimeError
             `MOST_PENDING` rows have entered since `take_change` was last called.
         """
-        if self._end > self._start and time <= self._times[self._end - 1]:
-            raise ValueError(f"time: expected later than {self._times[self._end - 1]}, got {time}")
-        if self.pending >= MOST_PENDING:
+        if time <= self._newest:
+            raise ValueError(f"time: expected later than {self._newest}, got {time}")
+        if self._end - self._fresh >= MOST_PENDING:
             raise RuntimeError(f"take_change() must be called at least once in {MOST_PENDING} pushes")
         if self._kept >= self._end - self._kept + MOST_PENDING:
             self._move_back()
-        if self._end == self._start:
-            self._since = time
-        self._rows[self._end] = row
-        self._times[self._end] = time
-        self._end += 1
-        oldest = time - (self.seconds - _TIE)
-        last = self._end - 1
-        # Times in other units may be so large that even the newest is not above `oldest`.
-        while self._start < last and (self._times[self._start] <= oldest or self._end - self._start > self._most):
+        last = self._end
+        if last == self._start:
+            self._since = self._oldest = time
+        self._rows[last] = row
+        self._times[last] = self._newest = time
+        self._end = last + 1
+        too_old = time - (self.seconds - _TIE)
+        # Times in other units may be so large that even the newest is not above `too_old`.
+        while self._start < last and (self._oldest <= too_old or last - self._start >= self._most):
             self._start += 1
+            self._oldest = self._times.item(self._start)
 
     def _move_back(self) -> None:
         count, shift = self._end - self._kept, self._kept
@@ -132,9 +135,7 @@ class SlidingWindow:
     @property
     def full(self) -> bool:
         """Whether rows have come for the window's whole length since it was last empty."""
-        if self._end == self._start:
-            return False
-        return bool(self._times[self._end - 1] - self._since >= self.seconds - _TIE)
+        return self._newest - self._since >= self.seconds - _TIE
 
     def __len__(self) -> int:
         return self._end - self._start

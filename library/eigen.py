@@ -3,16 +3,21 @@
 A clip's covariance is solved once and exactly. A live window's changes a little from hop to hop, so the last
 hop's leading subspace is nearly right already: a step or two of subspace iteration (Golub and Van Loan, Matrix
 Computations, section 8.2) brings it up to date at a hundredth of the exact solver's cost. What such a step returns is
-trusted only with proof; without it the exact solver answers.
+trusted only with proof; without it the exact solver answers. A window's Gram matrix, frames by frames, is solved by
+the same functions as its covariance, pairs by pairs: both have the same eigenvalues.
+
+LAPACK is called directly: on four vectors numpy's own functions take longer to check their arguments than to compute.
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 from scipy.linalg import eigh
+from scipy.linalg.lapack import dgeqrf, dorgqr, dsyev
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -24,6 +29,10 @@ RESIDUAL_TOLERANCE = 1e-6
 BLOCK = 4
 #: Subspace steps tried before the exact solver is cheaper.
 STEPS = 12
+#: How far the bound on the second eigenvalue may lie above it, as a share of the first, where more steps would tell.
+GAP_TOLERANCE = 1e-4
+#: Rounding of a matrix's sum of squares, relative to it, with room to spare.
+_SQUARES_ROUNDING = 1e-13
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -92,45 +101,132 @@ def leading_axis(covariance: NDArray[np.float64], start: LeadingAxis | None = No
         raise ValueError(f"covariance: expected a square matrix, got {covariance.shape}")
     if start is not None and len(start.vector) != size:
         raise ValueError(f"start: expected a vector of {size}, got {len(start.vector)}")
-    total = float(np.trace(covariance))
-    warm = _iterated(covariance, total, start.block) if start is not None and total > 0 else None
-    return warm or _solved(covariance, total)
+    return leading_axis_from(DenseMatrix(covariance), None if start is None else start.block)
 
 
-def _solved(covariance: NDArray[np.float64], total: float) -> LeadingAxis:
+class SymmetricMatrix(Protocol):
+    """A symmetric, positive semidefinite matrix, known by what it does to vectors.
+
+    Attributes
+    ----------
+    total
+        Its trace; 0 for a matrix without variance.
+    """
+
+    total: float
+
+    def __len__(self) -> int: ...
+
+    def times(self, rows: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Multiply it with vectors, the rows of an array of shape (k, n)."""
+
+    def dense(self) -> NDArray[np.float64]:
+        """Write it out, shape (n, n)."""
+
+
+class DenseMatrix:
+    """A symmetric matrix written out, shape (n, n)."""
+
+    def __init__(self, matrix: NDArray[np.float64]) -> None:
+        self._matrix = matrix
+        self.total = float(matrix.trace())
+
+    def __len__(self) -> int:
+        return len(self._matrix)
+
+    def times(self, rows: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Multiply it with vectors."""
+        return rows @ self._matrix
+
+    def dense(self) -> NDArray[np.float64]:
+        """Give it as it is."""
+        return self._matrix
+
+
+def leading_axis_from(matrix: SymmetricMatrix, block: NDArray[np.float64] | None) -> LeadingAxis:
+    """Find the leading eigenvector as `leading_axis` does, from any vectors thought to be near the leading ones.
+
+    Parameters
+    ----------
+    matrix
+        Of size n.
+    block
+        Shape (n, k), independent of each other if possible, neither orthogonal nor of unit length; none to solve
+        exactly.
+    """
+    columns = min(BLOCK, len(matrix))
+    if matrix.total <= 0:
+        # Nothing to solve: every direction is an eigenvector, and the last as good as any.
+        block = np.eye(len(matrix), columns, columns - len(matrix))[:, ::-1]
+        return LeadingAxis(block[:, 0], 0.0, 0.0, matrix.total, 0.0, exact=False, block=block)
+    warm = _iterated(matrix, block.T) if block is not None and block.shape[1] == columns else None
+    return warm or _solved(matrix, columns)
+
+
+def _solved(matrix: SymmetricMatrix, columns: int) -> LeadingAxis:
+    covariance = matrix.dense()
     size = len(covariance)
-    block = min(BLOCK, size)
-    values, vectors = eigh(covariance, subset_by_index=(size - block, size - 1), check_finite=False)
+    values, vectors = eigh(covariance, subset_by_index=(size - columns, size - 1), check_finite=False)
     vector, value = np.ascontiguousarray(vectors[:, -1]), max(float(values[-1]), 0.0)
     residual = float(np.linalg.norm(covariance @ vector - value * vector)) / value if value > 0 else 0.0
-    runner_up = max(float(values[-2]), 0.0) if block > 1 else 0.0
-    return LeadingAxis(vector, value, runner_up, total, residual, exact=True, block=vectors[:, ::-1])
+    runner_up = max(float(values[-2]), 0.0) if columns > 1 else 0.0
+    return LeadingAxis(vector, value, runner_up, matrix.total, residual, exact=True, block=vectors[:, ::-1])
 
 
-def _iterated(covariance: NDArray[np.float64], total: float, block: NDArray[np.float64]) -> LeadingAxis | None:
-    """Iterate from the last block; None when no step brought the proof."""
-    for _ in range(STEPS):
-        image = covariance @ block
-        values, turn = np.linalg.eigh(block.T @ image)
-        block, image, values = block @ turn[:, ::-1], image @ turn[:, ::-1], values[::-1]
+def _iterated(matrix: SymmetricMatrix, rows: NDArray[np.float64]) -> LeadingAxis | None:
+    """Iterate from the last block, its vectors as rows; None when no step brought the proof."""
+    before = math.inf
+    for step in range(1, STEPS + 1):
+        # Two products for one orthonormal basis: the block nearly leads already, so its vectors stay apart.
+        rows = _orthonormal(matrix.times(matrix.times(rows)))
+        image = matrix.times(rows)
+        ascending, turn, _ = dsyev(image @ rows.T)
+        values, turn = ascending[::-1], turn.T[::-1]
         value = float(values[0])
         if value <= 0:
             return None
-        residual = float(np.linalg.norm(image[:, 0] - value * block[:, 0])) / value
+        rows = turn @ rows
+        outside = turn @ image
+        outside -= values[:, None] * rows
+        residual = math.sqrt(outside[0] @ outside[0]) / value
         if residual <= RESIDUAL_TOLERANCE:
-            # A small residual proves an eigenvector, not the leading one: after a sudden change the old axis may
-            # still be exact. Beside it the matrix is [[A, Xᵀ], [X, D]] with A the rest of the block, whose largest
-            # eigenvalue is the runner-up's, and D what lies outside, with no more than what is left of the trace.
-            # All its eigenvalues are below λ if (λ − runner-up)(λ − rest) > ‖X‖².
-            runner_up = max(float(values[1]), 0.0) if len(values) > 1 else 0.0
-            rest = max(total - float(values.sum()), 0.0)
-            coupling = float(np.linalg.norm(image[:, 1:] - block[:, 1:] * values[1:]))
-            if rest >= value or (value - runner_up) * (value - rest) <= coupling**2:
+            runner_up, certain = _proven_runner_up(matrix, values.tolist(), outside)
+            if certain and runner_up < value:
+                return LeadingAxis(rows[0], value, runner_up, matrix.total, residual, exact=False, block=rows.T)
+            if certain:
                 return None
-            # The largest eigenvalue that [[runner-up, ‖X‖], [‖X‖, rest]] allows for: no gap is ever overstated by it.
-            middle, half = (runner_up + rest) / 2, (runner_up - rest) / 2
-            runner_up = middle + float(np.hypot(half, coupling))
-            vector = np.ascontiguousarray(block[:, 0])
-            return LeadingAxis(vector, value, runner_up, total, residual, exact=False, block=block)
-        block, _ = np.linalg.qr(image)
+        elif residual * (residual / before) ** (STEPS - step) > RESIDUAL_TOLERANCE:
+            return None  # at this pace it will never get there
+        before = residual
     return None
+
+
+def _orthonormal(rows: NDArray[np.float64]) -> NDArray[np.float64]:
+    reflectors, scales, _, _ = dgeqrf(rows.T)
+    basis, _, _ = dorgqr(reflectors, scales, overwrite_a=True)
+    orthonormal: NDArray[np.float64] = basis.T
+    return orthonormal
+
+
+def _proven_runner_up(matrix: SymmetricMatrix, values: list[float], outside: NDArray[np.float64]) -> tuple[float, bool]:
+    """Bound all eigenvalues but the block's first; say whether the bound is as good as it gets.
+
+    A small residual proves an eigenvector, not the leading one: after a sudden change the old axis may still be exact.
+    Beside it the matrix is [[A, Xᵀ], [X, D]] with A the rest of the block, whose largest eigenvalue is the second of
+    `values`, X what `outside` holds of the rest's images, and D what lies outside the block. No eigenvalue of it is
+    above that of [[second, ‖X‖], [‖X‖, ‖D‖]]. D has no more than what is left of the trace, and no more than the root
+    of what is left of the sum of squares, which is the smaller of the two when much is left in many directions.
+    """
+    second = max(values[1], 0.0) if len(values) > 1 else 0.0
+    others = outside[1:].reshape(-1)
+    beside = float(others @ others)
+    coupling = math.sqrt(beside)
+    rest = max(matrix.total - math.fsum(values), 0.0)
+    if rest > second:
+        dense = matrix.dense()
+        whole = float(np.vdot(dense, dense))
+        left = whole - math.fsum(value * value for value in values) - 2.0 * beside
+        rest = min(rest, math.sqrt(max(left, 0.0) + _SQUARES_ROUNDING * whole))
+    bound = (second + rest) / 2 + math.hypot((second - rest) / 2, coupling)
+    certain = bound - max(second, rest) <= GAP_TOLERANCE * values[0] or coupling <= RESIDUAL_TOLERANCE * values[0]
+    return bound, certain

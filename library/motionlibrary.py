@@ -12,6 +12,7 @@ import numpy as np
 from library import libraryfile, windowtable
 from library.distances import distance_rows
 from library.portrait import Portrait, portraits_of
+from library.shortlist import FEWEST_MOTIONS, Shortlist
 from library.signature import Moments, Signature, signature_of, similarity
 from library.skeleton import Skeleton, SkeletonMismatchError
 from library.windowtable import WindowTable
@@ -128,6 +129,7 @@ class MotionLibrary:
     attribution: str = ""
     classes: tuple[str, ...] = field(init=False)
     _class_starts: NDArray[np.intp] = field(init=False, repr=False, compare=False)
+    _shortlist: Shortlist | None = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         if not self.motions:
@@ -151,6 +153,8 @@ class MotionLibrary:
             raise ValueError(f"portraits: expected one of {expected[1]} pairs for each of {len(classes)} classes")
         object.__setattr__(self, "classes", tuple(classes.tolist()))
         object.__setattr__(self, "_class_starts", starts)
+        large = len(self) >= FEWEST_MOTIONS
+        object.__setattr__(self, "_shortlist", Shortlist(self.axes, starts) if large else None)
 
     def _sort(self, order: NDArray[np.intp]) -> None:
         object.__setattr__(self, "motions", tuple(self.motions[index] for index in order))
@@ -311,6 +315,24 @@ class MotionLibrary:
             )
         scores = similarity(self.axes, signature.axis.vector.astype(np.float32))
         return Match(scores, np.maximum.reduceat(scores, self._class_starts))
+
+    def class_scores(self, axis: NDArray[np.floating]) -> NDArray[np.float32]:
+        """Give the best score of each class alone; a large library need not be compared with in full for that.
+
+        Parameters
+        ----------
+        axis
+            Leading eigenvector of a window over this library's skeleton, unit length, shape (pairs,).
+
+        Returns
+        -------
+        What `match` gives as `class_scores`, shape (classes,).
+        """
+        single = axis.astype(np.float32)
+        if self._shortlist:
+            return self._shortlist.class_scores(single)
+        best: NDArray[np.float32] = np.maximum.reduceat(similarity(self.axes, single), self._class_starts)
+        return best
 
     def merged_with(self, other: MotionLibrary) -> MotionLibrary:
         """Join two libraries of one skeleton; a motion both have, number for number, is kept once.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
@@ -68,13 +69,31 @@ class Signature:
     @property
     def body_size(self) -> float:
         """Root mean square of the mean distances, metres: the scale against which movement is judged."""
-        return float(np.sqrt(np.mean(np.square(self.mean))))
+        return body_size_of(self.mean)
 
     @property
     def movement(self) -> float:
         """Root mean square deviation of a distance in units of the body's size; 0 for a statue."""
-        size = self.body_size
-        return float(np.sqrt(self.axis.total / len(self.mean))) / size if size > 0 else 0.0
+        return movement_of(self.mean, self.axis.total)
+
+
+def body_size_of(mean: NDArray[np.float64]) -> float:
+    """Root mean square of mean distances, shape (pairs,), metres."""
+    return math.sqrt(float(mean @ mean) / len(mean))
+
+
+def movement_of(mean: NDArray[np.float64], total: float) -> float:
+    """Root mean square deviation of a distance in units of the body's size.
+
+    Parameters
+    ----------
+    mean
+        Mean distance row, shape (pairs,), metres.
+    total
+        Sum of all distances' variances, square metres.
+    """
+    size = body_size_of(mean)
+    return math.sqrt(total / len(mean)) / size if size > 0 else 0.0
 
 
 def signature_of(moments: Moments, start: LeadingAxis | None = None) -> Signature:

@@ -60,6 +60,8 @@ class Skeleton:
             pairs = pairs[np.array(kept)]
             if not len(pairs):
                 raise ValueError("with_segments: False leaves no pair to measure")
+        # Column by column in memory, because all the first joints are looked up at once, and all the second.
+        pairs = np.asfortranarray(pairs)
         pairs.setflags(write=False)
         object.__setattr__(self, "pairs", pairs)
 

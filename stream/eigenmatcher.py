@@ -4,21 +4,19 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-import numpy as np
-
-from library.signature import Signature, signature_of
-from stream.covariance import RollingCovariance
+from library.signature import movement_of
+from stream.leading import RollingAxis
 from stream.matcher import Reading
 from stream.recognition import Outcome
 from stream.window import MOST_PENDING, SlidingWindow
 
 if TYPE_CHECKING:
+    import numpy as np
     from numpy.typing import NDArray
 
-    from library.eigen import LeadingAxis
     from library.motionlibrary import MotionLibrary
 
-#: Frames taken into the covariance at once when hops are further apart.
+#: Frames taken in at once when hops are further apart.
 _BATCH = MOST_PENDING // 4
 
 
@@ -41,14 +39,12 @@ class EigenvectorMatcher:
         self._smallest_gap = smallest_gap
         width = len(library.skeleton.pairs)
         self._window = SlidingWindow(window, width)
-        self._covariance = RollingCovariance(width)
-        self._axis: LeadingAxis | None = None
+        self._axis = RollingAxis(width)
 
     def clear(self) -> None:
         """Forget all rows."""
         self._window.clear()
-        self._covariance.clear()
-        self._axis = None
+        self._axis.clear()
 
     def push(self, time: float, row: NDArray[np.float64]) -> None:
         """Take in one distance row."""
@@ -58,7 +54,7 @@ class EigenvectorMatcher:
 
     def _settle(self) -> None:
         if self._window.pending:
-            self._covariance.update(*self._window.take_change(), self._window.rows)
+            self._axis.update(*self._window.take_change(), self._window.rows)
 
     @property
     def ready(self) -> bool:
@@ -68,20 +64,20 @@ class EigenvectorMatcher:
     def read(self) -> Reading:
         """Compare the window that ends with the newest row."""
         self._settle()
-        signature = signature_of(self._covariance.moments(), self._axis)
-        self._axis = signature.axis
-        scores = self._library.match(signature).class_scores
+        mean, axis = self._axis.leading(self._window.rows)
+        scores = self._library.class_scores(axis.vector)
+        movement = movement_of(mean, axis.total)
         return Reading(
-            outcome=self._outcome(signature),
+            outcome=self._outcome(movement, axis.gap),
             scores=scores,
-            best=int(np.argmax(scores)),
-            movement=signature.movement,
-            axis=signature.axis,
+            best=int(scores.argmax()),
+            movement=movement,
+            axis=axis,
         )
 
-    def _outcome(self, signature: Signature) -> Outcome:
-        if signature.movement < self._stillness:
+    def _outcome(self, movement: float, gap: float) -> Outcome:
+        if movement < self._stillness:
             return Outcome.STILL
-        if signature.axis.gap < self._smallest_gap:
+        if gap < self._smallest_gap:
             return Outcome.AMBIGUOUS
         return Outcome.NAMED

@@ -14,8 +14,6 @@ from dataclasses import dataclass, replace
 from enum import StrEnum
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from stream.recognition import Outcome
 
 if TYPE_CHECKING:
@@ -117,9 +115,11 @@ class EventDetector:
         # A library's only class has no other to lead: it starts at the pace at which stillness ends it.
         if len(recognition.scores) == 1:
             return self._needed / _ENDED_AFTER[Outcome.STILL]
-        distances = np.log(1 / np.maximum(recognition.scores, 1e-9) - 1 + _ALIKE)
-        others = np.delete(distances, recognition.class_index)
-        return _PER_SECOND * max(float(others.min() - distances[recognition.class_index]), 0.0)
+        scores, named = recognition.scores, recognition.class_index
+        others = scores.copy()
+        others[named] = 0.0
+        lead = _distance(float(others[others.argmax()])) - _distance(float(scores[named]))
+        return _PER_SECOND * max(lead, 0.0)
 
     def _changed(self, recognition: Recognition) -> tuple[Event, ...]:
         events = [self._event(EventKind.END, recognition, self._active.index)] if self._active else []
@@ -139,3 +139,8 @@ class EventDetector:
             score=float(recognition.scores[index]),
             time=recognition.time,
         )
+
+
+def _distance(score: float) -> float:
+    """Logarithm of the distance that a score stands for."""
+    return math.log(1 / max(score, 1e-9) - 1 + _ALIKE)

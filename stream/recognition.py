@@ -102,13 +102,19 @@ class Recognition:
         return float(self.scores[self.best])
 
     @property
+    def _second(self) -> int:
+        """Index of the class with the highest score but the best guess's; -1 in a library of one class."""
+        if len(self.scores) < 2:
+            return -1
+        others = self.scores.copy()
+        others[self.best] = -np.inf
+        return int(others.argmax())
+
+    @property
     def runner_up(self) -> str | None:
         """The class with the highest score but the best guess's; None in a library of one class."""
-        others = np.delete(self.scores, self.best)
-        if not len(others):
-            return None
-        runner_up = int(others.argmax())
-        return self.classes[runner_up + (runner_up >= self.best)]
+        second = self._second
+        return self.classes[second] if second >= 0 else None
 
     @property
     def margin(self) -> float:
@@ -116,5 +122,5 @@ class Recognition:
 
         Below zero while a guess is held at a change of motion.
         """
-        others = np.delete(self.scores, self.best)
-        return self.score - float(others.max()) if len(others) else self.score
+        second = self._second
+        return self.score - float(self.scores[second]) if second >= 0 else self.score

@@ -11,6 +11,8 @@ from dataclasses import dataclass, replace
 from enum import StrEnum
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from library.distances import distance_rows
 from stream.eigenmatcher import EigenvectorMatcher
 from stream.events import EventDetector
@@ -22,6 +24,12 @@ if TYPE_CHECKING:
     from stream.events import Event
     from stream.frame import Frame
     from stream.matcher import Matcher
+
+
+#: Frames that wait for the next hop to be measured together, at most.
+_MOST_WAITING = 16
+#: A frame's time rounds; so much of a hop early is on time.
+_EARLY = 1e-3
 
 
 class LiveSignature(StrEnum):
@@ -125,6 +133,8 @@ class Recognizer:
         self.counts = RecognizerCounts()
         self._matcher = _matcher(library, self.settings)
         self._detector = EventDetector(self.settings.lead)
+        self._positions = np.empty((_MOST_WAITING, len(library.skeleton.joints), 3))
+        self._times: list[float] = []
         self._newest = -math.inf
         self._last = -math.inf
         self._due = -math.inf
@@ -133,6 +143,7 @@ class Recognizer:
     def reset(self) -> None:
         """Forget the window, as when the feed begins; the counts stay, and what is going on till something ends it."""
         self._matcher.clear()
+        self._times.clear()
         self._newest = self._due = -math.inf
         self._late_in_a_row = 0
 
@@ -154,13 +165,29 @@ class Recognizer:
         ValueError
             The frame has another number of joints than the library's skeleton.
         """
-        row = distance_rows(frame.positions, self.library.skeleton)
-        if not self._in_time(frame.time):
+        if frame.positions.shape != self._positions.shape[1:]:
+            raise ValueError(f"positions: expected {self._positions.shape[1:]}, got {frame.positions.shape}")
+        time = frame.time
+        if not self._in_time(time):
             return None
-        self._matcher.push(frame.time, row)
-        self._newest = self._last = frame.time
+        self._positions[len(self._times)] = frame.positions
+        self._times.append(time)
+        self._newest = self._last = time
         self.counts.frames += 1
-        return self._recognize(frame) if self._matcher.ready and self._is_due(frame.time) else None
+        due = time >= self._due - _EARLY * self.settings.hop
+        if due or len(self._times) == _MOST_WAITING:
+            self._measure()
+        if not (due and self._matcher.ready):
+            return None
+        self._set_due(time)
+        return self._recognize(frame)
+
+    def _measure(self) -> None:
+        """Measure the frames that came since the last hop, all in one go: that halves their cost."""
+        rows = distance_rows(self._positions[: len(self._times)], self.library.skeleton)
+        for time, row in zip(self._times, rows, strict=True):
+            self._matcher.push(time, row)
+        self._times.clear()
 
     def _in_time(self, time: float) -> bool:
         """Sort out frames that come late; start anew after a gap or when the sender's clock began again."""
@@ -180,14 +207,10 @@ class Recognizer:
         self.reset()
         self.counts.restarts += 1
 
-    def _is_due(self, time: float) -> bool:
+    def _set_due(self, time: float) -> None:
         """Keep hops on a grid, so that their mean distance is the hop whatever the frame rate."""
         hop = self.settings.hop
-        # A frame's time rounds; a thousandth of a hop early is on time.
-        if time < self._due - 1e-3 * hop:
-            return False
         self._due = self._due + hop if self._due + hop > time else time + hop
-        return True
 
     def _recognize(self, frame: Frame) -> Recognition:
         reading = self._matcher.read()

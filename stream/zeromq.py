@@ -31,7 +31,7 @@ VERSION = 1
 #: A header with 31 joint names is 500 bytes; a frame of 1000 joints in doubles 24 kB.
 LARGEST_HEADER = 65_536
 LARGEST_MESSAGE = 1 << 20
-_TYPES = ("<f4", "<f8")
+_TYPES: dict[str, np.dtype[np.floating]] = {name: np.dtype(name) for name in ("<f4", "<f8")}
 _MOST_JOINTS = 4096
 #: Messages waiting in a socket: eight seconds of a 120 Hz feed, then ZeroMQ itself begins to throw away.
 _HIGH_WATER_MARK = 1000
@@ -95,7 +95,8 @@ def _performer(topic: bytes) -> str:
 def _header(header: bytes) -> dict[str, Any]:
     if len(header) > LARGEST_HEADER:
         raise FormatError(f"header: expected at most {LARGEST_HEADER} bytes, got {len(header)}")
-    described = json.loads(header)
+    # As text, for json takes longer to find out how bytes are encoded than to read them.
+    described = json.loads(header.decode())
     if not isinstance(described, dict) or described.get("v") != VERSION:
         raise FormatError(f"header: expected version {VERSION}")
     return described
@@ -103,14 +104,14 @@ def _header(header: bytes) -> dict[str, Any]:
 
 def _positions(described: dict[str, Any], buffer: bytes) -> np.ndarray[tuple[int, ...], np.dtype[np.floating]]:
     shape, kind = described.get("shape"), described.get("dtype")
-    match shape:
-        case [int(joints), 3] if 0 < joints <= _MOST_JOINTS and not isinstance(joints, bool):
-            pass
-        case _:
-            raise FormatError(f"shape: expected [joints, 3], got {shape!r}")
-    if kind not in _TYPES:
-        raise FormatError(f"dtype: expected one of {_TYPES}, got {kind!r}")
-    dtype: np.dtype[np.floating] = np.dtype(kind)
+    if not (isinstance(shape, list) and len(shape) == 2 and type(shape[0]) is int and shape[1] == 3):
+        raise FormatError(f"shape: expected [joints, 3], got {shape!r}")
+    joints = shape[0]
+    if not 0 < joints <= _MOST_JOINTS:
+        raise FormatError(f"shape: expected 1 to {_MOST_JOINTS} joints, got {joints}")
+    dtype = _TYPES.get(kind) if isinstance(kind, str) else None
+    if dtype is None:
+        raise FormatError(f"dtype: expected one of {tuple(_TYPES)}, got {kind!r}")
     if len(buffer) != joints * 3 * dtype.itemsize:
         raise FormatError(f"positions: expected {joints * 3 * dtype.itemsize} bytes, got {len(buffer)}")
     return np.frombuffer(buffer, dtype).reshape(joints, 3)

@@ -49,6 +49,12 @@ def covariance(rows: Matrix) -> Matrix:
     return np.atleast_2d(np.cov(rows, rowvar=False))
 
 
+def gram(rows: Matrix) -> Matrix:
+    """Take the inner products of the rows' deviations from their mean."""
+    deviations = rows - rows.mean(axis=0)
+    return np.array([[float(one @ other) for other in deviations] for one in deviations])
+
+
 def leading_eigenvector(matrix: Matrix) -> tuple[float, Matrix]:
     """Solve the whole eigenproblem and keep the largest."""
     values, vectors = np.linalg.eigh(matrix)

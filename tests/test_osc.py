@@ -22,6 +22,7 @@ from library.hdm05 import SKELETON
 from library.motionlibrary import MotionLibrary
 from stream import osc
 from stream.answer import Answer
+from stream.events import Event, EventKind
 from stream.frame import Announcement, Frame
 from stream.performers import PerformerCounts
 from stream.recognition import Outcome, Recognition
@@ -277,6 +278,56 @@ def test_an_answer_is_one_bundle_to_be_used_at_once() -> None:
         "/motion/Ada/label": ["jump"],
         "/motion/Ada/scores": [0.25, 0.75, 0.5],
     }
+
+
+@given(
+    performer=_NAMES,
+    labels=st.lists(_NAMES, min_size=1, max_size=230, unique=True),
+    seed=st.integers(0, 2**32 - 1),
+    outcome=st.sampled_from(Outcome),
+    wide=st.booleans(),
+)
+@settings(max_examples=200)
+def test_an_answer_is_byte_for_byte_python_oscs(
+    performer: str, labels: list[str], seed: int, outcome: Outcome, *, wide: bool
+) -> None:
+    """Whatever performer, classes and scores, the packet is the one that python-osc builds, scores left out or not."""
+    generator = np.random.default_rng(seed)
+    scores = generator.random(len(labels)).astype(np.float64 if wide else np.float32)
+    answer = dataclasses.replace(
+        NAMED,
+        performer=performer,
+        outcome=outcome,
+        classes=tuple(labels),
+        scores=scores,
+        guess=int(generator.integers(len(labels))),
+    )
+    start = f"/motion/{osc.address_part(performer)}"
+    numbers = (("i", answer.guess_index), ("f", answer.score), ("f", answer.margin))
+    messages = [_message(f"{start}/class", *numbers), _message(f"{start}/label", ("s", answer.label))]
+    expected = _bundle(*messages, _message(f"{start}/scores", *[("f", score) for score in scores.tolist()]))
+    if len(expected) > osc.LARGEST_ANSWER:
+        expected = _bundle(*messages)
+    assert osc.encode_recognition(answer) == expected
+
+
+_EVENTS = st.builds(
+    Event,
+    performer=_NAMES,
+    kind=st.sampled_from(EventKind),
+    label=_NAMES,
+    index=st.integers(0, 2**31 - 1),
+    score=st.floats(0.0, 1.0),
+    time=st.floats(allow_nan=False, allow_infinity=False),
+)
+
+
+@given(event=_EVENTS)
+def test_an_event_is_byte_for_byte_python_oscs(event: Event) -> None:
+    """Whatever happened, the packet is the one that python-osc builds."""
+    arguments = (("s", str(event.kind)), ("s", event.label), ("i", event.index), ("f", event.score), ("d", event.time))
+    expected = _message(f"/motion/{osc.address_part(event.performer)}/event", *arguments)
+    assert osc.encode_event(event) == expected
 
 
 @pytest.mark.parametrize("outcome", [Outcome.STILL, Outcome.AMBIGUOUS])

@@ -15,6 +15,7 @@ from library.recordings import find_recordings, read_recordings
 from library.skeleton import Skeleton
 from stream.covariance import RollingCovariance
 from stream.frame import Frame
+from stream.gram import RollingGram
 from stream.recognition import Outcome
 from stream.recognizer import LiveSignature, Recognizer, Settings
 from stream.window import SlidingWindow
@@ -145,6 +146,29 @@ def test_ten_million_frames() -> None:
     assert hops == LONG // HOP - LENGTH // HOP
     assert worst <= MOVING
     assert 1 < rolling.refreshes <= LONG / 10_000
+
+
+def test_ten_million_frames_of_products() -> None:
+    """After as many frames the window's Gram matrix is as exact as at first, without a refresh on the way."""
+    rolling = RollingGram(28)
+    rows = np.empty((0, 28))
+    worst, hops = 0.0, 0
+    for piece in _long_motion():
+        if not len(rows):
+            rolling.update(piece[:LENGTH], piece[:0], piece[:LENGTH])
+        rows = np.concatenate([rows[-LENGTH:], piece])
+        for end in range(LENGTH + HOP, len(rows) + 1, HOP):
+            start = end - LENGTH
+            rolling.update(rows[end - HOP : end], rows[start - HOP : start], rows[start:end])
+            hops += 1
+            if hops % 20 == 0:
+                centred = rows[start:end] - rows[start:end].mean(axis=0)
+                exact = centred @ centred.T
+                dense = rolling.centred(rows[start:end]).dense()
+                worst = max(worst, float(np.abs(dense - exact).max() / np.abs(exact).max()))
+    assert hops == LONG // HOP - LENGTH // HOP
+    assert worst <= MOVING
+    assert rolling.refreshes == 1
 
 
 # --- still after motion ------------------------------------------------------------------------------------------

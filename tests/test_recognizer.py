@@ -329,7 +329,7 @@ def test_another_number_of_joints_is_refused(library: MotionLibrary, joints: int
     recognizer = Recognizer(library)
     frames = _frames("bow")
     answers = _pushed(recognizer, frames[:150])
-    with pytest.raises(ValueError, match=rf"positions: expected \(\.\.\., {len(STICK.joints)}, 3\)"):
+    with pytest.raises(ValueError, match=rf"positions: expected \({len(STICK.joints)}, 3\)"):
         recognizer.push(Frame("p", frames[150].time, np.zeros((joints, 3))))
     answers += _pushed(recognizer, frames[150:])
     _assert_same(answers, _pushed(Recognizer(library), frames))

@@ -13,12 +13,13 @@ from naive_stream import NaiveRecognition, NaiveRecognizer, reaches
 
 from library.clip import Clip
 from library.distances import distance_rows
-from library.eigen import RESIDUAL_TOLERANCE, LeadingAxis
+from library.eigen import RESIDUAL_TOLERANCE, LeadingAxis, leading_axis_from
 from library.motionlibrary import MotionLibrary
 from library.recordings import find_recordings, read_recordings
-from library.signature import Moments, Signature, signature_of
+from library.signature import Moments, signature_of
 from library.skeleton import Skeleton
 from stream.frame import Frame
+from stream.leading import RollingAxis, WindowAxis
 from stream.performers import Performers
 from stream.recognition import Outcome, Recognition
 from stream.recognizer import LiveSignature, Recognizer, Settings
@@ -267,17 +268,18 @@ def test_interleaved_performers_get_the_answers_they_get_alone(
 
 
 class Axes:
-    """A library that keeps every signature it is asked to match."""
+    """Keeps every axis that is found."""
 
     def __init__(self, library: MotionLibrary, monkeypatch: pytest.MonkeyPatch) -> None:
         self.kept: list[LeadingAxis] = []
-        match = MotionLibrary.match
+        leading = RollingAxis.leading
 
-        def watched(library: MotionLibrary, signature: Signature) -> object:
-            self.kept.append(signature.axis)
-            return match(library, signature)
+        def watched(rolling: RollingAxis, window: np.ndarray) -> WindowAxis:
+            found = leading(rolling, window)
+            self.kept.append(found.axis)
+            return found
 
-        monkeypatch.setattr(MotionLibrary, "match", watched)
+        monkeypatch.setattr(RollingAxis, "leading", watched)
         self.library = library
 
 
@@ -318,19 +320,15 @@ def test_answers_do_not_depend_on_the_eigenvectors_sign(
     """Turned around after each hop by chance, the axis the next hop starts from changes no label and no score."""
     generator = np.random.default_rng(15)
 
-    def turned(moments: Moments, start: LeadingAxis | None = None) -> Signature:
-        signature = signature_of(moments, start)
-        axis = signature.axis
+    def turned(matrix: np.ndarray, block: np.ndarray | None) -> LeadingAxis:
+        axis = leading_axis_from(matrix, block)
         sign = float(generator.choice([-1.0, 1.0]))
-        block = axis.block * generator.choice([-1.0, 1.0], size=axis.block.shape[1])
-        other = LeadingAxis(
-            sign * axis.vector, axis.value, axis.runner_up, axis.total, axis.residual, axis.exact, block
-        )
-        return Signature(signature.mean, signature.deviation, other)
+        turned_block = axis.block * generator.choice([-1.0, 1.0], size=axis.block.shape[1])
+        return replace(axis, vector=sign * axis.vector, block=turned_block)
 
     clip = small_clips[0]
     expected = _run(Recognizer(small_library), _frames(clip))
-    monkeypatch.setattr("stream.eigenmatcher.signature_of", turned)
+    monkeypatch.setattr("stream.leading.leading_axis_from", turned)
     answers = _run(Recognizer(small_library), _frames(clip))
     assert [answer.label for answer in answers] == [answer.label for answer in expected]
     for answer, other in zip(answers, expected, strict=True):

@@ -85,6 +85,26 @@ class Skeleton:
         """Give the same joints, the rigid parent-child pairs left out (the paper's section 2)."""
         return Skeleton(self.joints, self.parents, with_segments=False)
 
+    def restricted_to(self, kept: Sequence[int]) -> Skeleton:
+        """Give a skeleton of some of the joints, each hanging on the nearest kept joint above it.
+
+        A joint with none above it hangs on the first kept one, so that one tree stays one tree.
+
+        Parameters
+        ----------
+        kept
+            Indices of at least two joints, in the order they are to have.
+        """
+        places = {joint: place for place, joint in enumerate(kept)}
+        parents = []
+        for place, joint in enumerate(kept):
+            above = self.parents[joint] if self.parents else -1
+            while above >= 0 and above not in places:
+                above = self.parents[above]
+            parents.append(places[above] if above >= 0 else (-1 if place == 0 else 0))
+        names = tuple(self.joints[joint] for joint in kept)
+        return Skeleton(names, tuple(parents) if self.parents else (), self.with_segments)
+
     def order_from(self, joints: Sequence[str]) -> NDArray[np.intp]:
         """Say where each of this skeleton's joints stands in another list of joints.
 

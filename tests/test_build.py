@@ -38,7 +38,9 @@ def test_a_folder_becomes_a_library(tmp_path: Path, capsys: pytest.CaptureFixtur
     np.testing.assert_array_equal(built.means, expected.means)
     output = tmp_path / "mine.npz"
     megabytes = output.stat().st_size / 1e6
-    assert capsys.readouterr().out == f"{output}: 12 motions, 3 classes, {megabytes:.2f} MB\n"
+    told, lacking = capsys.readouterr().out.splitlines()
+    assert told == f"{output}: 12 motions, 3 classes, {megabytes:.2f} MB"
+    assert lacking.startswith("whole motions only, no windows: ")
 
 
 def test_clips_named_like_hdm05s_carry_its_terms(tmp_path: Path) -> None:

@@ -9,6 +9,7 @@ from io import TextIOWrapper
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from library.recordings import ActorIn, Reading
 from stream.recognizer import LiveSignature, Settings
 
 if TYPE_CHECKING:
@@ -132,7 +133,7 @@ def _add_replay(programs: Programs[argparse.ArgumentParser]) -> None:
         "prints the share that was right, for clips whose names tell their class.",
     )
     replay.add_argument("clips", nargs="+", type=Path, metavar="CLIP", help="recordings, or folders of them")
-    replay.add_argument("--asf", type=Path, help="skeleton of AMC files (default: found by name)")
+    _add_reading(replay)
     replay.add_argument("--osc", metavar="HOST:PORT", help=f"send OSC there (default {OSC_IN})")
     replay.add_argument(
         "--zmq", metavar="ENDPOINT", help="publish on ZeroMQ instead; connects, put @ before it to bind"
@@ -156,7 +157,7 @@ def _run_replay(parsed: argparse.Namespace) -> int:
     faults = replay.Faults(drop=parsed.drop, jitter=parsed.jitter_ms / 1000, reorder=parsed.reorder, seed=parsed.seed)
     return replay.run(
         parsed.clips,
-        asf=parsed.asf,
+        reading=_reading(parsed),
         osc_to=parsed.osc or (None if parsed.zmq else OSC_IN),
         zmq_to=parsed.zmq,
         listen=parsed.listen,
@@ -213,8 +214,8 @@ def _add_build(programs: Programs[argparse.ArgumentParser]) -> None:
         metavar="CSV",
         help="start_s,end_s,label for each recording, in order: cut it into these motions",
     )
-    build.add_argument("--asf", type=Path, help="skeleton of AMC files (default: found by name)")
-    build.add_argument("--frame-rate", type=_positive, metavar="HZ", help="of all recordings (default: as they say)")
+    _add_reading(build)
+    _add_actor_in(build)
     build.add_argument("--licence", help="terms of the numbers (default: HDM05's, when all clips are named so)")
     build.add_argument("--attribution", help="whom to name (default: HDM05's, when all clips are named so)")
     build.set_defaults(run=_run_build)
@@ -227,23 +228,25 @@ def _run_build(parsed: argparse.Namespace) -> int:
         parsed.sources,
         parsed.output,
         labels=parsed.labels,
-        asf=parsed.asf,
-        frame_rate=parsed.frame_rate,
+        reading=_reading(parsed),
         licence=parsed.licence,
         attribution=parsed.attribution,
     )
 
 
 def _add_info(programs: Programs[argparse.ArgumentParser]) -> None:
-    info = programs.add_parser("info", help="say what is in a motion library")
-    info.add_argument("file", nargs="?", type=Path, metavar="FILE", help="default: the built-in library")
+    info = programs.add_parser("info", help="say what is in a motion library or in recordings")
+    info.add_argument(
+        "file", nargs="?", type=Path, metavar="FILE", help="a library, a recording or a folder (default: built-in)"
+    )
+    _add_reading(info)
     info.set_defaults(run=_run_info)
 
 
 def _run_info(parsed: argparse.Namespace) -> int:
     from tools import info  # noqa: PLC0415 - as above
 
-    return info.run(parsed.file)
+    return info.run(parsed.file, _reading(parsed))
 
 
 def _add_evaluate(programs: Programs[argparse.ArgumentParser]) -> None:
@@ -256,6 +259,8 @@ def _add_evaluate(programs: Programs[argparse.ArgumentParser]) -> None:
         "nearest is, in the spaces of joint distances, joint positions and joint rotations.",
     )
     retrieval.add_argument("folder", nargs="+", type=Path, metavar="FOLDER", help="recordings, or folders of them")
+    _add_reading(retrieval)
+    _add_actor_in(retrieval)
     retrieval.add_argument("--space", choices=("distances", "positions", "rotations"), help="default: all")
     retrieval.add_argument("--signature", choices=("eigenvector", "spread"), help="default: both, for distances")
     retrieval.add_argument("--protocol", choices=("leave-one-out", "actor-held-out", "split"), help="default: all")
@@ -284,6 +289,7 @@ def _add_evaluate_stream(kinds: Programs[argparse.ArgumentParser]) -> None:
         "sockets, and compares what was published at each moment with what was performed at that moment.",
     )
     stream.add_argument("takes", nargs="+", type=Path, metavar="TAKE", help="recordings, or folders of them")
+    _add_reading(stream)
     stream.add_argument(
         "--labels",
         nargs="+",
@@ -315,6 +321,7 @@ def _run_evaluate_stream(parsed: argparse.Namespace) -> int:
 
     return evaluate_stream.run(
         parsed.takes,
+        reading=_reading(parsed),
         labels=parsed.labels,
         library=parsed.library,
         leave_one_out=parsed.protocol == "leave-one-take-out",
@@ -331,12 +338,43 @@ def _run_retrieval(parsed: argparse.Namespace) -> int:
 
     return evaluate.run_retrieval(
         parsed.folder,
+        reading=_reading(parsed),
         space=parsed.space,
         signature=parsed.signature,
         protocol=parsed.protocol,
         turned_by=parsed.seed if parsed.turned else None,
         picture=parsed.picture,
         as_json=parsed.json,
+    )
+
+
+def _add_reading(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--asf", type=Path, help="skeleton of AMC files (default: found by name)")
+    parser.add_argument("--frame-rate", type=_positive, metavar="HZ", help="of all recordings (default: as they say)")
+    parser.add_argument(
+        "--unit", default="", help="of BVH, C3D and TRC: m, cm, mm, in, ft or metres (default: as they say, or by size)"
+    )
+    parser.add_argument(
+        "--joints", type=_names, default=(), metavar="A,B,...", help="only these joints or markers; * and ? fit any"
+    )
+
+
+def _add_actor_in(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--actor-in",
+        choices=[each.value for each in ActorIn],
+        default=ActorIn.NOWHERE.value,
+        help="who performs: the file's name up to the first underscore, or the folder above its class's",
+    )
+
+
+def _reading(parsed: argparse.Namespace) -> Reading:
+    return Reading(
+        asf=parsed.asf,
+        frame_rate=parsed.frame_rate,
+        unit=parsed.unit,
+        joints=parsed.joints,
+        actor_in=ActorIn(getattr(parsed, "actor_in", ActorIn.NOWHERE)),
     )
 
 
@@ -382,6 +420,13 @@ def _number(text: str) -> float:
         return float(text)
     except ValueError:
         raise argparse.ArgumentTypeError(f"expected a number, got {text!r}") from None
+
+
+def _names(text: str) -> tuple[str, ...]:
+    names = tuple(name.strip() for name in text.split(",") if name.strip())
+    if not names:
+        raise argparse.ArgumentTypeError(f"expected names with commas between, got {text!r}")
+    return names
 
 
 def _mapping(text: str) -> tuple[str, str]:

@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
     from pathlib import Path
 
+    from library import Reading
     from tools.feed import Cue, FrameSender
     from tools.listener import Heard
 
@@ -102,7 +103,7 @@ class Score:
 def run(
     places: Sequence[Path],
     *,
-    asf: Path | None,
+    reading: Reading,
     osc_to: str | None,
     zmq_to: str | None,
     listen: str | None,
@@ -112,7 +113,8 @@ def run(
 ) -> int:
     """Send the recordings; with `listen`, print what share of the answers was right."""
     paths = find_recordings(places)
-    clips = list(progress(read_recordings(paths, asf=asf), "Reading", len(paths)))
+    read = list(progress(read_recordings(paths, reading), "Reading", len(paths)))
+    clips = [clip.as_of(read[0].skeleton) for clip in read]
     announcement = Announcement(course.performer, clips[0].skeleton.joints)
     source = cycle(clips) if course.loop else clips
     cues = faults.applied(clip_cues(source, course.performer, speed=course.speed, pause=course.pause))

@@ -6,6 +6,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.sparse import csr_array
 from scipy.sparse.csgraph import breadth_first_order, minimum_spanning_tree
 
 from library.distances import distance_rows
@@ -43,8 +44,8 @@ def most_rigid_parents(clips: Sequence[Clip]) -> tuple[int, ...]:
         mean = rows.mean(axis=0)
         weights += np.divide(rows.std(axis=0), mean, out=np.zeros_like(mean), where=mean > 0)
     count = len(skeleton.joints)
-    graph = np.zeros((count, count))
-    graph[skeleton.pairs[:, 0], skeleton.pairs[:, 1]] = weights / len(clips) + _RIGID
+    # Sparse, because in a dense graph a small weight is taken for none.
+    graph: csr_array[np.float64] = csr_array((weights / len(clips) + _RIGID, skeleton.pairs.T), shape=(count, count))
     _, parents = breadth_first_order(minimum_spanning_tree(graph), 0, directed=False)
     return tuple(int(parent) if parent >= 0 else -1 for parent in parents)
 

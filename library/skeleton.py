@@ -88,7 +88,7 @@ class Skeleton:
     def restricted_to(self, kept: Sequence[int]) -> Skeleton:
         """Give a skeleton of some of the joints, each hanging on the nearest kept joint above it.
 
-        A joint with none above it hangs on the first kept one, so that one tree stays one tree.
+        Joints with none above them hang on the first such joint, so that one tree stays one tree.
 
         Parameters
         ----------
@@ -97,11 +97,13 @@ class Skeleton:
         """
         places = {joint: place for place, joint in enumerate(kept)}
         parents = []
-        for place, joint in enumerate(kept):
+        for joint in kept:
             above = self.parents[joint] if self.parents else -1
             while above >= 0 and above not in places:
                 above = self.parents[above]
-            parents.append(places[above] if above >= 0 else (-1 if place == 0 else 0))
+            parents.append(places.get(above, -1))
+        root = parents.index(-1)
+        parents = [root if parent < 0 and place != root else parent for place, parent in enumerate(parents)]
         names = tuple(self.joints[joint] for joint in kept)
         return Skeleton(names, tuple(parents) if self.parents else (), self.with_segments)
 

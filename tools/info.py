@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 def run(file: Path | None, reading: Reading) -> int:
     """Say what a file holds, or a folder's recordings."""
-    if file and (file.is_dir() or is_recording(file)):
+    if file and (is_recording(file) or (file.is_dir() and file.suffix != ".npz")):
         return _tell_recordings(file, reading)
     return _tell_library(file)
 

@@ -256,20 +256,22 @@ def read_bvh(path: Path) -> BvhMotion:
 
 def _motion_header(statements: Iterator[_Statement], last: _Statement) -> tuple[int, float, _Statement]:
     """Read `Frames: 100` and `Frame Time: 0.01`: frames, frames per second, and the last statement of the two."""
-    found: list[str] = []
-    for name in ("frames", "frame time"):
-        last = next(statements, last)
-        key, colon, value = " ".join(last.words).partition(":")
-        if key.strip().lower() != name or not colon:
-            last.fail(f"expected {name.title()}: and a number, got {' '.join(last.words)[:60]!r}")
-        found.append(value.strip())
-    frames, period = found
+    last, frames = _after("Frames", statements, last)
     if not frames.isdecimal() or len(frames) > 9 or int(frames) == 0:
         last.fail(f"expected a number of frames, got {frames!r}")
+    last, period = _after("Frame Time", statements, last)
     (seconds,) = last.floats([period], 1)
     if seconds <= 0:
         last.fail(f"expected a positive Frame Time, got {period}")
     return int(frames), _frame_rate(period), last
+
+
+def _after(name: str, statements: Iterator[_Statement], last: _Statement) -> tuple[_Statement, str]:
+    statement = next(statements, last)
+    key, colon, value = " ".join(statement.words).partition(":")
+    if key.strip().lower() != name.lower() or not colon:
+        statement.fail(f"expected {name}: and a number, got {' '.join(statement.words)[:60]!r}")
+    return statement, value.strip()
 
 
 def _frame_rate(period: str) -> float:
@@ -356,11 +358,13 @@ def _kept(motion: BvhMotion, wanted: Sequence[str]) -> tuple[list[int], tuple[in
     """Choose the joints of the clip: their indices in the file, and their parents among themselves."""
     firsts = _representatives(motion)
     names = [joint.name for joint in motion.joints]
-    named = chosen(names, wanted)
-    kept = sorted({firsts[index] for index in named}) if not wanted else named
-    if wanted and len({firsts[index] for index in named}) < len(named):
-        same = [names[index] for index in named if firsts[index] != index and firsts[index] in named]
-        raise ValueError(f"{', '.join(same)} always coincide with other joints that are asked for")
+    kept, taken = list[int](), set[int]()
+    for index in chosen(names, wanted):
+        if firsts[index] not in taken:
+            kept.append(index)
+        elif names[index] in wanted:
+            raise ValueError(f"{names[index]!r} always coincides with another joint that is asked for")
+        taken.add(firsts[index])
     places = {firsts[index]: place for place, index in enumerate(kept)}
     parents = []
     for place, index in enumerate(kept):

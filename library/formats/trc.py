@@ -10,7 +10,6 @@ from __future__ import annotations
 import math
 from array import array
 from dataclasses import dataclass
-from itertools import islice
 from typing import TYPE_CHECKING, NoReturn
 
 import numpy as np
@@ -20,7 +19,7 @@ from library.formats.markers import clip_of_markers
 from library.formats.units import metres_of
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Sequence
     from pathlib import Path
     from typing import TextIO
 
@@ -93,7 +92,7 @@ def read_trc(path: Path) -> TrcMotion:
 
 
 def _header(path: Path, file: TextIO) -> _Header:
-    kind, names, values, labels, axes = (line.rstrip("\r\n") for line in islice(_endless(file), 5))
+    kind, names, values, labels, axes = (file.readline().rstrip("\r\n") for _ in range(5))
     if not kind.startswith("PathFileType"):
         _fail(path, 1, f"expected PathFileType, got {kind[:40]!r}")
     said = dict(zip(names.split(), values.split(), strict=False))
@@ -110,12 +109,6 @@ def _header(path: Path, file: TextIO) -> _Header:
         _fail(path, 4, f"expected {said['NumMarkers']} names of markers, got {len(found)}")
     rate = _rate(path, said["DataRate"])
     return _Header(found, _count(path, "NumFrames", said["NumFrames"]), rate, metres)
-
-
-def _endless(file: TextIO) -> Iterator[str]:
-    yield from file
-    while True:
-        yield ""
 
 
 def _count(path: Path, name: str, text: str) -> int:

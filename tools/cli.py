@@ -57,7 +57,17 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--version", action="version", version=f"kinespace {_version()}")
     programs = parser.add_subparsers(title="programs", required=True, metavar="PROGRAM")
-    for add in (_add_demo, _add_live, _add_replay, _add_latency, _add_build, _add_info, _add_evaluate):
+    for add in (
+        _add_demo,
+        _add_live,
+        _add_replay,
+        _add_record,
+        _add_convert,
+        _add_latency,
+        _add_build,
+        _add_info,
+        _add_evaluate,
+    ):
         add(programs)
     return parser
 
@@ -106,6 +116,7 @@ def _add_live(programs: Programs[argparse.ArgumentParser]) -> None:
     live.add_argument("--library", type=Path, metavar="FILE", help="a motion library (default: the built-in one)")
     _add_settings(live)
     live.add_argument("--performers", type=int, default=32, help="how many at once, at most (default %(default)s)")
+    live.add_argument("--record", type=Path, metavar="FILE", help="keep every packet that comes, for replay")
     live.add_argument("--plain", action="store_true", help="print a line per change instead of a table")
     live.set_defaults(run=_run_live)
 
@@ -121,7 +132,12 @@ def _run_live(parsed: argparse.Namespace) -> int:
         zmq_out=parsed.zmq_out,
     )
     return live.run(
-        addresses, library=parsed.library, settings=_settings(parsed), most=parsed.performers, plain=parsed.plain
+        addresses,
+        library=parsed.library,
+        settings=_settings(parsed),
+        most=parsed.performers,
+        plain=parsed.plain,
+        record=parsed.record,
     )
 
 
@@ -132,7 +148,9 @@ def _add_replay(programs: Programs[argparse.ArgumentParser]) -> None:
         description="Sends recordings as live packets on an absolute schedule. With --listen it hears the answers and "
         "prints the share that was right, for clips whose names tell their class.",
     )
-    replay.add_argument("clips", nargs="+", type=Path, metavar="CLIP", help="recordings, or folders of them")
+    replay.add_argument(
+        "clips", nargs="+", type=Path, metavar="CLIP", help="recordings, or folders of them, or one .kinerec"
+    )
     _add_reading(replay)
     replay.add_argument("--osc", metavar="HOST:PORT", help=f"send OSC there (default {OSC_IN})")
     replay.add_argument(
@@ -142,6 +160,8 @@ def _add_replay(programs: Programs[argparse.ArgumentParser]) -> None:
     replay.add_argument("--performer", default="replay", help="who performs (default %(default)s)")
     replay.add_argument("--speed", type=_positive, default=1.0, help="times as fast as recorded (default %(default)s)")
     replay.add_argument("--pause", type=_not_negative, default=1.0, help="seconds between clips (default %(default)s)")
+    replay.add_argument("--from", type=_not_negative, default=0.0, dest="begin", metavar="S", help="begin there")
+    replay.add_argument("--to", type=_positive, dest="end", metavar="S", help="end there, seconds of each recording")
     replay.add_argument("--loop", action="store_true", help="begin again after the last clip, until Ctrl-C")
     replay.add_argument("--drop", type=_share, default=0.0, metavar="SHARE", help="lose this share of frames")
     replay.add_argument("--jitter-ms", type=_not_negative, default=0.0, metavar="MS", help="be late by up to this")
@@ -161,10 +181,57 @@ def _run_replay(parsed: argparse.Namespace) -> int:
         osc_to=parsed.osc or (None if parsed.zmq else OSC_IN),
         zmq_to=parsed.zmq,
         listen=parsed.listen,
-        course=replay.Course(parsed.performer, speed=parsed.speed, pause=parsed.pause, loop=parsed.loop),
+        course=replay.Course(
+            parsed.performer,
+            speed=parsed.speed,
+            pause=parsed.pause,
+            loop=parsed.loop,
+            begin=parsed.begin,
+            end=parsed.end,
+        ),
         faults=faults,
         as_json=parsed.json,
     )
+
+
+def _add_record(programs: Programs[argparse.ArgumentParser]) -> None:
+    record = programs.add_parser(
+        "record",
+        help="keep a feed's packets as they come, to replay them",
+        description="Keeps every packet with its arrival time and sender until Ctrl-C. A crash costs the last second "
+        "at most. kinespace replay sends the file again bit for bit; kinespace live --record keeps what it hears.",
+    )
+    record.add_argument("output", type=Path, metavar="FILE", help="to make, like tonight.kinerec")
+    record.add_argument("--osc-in", metavar="HOST:PORT", help=f"listen for OSC here (default {OSC_IN})")
+    record.add_argument("--zmq-in", metavar="ENDPOINT", help="subscribe to ZeroMQ, like tcp://127.0.0.1:9320")
+    record.add_argument("--seconds", type=_positive, help="how long (default: until Ctrl-C)")
+    record.set_defaults(run=_run_record)
+
+
+def _run_record(parsed: argparse.Namespace) -> int:
+    from tools import record  # noqa: PLC0415 - as above
+
+    osc_in = parsed.osc_in or (None if parsed.zmq_in else OSC_IN)
+    return record.run(parsed.output, osc_in=osc_in, zmq_in=parsed.zmq_in, seconds=parsed.seconds)
+
+
+def _add_convert(programs: Programs[argparse.ArgumentParser]) -> None:
+    convert = programs.add_parser(
+        "convert",
+        help="a raw recording or a motion file as plain numbers",
+        description="Writes times and joint positions (seconds, metres) as .npz, or as CSV with a line for each frame.",
+    )
+    convert.add_argument("source", type=Path, metavar="FILE", help="a .kinerec or a motion file")
+    convert.add_argument("-o", "--output", type=Path, required=True, metavar="FILE", help="ending in .npz or .csv")
+    convert.add_argument("--performer", help="whose frames, where there are several performers")
+    _add_reading(convert)
+    convert.set_defaults(run=_run_convert)
+
+
+def _run_convert(parsed: argparse.Namespace) -> int:
+    from tools import convert  # noqa: PLC0415 - as above
+
+    return convert.run(parsed.source, parsed.output, performer=parsed.performer, reading=_reading(parsed))
 
 
 def _add_latency(programs: Programs[argparse.ArgumentParser]) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from itertools import groupby
 from typing import TYPE_CHECKING
 
@@ -10,19 +11,51 @@ from rich.table import Table
 
 from library import MotionLibrary, distance_rows, find_recordings, read_recordings
 from library.recordings import is_recording
+from stream.frame import Frame
+from stream.rawfile import ENDING, RawFile
+from stream.rerun import decoded
 from tools.console import console, printable, progress
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
     from pathlib import Path
 
     from library import Reading
+    from stream.rawfile import RawPacket
 
 
 def run(file: Path | None, reading: Reading) -> int:
     """Say what a file holds, or a folder's recordings."""
     if file and (is_recording(file) or (file.is_dir() and file.suffix != ".npz")):
         return _tell_recordings(file, reading)
+    if file and file.suffix.lower() == ENDING:
+        return _tell_raw(file)
     return _tell_library(file)
+
+
+def _tell_raw(file: Path) -> int:
+    """Print what a raw recording holds and, if it is cut off, where."""
+    recording = RawFile(file)
+    senders, performers = Counter[str](), Counter[str]()
+    arrivals = list[float]()
+
+    def noting() -> Iterator[RawPacket]:
+        for packet in progress(recording.packets(), "Reading", None):
+            senders[f"{recording.header.sources[packet.source]} from {packet.sender or 'unnamed senders'}"] += 1
+            # The first and the last.
+            arrivals[1 if arrivals else 0 :] = [packet.arrival]
+            yield packet
+
+    for each in decoded(recording.header, noting()):
+        performers.update(event.performer for event in each.events if isinstance(event, Frame))
+    console.print(f"{file}: recorded {recording.header.began}, {arrivals[-1] - arrivals[0] if arrivals else 0:.1f} s")
+    for sender, count in senders.items():
+        console.print(f"{printable(sender)}: {count} packets", soft_wrap=True)
+    for performer, count in performers.items():
+        console.print(f"performer {printable(performer)}: {count} frames", soft_wrap=True)
+    if recording.damage():
+        console.print(recording.damage(), soft_wrap=True)
+    return 0
 
 
 def _tell_recordings(place: Path, reading: Reading) -> int:

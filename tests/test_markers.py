@@ -45,7 +45,6 @@ def write_trc(path: Path, positions: NDArray[np.float64], labels: tuple[str, ...
 
 def written_c3d(path: Path, positions: NDArray[np.float64], labels: tuple[str, ...] = LABELS, unit: str = "mm") -> Path:
     """Write a C3D."""
-    pytest.importorskip("ezc3d", reason="ezc3d is an extra")
     write_c3d(path, labels, positions, rate=RATE, unit=unit)
     return path
 
@@ -145,7 +144,6 @@ def test_a_file_named_like_hdm05s_says_who_does_what(tmp_path: Path, write: Writ
 
 def test_results_that_are_no_places_are_passed_over(tmp_path: Path) -> None:
     """Angles that the file lists as such and unlabelled markers are left out, unless they are named one by one."""
-    pytest.importorskip("ezc3d", reason="ezc3d is an extra")
     positions = np.concatenate([walk(), walk()[:, :2]], axis=1)
     labels = (*LABELS, "*12", "hipAngles")
     path = tmp_path / "walk.c3d"

@@ -42,7 +42,6 @@ def bvh_moves(folder: Path, *, actors: Sequence[str] = ACTORS) -> Path:
 
 def c3d_moves(folder: Path) -> Path:
     """Write the same as C3D, millimetres, without parents, the markers in another order in each file."""
-    pytest.importorskip("ezc3d", reason="ezc3d is an extra")
     moves = bvh_moves(folder)
     for index, path in enumerate(find_recordings([moves])):
         (clip,) = read_recordings([path])

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
+import pytest
 from scipy.spatial.transform import Rotation
 
 from library.formats import acclaim
@@ -124,8 +126,12 @@ def write_c3d(  # noqa: PLR0913 - what a C3D says of itself
     angles: Sequence[str] = (),
 ) -> None:
     """Write a C3D: positions (frames, points, 3) in its unit, NaN as points of residual -1."""
-    import ezc3d  # noqa: PLC0415 - an extra; who calls this has asked for it
-
+    try:
+        import ezc3d  # noqa: PLC0415 - an extra
+    except ImportError:
+        if os.environ.get("CI") == "true":
+            pytest.fail("no ezc3d, and CI runs with the extra c3d", pytrace=False)
+        pytest.skip("no ezc3d, an extra")
     file = ezc3d.c3d()
     file["parameters"]["POINT"]["RATE"]["value"] = [rate]
     file["parameters"]["POINT"]["LABELS"]["value"] = tuple(labels)

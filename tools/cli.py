@@ -146,7 +146,7 @@ def _add_replay(programs: Programs[argparse.ArgumentParser]) -> None:
         "replay",
         help="send recorded files as a fake live feed",
         description="Sends recordings as live packets on an absolute schedule. With --listen it hears the answers and "
-        "prints the share that was right, for clips whose names tell their class.",
+        "prints the share that was right; a clip's class is in its name (HDM05) or is its folder's name.",
     )
     replay.add_argument(
         "clips", nargs="+", type=Path, metavar="CLIP", help="recordings, or folders of them, or one .kinerec"

@@ -14,6 +14,7 @@ import numpy as np
 from rich.table import Table
 
 from library import find_recordings, read_recordings
+from library.recordings import labelled
 from stream import osc, zeromq
 from stream.frame import Announcement
 from stream.rawfile import ENDING
@@ -125,7 +126,10 @@ def run(
         return _run_raw(places, osc_to=osc_to, zmq_to=zmq_to, listen=listen, course=course, faults=faults, json=as_json)
     paths = find_recordings(places)
     read = list(progress(read_recordings(paths, reading), "Reading", len(paths)))
-    clips = [_cut(clip.as_of(read[0].skeleton), course.begin, course.end) for clip in read]
+    clips = [
+        labelled(_cut(clip.as_of(read[0].skeleton), course.begin, course.end), path)
+        for clip, path in zip(read, paths, strict=True)
+    ]
     announcement = Announcement(course.performer, clips[0].skeleton.joints)
     source = cycle(clips) if course.loop else clips
     cues = faults.applied(clip_cues(source, course.performer, speed=course.speed, pause=course.pause))

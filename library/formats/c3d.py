@@ -7,6 +7,7 @@ nobody labelled (`*12`) are no joints and are passed over unless they are asked 
 
 from __future__ import annotations
 
+import math
 import struct
 from typing import TYPE_CHECKING, Any
 
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
 _NO_PLACES = ("ANGLES", "FORCES", "MOMENTS", "POWERS", "SCALARS", "REACTIONS")
 _BLOCK = 512
 _INTEL = 84
+_MOST_POINTS = 10_000
 _HEADER = struct.Struct("<BBHHHHHfHHf")
 
 
@@ -47,11 +49,57 @@ def _require_whole(path: Path) -> None:
         size = file.seek(0, 2)
     if processor != bytes([_INTEL]):
         return  # other byte orders are left to the reader
+    _require_sound_parameters(path, (parameters - 1) * _BLOCK)
     number = 4 if scale < 0 else 2
-    wanted = (data - 1) * _BLOCK + (last - first + 1) * (4 * points + analog) * number
+    frames = last - first + 1
     # Of more than 65 535 frames the header does not tell how many.
+    if frames < 1 or data < 2 or points > _MOST_POINTS:
+        raise C3dError(f"{path}: byte 2: a header that makes no sense ({points} points, {frames} frames)")
+    wanted = (data - 1) * _BLOCK + frames * (4 * points + analog) * number
     if last != 0xFFFF and size < wanted:
         raise C3dError(f"{path}: byte {size}: the file ends, expected {wanted} bytes")
+
+
+def _require_sound_parameters(path: Path, start: int) -> None:
+    """Walk through the parameters and refuse what leads out of them: the reader trusts what they say of themselves."""
+    with path.open("rb") as file:
+        file.seek(start)
+        blocks = file.read(4)[2:3]
+        section = blocks + file.read((blocks[0] if blocks else 0) * _BLOCK - 4)
+    place, groups, used = 1, set[int](), set[int]()
+    while True:
+        if place + 2 > len(section):
+            raise C3dError(f"{path}: byte {start + place + 3}: the parameters have no end")
+        name, group = struct.unpack_from("bb", section, place)
+        if not name:
+            break
+        after = place + 2 + abs(name)
+        at = after + 2
+        if at + 1 > len(section) or not group:
+            raise C3dError(f"{path}: byte {start + place + 3}: a parameter that leads out of the parameters")
+        (offset,) = struct.unpack_from("<h", section, after)
+        if group < 0:
+            groups.add(-group)
+        else:
+            used.add(group)
+            at = _end_of_data(section, at)
+        end = at + 1 + section[at] if 0 < at < len(section) else len(section) + 1
+        if end > len(section) or (offset and after + offset < end):
+            raise C3dError(f"{path}: byte {start + place + 3}: a parameter that leads out of the parameters")
+        if not offset:
+            break
+        place = after + offset
+    if not used <= groups:
+        raise C3dError(f"{path}: byte {start}: parameters of groups that are not there")
+
+
+def _end_of_data(section: bytes, at: int) -> int:
+    """Find where a parameter's data ends that begins with its type; 0 when it makes no sense."""
+    kind, dimensions = struct.unpack_from("bB", section.ljust(at + 2, b"\0"), at)
+    sizes = section[at + 2 : at + 2 + dimensions]
+    if kind not in (-1, 1, 2, 4) or dimensions > 7 or len(sizes) != dimensions:
+        return 0
+    return at + 2 + dimensions + abs(kind) * math.prod(sizes)
 
 
 def _read(path: Path) -> Any:  # noqa: ANN401 - ezc3d describes no types

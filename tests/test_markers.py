@@ -258,6 +258,28 @@ def test_a_c3d_cut_off_anywhere_is_refused(tmp_path: Path) -> None:
         c3d.read_clip(path)
 
 
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        (b"UNITS\x08\x00", b"UNITS\x02\x00", "a parameter that leads out of the parameters"),
+        (b"UNITS\x08\x00", b"UNITS\xff\x7f", "the parameters have no end"),
+        (b"LABELS\x13\x00\xff", b"LABELS\x13\x00\x07", "a parameter that leads out of the parameters"),
+        (b"\x04\x01USED\x07\x00\x02\x00\x03\x00", b"\x04\x01USED\x07\x00\x02\x00\x03\x80", "USED is below 0"),
+        (b"\x06\xffPOINT"[1:], b"\x80POINT", "parameters of groups that are not there"),
+    ],
+)
+def test_parameters_that_make_no_sense_are_refused(tmp_path: Path, old: bytes, new: bytes, message: str) -> None:
+    """What the reader would trust and run away on is refused before, with the byte."""
+    path = written_c3d(tmp_path / "walk.c3d", walk())
+    content = path.read_bytes()
+    # The program that writes them marks some parameters as locked by a name of negative length.
+    content = content.replace(b"\xfc\x01USED", b"\x04\x01USED")
+    assert old in content
+    path.write_bytes(content.replace(old, new, 1))
+    with pytest.raises(C3dError, match=rf"byte \d+: {message}"):
+        c3d.read_clip(path)
+
+
 def test_a_c3d_with_one_marker_is_refused(tmp_path: Path) -> None:
     """Where fewer than two points have a label there is nothing to measure."""
     path = written_c3d(tmp_path / "walk.c3d", walk()[:, :1], ("hip",))

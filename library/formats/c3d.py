@@ -30,6 +30,8 @@ _NO_PLACES = ("ANGLES", "FORCES", "MOMENTS", "POWERS", "SCALARS", "REACTIONS")
 _BLOCK = 512
 _INTEL = 84
 _MOST_POINTS = 10_000
+#: Parameters by which the reader counts, however large a number below 0 is when it is taken for one above.
+_COUNTS = (b"USED", b"RATIO")
 _HEADER = struct.Struct("<BBHHHHHfHHf")
 
 
@@ -40,9 +42,9 @@ class C3dError(RecordingError):
 def _require_whole(path: Path) -> None:
     """Refuse what is no C3D and what is cut short: the reader would make up what is missing."""
     with path.open("rb") as file:
-        start = file.read(_HEADER.size)
-        parameters, key, points, analog, first, last, _, scale, data, _, _ = _HEADER.unpack(start.ljust(24, b"\0"))
-        if len(start) < _HEADER.size or key != 0x50:
+        start = file.read(_HEADER.size).ljust(_HEADER.size, b"\0")
+        parameters, key, points, analog, first, last, _, scale, data, samples, _ = _HEADER.unpack(start)
+        if key != 0x50 or not parameters:
             raise C3dError(f"{path}: byte 1: expected a C3D's 0x50, got a file of another kind")
         file.seek((parameters - 1) * _BLOCK + 3)
         processor = file.read(1)
@@ -52,11 +54,11 @@ def _require_whole(path: Path) -> None:
     _require_sound_parameters(path, (parameters - 1) * _BLOCK)
     number = 4 if scale < 0 else 2
     frames = last - first + 1
-    # Of more than 65 535 frames the header does not tell how many.
-    if frames < 1 or data < 2 or points > _MOST_POINTS:
-        raise C3dError(f"{path}: byte 2: a header that makes no sense ({points} points, {frames} frames)")
+    if data < 2 or points > _MOST_POINTS or (analog and not samples):
+        raise C3dError(f"{path}: byte 2: a header that makes no sense ({points} points, {analog} analog values)")
     wanted = (data - 1) * _BLOCK + frames * (4 * points + analog) * number
-    if last != 0xFFFF and size < wanted:
+    # Of more than 65 535 frames the header does not tell how many.
+    if first <= last < 0xFFFF and size < wanted:
         raise C3dError(f"{path}: byte {size}: the file ends, expected {wanted} bytes")
 
 
@@ -65,7 +67,7 @@ def _require_sound_parameters(path: Path, start: int) -> None:
     with path.open("rb") as file:
         file.seek(start)
         blocks = file.read(4)[2:3]
-        section = blocks + file.read((blocks[0] if blocks else 0) * _BLOCK - 4)
+        section = blocks + file.read(max(blocks[0] if blocks else 0, 1) * _BLOCK - 4)
     place, groups, used = 1, set[int](), set[int]()
     while True:
         if place + 2 > len(section):
@@ -82,6 +84,9 @@ def _require_sound_parameters(path: Path, start: int) -> None:
             groups.add(-group)
         else:
             used.add(group)
+            called = section[place + 2 : after].upper()
+            if called in _COUNTS and section[at : at + 2] == b"\x02\x00" and section[at + 3 : at + 4] > b"\x7f":
+                raise C3dError(f"{path}: byte {start + place + 3}: {called.decode()} is below 0")
             at = _end_of_data(section, at)
         end = at + 1 + section[at] if 0 < at < len(section) else len(section) + 1
         if end > len(section) or (offset and after + offset < end):
@@ -99,7 +104,7 @@ def _end_of_data(section: bytes, at: int) -> int:
     sizes = section[at + 2 : at + 2 + dimensions]
     if kind not in (-1, 1, 2, 4) or dimensions > 7 or len(sizes) != dimensions:
         return 0
-    return at + 2 + dimensions + abs(kind) * math.prod(sizes)
+    return at + 2 + dimensions + int(abs(kind)) * math.prod(sizes)
 
 
 def _read(path: Path) -> Any:  # noqa: ANN401 - ezc3d describes no types

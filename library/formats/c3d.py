@@ -100,11 +100,13 @@ def _require_sound_parameters(path: Path, start: int) -> None:
 
 def _end_of_data(section: bytes, at: int) -> int:
     """Find where a parameter's data ends that begins with its type; 0 when it makes no sense."""
+    kind: int
+    dimensions: int
     kind, dimensions = struct.unpack_from("bB", section.ljust(at + 2, b"\0"), at)
     sizes = section[at + 2 : at + 2 + dimensions]
     if kind not in (-1, 1, 2, 4) or dimensions > 7 or len(sizes) != dimensions:
         return 0
-    return at + 2 + dimensions + int(abs(kind)) * math.prod(sizes)
+    return at + 2 + dimensions + abs(kind) * math.prod(sizes)
 
 
 def _read(path: Path) -> Any:  # noqa: ANN401 - ezc3d describes no types

@@ -3,7 +3,7 @@
 from library.clip import Clip
 from library.distances import distance_rows
 from library.motionlibrary import Match, Motion, MotionLibrary
-from library.recordings import find_recordings, read_recordings
+from library.recordings import Reading, find_recordings, read_recordings
 from library.signature import Moments, Signature, signature_of, similarity
 from library.skeleton import Skeleton, SkeletonMismatchError
 
@@ -13,6 +13,7 @@ __all__ = [
     "Moments",
     "Motion",
     "MotionLibrary",
+    "Reading",
     "Signature",
     "Skeleton",
     "SkeletonMismatchError",

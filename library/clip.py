@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from library.skeleton import SkeletonMismatchError
+
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
@@ -32,6 +34,8 @@ class Clip:
     rotations
         Joint rotations as recorded, shape (frames, angles), radians; (frames, 0) when the source has none. Only
         the comparison of spaces (`library.retrieval`) looks at them.
+    filled
+        How many of the frames × joints positions the source lacks and straight lines stand for.
 
     Raises
     ------
@@ -48,6 +52,7 @@ class Clip:
     actor: str = ""
     take: str = ""
     rotations: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 0)), repr=False)
+    filled: int = 0
 
     def __post_init__(self) -> None:
         joints = len(self.skeleton.joints)
@@ -76,3 +81,21 @@ class Clip:
     def moved_to(self, positions: NDArray[np.float64]) -> Clip:
         """Give the same clip with other positions, shape (frames, joints, 3), metres."""
         return replace(self, positions=positions)
+
+    def as_of(self, skeleton: Skeleton) -> Clip:
+        """Give the same clip as one of another skeleton that has the same joints, in whatever order.
+
+        Raises
+        ------
+        SkeletonMismatchError
+            One of the two has a joint that the other has not.
+        """
+        if self.skeleton.joints == skeleton.joints:
+            return replace(self, skeleton=skeleton)
+        further = [name for name in self.skeleton.joints if name not in skeleton.joints]
+        if further:
+            raise SkeletonMismatchError(
+                f"clip {self.name!r}: expected the other recordings' {len(skeleton.joints)} joints, "
+                f"got {', '.join(further[:5])}{' ...' if len(further) > 5 else ''} beside them"
+            )
+        return replace(self, skeleton=skeleton, positions=self.positions[:, skeleton.order_from(self.skeleton.joints)])

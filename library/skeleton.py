@@ -87,6 +87,28 @@ class Skeleton:
         """Give the same joints, the rigid parent-child pairs left out (the paper's section 2)."""
         return Skeleton(self.joints, self.parents, with_segments=False)
 
+    def restricted_to(self, kept: Sequence[int]) -> Skeleton:
+        """Give a skeleton of some of the joints, each hanging on the nearest kept joint above it.
+
+        Joints with none above them hang on the first such joint, so that one tree stays one tree.
+
+        Parameters
+        ----------
+        kept
+            Indices of at least two joints, in the order they are to have.
+        """
+        places = {joint: place for place, joint in enumerate(kept)}
+        parents = []
+        for joint in kept:
+            above = self.parents[joint] if self.parents else -1
+            while above >= 0 and above not in places:
+                above = self.parents[above]
+            parents.append(places.get(above, -1))
+        root = parents.index(-1)
+        parents = [root if parent < 0 and place != root else parent for place, parent in enumerate(parents)]
+        names = tuple(self.joints[joint] for joint in kept)
+        return Skeleton(names, tuple(parents) if self.parents else (), self.with_segments)
+
     def order_from(self, joints: Sequence[str]) -> NDArray[np.intp]:
         """Say where each of this skeleton's joints stands in another list of joints.
 

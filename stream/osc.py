@@ -290,6 +290,12 @@ class OscReceiver:
             self.socket.close()
             raise OSError(error.errno, f"{host}:{port}: {error.strerror}") from error
         self.kernel_drops = 0
+        self._sender: tuple[Any, ...] = ()
+
+    @property
+    def sender(self) -> str:
+        """Who sent the last datagram, `host:port`; empty before the first."""
+        return ":".join(map(str, self._sender[:2]))
 
     @property
     def address(self) -> tuple[str, int]:
@@ -301,8 +307,9 @@ class OscReceiver:
         """Take the next datagram; None when there is none now."""
         try:
             if not _COUNTS_DROPS:
-                return self.socket.recv(65535)
-            datagram, ancillary, _, _ = self.socket.recvmsg(65535, 64)
+                datagram, self._sender = self.socket.recvfrom(65535)
+                return datagram
+            datagram, ancillary, _, self._sender = self.socket.recvmsg(65535, 64)
         except (BlockingIOError, InterruptedError):
             return None
         except ConnectionError:

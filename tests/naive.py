@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping, Sequence
+    from collections.abc import Iterable, Iterator, Mapping, Sequence
     from pathlib import Path
 
     from numpy.typing import NDArray
@@ -272,3 +272,40 @@ def clip_positions(asf_path: Path, amc_path: Path, every: int = 1) -> Matrix:
     amc = read_amc(amc_path, asf)
     postures = [posture(asf, frame, amc.angle) for frame in amc.frames[::every]]
     return np.array([[places[joint] for joint in asf.joints] for places in postures])
+
+
+# --- BVH ---------------------------------------------------------------------------------------------------------
+
+
+def bvh_places(  # noqa: PLR0913, PLR0917 - a joint's three and what it inherits
+    offset: Sequence[float],
+    channels: Sequence[str],
+    children: Sequence[object],
+    numbers: Iterator[float],
+    at: Matrix,
+    turned: Matrix,
+) -> list[Matrix]:
+    """Stand a joint and all below it in one frame, by recursion, in the order of the file.
+
+    Parameters
+    ----------
+    offset, channels, children
+        Of the joint; each child has the same three.
+    numbers
+        What is left of the frame's.
+    at, turned
+        Where the parent stands, and its frame.
+    """
+    own = list(map(float, offset))
+    turn = np.eye(3)
+    for channel in channels:
+        axis, value = channel[0].lower(), next(numbers)
+        if channel[1:] == "position":
+            own["xyz".index(axis)] = value
+        else:
+            turn = turn @ turn_about(axis, math.radians(value))
+    here = at + turned @ np.array(own)
+    places = [here]
+    for child in children:
+        places += bvh_places(child.offset, child.channels, child.children, numbers, here, turned @ turn)  # type: ignore[attr-defined]
+    return places

@@ -85,8 +85,8 @@ def test_an_empty_folder_is_named(program: str, tmp_path: Path, capsys: pytest.C
 @pytest.mark.parametrize("program", READERS)
 def test_another_kind_of_file_is_named(program: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """A file that is no recording we read is named with what was expected."""
-    path = tmp_path / "take.bvh"
-    path.write_text("HIERARCHY")
+    path = tmp_path / "take.fbx"
+    path.write_text("Kaydara")
     error = one_line(capsys, *commands_with(path, tmp_path / "made.npz")[program])
     assert error.startswith(f"{path}: expected a recording (.amc")
 

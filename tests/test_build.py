@@ -38,7 +38,9 @@ def test_a_folder_becomes_a_library(tmp_path: Path, capsys: pytest.CaptureFixtur
     np.testing.assert_array_equal(built.means, expected.means)
     output = tmp_path / "mine.npz"
     megabytes = output.stat().st_size / 1e6
-    assert capsys.readouterr().out == f"{output}: 12 motions, 3 classes, {megabytes:.2f} MB\n"
+    told, lacking = capsys.readouterr().out.splitlines()
+    assert told == f"{output}: 12 motions, 3 classes, {megabytes:.2f} MB"
+    assert lacking.startswith("whole motions only, no windows: ")
 
 
 def test_clips_named_like_hdm05s_carry_its_terms(tmp_path: Path) -> None:
@@ -129,12 +131,12 @@ def test_bodies_that_differ_cannot_be_merged(tmp_path: Path, capsys: pytest.Capt
 
 
 def test_the_command_builds_a_library_that_info_reads(tmp_path: Path) -> None:
-    """As a command of its own, build writes a file, says so in one line, and info lists it."""
+    """As a command of its own, build writes a file, says so with what it lacks, and info lists it."""
     write_takes(tmp_path, takes=1)
     status, output, errors = finished("build", tmp_path, "-o", tmp_path / "mine.npz")
     assert (status, errors) == (0, "")
     assert output.startswith(f"{tmp_path / 'mine.npz'}: 6 motions, 3 classes, ")
-    assert output.count("\n") == 1
+    assert output.count("\n") == 2
     status, output, errors = finished("info", tmp_path / "mine.npz")
     assert (status, errors) == (0, "")
     assert "6 motions of 6 joints, 15 pairs measured" in output

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 from programs import ROOT, finished
 
+from library import Reading
 from stream import LiveSignature, Settings
 from tools import build, demo, evaluate, info, latency, live, replay
 from tools.cli import OSC_IN, OSC_OUT, main
@@ -138,14 +139,14 @@ def test_wrong_arguments_end_with_2(arguments: str, asked: list[Call], capsys: p
             "demo --transport zmq --seconds 24 --picture demo.svg --json",
             ("demo", ("zmq",), {"seconds": 24.0, "picture": Path("demo.svg"), "as_json": True}),
         ),
-        ("info", ("info", (None,), {})),
-        ("info mine.npz", ("info", (Path("mine.npz"),), {})),
+        ("info", ("info", (None, Reading()), {})),
+        ("info mine.npz", ("info", (Path("mine.npz"), Reading()), {})),
         (
             "build a b.npz -o c.npz --asf d.asf --frame-rate 60 --licence CC0 --attribution me",
             (
                 "build",
                 ([Path("a"), Path("b.npz")], Path("c.npz")),
-                {"asf": Path("d.asf"), "frame_rate": 60.0, "licence": "CC0", "attribution": "me"},
+                {"reading": Reading(asf=Path("d.asf"), frame_rate=60.0), "licence": "CC0", "attribution": "me"},
             ),
         ),
         (
@@ -229,7 +230,7 @@ def test_wrong_arguments_end_with_2(arguments: str, asked: list[Call], capsys: p
                 "replay",
                 ([Path("a"), Path("b")],),
                 {
-                    "asf": None,
+                    "reading": Reading(),
                     "osc_to": OSC_IN,
                     "zmq_to": None,
                     "listen": None,
@@ -248,7 +249,7 @@ def test_wrong_arguments_end_with_2(arguments: str, asked: list[Call], capsys: p
                 "replay",
                 ([Path("a")],),
                 {
-                    "asf": Path("s.asf"),
+                    "reading": Reading(asf=Path("s.asf")),
                     "osc_to": None,
                     "zmq_to": "t://h:1",
                     "listen": "t://h:2",

@@ -41,7 +41,7 @@ def test_nobody_looking_means_no_progress(capsys: pytest.CaptureFixture[str]) ->
 def test_progress_shows_on_standard_error(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     """On a terminal the bar says what is done and how much of how much, and standard output stays for results."""
     terminal = StringIO()
-    monkeypatch.setattr("tools.console._progress_console", Console(file=terminal, force_terminal=True, width=100))
+    monkeypatch.setattr("tools.console.progress_console", Console(file=terminal, force_terminal=True, width=100))
     assert list(progress(range(3), "Counting", 3)) == [0, 1, 2]
     assert "Counting" in terminal.getvalue()
     assert "3/3" in terminal.getvalue()

@@ -198,14 +198,31 @@ def test_a_picture_of_no_kind_writes_nothing(cut: Path, tmp_path: Path, capsys: 
     assert [path.name for path in tmp_path.iterdir()] == ["cut"]
 
 
-def test_clips_without_labels_cannot_be_evaluated(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """A clip whose name tells neither class nor actor ends with one line that names it."""
+def test_clips_whose_actor_nobody_knows_are_not_held_out_by_actor(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A clip whose name tells no actor ends a protocol by actors with one line that names it."""
     (path,) = write_takes(tmp_path, actors=("bd",), takes=1)[:1]
     (tmp_path / "HDM_bd.asf").rename(tmp_path / "ann.asf")
     path.rename(tmp_path / "ann_7.amc")
-    assert evaluate(tmp_path / "ann_7.amc") == 2
+    assert evaluate(tmp_path / "ann_7.amc", "--protocol", "actor-held-out") == 2
     error = capsys.readouterr().err
-    assert error == "kinespace: ann_7: expected a name that tells class and actor, as HDM05's clips have\n"
+    assert error.startswith("kinespace: ann_7: expected a name that tells the actor, as HDM05's clips have; --actor-in")
+    assert error.count("\n") == 1
+
+
+def test_folders_tell_classes_and_actors(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Clips of other names have their folder's class; without actors one protocol is left, with --actor-in two are."""
+    (tmp_path / "cut").mkdir()
+    for path in write_takes(tmp_path / "cut"):
+        _, actor, _, take, _ = path.stem.split("_")
+        path.rename(path.with_name(f"{actor}_{take}.amc"))
+    for actor in ("bd", "mm"):
+        (tmp_path / "cut" / f"HDM_{actor}.asf").rename(tmp_path / "cut" / f"{actor}.asf")
+    for options, protocols in (((), {"leave-one-out"}), (("--actor-in", "name"), set(Protocol))):
+        assert evaluate(tmp_path / "cut", *options) == 0
+        rows = table_rows(capsys.readouterr().out)
+        assert {row[1] for row in rows} == protocols
 
 
 @pytest.mark.parametrize(("protocol", "actors"), [("actor-held-out", ("bd",)), ("split", ("bd", "bk"))])

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from library import hdm05
-from library.acclaim import read_asf, read_clip
+from library.formats.acclaim import read_asf, read_clip
 
 if TYPE_CHECKING:
     from library.clip import Clip

@@ -40,13 +40,15 @@ def tracked_files() -> list[Path]:
     return [ROOT / name for name in listed.stdout.split("\0") if name]
 
 
-def test_exactly_three_packages_are_shipped() -> None:
-    """The packages are named one by one, and they are all the packages the sources have beside the tests."""
+def test_exactly_three_packages_are_shipped_whole() -> None:
+    """The packages are named one by one, and they are all the sources have beside the tests, those inside included."""
     setuptools = project()["tool"]["setuptools"]
     assert isinstance(setuptools, dict)
-    assert sorted(setuptools["packages"]) == sorted(PACKAGES)
-    there = {path.parent.name for path in ROOT.glob("*/__init__.py")}
-    assert there == set(PACKAGES)
+    there = {".".join(path.relative_to(ROOT).parts[:-1]) for path in ROOT.glob("[!.]*/**/__init__.py")}
+    there = {package for package in there if package.partition(".")[0] in PACKAGES}
+    assert sorted(setuptools["packages"]) == sorted(there)
+    assert {package.partition(".")[0] for package in there} == set(PACKAGES)
+    assert {path.parent.name for path in ROOT.glob("*/__init__.py")} == set(PACKAGES)
 
 
 def test_what_is_declared_as_data_is_there() -> None:

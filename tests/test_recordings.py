@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from synthetic import ARM, TinyBody, TinyBone, amc_text, arm_frames
 
-from library import acclaim
-from library.acclaim import AcclaimError
-from library.recordings import RecordingError, find_recordings, read_recordings
+from library.formats import acclaim
+from library.formats.acclaim import AcclaimError
+from library.recordings import Reading, RecordingError, find_recordings, read_recordings
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -66,7 +66,7 @@ def test_a_folder_without_recordings_is_named(tmp_path: Path, names: list[str]) 
     """Where no recording is in any place the places and the known endings are said."""
     _touch(tmp_path, *names)
     (tmp_path / "second").mkdir()
-    message = re.escape(f"{tmp_path}, {tmp_path / 'second'}: no recording (.amc) in it")
+    message = re.escape(f"{tmp_path}, {tmp_path / 'second'}: no recording (.amc, .bvh, .c3d, .trc) in it")
     with pytest.raises(RecordingError, match=message):
         find_recordings([tmp_path, tmp_path / "second"])
 
@@ -110,7 +110,7 @@ def test_a_given_skeleton_goes_before_the_one_beside(tmp_path: Path) -> None:
     given.write_text(longer.asf())
     nameless = tmp_path / "nameless.amc"
     nameless.write_text(path.read_text())
-    for clip in read_recordings([path, nameless], asf=given):
+    for clip in read_recordings([path, nameless], Reading(asf=given)):
         assert np.linalg.norm(clip.positions[0, 1] - clip.positions[0, 0]) == pytest.approx(9.0)
     (own,) = read_recordings([path])
     assert np.linalg.norm(own.positions[0, 1] - own.positions[0, 0]) == pytest.approx(1.0)
@@ -119,7 +119,7 @@ def test_a_given_skeleton_goes_before_the_one_beside(tmp_path: Path) -> None:
 def test_a_given_frame_rate_holds_for_all(tmp_path: Path) -> None:
     """A frame rate given by hand is every clip's."""
     paths = _write_arm(tmp_path, "arm_1.amc", "arm_2.amc")
-    assert [clip.frame_rate for clip in read_recordings(paths, frame_rate=50.0)] == [50.0, 50.0]
+    assert [clip.frame_rate for clip in read_recordings(paths, Reading(frame_rate=50.0))] == [50.0, 50.0]
     assert [clip.frame_rate for clip in read_recordings(paths)] == [120.0, 120.0]
 
 
@@ -127,14 +127,14 @@ def test_a_given_frame_rate_of_zero_is_refused(tmp_path: Path) -> None:
     """A frame rate of 0 is as bad as a negative one."""
     paths = _write_arm(tmp_path, "arm_1.amc")
     with pytest.raises(ValueError, match="frame_rate: expected a positive number"):
-        list(read_recordings(paths, frame_rate=0.0))
+        list(read_recordings(paths, Reading(frame_rate=0.0)))
 
 
-@pytest.mark.parametrize(("name", "got"), [("walk.bvh", r"\.bvh"), ("walk", "no ending"), ("walk.asf", r"\.asf")])
+@pytest.mark.parametrize(("name", "got"), [("walk.fbx", r"\.fbx"), ("walk", "no ending"), ("walk.asf", r"\.asf")])
 def test_a_file_of_another_kind_is_refused(tmp_path: Path, name: str, got: str) -> None:
     """A file whose ending is no recording's is refused by name, with what is read and what was got."""
     _touch(tmp_path, name)
-    message = re.escape(str(tmp_path / name)) + rf": expected a recording \(\.amc\), got {got}"
+    message = re.escape(str(tmp_path / name)) + rf": expected a recording \(\.amc, \.bvh, \.c3d, \.trc\), got {got}"
     with pytest.raises(RecordingError, match=message):
         list(read_recordings([tmp_path / name]))
 
@@ -161,4 +161,4 @@ def test_a_given_skeleton_that_is_gone_is_an_os_error(tmp_path: Path) -> None:
     """A skeleton given by hand that does not exist is the system's error, which names it."""
     paths = _write_arm(tmp_path, "arm_1.amc")
     with pytest.raises(FileNotFoundError, match=r"absent\.asf"):
-        list(read_recordings(paths, asf=tmp_path / "absent.asf"))
+        list(read_recordings(paths, Reading(asf=tmp_path / "absent.asf")))

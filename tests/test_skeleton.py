@@ -121,3 +121,12 @@ def test_bad_skeletons_are_refused(
     """Joints and parents that cannot describe a body are refused, saying which and why."""
     with pytest.raises(ValueError, match=message):
         Skeleton(joints, parents, with_segments=with_segments)
+
+
+def test_a_part_of_a_skeleton_hangs_together() -> None:
+    """Each kept joint hangs on the nearest kept one above it, the first holds what nothing else does."""
+    whole = Skeleton(("hip", "chest", "head", "arm", "hand"), (-1, 0, 1, 1, 3))
+    assert whole.restricted_to([0, 2, 4]) == Skeleton(("hip", "head", "hand"), (-1, 0, 0))
+    assert whole.restricted_to([4, 3, 1]) == Skeleton(("hand", "arm", "chest"), (1, 2, -1))
+    assert whole.restricted_to([2, 4, 3]) == Skeleton(("head", "hand", "arm"), (-1, 2, 0))
+    assert Skeleton(("a", "b", "c")).restricted_to([2, 0]) == Skeleton(("c", "a"))

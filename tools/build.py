@@ -4,18 +4,21 @@ from __future__ import annotations
 
 import errno
 import os
-from dataclasses import replace
 from functools import reduce
 from typing import TYPE_CHECKING
 
 from library import Clip, MotionLibrary, find_recordings, hdm05, read_recordings
 from library.labels import cut, read_labels
+from library.recordings import labelled
+from library.rigidtree import with_parents
 from library.windowtable import Comparison
 from tools.console import console, progress
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
     from pathlib import Path
+
+    from library import Reading
 
 #: People from whom it can be learned what differs between people doing the same.
 _TEACHERS = 3
@@ -26,8 +29,7 @@ def run(
     output: Path,
     *,
     labels: Sequence[Path],
-    asf: Path | None,
-    frame_rate: float | None,
+    reading: Reading,
     licence: str | None,
     attribution: str | None,
 ) -> int:
@@ -42,26 +44,28 @@ def run(
     labels
         For each recording, in their order, what is performed when: its segments become the motions. None: each
         recording is one motion.
-    asf, frame_rate
-        Of all recordings; as they say themselves when not given.
+    reading
+        How recordings are read.
     licence, attribution
         Of the numbers; HDM05's when not given and all recordings are named so.
     """
     if labels and not any(source.suffix != ".npz" for source in sources):
         raise ValueError("--labels: expected recordings to cut, got libraries only")
     _require_place_for(output)
+    told = list[str]()
     libraries = [MotionLibrary.load(source) for source in sources if source.suffix == ".npz"]
     places = [source for source in sources if source.suffix != ".npz"]
     if places:
         paths = find_recordings(places)
         from_hdm05 = all(hdm05.read_clip_name(path) for path in paths)
-        recordings = read_recordings(paths, asf=asf, frame_rate=frame_rate)
-        clips = progress(recordings, "Reading", len(paths))
-        clips = _cut(clips, paths, labels) if labels else _named(clips, paths)
-        known = list(clips)
+        takes = progress(read_recordings(paths, reading), "Reading", len(paths))
+        clips = list(_cut(takes, paths, labels) if labels else _labelled(takes, paths, reading))
+        known = with_parents([clip.as_of(clips[0].skeleton) for clip in clips])
+        comparison = _comparison(known)
+        told = _lacking(known, comparison)
         library = MotionLibrary.of_clips(
             known,
-            comparison=_comparison(known),
+            comparison=comparison,
             licence=licence or (hdm05.LICENCE if from_hdm05 else ""),
             attribution=attribution or (hdm05.ATTRIBUTION if from_hdm05 else ""),
         )
@@ -72,6 +76,8 @@ def run(
         f"{output}: {len(merged)} motions, {len(merged.classes)} classes, {output.stat().st_size / 1e6:.2f} MB",
         soft_wrap=True,
     )
+    for line in told:
+        console.print(line, soft_wrap=True)
     return 0
 
 
@@ -98,10 +104,24 @@ def _require_place_for(output: Path) -> None:
         raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), str(output.parent))
 
 
-def _named(clips: Iterator[Clip], paths: Sequence[Path]) -> Iterator[Clip]:
-    """Give clips whose names tell no class their folder's name."""
+def _lacking(clips: Sequence[Clip], comparison: Comparison | None) -> list[str]:
+    """Say what the recordings lacked, and what the library will lack."""
+    told = list[str]()
+    filled = sum(clip.filled for clip in clips)
+    if filled:
+        every = sum(clip.frames * len(clip.skeleton.joints) for clip in clips)
+        told.append(f"{filled} of {every} joint positions were missing and stand on straight lines")
+    if comparison is None:
+        told.append(
+            "whole motions only, no windows: the joints are not the built-in library's, and how people differ must be "
+            f"learned from {_TEACHERS} of them or more who share classes (--actor-in says where their names stand)"
+        )
+    return told
+
+
+def _labelled(clips: Iterator[Clip], paths: Sequence[Path], reading: Reading) -> Iterator[Clip]:
     for clip, path in zip(clips, paths, strict=True):
-        yield clip if clip.class_name else replace(clip, class_name=path.absolute().parent.name, take=clip.name)
+        yield labelled(clip, path, reading.actor_in)
 
 
 def _cut(takes: Iterator[Clip], paths: Sequence[Path], labels: Sequence[Path]) -> Iterator[Clip]:

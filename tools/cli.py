@@ -9,6 +9,7 @@ from io import TextIOWrapper
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from library.recordings import ActorIn, Reading
 from stream.recognizer import LiveSignature, Settings
 
 if TYPE_CHECKING:
@@ -56,7 +57,17 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--version", action="version", version=f"kinespace {_version()}")
     programs = parser.add_subparsers(title="programs", required=True, metavar="PROGRAM")
-    for add in (_add_demo, _add_live, _add_replay, _add_latency, _add_build, _add_info, _add_evaluate):
+    for add in (
+        _add_demo,
+        _add_live,
+        _add_replay,
+        _add_record,
+        _add_convert,
+        _add_latency,
+        _add_build,
+        _add_info,
+        _add_evaluate,
+    ):
         add(programs)
     return parser
 
@@ -105,6 +116,7 @@ def _add_live(programs: Programs[argparse.ArgumentParser]) -> None:
     live.add_argument("--library", type=Path, metavar="FILE", help="a motion library (default: the built-in one)")
     _add_settings(live)
     live.add_argument("--performers", type=int, default=32, help="how many at once, at most (default %(default)s)")
+    live.add_argument("--record", type=Path, metavar="FILE", help="keep every packet that comes, for replay")
     live.add_argument("--plain", action="store_true", help="print a line per change instead of a table")
     live.set_defaults(run=_run_live)
 
@@ -120,7 +132,12 @@ def _run_live(parsed: argparse.Namespace) -> int:
         zmq_out=parsed.zmq_out,
     )
     return live.run(
-        addresses, library=parsed.library, settings=_settings(parsed), most=parsed.performers, plain=parsed.plain
+        addresses,
+        library=parsed.library,
+        settings=_settings(parsed),
+        most=parsed.performers,
+        plain=parsed.plain,
+        record=parsed.record,
     )
 
 
@@ -129,10 +146,12 @@ def _add_replay(programs: Programs[argparse.ArgumentParser]) -> None:
         "replay",
         help="send recorded files as a fake live feed",
         description="Sends recordings as live packets on an absolute schedule. With --listen it hears the answers and "
-        "prints the share that was right, for clips whose names tell their class.",
+        "prints the share that was right; a clip's class is in its name (HDM05) or is its folder's name.",
     )
-    replay.add_argument("clips", nargs="+", type=Path, metavar="CLIP", help="recordings, or folders of them")
-    replay.add_argument("--asf", type=Path, help="skeleton of AMC files (default: found by name)")
+    replay.add_argument(
+        "clips", nargs="+", type=Path, metavar="CLIP", help="recordings, or folders of them, or one .kinerec"
+    )
+    _add_reading(replay)
     replay.add_argument("--osc", metavar="HOST:PORT", help=f"send OSC there (default {OSC_IN})")
     replay.add_argument(
         "--zmq", metavar="ENDPOINT", help="publish on ZeroMQ instead; connects, put @ before it to bind"
@@ -141,6 +160,8 @@ def _add_replay(programs: Programs[argparse.ArgumentParser]) -> None:
     replay.add_argument("--performer", default="replay", help="who performs (default %(default)s)")
     replay.add_argument("--speed", type=_positive, default=1.0, help="times as fast as recorded (default %(default)s)")
     replay.add_argument("--pause", type=_not_negative, default=1.0, help="seconds between clips (default %(default)s)")
+    replay.add_argument("--from", type=_not_negative, default=0.0, dest="begin", metavar="S", help="begin there")
+    replay.add_argument("--to", type=_positive, dest="end", metavar="S", help="end there, seconds of each recording")
     replay.add_argument("--loop", action="store_true", help="begin again after the last clip, until Ctrl-C")
     replay.add_argument("--drop", type=_share, default=0.0, metavar="SHARE", help="lose this share of frames")
     replay.add_argument("--jitter-ms", type=_not_negative, default=0.0, metavar="MS", help="be late by up to this")
@@ -156,14 +177,61 @@ def _run_replay(parsed: argparse.Namespace) -> int:
     faults = replay.Faults(drop=parsed.drop, jitter=parsed.jitter_ms / 1000, reorder=parsed.reorder, seed=parsed.seed)
     return replay.run(
         parsed.clips,
-        asf=parsed.asf,
+        reading=_reading(parsed),
         osc_to=parsed.osc or (None if parsed.zmq else OSC_IN),
         zmq_to=parsed.zmq,
         listen=parsed.listen,
-        course=replay.Course(parsed.performer, speed=parsed.speed, pause=parsed.pause, loop=parsed.loop),
+        course=replay.Course(
+            parsed.performer,
+            speed=parsed.speed,
+            pause=parsed.pause,
+            loop=parsed.loop,
+            begin=parsed.begin,
+            end=parsed.end,
+        ),
         faults=faults,
         as_json=parsed.json,
     )
+
+
+def _add_record(programs: Programs[argparse.ArgumentParser]) -> None:
+    record = programs.add_parser(
+        "record",
+        help="keep a feed's packets as they come, to replay them",
+        description="Keeps every packet with its arrival time and sender until Ctrl-C. A crash costs the last second "
+        "at most. kinespace replay sends the file again bit for bit; kinespace live --record keeps what it hears.",
+    )
+    record.add_argument("output", type=Path, metavar="FILE", help="to make, like tonight.kinerec")
+    record.add_argument("--osc-in", metavar="HOST:PORT", help=f"listen for OSC here (default {OSC_IN})")
+    record.add_argument("--zmq-in", metavar="ENDPOINT", help="subscribe to ZeroMQ, like tcp://127.0.0.1:9320")
+    record.add_argument("--seconds", type=_positive, help="how long (default: until Ctrl-C)")
+    record.set_defaults(run=_run_record)
+
+
+def _run_record(parsed: argparse.Namespace) -> int:
+    from tools import record  # noqa: PLC0415 - as above
+
+    osc_in = parsed.osc_in or (None if parsed.zmq_in else OSC_IN)
+    return record.run(parsed.output, osc_in=osc_in, zmq_in=parsed.zmq_in, seconds=parsed.seconds)
+
+
+def _add_convert(programs: Programs[argparse.ArgumentParser]) -> None:
+    convert = programs.add_parser(
+        "convert",
+        help="a raw recording or a motion file as plain numbers",
+        description="Writes times and joint positions (seconds, metres) as .npz, or as CSV with a line for each frame.",
+    )
+    convert.add_argument("source", type=Path, metavar="FILE", help="a .kinerec or a motion file")
+    convert.add_argument("-o", "--output", type=Path, required=True, metavar="FILE", help="ending in .npz or .csv")
+    convert.add_argument("--performer", help="whose frames, where there are several performers")
+    _add_reading(convert)
+    convert.set_defaults(run=_run_convert)
+
+
+def _run_convert(parsed: argparse.Namespace) -> int:
+    from tools import convert  # noqa: PLC0415 - as above
+
+    return convert.run(parsed.source, parsed.output, performer=parsed.performer, reading=_reading(parsed))
 
 
 def _add_latency(programs: Programs[argparse.ArgumentParser]) -> None:
@@ -213,8 +281,8 @@ def _add_build(programs: Programs[argparse.ArgumentParser]) -> None:
         metavar="CSV",
         help="start_s,end_s,label for each recording, in order: cut it into these motions",
     )
-    build.add_argument("--asf", type=Path, help="skeleton of AMC files (default: found by name)")
-    build.add_argument("--frame-rate", type=_positive, metavar="HZ", help="of all recordings (default: as they say)")
+    _add_reading(build)
+    _add_actor_in(build)
     build.add_argument("--licence", help="terms of the numbers (default: HDM05's, when all clips are named so)")
     build.add_argument("--attribution", help="whom to name (default: HDM05's, when all clips are named so)")
     build.set_defaults(run=_run_build)
@@ -227,23 +295,25 @@ def _run_build(parsed: argparse.Namespace) -> int:
         parsed.sources,
         parsed.output,
         labels=parsed.labels,
-        asf=parsed.asf,
-        frame_rate=parsed.frame_rate,
+        reading=_reading(parsed),
         licence=parsed.licence,
         attribution=parsed.attribution,
     )
 
 
 def _add_info(programs: Programs[argparse.ArgumentParser]) -> None:
-    info = programs.add_parser("info", help="say what is in a motion library")
-    info.add_argument("file", nargs="?", type=Path, metavar="FILE", help="default: the built-in library")
+    info = programs.add_parser("info", help="say what is in a motion library or in recordings")
+    info.add_argument(
+        "file", nargs="?", type=Path, metavar="FILE", help="a library, a recording or a folder (default: built-in)"
+    )
+    _add_reading(info)
     info.set_defaults(run=_run_info)
 
 
 def _run_info(parsed: argparse.Namespace) -> int:
     from tools import info  # noqa: PLC0415 - as above
 
-    return info.run(parsed.file)
+    return info.run(parsed.file, _reading(parsed))
 
 
 def _add_evaluate(programs: Programs[argparse.ArgumentParser]) -> None:
@@ -256,6 +326,8 @@ def _add_evaluate(programs: Programs[argparse.ArgumentParser]) -> None:
         "nearest is, in the spaces of joint distances, joint positions and joint rotations.",
     )
     retrieval.add_argument("folder", nargs="+", type=Path, metavar="FOLDER", help="recordings, or folders of them")
+    _add_reading(retrieval)
+    _add_actor_in(retrieval)
     retrieval.add_argument("--space", choices=("distances", "positions", "rotations"), help="default: all")
     retrieval.add_argument("--signature", choices=("eigenvector", "spread"), help="default: both, for distances")
     retrieval.add_argument("--protocol", choices=("leave-one-out", "actor-held-out", "split"), help="default: all")
@@ -284,6 +356,7 @@ def _add_evaluate_stream(kinds: Programs[argparse.ArgumentParser]) -> None:
         "sockets, and compares what was published at each moment with what was performed at that moment.",
     )
     stream.add_argument("takes", nargs="+", type=Path, metavar="TAKE", help="recordings, or folders of them")
+    _add_reading(stream)
     stream.add_argument(
         "--labels",
         nargs="+",
@@ -315,6 +388,7 @@ def _run_evaluate_stream(parsed: argparse.Namespace) -> int:
 
     return evaluate_stream.run(
         parsed.takes,
+        reading=_reading(parsed),
         labels=parsed.labels,
         library=parsed.library,
         leave_one_out=parsed.protocol == "leave-one-take-out",
@@ -331,12 +405,43 @@ def _run_retrieval(parsed: argparse.Namespace) -> int:
 
     return evaluate.run_retrieval(
         parsed.folder,
+        reading=_reading(parsed),
         space=parsed.space,
         signature=parsed.signature,
         protocol=parsed.protocol,
         turned_by=parsed.seed if parsed.turned else None,
         picture=parsed.picture,
         as_json=parsed.json,
+    )
+
+
+def _add_reading(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--asf", type=Path, help="skeleton of AMC files (default: found by name)")
+    parser.add_argument("--frame-rate", type=_positive, metavar="HZ", help="of all recordings (default: as they say)")
+    parser.add_argument(
+        "--unit", default="", help="of BVH, C3D and TRC: m, cm, mm, in, ft or metres (default: as they say, or by size)"
+    )
+    parser.add_argument(
+        "--joints", type=_names, default=(), metavar="A,B,...", help="only these joints or markers; * and ? fit any"
+    )
+
+
+def _add_actor_in(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--actor-in",
+        choices=[each.value for each in ActorIn],
+        default=ActorIn.NOWHERE.value,
+        help="who performs: the file's name up to the first underscore, or the folder above its class's",
+    )
+
+
+def _reading(parsed: argparse.Namespace) -> Reading:
+    return Reading(
+        asf=parsed.asf,
+        frame_rate=parsed.frame_rate,
+        unit=parsed.unit,
+        joints=parsed.joints,
+        actor_in=ActorIn(getattr(parsed, "actor_in", ActorIn.NOWHERE)),
     )
 
 
@@ -380,6 +485,13 @@ def _number(text: str) -> float:
         return float(text)
     except ValueError:
         raise argparse.ArgumentTypeError(f"expected a number, got {text!r}") from None
+
+
+def _names(text: str) -> tuple[str, ...]:
+    names = tuple(name.strip() for name in text.split(",") if name.strip())
+    if not names:
+        raise argparse.ArgumentTypeError(f"expected names with commas between, got {text!r}")
+    return names
 
 
 def _mapping(text: str) -> tuple[str, str]:

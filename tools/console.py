@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 #: like rich's markup in them is a name too, and must not be able to end a program.
 console = Console(highlight=False, markup=False, emoji=False)
 #: Progress goes to standard error, so that it never mixes with results.
-_progress_console = Console(stderr=True)
+progress_console = Console(stderr=True)
 
 _Item = TypeVar("_Item")
 
@@ -27,7 +27,5 @@ def printable(name: str) -> str:
 def progress(work: Iterable[_Item], what: str, total: int | None) -> Iterator[_Item]:
     """Pass pieces of work through, showing how many of the total (None: endless) are done; silent when nobody looks."""
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
-    with Progress(
-        *columns, console=_progress_console, transient=True, disable=not _progress_console.is_terminal
-    ) as bar:
+    with Progress(*columns, console=progress_console, transient=True, disable=not progress_console.is_terminal) as bar:
         yield from bar.track(work, total=total, description=what)

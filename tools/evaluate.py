@@ -10,7 +10,9 @@ import numpy as np
 from rich.table import Table
 
 from library import find_recordings, read_recordings
+from library.recordings import labelled
 from library.retrieval import (
+    SPLIT_LIBRARY_ACTORS,
     Labels,
     Protocol,
     Retrieval,
@@ -29,7 +31,9 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
     from pathlib import Path
 
-    from library import Clip
+    from library import Clip, Reading
+
+_WITHOUT_ROTATIONS = [Space.DISTANCES, Space.POSITIONS]
 
 Results = dict[tuple[Space, SignatureKind, Protocol], Retrieval]
 
@@ -37,6 +41,7 @@ Results = dict[tuple[Space, SignatureKind, Protocol], Retrieval]
 def run_retrieval(
     places: Sequence[Path],
     *,
+    reading: Reading,
     space: str | None,
     signature: str | None,
     protocol: str | None,
@@ -50,8 +55,10 @@ def run_retrieval(
     ----------
     places
         Recordings, or folders of them.
+    reading
+        How they are read.
     space, signature, protocol
-        One of each, or None for all.
+        One of each, or None for all that the recordings allow.
     turned_by
         Seed with which clips are first turned and shifted; None to take them as recorded.
     picture
@@ -64,10 +71,12 @@ def run_retrieval(
         signature = signature or SignatureKind.EIGENVECTOR
     if signature == SignatureKind.SPREAD and space not in (None, Space.DISTANCES):
         raise ValueError(f"--signature spread: expected --space distances with it, got {space}")
-    clips = _clips(places, turned_by)
-    protocols = [Protocol(protocol)] if protocol else list(Protocol)
+    clips = _clips(places, reading, turned_by)
+    protocols = [Protocol(protocol)] if protocol else _protocols(clips)
+    _require_actors(clips, protocols)
     # The picture compares the paper's three spaces, whatever is printed.
-    wanted = [Space(space)] if space and not picture else list(Space)
+    spaces = list(Space) if picture or all(clip.rotations.size for clip in clips) else _WITHOUT_ROTATIONS
+    wanted = [Space(space)] if space and not picture else spaces
     results = _retrieve(clips, wanted, protocols)
     if picture:
         drawn = Protocol(protocol) if protocol else Protocol.LEAVE_ONE_OUT
@@ -84,12 +93,11 @@ def run_retrieval(
     return 0
 
 
-def _clips(places: Sequence[Path], turned_by: int | None) -> list[Clip]:
+def _clips(places: Sequence[Path], reading: Reading, turned_by: int | None) -> list[Clip]:
     paths = find_recordings(places)
-    clips = list(progress(read_recordings(paths), "Reading", len(paths)))
-    unnamed = [clip.name for clip in clips if not clip.class_name or not clip.actor]
-    if unnamed:
-        raise ValueError(f"{unnamed[0]}: expected a name that tells class and actor, as HDM05's clips have")
+    read = progress(read_recordings(paths, reading), "Reading", len(paths))
+    clips = [labelled(clip, path, reading.actor_in) for clip, path in zip(read, paths, strict=True)]
+    clips = [clip.as_of(clips[0].skeleton) for clip in clips]
     short = [clip.name for clip in clips if clip.frames < 2]
     if short:
         raise ValueError(f"{short[0]}: expected a motion of at least 2 frames, got one")
@@ -97,6 +105,25 @@ def _clips(places: Sequence[Path], turned_by: int | None) -> list[Clip]:
         return clips
     generator = np.random.default_rng(turned_by)
     return [turned(clip, generator) for clip in clips]
+
+
+def _protocols(clips: Sequence[Clip]) -> list[Protocol]:
+    """List the protocols for which enough is known of who performs."""
+    actors = {clip.actor for clip in clips}
+    protocols = [Protocol.LEAVE_ONE_OUT]
+    if len(actors) > 1 and "" not in actors:
+        protocols.append(Protocol.ACTOR_HELD_OUT)
+        if actors & set(SPLIT_LIBRARY_ACTORS) and actors - set(SPLIT_LIBRARY_ACTORS):
+            protocols.append(Protocol.SPLIT)
+    return protocols
+
+
+def _require_actors(clips: Sequence[Clip], protocols: Sequence[Protocol]) -> None:
+    unnamed = [clip.name for clip in clips if not clip.actor]
+    if unnamed and any(protocol is not Protocol.LEAVE_ONE_OUT for protocol in protocols):
+        raise ValueError(
+            f"{unnamed[0]}: expected a name that tells the actor, as HDM05's clips have; --actor-in says where it is"
+        )
 
 
 def _retrieve(clips: Sequence[Clip], spaces: Sequence[Space], protocols: Sequence[Protocol]) -> Results:
@@ -139,9 +166,10 @@ def _print_table(results: Results, turned_by: int | None) -> None:
         table.add_column(heading)
     for heading in ("motions", "nearest", "one of two"):
         table.add_column(heading, justify="right")
+    last = max((protocol for _, _, protocol in results), key=list(Protocol).index)
     for (space, signature, protocol), result in sorted(results.items(), key=lambda each: each[0][0]):
         row = (f"{result.motions}", f"{result.nearest:.1%}", f"{result.two_nearest:.1%}")
-        table.add_row(space, signature, protocol, *row, end_section=protocol == Protocol.SPLIT)
+        table.add_row(space, signature, protocol, *row, end_section=protocol == last)
     console.print(table)
 
 

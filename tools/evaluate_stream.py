@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
     from pathlib import Path
 
-    from library import Clip
+    from library import Clip, Reading
 
 #: Seconds that must lie in a segment for a moment to count as inside it, whatever the recogniser looks at.
 _INSIDE = 1.0
@@ -31,6 +31,7 @@ LabelledTake = tuple["Clip", tuple[Segment, ...]]
 def run(
     places: Sequence[Path],
     *,
+    reading: Reading,
     labels: Sequence[Path],
     library: Path | None,
     leave_one_out: bool,
@@ -46,6 +47,8 @@ def run(
     ----------
     places
         Takes, or folders of them.
+    reading
+        How they are read.
     labels
         The takes' labels, in their order; each take's own, beside it and ending in `.csv`, when none is given.
     library
@@ -61,7 +64,7 @@ def run(
     as_json
         Print one JSON object and nothing else.
     """
-    takes = _labelled_takes(places, labels, names)
+    takes = _labelled_takes(places, reading, labels, names)
     if leave_one_out:
         libraries = [_library_of_others(takes, index) for index in range(len(takes))]
     else:
@@ -103,7 +106,7 @@ def replay(
     classes
         All classes of an evaluation, the library's among them: what indices count in.
     """
-    library.skeleton.require_same(take.skeleton)
+    take = take.as_of(library.skeleton)
     recognizer = Recognizer(library, settings)
     recognitions = list[Recognition]()
     for time, positions in zip(take.times.tolist(), take.positions, strict=True):
@@ -122,13 +125,15 @@ def replay(
     )
 
 
-def _labelled_takes(places: Sequence[Path], labels: Sequence[Path], names: Mapping[str, str]) -> list[LabelledTake]:
+def _labelled_takes(
+    places: Sequence[Path], reading: Reading, labels: Sequence[Path], names: Mapping[str, str]
+) -> list[LabelledTake]:
     paths = find_recordings(places)
     if labels and len(labels) != len(paths):
         raise ValueError(f"--labels: expected one for each of {len(paths)} takes, got {len(labels)}")
     files = labels or [path.with_suffix(".csv") for path in paths]
     segments = [renamed(read_labels(file), names) for file in files]
-    return list(zip(progress(read_recordings(paths), "Reading", len(paths)), segments, strict=True))
+    return list(zip(progress(read_recordings(paths, reading), "Reading", len(paths)), segments, strict=True))
 
 
 def _library_of_others(takes: Sequence[LabelledTake], held_out: int) -> MotionLibrary:
@@ -136,9 +141,10 @@ def _library_of_others(takes: Sequence[LabelledTake], held_out: int) -> MotionLi
     if not others:
         raise ValueError("--protocol leave-one-take-out: expected at least two takes, got one")
     builtin = MotionLibrary.builtin()
-    same = takes[0][0].skeleton.joints == builtin.skeleton.joints
+    skeleton = takes[0][0].skeleton
+    same = skeleton.joints == builtin.skeleton.joints
     return MotionLibrary.of_clips(
-        (clip for take, segments in others for clip in cut(take, segments)),
+        (clip for take, segments in others for clip in cut(take.as_of(skeleton), segments)),
         comparison=builtin.windows.comparison if same and builtin.windows else None,
     )
 

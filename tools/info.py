@@ -1,20 +1,87 @@
-"""`kinespace info`: what is in a motion library."""
+"""`kinespace info`: what is in a motion library, or in recordings."""
 
 from __future__ import annotations
 
+from collections import Counter
 from itertools import groupby
 from typing import TYPE_CHECKING
 
+import numpy as np
 from rich.table import Table
 
-from library import MotionLibrary
-from tools.console import console
+from library import MotionLibrary, distance_rows, find_recordings, read_recordings
+from library.recordings import is_recording
+from stream.frame import Frame
+from stream.rawfile import ENDING, RawFile
+from stream.rerun import decoded
+from tools.console import console, printable, progress
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
     from pathlib import Path
 
+    from library import Reading
+    from stream.rawfile import RawPacket
 
-def run(file: Path | None) -> int:
+
+def run(file: Path | None, reading: Reading) -> int:
+    """Say what a file holds, or a folder's recordings."""
+    if file and (is_recording(file) or (file.is_dir() and file.suffix != ".npz")):
+        return _tell_recordings(file, reading)
+    if file and file.suffix.lower() == ENDING:
+        return _tell_raw(file)
+    return _tell_library(file)
+
+
+def _tell_raw(file: Path) -> int:
+    """Print what a raw recording holds and, if it is cut off, where."""
+    recording = RawFile(file)
+    senders, performers = Counter[str](), Counter[str]()
+    arrivals = list[float]()
+
+    def noting() -> Iterator[RawPacket]:
+        for packet in progress(recording.packets(), "Reading", None):
+            senders[f"{recording.header.sources[packet.source]} from {packet.sender or 'unnamed senders'}"] += 1
+            # The first and the last.
+            arrivals[1 if arrivals else 0 :] = [packet.arrival]
+            yield packet
+
+    for each in decoded(recording.header, noting()):
+        performers.update(event.performer for event in each.events if isinstance(event, Frame))
+    console.print(f"{file}: recorded {recording.header.began}, {arrivals[-1] - arrivals[0] if arrivals else 0:.1f} s")
+    for sender, count in senders.items():
+        console.print(f"{printable(sender)}: {count} packets", soft_wrap=True)
+    for performer, count in performers.items():
+        console.print(f"performer {printable(performer)}: {count} frames", soft_wrap=True)
+    if recording.damage():
+        console.print(recording.damage(), soft_wrap=True)
+    return 0
+
+
+def _tell_recordings(place: Path, reading: Reading) -> int:
+    """Print a row for each recording and, of a single one, its joints."""
+    paths = find_recordings([place])
+    table = Table(title=str(place), title_justify="left")
+    table.add_column("recording", overflow="fold")
+    for heading in ("seconds", "frames/s", "joints", "metres across", "filled in"):
+        table.add_column(heading, justify="right")
+    for path, clip in zip(paths, progress(read_recordings(paths, reading), "Reading", len(paths)), strict=True):
+        across = float(np.median(distance_rows(clip.positions, clip.skeleton).max(axis=1)))
+        table.add_row(
+            str(path.relative_to(place)) if place.is_dir() else path.name,
+            f"{clip.duration:.1f}",
+            f"{clip.frame_rate:g}",
+            str(len(clip.skeleton.joints)),
+            f"{across:.2f}",
+            f"{clip.filled / (clip.frames * len(clip.skeleton.joints)):.1%}",
+        )
+    console.print(table)
+    if len(paths) == 1:
+        console.print(f"joints: {', '.join(map(printable, clip.skeleton.joints))}", soft_wrap=True)
+    return 0
+
+
+def _tell_library(file: Path | None) -> int:
     """Print a library's motions by class, its skeleton, licence and attribution."""
     library = MotionLibrary.load(file) if file else MotionLibrary.builtin()
     table = Table(title=str(file or "the built-in library"), title_justify="left")

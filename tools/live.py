@@ -7,7 +7,7 @@ import signal
 import sys
 import threading
 import time
-from contextlib import ExitStack
+from contextlib import ExitStack, nullcontext
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -16,8 +16,10 @@ from rich.live import Live
 from library import MotionLibrary
 from stream import osc, zeromq
 from stream.performers import Performers
+from stream.rawfile import RawWriter
 from stream.recognizer import Recognizer
 from stream.service import OscSink, OscSource, Service, Sink, Source, ZmqSink, ZmqSource
+from stream.tap import TappedSource, described
 from tools.address import host_and_port
 from tools.console import console
 from tools.livetable import LiveTable, PlainLines, summary
@@ -43,14 +45,23 @@ class Addresses:
     zmq_out: str | None = None
 
 
-def run(addresses: Addresses, *, library: Path | None, settings: Settings, most: int, plain: bool) -> int:
+def run(
+    addresses: Addresses,
+    *,
+    library: Path | None,
+    settings: Settings,
+    most: int,
+    plain: bool,
+    record: Path | None = None,
+) -> int:
     """Open the addresses, recognise until interrupted, print the counts."""
     motions = MotionLibrary.load(library) if library else MotionLibrary.builtin()
     _require_room_for(motions, settings)
     performers = Performers(motions, settings, most=most)
     shown: PlainLines | LiveTable = PlainLines() if plain or not console.is_terminal else LiveTable(motions.classes)
     sources, sinks = _open(addresses)
-    with Service(performers, sources, [*sinks, shown]) as service:
+    kept = _recorded(sources, record) if record else None
+    with kept or nullcontext(), Service(performers, sources, [*sinks, shown]) as service:
         _announce(sources, sinks)
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, lambda *_: service.stop())
@@ -62,7 +73,22 @@ def run(addresses: Addresses, *, library: Path | None, settings: Settings, most:
             service.run()
         status = service.status()
     console.print(summary(status), soft_wrap=True)
+    if kept:
+        console.print(f"{record}: {kept.written} packets, {kept.failed} could not be written", soft_wrap=True)
     return 0
+
+
+def _recorded(sources: list[Source], record: Path) -> RawWriter:
+    """Let every source's packets be kept on their way; the sources are closed again if they cannot be."""
+    taps = [source for source in sources if isinstance(source, (OscSource, ZmqSource))]
+    try:
+        writer = RawWriter(record, [described(source) for source in taps])
+    except OSError:
+        for source in sources:
+            source.close()
+        raise
+    sources[:] = [TappedSource(source, writer, index) for index, source in enumerate(taps)]
+    return writer
 
 
 def _require_room_for(motions: MotionLibrary, settings: Settings) -> None:

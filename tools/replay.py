@@ -6,7 +6,7 @@ import json
 import time
 from collections import Counter
 from contextlib import ExitStack, suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import cycle
 from typing import TYPE_CHECKING
 
@@ -14,8 +14,11 @@ import numpy as np
 from rich.table import Table
 
 from library import find_recordings, read_recordings
+from library.recordings import labelled
 from stream import osc, zeromq
 from stream.frame import Announcement
+from stream.rawfile import ENDING
+from tools import replayraw
 from tools.address import host_and_port
 from tools.console import console, progress
 from tools.feed import (
@@ -34,6 +37,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
     from pathlib import Path
 
+    from library import Clip, Reading
     from tools.feed import Cue, FrameSender
     from tools.listener import Heard
 
@@ -45,12 +49,18 @@ _MEETING = 0.5
 
 @dataclass(frozen=True, slots=True)
 class Course:
-    """Who performs, how fast, with which pauses, once or for ever."""
+    """Who performs, how fast, with which pauses, once or for ever, from when to when of each recording (seconds)."""
 
     performer: str
     speed: float = 1.0
     pause: float = 1.0
     loop: bool = False
+    begin: float = 0.0
+    end: float | None = None
+
+    def __post_init__(self) -> None:
+        if self.end is not None and self.end <= self.begin:
+            raise ValueError(f"--to: expected more than --from ({self.begin:g}), got {self.end:g}")
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,7 +112,7 @@ class Score:
 def run(
     places: Sequence[Path],
     *,
-    asf: Path | None,
+    reading: Reading,
     osc_to: str | None,
     zmq_to: str | None,
     listen: str | None,
@@ -111,8 +121,15 @@ def run(
     as_json: bool,
 ) -> int:
     """Send the recordings; with `listen`, print what share of the answers was right."""
+    raw = [place for place in places if place.suffix.lower() == ENDING]
+    if raw:
+        return _run_raw(places, osc_to=osc_to, zmq_to=zmq_to, listen=listen, course=course, faults=faults, json=as_json)
     paths = find_recordings(places)
-    clips = list(progress(read_recordings(paths, asf=asf), "Reading", len(paths)))
+    read = list(progress(read_recordings(paths, reading), "Reading", len(paths)))
+    clips = [
+        labelled(_cut(clip.as_of(read[0].skeleton), course.begin, course.end), path)
+        for clip, path in zip(read, paths, strict=True)
+    ]
     announcement = Announcement(course.performer, clips[0].skeleton.joints)
     source = cycle(clips) if course.loop else clips
     cues = faults.applied(clip_cues(source, course.performer, speed=course.speed, pause=course.pause))
@@ -131,6 +148,41 @@ def run(
             replaying.play(progress(cues, "Sending", total))
     replaying.report(as_json=as_json)
     return 0
+
+
+def _run_raw(
+    places: Sequence[Path],
+    *,
+    osc_to: str | None,
+    zmq_to: str | None,
+    listen: str | None,
+    course: Course,
+    faults: Faults,
+    json: bool,
+) -> int:
+    """Send a raw recording; what would change its packets, or needs to know what they say, is refused."""
+    if len(places) != 1:
+        raise ValueError(f"replay: expected one {ENDING} alone, got {len(places)} recordings")
+    if listen or faults != Faults(seed=faults.seed):
+        raise ValueError(f"replay: {ENDING} is sent bit for bit: no --listen, --drop, --jitter-ms or --reorder")
+    return replayraw.run(
+        places[0],
+        osc_to=osc_to,
+        zmq_to=zmq_to,
+        speed=course.speed,
+        loop=course.loop,
+        begin=course.begin,
+        end=course.end,
+        as_json=json,
+    )
+
+
+def _cut(clip: Clip, begin: float, end: float | None) -> Clip:
+    """Give the part of a clip between two moments, seconds from its start."""
+    first, last = round(begin * clip.frame_rate), None if end is None else round(end * clip.frame_rate)
+    if not len(clip.positions[first:last]):
+        raise ValueError(f"clip {clip.name!r}: expected --from and --to within its {clip.duration:.2f} s")
+    return replace(clip, positions=clip.positions[first:last], rotations=clip.rotations[first:last])
 
 
 class _Replay:

@@ -18,6 +18,9 @@ from scipy.spatial.transform import Rotation
 
 from library import hdm05
 from library.clip import Clip
+from library.formats.error import RecordingError
+from library.formats.gaps import with_missing_frames
+from library.formats.turning import turn_about
 from library.skeleton import Skeleton
 
 if TYPE_CHECKING:
@@ -33,7 +36,7 @@ DEFAULT_FRAME_RATE = 120.0
 AngleUnit = Literal["deg", "rad"]
 
 
-class AcclaimError(ValueError):
+class AcclaimError(RecordingError):
     """An ASF or AMC file cannot be used; the message names the file and, where there is one, the line."""
 
 
@@ -420,20 +423,8 @@ def _rotation(bone: Bone, own: NDArray[np.float64]) -> NDArray[np.float64]:
     composed = np.broadcast_to(np.eye(3), (len(own), 3, 3))
     for name in bone.axis_order:
         if f"r{name}" in bone.channels:
-            composed = _turn_about(name, own[:, bone.channels.index(f"r{name}")]) @ composed
+            composed = turn_about(name, own[:, bone.channels.index(f"r{name}")]) @ composed
     return composed
-
-
-def _turn_about(axis: str, angles: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Rotation matrices about one axis, right-handed; angles (frames,) in radians, result (frames, 3, 3)."""
-    fixed = "xyz".index(axis)
-    first, second = (fixed + 1) % 3, (fixed + 2) % 3
-    matrices = np.zeros((len(angles), 3, 3))
-    matrices[:, fixed, fixed] = 1.0
-    matrices[:, first, first] = matrices[:, second, second] = np.cos(angles)
-    matrices[:, second, first] = np.sin(angles)
-    matrices[:, first, second] = -matrices[:, second, first]
-    return matrices
 
 
 def _translation(bone: Bone, own: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -449,14 +440,6 @@ def _in_si(body: AcclaimSkeleton, motion: _Motion) -> NDArray[np.float64]:
     kinds = [channel for bone in body.bones for channel in bone.channels]
     per_degree = math.radians(1.0) if motion.angle == "deg" else 1.0
     return motion.channels * [body.metres_per_unit if kind[0] == "t" else per_degree for kind in kinds]
-
-
-def _fill_gaps(frame_numbers: NDArray[np.int64], values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Put straight lines where frame numbers are missing, so that a frame's index stays its time; (frames, n)."""
-    wanted = np.arange(frame_numbers[0], frame_numbers[-1] + 1)
-    if len(wanted) == len(frame_numbers):
-        return values
-    return np.stack([np.interp(wanted, frame_numbers, column) for column in values.T], axis=1)
 
 
 def find_asf(amc: Path) -> Path:
@@ -511,15 +494,17 @@ def read_clip(amc: Path, body: AcclaimSkeleton | None = None, *, frame_rate: flo
     positions = _forward_kinematics(body, channels)
     angles = channels[:, [channel[0] == "r" for bone in body.bones for channel in bone.channels]]
     named = hdm05.read_clip_name(amc)
+    missing = int(motion.frame_numbers[-1] - motion.frame_numbers[0]) + 1 - len(motion.frame_numbers)
     clip = Clip(
         skeleton=body.skeleton,
-        positions=_fill_gaps(motion.frame_numbers, positions.reshape(len(positions), -1)).reshape(
+        positions=with_missing_frames(motion.frame_numbers, positions.reshape(len(positions), -1)).reshape(
             -1, len(body.bones), 3
         ),
         frame_rate=(named.frame_rate if named else motion.frame_rate or DEFAULT_FRAME_RATE)
         if frame_rate is None
         else frame_rate,
         name=amc.stem,
-        rotations=_fill_gaps(motion.frame_numbers, angles),
+        rotations=with_missing_frames(motion.frame_numbers, angles),
+        filled=missing * len(body.bones),
     )
     return replace(clip, class_name=named.class_name, actor=named.actor, take=named.take) if named else clip

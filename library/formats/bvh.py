@@ -1,0 +1,427 @@
+"""BVH recordings (Biovision hierarchy) read into clips.
+
+A BVH gives every joint an offset from its parent and channels: rotations, of which the first named is applied last
+(R = R₁ · R₂ · R₃), and for the root, in some files for every joint, positions. A joint's position channels stand in
+place of its offset, as in MotionBuilder and Blender; where they are 0 in the whole file the offset stays, because some
+programs write them empty. An End Site is a joint like any other, called after its parent with `_end`. A joint that
+always coincides with its parent or with an earlier child of it tells nothing and is left out.
+
+The file names no unit: see `library.formats.units.guessed_metres`.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from array import array
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, NoReturn
+
+import numpy as np
+
+from library import hdm05
+from library.clip import Clip
+from library.distances import distance_rows
+from library.formats.error import RecordingError
+from library.formats.naming import chosen, short_names
+from library.formats.turning import turn_about
+from library.formats.units import guessed_metres
+from library.skeleton import Skeleton
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+    from pathlib import Path
+
+    from numpy.typing import NDArray
+
+_CHANNEL = re.compile(r"([xyz])(position|rotation)", re.IGNORECASE)
+#: Frames whose matrices are held at once: some 20 MB of a body of 70 joints.
+_BLOCK = 4096
+#: An offset shorter than this share of the largest is none.
+_NO_OFFSET = 1e-6
+
+
+class BvhError(RecordingError):
+    """A BVH file cannot be used; the message names the file and the line."""
+
+
+@dataclass(frozen=True, slots=True)
+class BvhJoint:
+    """One joint or End Site of a BVH.
+
+    Attributes
+    ----------
+    parent
+        Index of the joint it hangs on, below its own; -1 for the root.
+    offset
+        From the parent, in the parent's frame, in the file's unit.
+    channels
+        What each of its numbers in a frame is: a letter of "xyz" for an axis, "p" or "r" before it for what it is.
+    """
+
+    name: str
+    parent: int
+    offset: tuple[float, float, float]
+    channels: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class BvhMotion:
+    """A BVH as it stands in the file.
+
+    Attributes
+    ----------
+    joints
+        In the file's order, the root first.
+    channels
+        All joints' numbers one after the other, shape (frames, channels): degrees, and lengths in the file's unit.
+    frame_rate
+        Frames per second.
+    """
+
+    joints: tuple[BvhJoint, ...]
+    channels: NDArray[np.float64]
+    frame_rate: float
+
+
+@dataclass(slots=True)
+class _Statement:
+    """A brace, or what stands between braces and line ends."""
+
+    path: Path
+    line: int
+    words: list[str]
+
+    def fail(self, what: str) -> NoReturn:
+        raise BvhError(f"{self.path}:{self.line}: {what}")
+
+    def floats(self, words: Sequence[str], count: int) -> list[float]:
+        if len(words) != count:
+            self.fail(f"expected {count} numbers, got {len(words)}")
+        try:
+            values = [float(word) for word in words]
+        except ValueError:
+            self.fail(f"expected numbers, got {' '.join(words)[:60]!r}")
+        if not all(map(math.isfinite, values)):
+            self.fail(f"expected finite numbers, got {' '.join(words)[:60]!r}")
+        return values
+
+
+def _statements(path: Path) -> Iterator[_Statement]:
+    # Joint names come in whatever encoding a program's author spoke; two of them must not fail to be read.
+    with path.open(encoding="utf-8-sig", errors="replace") as file:
+        for number, text in enumerate(file, start=1):
+            for piece in re.split(r"([{}])", text) if "{" in text or "}" in text else (text,):
+                if words := piece.split():
+                    yield _Statement(path, number, words)
+
+
+class _HierarchyReader:
+    """Collects the joints while the statements of the hierarchy go by."""
+
+    def __init__(self) -> None:
+        self.joints: list[BvhJoint] = []
+        #: Indices of the joints whose braces are open; -1 before the root.
+        self._open = [-1]
+        self._named = ""
+        self._ends = dict[int, int]()
+
+    def take(self, statement: _Statement) -> bool:
+        """Take in one statement; tell whether the hierarchy ends before it."""
+        word = statement.words[0].lower()
+        if self._named and word != "{":
+            statement.fail(f"expected {{ after {self._named!r}, got {statement.words[0]!r}")
+        match word:
+            case "hierarchy":
+                pass
+            case "root" | "joint" | "end":
+                self._name(word, statement)
+            case "{":
+                if not self._named:
+                    statement.fail("expected ROOT, JOINT or End Site before {")
+                self.joints.append(BvhJoint(self._named, self._open[-1], (math.nan,) * 3))
+                self._open.append(len(self.joints) - 1)
+                self._named = ""
+            case "}":
+                self._close(statement)
+            case "offset":
+                x, y, z = statement.floats(statement.words[1:], 3)
+                self._describe(statement, offset=(x, y, z))
+            case "channels":
+                self._describe(statement, channels=_channels(statement))
+            case "motion":
+                self._finish(statement)
+                return True
+            case _:
+                statement.fail(f"expected a word of a BVH hierarchy, got {statement.words[0][:40]!r}")
+        return False
+
+    def _name(self, word: str, statement: _Statement) -> None:
+        if (word == "root") != (self._open == [-1]):
+            statement.fail("expected one ROOT that holds all joints: one performer to a file")
+        if word == "root" and self.joints:
+            statement.fail("a second ROOT: expected one performer to a file")
+        name = " ".join(statement.words[1:])
+        if word == "end":
+            parent = self._open[-1]
+            self._ends[parent] = self._ends.get(parent, 0) + 1
+            name = f"{self.joints[parent].name}_end{self._ends[parent] if self._ends[parent] > 1 else ''}"
+        if not name:
+            statement.fail(f"expected a name after {statement.words[0]!r}")
+        if any(joint.name == name for joint in self.joints):
+            statement.fail(f"joint {name!r} stands in it twice")
+        self._named = name
+
+    def _describe(
+        self,
+        statement: _Statement,
+        *,
+        offset: tuple[float, float, float] | None = None,
+        channels: tuple[str, ...] | None = None,
+    ) -> None:
+        if self._open == [-1]:
+            statement.fail(f"{statement.words[0]} stands outside a joint")
+        index = self._open[-1]
+        joint = self.joints[index]
+        if offset is not None:
+            self.joints[index] = replace(joint, offset=offset)
+        if channels is not None:
+            if joint.channels or index != len(self.joints) - 1:
+                statement.fail(f"expected the channels of {joint.name!r} once, and before its children")
+            self.joints[index] = replace(joint, channels=channels)
+
+    def _close(self, statement: _Statement) -> None:
+        if self._open == [-1]:
+            statement.fail("a } without its {")
+        joint = self.joints[self._open.pop()]
+        if math.isnan(joint.offset[0]):
+            statement.fail(f"joint {joint.name!r} has no OFFSET")
+
+    def _finish(self, statement: _Statement) -> None:
+        if self._open != [-1]:
+            statement.fail(f"joint {self.joints[self._open[-1]].name!r} is not closed with }}")
+        if len(self.joints) < 2:
+            statement.fail(f"expected a hierarchy of at least 2 joints, got {len(self.joints)}")
+
+
+def _channels(statement: _Statement) -> tuple[str, ...]:
+    count, *names = statement.words[1:] or [""]
+    found = [_CHANNEL.fullmatch(name) for name in names]
+    channels = tuple(each[2][0].lower() + each[1].lower() for each in found if each)
+    if not count.isdecimal() or int(count) != len(names) or len(set(channels)) != len(names):
+        statement.fail(
+            f"expected CHANNELS, how many, and so many of Xposition ... Zrotation, got {' '.join(statement.words)!r}"
+        )
+    return channels
+
+
+def read_bvh(path: Path) -> BvhMotion:
+    """Read a BVH as it stands, line by line.
+
+    Raises
+    ------
+    BvhError
+        It is no BVH, its hierarchy makes no sense, a frame has too few or too many numbers, or frames are missing.
+    OSError
+        The file cannot be opened.
+    """
+    statements = _statements(path)
+    hierarchy = _HierarchyReader()
+    statement = _Statement(path, 1, [])
+    for statement in statements:
+        if hierarchy.take(statement):
+            break
+    else:
+        statement.fail("expected HIERARCHY and MOTION, got a file that ends before its motion")
+    frames, frame_rate, first = _motion_header(statements, statement)
+    size = sum(len(joint.channels) for joint in hierarchy.joints)
+    values, line = array("d"), first
+    for line in statements:
+        if len(values) == frames * size:
+            line.fail(f"a frame more than the {frames} that were announced")
+        if len(line.words) != size:
+            line.fail(f"expected {size} numbers, got {len(line.words)}")
+        try:
+            values.extend(map(float, line.words))
+        except ValueError:
+            line.floats(line.words, size)
+    channels = np.frombuffer(values, dtype=np.float64).reshape(-1, size)
+    if len(channels) != frames:
+        line.fail(f"the file ends after {len(channels)} of {frames} frames")
+    finite = np.isfinite(channels).all(axis=1)
+    if not finite.all():
+        raise BvhError(f"{path}: NaN or infinity in frame {int(np.argmin(finite)) + 1}")
+    return BvhMotion(tuple(hierarchy.joints), channels, frame_rate)
+
+
+def _motion_header(statements: Iterator[_Statement], last: _Statement) -> tuple[int, float, _Statement]:
+    """Read `Frames: 100` and `Frame Time: 0.01`: frames, frames per second, and the last statement of the two."""
+    last, frames = _after("Frames", statements, last)
+    if not frames.isdecimal() or len(frames) > 9 or int(frames) == 0:
+        last.fail(f"expected a number of frames, got {frames!r}")
+    last, period = _after("Frame Time", statements, last)
+    (seconds,) = last.floats([period], 1)
+    if seconds <= 0:
+        last.fail(f"expected a positive Frame Time, got {period}")
+    return int(frames), _frame_rate(period), last
+
+
+def _after(name: str, statements: Iterator[_Statement], last: _Statement) -> tuple[_Statement, str]:
+    statement = next(statements, last)
+    key, colon, value = " ".join(statement.words).partition(":")
+    if key.strip().lower() != name.lower() or not colon:
+        statement.fail(f"expected {name}: and a number, got {' '.join(statement.words)[:60]!r}")
+    return statement, value.strip()
+
+
+def _frame_rate(period: str) -> float:
+    """Frames per second: the whole number that the period was rounded from, if there is one (0.0083333 is 120)."""
+    seconds = float(period)
+    rate = 1.0 / seconds
+    decimals = len(period.lower().partition("e")[0].partition(".")[2])
+    rounded = abs(1.0 / max(round(rate), 1) - seconds) <= 0.5001 * 10.0**-decimals
+    return float(round(rate)) if rounded and round(rate) and "e" not in period.lower() else rate
+
+
+def forward_kinematics(motion: BvhMotion) -> NDArray[np.float64]:
+    """Work out where every joint stands, (frames, joints, 3), in the file's unit.
+
+    A joint's frame is M = M_parent · R₁ · R₂ · R₃; it stands at p = p_parent + M_parent · offset. Many frames at once,
+    one joint at a time.
+    """
+    positions = np.empty((len(motion.channels), len(motion.joints), 3))
+    displaced = _displaced(motion)
+    for start in range(0, len(positions), _BLOCK):
+        block = slice(start, start + _BLOCK)
+        _place(motion.joints, motion.channels[block], displaced, positions[block])
+    return positions
+
+
+def _place(
+    joints: Sequence[BvhJoint],
+    channels: NDArray[np.float64],
+    displaced: Sequence[bool],
+    positions: NDArray[np.float64],
+) -> None:
+    turned: list[NDArray[np.float64]] = []
+    column = 0
+    for index, joint in enumerate(joints):
+        own = channels[:, column : column + len(joint.channels)]
+        column += len(joint.channels)
+        offset = np.tile(np.array(joint.offset), (len(channels), 1))
+        local = np.broadcast_to(np.eye(3), (len(channels), 3, 3))
+        for name, numbers in zip(joint.channels, own.T, strict=True):
+            if name[0] == "r":
+                local = local @ turn_about(name[1], np.radians(numbers))
+            elif displaced[index]:
+                offset[:, "xyz".index(name[1])] = numbers
+        if joint.parent < 0:
+            positions[:, index] = offset
+            turned.append(local)
+        else:
+            above = turned[joint.parent]
+            positions[:, index] = positions[:, joint.parent] + (above @ offset[:, :, None])[:, :, 0]
+            turned.append(above @ local)
+
+
+def _displaced(motion: BvhMotion) -> list[bool]:
+    """Tell of each joint whether its position channels say anything."""
+    displaced, column = list[bool](), 0
+    for joint in motion.joints:
+        own = motion.channels[:, column : column + len(joint.channels)]
+        column += len(joint.channels)
+        displaced.append(bool(own[:, [name[0] == "p" for name in joint.channels]].any()))
+    return displaced
+
+
+def _representatives(motion: BvhMotion) -> list[int]:
+    """Give for each joint the first joint that it always coincides with, itself when there is none."""
+    displaced = _displaced(motion)
+    largest = max(max(map(abs, joint.offset)) for joint in motion.joints) or 1.0
+    firsts: list[int] = []
+    for index, joint in enumerate(motion.joints):
+        first = index
+        if joint.parent >= 0 and not displaced[index]:
+            if max(map(abs, joint.offset)) < _NO_OFFSET * largest:
+                first = firsts[joint.parent]
+            else:
+                for earlier in range(index):
+                    other = motion.joints[earlier]
+                    if other.parent == joint.parent and other.offset == joint.offset and not displaced[earlier]:
+                        first = earlier
+                        break
+        firsts.append(first)
+    return firsts
+
+
+def _kept(motion: BvhMotion, wanted: Sequence[str]) -> tuple[list[int], tuple[int, ...]]:
+    """Choose the joints of the clip: their indices in the file, and their parents among themselves."""
+    firsts = _representatives(motion)
+    names = [joint.name for joint in motion.joints]
+    kept, taken = list[int](), set[int]()
+    for index in chosen(names, wanted):
+        if firsts[index] not in taken:
+            kept.append(index)
+        elif names[index] in wanted:
+            raise ValueError(f"{names[index]!r} always coincides with another joint that is asked for")
+        taken.add(firsts[index])
+    places = {firsts[index]: place for place, index in enumerate(kept)}
+    parents = []
+    for place, index in enumerate(kept):
+        above = motion.joints[firsts[index]].parent
+        while above >= 0 and firsts[above] not in places:
+            above = motion.joints[firsts[above]].parent
+        # Where the joint that holds two chosen ones together is not chosen, the first chosen one does.
+        parents.append(places[firsts[above]] if above >= 0 else (-1 if place == 0 else 0))
+    return kept, tuple(parents)
+
+
+def read_clip(
+    path: Path, *, metres_per_unit: float | None = None, frame_rate: float | None = None, joints: Sequence[str] = ()
+) -> Clip:
+    """Read a BVH into a clip.
+
+    Parameters
+    ----------
+    path
+        The file.
+    metres_per_unit
+        What its numbers are; guessed from the body's size when not given.
+    frame_rate
+        Frames per second; what the file says when not given.
+    joints
+        Which joints the clip is to have, by name (`library.formats.naming.chosen`); all that differ when not given.
+
+    Returns
+    -------
+    The clip: positions (frames, joints, 3) in metres, `rotations` the recorded angles in radians.
+
+    Raises
+    ------
+    BvhError
+        The file is no BVH, is malformed or cut off, or lacks a joint that is asked for.
+    OSError
+        The file cannot be opened.
+    """
+    motion = read_bvh(path)
+    try:
+        kept, parents = _kept(motion, joints)
+        names = short_names([motion.joints[index].name for index in kept])
+        skeleton = Skeleton(names, parents)
+    except ValueError as error:
+        raise BvhError(f"{path}: {error}") from error
+    positions = forward_kinematics(motion)[:, kept]
+    if not np.isfinite(positions).all():
+        raise BvhError(f"{path}: expected places of joints, got numbers too large to reckon with")
+    metres = metres_per_unit or guessed_metres(float(distance_rows(positions[0], skeleton).max()))
+    positions *= metres
+    turns = [name[0] == "r" for joint in motion.joints for name in joint.channels]
+    clip = Clip(
+        skeleton=skeleton,
+        positions=positions,
+        frame_rate=motion.frame_rate if frame_rate is None else frame_rate,
+        name=path.stem,
+        rotations=np.radians(motion.channels[:, turns]),
+    )
+    named = hdm05.read_clip_name(path)
+    return replace(clip, class_name=named.class_name, actor=named.actor, take=named.take) if named else clip

@@ -1,0 +1,66 @@
+"""Which joints or markers of a file are wanted, and what they are called."""
+
+from __future__ import annotations
+
+from fnmatch import fnmatchcase
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+
+def chosen(labels: Sequence[str], wanted: Sequence[str]) -> list[int]:
+    """Choose labels by name.
+
+    Parameters
+    ----------
+    labels
+        As they stand in the file.
+    wanted
+        Names, or patterns with `*` and `?`, of whole labels or of what follows their last colon (`ann:LHip` is
+        also `LHip`). None: all.
+
+    Returns
+    -------
+    Indices of the labels, in the file's order.
+
+    Raises
+    ------
+    ValueError
+        A wanted name fits no label.
+    """
+    if not wanted:
+        return list(range(len(labels)))
+    found = set[int]()
+    for pattern in wanted:
+        fitting = {
+            index
+            for index, label in enumerate(labels)
+            if fnmatchcase(label, pattern) or fnmatchcase(_after_colon(label), pattern)
+        }
+        if not fitting:
+            raise ValueError(f"nothing in it is called {pattern!r}; there are {', '.join(labels)}")
+        found |= fitting
+    return sorted(found)
+
+
+def short_names(labels: Sequence[str]) -> tuple[str, ...]:
+    """Leave out what stands before a colon (`ann:LHip`), so that two people's joints are called alike.
+
+    Raises
+    ------
+    ValueError
+        Two labels would be called the same: they are of two people, or one stands there twice.
+    """
+    names = tuple(_after_colon(label) for label in labels)
+    if len(set(names)) == len(names):
+        return names
+    people = list(dict.fromkeys(label.rpartition(":")[0] for label in labels))
+    if len(people) > 1:
+        raise ValueError(f"several performers are in it ({', '.join(people)}): choose the joints of one")
+    twice = next(name for name in names if names.count(name) > 1)
+    raise ValueError(f"{twice!r} stands in it twice")
+
+
+def _after_colon(label: str) -> str:
+    return label.rpartition(":")[2] or label

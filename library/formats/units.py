@@ -1,0 +1,41 @@
+"""Units of length that recordings come in: those they name, and a rule for those that name none."""
+
+from __future__ import annotations
+
+import math
+
+#: Metres of each unit, under the names and abbreviations that files use, in lower case.
+METRES = {
+    **dict.fromkeys(("m", "meter", "meters", "metre", "metres"), 1.0),
+    **dict.fromkeys(("dm", "decimeter", "decimeters"), 0.1),
+    **dict.fromkeys(("cm", "centimeter", "centimeters", "centimetre", "centimetres"), 0.01),
+    **dict.fromkeys(("mm", "millimeter", "millimeters", "millimetre", "millimetres"), 0.001),
+    **dict.fromkeys(("in", "inch", "inches"), 0.0254),
+    **dict.fromkeys(("ft", "foot", "feet"), 0.3048),
+}
+#: The largest distance between two joints of a person, in the file's numbers, up to which they are metres, up to which
+#: centimetres; beyond they are millimetres. A crouching child and the tallest stage body lie far from both.
+_LONGEST_IN_METRES, _LONGEST_IN_CENTIMETRES = 16.0, 500.0
+
+
+def metres_of(unit: str) -> float | None:
+    """Give the metres of a unit's name, or of a number that says them itself; None when it is neither."""
+    name = unit.strip().lower()
+    if name in METRES:
+        return METRES[name]
+    try:
+        metres = float(name)
+    except ValueError:
+        return None
+    return metres if 0 < metres < math.inf else None
+
+
+def guessed_metres(reach: float) -> float:
+    """Guess the metres of a file's unit from the largest distance between two joints in its first frame.
+
+    Metres, centimetres and millimetres are told apart by it, because people differ less than tenfold. Other units are
+    taken for the nearest of these: distances then have another scale, which a recogniser does not mind.
+    """
+    if reach <= _LONGEST_IN_METRES:
+        return 1.0
+    return 0.01 if reach <= _LONGEST_IN_CENTIMETRES else 0.001

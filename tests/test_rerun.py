@@ -1,0 +1,169 @@
+"""The same recording gives the same answers: what was answered live, and every time it is gone through again."""
+
+from __future__ import annotations
+
+import dataclasses
+import time
+from contextlib import ExitStack
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+import zmq
+from synthetic import STICK, STICK_CLASSES, stick_clip, stick_clips
+
+from library import MotionLibrary
+from library.windowtable import Comparison
+from stream import Announcement, Frame, Performers, Settings, osc, zeromq
+from stream.rawfile import RawFile, RawHeader, RawPacket, RawWriter
+from stream.recognizer import LiveSignature
+from stream.rerun import decoded, recognitions
+from stream.service import OscSource, Service, ZmqSource
+from stream.tap import TappedSource, described
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from stream.events import Event
+    from stream.recognition import Recognition
+    from stream.status import Status
+
+LOOPBACK = "127.0.0.1"
+PATIENCE = 20.0
+
+
+class Kept:
+    """A sink that keeps recognitions."""
+
+    failed = 0
+
+    def __init__(self) -> None:
+        self.recognitions: list[Recognition] = []
+
+    def publish(self, recognition: Recognition) -> None:
+        """Keep one."""
+        self.recognitions.append(recognition)
+
+    def publish_event(self, event: Event) -> None:
+        """Pass over."""
+
+    def publish_classes(self, classes: tuple[str, ...]) -> None:
+        """Pass over."""
+
+    def publish_status(self, status: Status) -> None:
+        """Pass over."""
+
+    def close(self) -> None:
+        """Nothing to give back."""
+
+
+def assert_same(first: list[Recognition], second: list[Recognition]) -> None:
+    """Hold every number of every answer against the other's, bit for bit."""
+    assert len(first) == len(second)
+    for one, other in zip(first, second, strict=True):
+        for field in dataclasses.fields(one):
+            np.testing.assert_array_equal(getattr(one, field.name), getattr(other, field.name), err_msg=field.name)
+
+
+def a_feed() -> list[bytes]:
+    """Make datagrams of two performers, one with the sender's times and one timed on arrival, and rubbish between."""
+    datagrams = [osc.encode_announcement(Announcement("ann", STICK.joints[::-1])), b"rubbish"]
+    clips = [stick_clip(name, seed=50, frames=120).positions.astype(np.float32) for name in STICK_CLASSES]
+    for index in range(120):
+        datagrams += [
+            osc.encode_frame(Frame("ann", 1.0 + index / 120, clips[0][index, ::-1])),
+            osc.encode_frame(Frame("bob", 0.0, clips[1][index])),
+        ]
+    return datagrams
+
+
+@pytest.mark.parametrize("signature", list(LiveSignature))
+def test_a_recording_is_answered_as_the_feed_was(tmp_path: Path, signature: LiveSignature) -> None:
+    """What was answered live, by OSC and ZeroMQ at once, is answered twice again from the file, number for number."""
+    clips = stick_clips(actors=("aa", "bb", "cc"))
+    library = MotionLibrary.of_clips(clips, comparison=Comparison.learned(clips))
+    path, sink = tmp_path / "a.kinerec", Kept()
+    settings = Settings(signature=signature, window=0.25)
+    with ExitStack() as opened:
+        datagrams = osc.OscReceiver(LOOPBACK, 0)
+        messages = zeromq.ZmqReceiver(zeromq.Endpoint(f"tcp://{LOOPBACK}:*", bind=True))
+        sources = [OscSource(datagrams), ZmqSource(messages)]
+        writer = RawWriter(path, [described(source) for source in sources])
+        opened.callback(writer.close)
+        taps = [TappedSource(source, writer, index) for index, source in enumerate(sources)]
+        service = opened.enter_context(Service(Performers(library, settings), taps, [sink]))
+        sender = osc.OscSender(*datagrams.address)
+        opened.callback(sender.close)
+        publisher = zmq.Context.instance().socket(zmq.XPUB)
+        publisher.linger = 0
+        opened.callback(publisher.close)
+        publisher.connect(messages.address)
+        while not publisher.poll(10):
+            service.step(0.01)
+        waved = stick_clip("wave", seed=51, frames=120).positions.astype(np.float32)
+        for index, datagram in enumerate(a_feed()):
+            sender.send(datagram)
+            # Bob's frames are timed on arrival, so they must take their time.
+            time.sleep(0.004)
+            if index < 120:
+                publisher.send_multipart(zeromq.encode_frame(Frame("eve", 1 + index / 120, waved[index]), index))
+            service.step(0.05)
+        until = time.monotonic() + PATIENCE
+        while writer.written < 362 and time.monotonic() < until:
+            service.step(0.05)
+        counts = service.status().outcomes
+    recording = RawFile(path)
+    assert len(list(recording.packets())) == 362
+    again = []
+    for _ in range(2):
+        performers = Performers(library, settings)
+        again.append(list(recognitions(performers, decoded(recording.header, recording.packets()))))
+        assert performers.counts == counts
+    assert {answer.performer for answer in sink.recognitions} == {"ann", "bob", "eve"}
+    assert_same(again[0], sink.recognitions)
+    assert_same(again[0], again[1])
+
+
+def test_the_sender_and_the_source_are_kept(tmp_path: Path) -> None:
+    """Each packet is kept under its source with its sender's address, before anybody makes sense of it."""
+    datagrams, sender = osc.OscReceiver(LOOPBACK, 0), osc.OscSender(LOOPBACK, 1)
+    sender.target = datagrams.address
+    source = OscSource(datagrams)
+    with RawWriter(tmp_path / "a.kinerec", [described(source)]) as writer:
+        tap = TappedSource(source, writer, 0)
+        assert datagrams.sender == ""
+        sender.send(b"rubbish")
+        until = time.monotonic() + PATIENCE
+        while tap.take(4.5) is None and time.monotonic() < until:
+            time.sleep(0.001)
+        assert (tap.counts.received, tap.counts.malformed) == (1, 1)
+        assert str(tap) == str(source)
+    host, port = sender.socket.getsockname()
+    tap.close()
+    sender.close()
+    (packet,) = RawFile(tmp_path / "a.kinerec").packets()
+    assert packet == RawPacket(4.5, 0, packet.sender, (b"rubbish",))
+    assert packet.sender == f"{LOOPBACK}:{port}"
+    assert host in (LOOPBACK, "0.0.0.0")  # noqa: S104 - what an unconnected socket says of itself
+
+
+def test_silence_is_silence_again() -> None:
+    """A performer who was silent for longer than the service waits is forgotten in a rerun too."""
+    library = MotionLibrary.of_clips(stick_clips())
+    positions = stick_clip("wave", seed=9, frames=100).positions
+    header = RawHeader("", ("osc here",))
+    packets = [
+        RawPacket(arrival, 0, "", (osc.encode_frame(Frame(name, 0.0, positions[index])),))
+        for index, (arrival, name) in enumerate([(0.0, "ann"), (0.1, "bob"), (5.5, "bob"), (7.0, "bob")])
+    ]
+    performers = Performers(library)
+    list(recognitions(performers, decoded(header, packets)))
+    assert performers.names == ("bob",)
+    assert performers.counts.dropped == 2
+
+
+def test_what_makes_no_sense_holds_nothing() -> None:
+    """Malformed and foreign packets are decoded to nothing, in their place."""
+    header = RawHeader("", ("osc here", "zmq there"))
+    packets = [RawPacket(1.0, 0, "", (b"x",)), RawPacket(2.0, 1, "", (b"frame/p/",)), RawPacket(3.0, 1, "", ())]
+    assert [(each.arrival, list(each.events)) for each in decoded(header, packets)] == [(1, []), (2, []), (3, [])]

@@ -41,12 +41,14 @@ def tracked_files() -> list[Path]:
 
 
 def test_exactly_three_packages_are_shipped() -> None:
-    """The packages are named one by one, and they are all the packages the sources have beside the tests."""
+    """The packages are named one by one, those inside them too, and they are all that stands beside the tests."""
     setuptools = project()["tool"]["setuptools"]
     assert isinstance(setuptools, dict)
-    assert sorted(setuptools["packages"]) == sorted(PACKAGES)
-    there = {path.parent.name for path in ROOT.glob("*/__init__.py")}
-    assert there == set(PACKAGES)
+    packages = setuptools["packages"]
+    assert {name.partition(".")[0] for name in packages} == set(PACKAGES)
+    there = [path.parent for top in PACKAGES for path in (ROOT / top).rglob("__init__.py")]
+    assert sorted(".".join(path.relative_to(ROOT).parts) for path in there) == sorted(packages)
+    assert {path.parent.name for path in ROOT.glob("*/__init__.py")} == set(PACKAGES)
 
 
 def test_what_is_declared_as_data_is_there() -> None:

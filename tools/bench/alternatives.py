@@ -58,7 +58,7 @@ class _BestOfClass:
         return best
 
 
-class _AxisAlternative:
+class AxisAlternative:
     """The paper's comparison of leading axes, whoever computes the axis."""
 
     needs: ClassVar[str] = ""
@@ -87,7 +87,7 @@ class _AxisAlternative:
         raise NotImplementedError
 
 
-class SvdOfWindow(_AxisAlternative):
+class SvdOfWindow(AxisAlternative):
     """The paper's way: the window is centred and its singular value decomposition taken at every hop."""
 
     def axis(self) -> NDArray[np.float64]:
@@ -97,7 +97,7 @@ class SvdOfWindow(_AxisAlternative):
         return axis
 
 
-class CovarianceAndEigh(_AxisAlternative):
+class CovarianceAndEigh(AxisAlternative):
     """`np.cov`, then `np.linalg.eigh`."""
 
     def axis(self) -> NDArray[np.float64]:
@@ -106,7 +106,7 @@ class CovarianceAndEigh(_AxisAlternative):
         return axis
 
 
-class Arpack(_AxisAlternative):
+class Arpack(AxisAlternative):
     """`np.cov`, then scipy's `eigsh`, started from the last hop's axis."""
 
     def __init__(self, library: MotionLibrary, seconds: float) -> None:
@@ -120,8 +120,14 @@ class Arpack(_AxisAlternative):
         return self._last
 
 
-class IncrementalPca(_AxisAlternative):
-    """scikit-learn's `IncrementalPCA`, given each hop's new rows; it never forgets, so its window is the whole feed."""
+class IncrementalPca(AxisAlternative):
+    """scikit-learn's `IncrementalPCA`, given each hop's new rows; it never forgets, so its window is the whole feed.
+
+    Attributes
+    ----------
+    model
+        scikit-learn's.
+    """
 
     needs: ClassVar[str] = "scikit-learn"
 
@@ -129,17 +135,17 @@ class IncrementalPca(_AxisAlternative):
         from sklearn.decomposition import IncrementalPCA  # noqa: PLC0415 - of the bench extra
 
         super().__init__(library, seconds)
-        self._model: Any = IncrementalPCA(n_components=_COMPONENTS)
+        self.model: Any = IncrementalPCA(n_components=_COMPONENTS)
 
     def learn(self, rows: NDArray[np.float64]) -> None:
         """Fit the rows that are new, at least as many as there are components."""
-        self._model.partial_fit(rows)
+        self.model.partial_fit(rows)
 
     def axis(self) -> NDArray[np.float64]:
         """Give the first component."""
         if self._window.pending >= _COMPONENTS:
             self.learn(self._window.take_change().entered)
-        axis: NDArray[np.float64] = self._model.components_[0]
+        axis: NDArray[np.float64] = self.model.components_[0]
         return axis
 
 
@@ -243,7 +249,7 @@ def makers(
     }
     bands = {"DTW": None, f"DTW, {_BAND:.0%} band": round(_BAND * frames)}
 
-    def of_axis(kind: type[_AxisAlternative]) -> Callable[[], Alternative]:
+    def of_axis(kind: type[AxisAlternative]) -> Callable[[], Alternative]:
         return lambda: kind(library, window)
 
     def of_band(band: int | None) -> Callable[[], Alternative]:

@@ -39,6 +39,8 @@ _PERTURBATION = 0.3
 #: Rows perturbed at once, so that the largest library needs no second room.
 _AT_ONCE = 10_000
 _WINDOWS_ASKED = 16
+#: Frames of one round.
+_ROUND = 240
 
 
 @dataclass(frozen=True, slots=True)
@@ -130,7 +132,7 @@ def _pushing(library: MotionLibrary, positions: NDArray[np.floating], settings: 
             recognizer.push(frame)
 
     def run() -> float:
-        frames = feed.take(120)
+        frames = feed.take(_ROUND)
         return timed(lambda: push(frames)) * 1e6 / len(frames)
 
     return run

@@ -28,7 +28,15 @@ if TYPE_CHECKING:
 
 
 class EigenvectorSteps:
-    """The paper's way in steps: rows into the window; at a hop covariance, eigenvector, match."""
+    """The paper's way in steps: rows into the window; at a hop covariance, eigenvector, match.
+
+    Attributes
+    ----------
+    steps
+        What is done at a hop, in this order, by name.
+    signature
+        Of the last hop; None before the first.
+    """
 
     def __init__(self, library: MotionLibrary, settings: Settings) -> None:
         width = len(library.skeleton.pairs)
@@ -36,7 +44,7 @@ class EigenvectorSteps:
         self._window = SlidingWindow(settings.window, width)
         self._covariance = RollingCovariance(width)
         self._moments: Moments | None = None
-        self._signature: Signature | None = None
+        self.signature: Signature | None = None
         self.steps: dict[str, Callable[[], object]] = {
             "covariance": self._update,
             "eigenvector": self._solve,
@@ -60,15 +68,23 @@ class EigenvectorSteps:
 
     def _solve(self) -> None:
         if self._moments is not None:
-            self._signature = signature_of(self._moments, self._signature.axis if self._signature else None)
+            self.signature = signature_of(self._moments, self.signature.axis if self.signature else None)
 
     def _match(self) -> None:
-        if self._signature is not None:
-            self._library.match(self._signature)
+        if self.signature is not None:
+            self._library.match(self.signature)
 
 
 class WindowSteps:
-    """Several windows in steps: rows into them, projected; at a hop covariance and variances, match."""
+    """Several windows in steps: rows into them, projected; at a hop covariance and variances, match.
+
+    Attributes
+    ----------
+    steps
+        What is done at a hop, in this order, by name.
+    distances
+        Log distance to each class at the last hop, (classes,); None before the first.
+    """
 
     def __init__(self, library: MotionLibrary) -> None:
         if library.windows is None:
@@ -76,6 +92,7 @@ class WindowSteps:
         self._table = library.windows
         self._measurer = WindowMeasurer(library.skeleton, self._table.measures, self._table.comparison.basis)
         self._measures: dict[Measure, NDArray[np.float64]] = {}
+        self.distances: NDArray[np.float64] | None = None
         self.steps: dict[str, Callable[[], object]] = {"covariance": self._measure, "match": self._match}
 
     def push(self, time: float, row: NDArray[np.float64]) -> None:
@@ -91,7 +108,7 @@ class WindowSteps:
         self._measures = self._measurer.measures()
 
     def _match(self) -> None:
-        self._table.log_distances(self._measures)
+        self.distances = self._table.log_distances(self._measures)
 
 
 def steps_of(library: MotionLibrary, settings: Settings) -> EigenvectorSteps | WindowSteps:

@@ -78,10 +78,10 @@ def _draw_peers(panel: Axes, peers: Peers) -> None:
     for place, peer in enumerate(slowest_first):
         ours = peer.name in list(LiveSignature)
         accuracy = np.nan if peer.accuracy is None else 100 * peer.accuracy
-        name = f"kinespace,\n{peer.name}" if ours else peer.name
+        name = f"kinespace, {peer.name}" if ours else peer.name
         panel.plot(peer.frames_per_second, accuracy, "o", color=_OURS if ours else _THEIRS, markersize=8)
         # Peers that compute the same thing lie side by side: labels take turns above and below.
-        above = ours or place % 2 == 0
+        above = place % 2 == 0
         panel.annotate(
             name,
             (peer.frames_per_second, accuracy),

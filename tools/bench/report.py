@@ -148,9 +148,12 @@ def _stages_table(signature: str, stages: Stages) -> Table:
 
 
 def _peers_table(peers: Peers) -> Table:
-    ratios = tuple(f"times our {signature}" for signature in LiveSignature)
-    headings = ("µs per frame", "frames/s", *ratios, "guessed right", "... inside a motion", "asked at hops")
-    table = _table("The same feed by others: 31 joints, 120 Hz, window 1 s, hop 1/30 s", ("",), headings)
+    headings = ("µs/frame", "frames/s", *(f"÷ {signature}" for signature in LiveSignature), "right", "inside", "hops")
+    title = (
+        "The same feed by others: 31 joints, 120 Hz, window 1 s, hop 1/30 s. Right: of the time of known motions;\n"
+        "inside: the last second wholly in the motion; hops: every so many of them were asked for that."
+    )
+    table = _table(title, ("",), headings)
     for peer in peers.peers:
         table.add_row(
             f"kinespace, {peer.name}" if peer.name in list(LiveSignature) else peer.name,
@@ -159,7 +162,7 @@ def _peers_table(peers: Peers) -> Table:
             *(f"{peer.ratios[signature]:,.2f}" for signature in LiveSignature),
             _NOTHING if peer.accuracy is None else f"{peer.accuracy:.1%}",
             _NOTHING if peer.accuracy_inside is None else f"{peer.accuracy_inside:.1%}",
-            "all" if peer.every == 1 else f"every {peer.every}th",
+            f"{peer.every}",
         )
     for name, needs in peers.missing.items():
         table.add_row(name, f"needs {needs}", *[_NOTHING] * (len(headings) - 1))

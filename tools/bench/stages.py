@@ -149,7 +149,7 @@ def _measured(library: MotionLibrary, positions: NDArray[np.float32], settings: 
         us_per_frame=costs["push"],
         osc_decode_us=costs["decode OSC"],
         osc_decode_python_osc_us=costs["decode OSC, python-osc"],
-        memory=_memory(library, positions, settings),
+        memory=memory_left(library, positions, settings),
     )
 
 
@@ -271,8 +271,16 @@ def _inner(
     return {first: run, **{name: partial(stepping.cost, name) for name in others}}
 
 
-def _memory(library: MotionLibrary, positions: NDArray[np.float32], settings: Settings) -> Memory:
-    """Watch Python's and numpy's allocations while frames are pushed and answers dropped."""
+def memory_left(library: MotionLibrary, positions: NDArray[np.float32], settings: Settings) -> Memory:
+    """Watch Python's and numpy's allocations while frames are pushed and answers dropped.
+
+    Parameters
+    ----------
+    library, settings
+        Of the recogniser.
+    positions
+        What it is fed, shape (frames, 31, 3), metres.
+    """
     recognizer = Recognizer(library, settings)
     frames = Feed(positions).take(2 * WARM_UP + _WATCHED)
     # Arrays made beforehand: watching must not leave anything in memory itself.

@@ -30,7 +30,8 @@ def test_an_exponent_needs_two_positive_costs(sizes: tuple[float, ...], costs: t
         exponent(sizes, costs)
 
 
-def test_jobs_take_turns_and_the_first_turn_does_not_count() -> None:
+@pytest.mark.parametrize("what", [None, "Racing"])
+def test_jobs_take_turns_and_the_first_turn_does_not_count(what: str | None) -> None:
     """Every job runs once before the rounds and once in each, in turns; what the first turn cost is nowhere."""
     order: list[str] = []
     numbers = {name: count() for name in "ab"}
@@ -39,7 +40,7 @@ def test_jobs_take_turns_and_the_first_turn_does_not_count() -> None:
         order.append(name)
         return float(next(numbers[name]))
 
-    costs = in_turns({name: lambda name=name: job(name) for name in "ab"}, 3)  # type: ignore[misc]
+    costs = in_turns({name: lambda name=name: job(name) for name in "ab"}, 3, what=what)  # type: ignore[misc]
     assert "".join(order) == "abababab"
     for name in "ab":
         np.testing.assert_array_equal(costs[name], [1.0, 2.0, 3.0])

@@ -346,7 +346,7 @@ def _add_bench(programs: Programs[argparse.ArgumentParser]) -> None:
         "bench",
         help="measure what everything costs, beside what a user would take instead",
         description="Times every step, the alternatives, growth, sockets and a long run, on real recordings and one "
-        "core. Needs pip install kinespace[bench] for the alternatives. Everything together takes most of an hour.",
+        "core. Needs pip install kinespace[bench] for the alternatives. Everything takes an hour and more.",
     )
     parts = ("stages", "peers", "growth", "sockets", "soak")
     bench.add_argument("part", nargs="?", choices=(*parts, "all"), default="all", help="default: %(default)s")

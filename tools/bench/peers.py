@@ -120,7 +120,7 @@ def measure(recorded: Recorded, *, rounds: int, asking: float = _ASKING) -> Peer
         **{signature: _OurTurns(Recognizer(library, each), positions).take for signature, each in settings.items()},
         **{name: _Turns(asked(name), positions, hop).take for name in there},
     }
-    costs = in_turns(turns, rounds)
+    costs = in_turns(turns, rounds, what="Racing")
     ours = {signature: costs[signature] for signature in LiveSignature}
     hops = sum(take.frames for take in recorded.takes) / hop
 

@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from tools.console import progress
+
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
 
@@ -52,7 +54,9 @@ def timed(call: Callable[[], object]) -> float:
     return time.perf_counter() - start
 
 
-def in_turns(jobs: Mapping[str, Callable[[], float]], rounds: int) -> dict[str, NDArray[np.float64]]:
+def in_turns(
+    jobs: Mapping[str, Callable[[], float]], rounds: int, *, what: str | None = None
+) -> dict[str, NDArray[np.float64]]:
     """Run jobs one after the other, again and again, so that what disturbs the machine disturbs all alike.
 
     Parameters
@@ -61,6 +65,8 @@ def in_turns(jobs: Mapping[str, Callable[[], float]], rounds: int) -> dict[str, 
         Each gives the cost it measured, in a unit of its own. The first turn of each warms up and is not counted.
     rounds
         Turns that count.
+    what
+        What the progress shown is called; none is shown when not given.
 
     Returns
     -------
@@ -73,10 +79,11 @@ def in_turns(jobs: Mapping[str, Callable[[], float]], rounds: int) -> dict[str, 
     """
     if rounds < 1:
         raise ValueError(f"rounds: expected at least 1, got {rounds}")
-    for job in jobs.values():
-        job()
-    costs = [{name: job() for name, job in jobs.items()} for _ in range(rounds)]
-    return {name: np.array([cost[name] for cost in costs]) for name in jobs}
+    turns = range(rounds + 1)
+    costs = [
+        {name: job() for name, job in jobs.items()} for _ in (progress(turns, what, len(turns)) if what else turns)
+    ]
+    return {name: np.array([cost[name] for cost in costs[1:]]) for name in jobs}
 
 
 def exponent(sizes: Sequence[float], costs: Sequence[float]) -> float:

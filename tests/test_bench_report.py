@@ -134,7 +134,13 @@ def test_the_picture_shows_every_part(tmp_path: Path, monkeypatch: pytest.Monkey
     picture.draw(tmp_path / "all.svg", made_up())
     drawn = (tmp_path / "all.svg").read_text(encoding="utf-8")
     for text in (
-        *("kinespace, windows", "IncrementalPCA", "decode OSC", "match", "pairs of joints: exponent 0.93"),
+        *(
+            "kinespace, windows",
+            "IncrementalPCA",
+            "decode OSC",
+            "match",
+            "joints, 15 to 31: exponent 0.93 of their pairs",
+        ),
         *("OSC, p99", "ZeroMQ echo, p50", "Speed and accuracy on the same feed"),
     ):
         assert f">{text}</text>" in drawn

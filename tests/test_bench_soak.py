@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from stream.recognizer import LiveSignature
+from stream.recognizer import LiveSignature, Settings
 from tools.bench import soak
 from tools.bench.inner import last_axis
 
@@ -17,13 +17,13 @@ if TYPE_CHECKING:
     from stream.recognizer import Recognizer
     from tools.bench.recorded import Recorded
 
+SETTINGS = Settings(signature=LiveSignature.EIGENVECTOR)
+
 
 def test_a_long_feed_is_accounted_for(recordings: Recorded, monkeypatch: pytest.MonkeyPatch) -> None:
     """All frames are pushed and counted, memory is looked at three times, the eigenvector is checked and right."""
     monkeypatch.setattr(soak, "_CHECK_EVERY", 97)
-    found = soak.measure(recordings.positions, signature=LiveSignature.EIGENVECTOR, frames=2500, minutes=0.0)
-    assert found.over_sockets is None
-    day = found.day
+    day = soak.pushed(recordings.positions, SETTINGS, 2500)
     assert day.frames == day.counts.frames == 2500
     # The first window is full with frame 121; from then on every fourth frame is answered.
     assert day.answers == day.counts.hops == 595
@@ -42,17 +42,18 @@ def test_a_wrong_eigenvector_is_seen(recordings: Recorded, monkeypatch: pytest.M
     def turned(recognizer: Recognizer) -> LeadingAxis | None:
         axis = last_axis(recognizer)
         assert axis is not None
-        other = axis.vector + 0.01 * np.roll(axis.block[:, 1], 0)
+        other = axis.vector + 0.01 * axis.block[:, 1]
         return replace(axis, vector=-other / np.linalg.norm(other))
 
     monkeypatch.setattr(soak, "last_axis", turned)
-    found = soak.measure(recordings.positions, signature=LiveSignature.EIGENVECTOR, frames=400, minutes=0.0)
-    assert found.day.max_error == pytest.approx(0.01, rel=0.05)
+    day = soak.pushed(recordings.positions, SETTINGS, 400)
+    assert day.max_error == pytest.approx(0.01, rel=0.05)
 
 
 def test_windows_have_no_eigenvector_to_check(recordings: Recorded) -> None:
     """The other signature runs as long, with nothing to compare."""
     found = soak.measure(recordings.positions, signature=LiveSignature.WINDOWS, frames=300, minutes=0.0)
+    assert found.over_sockets is None
     assert (found.day.checked, found.day.max_error) == (0, None)
     assert found.day.consistent
 

@@ -109,7 +109,7 @@ def by_joints(recorded: Recorded, joints: Sequence[int], rounds: int) -> Growth:
         name = f"{count}"
         pairs[name] = len(library.skeleton.pairs)
         jobs[name] = _pushing(library, positions, Settings(signature=LiveSignature.EIGENVECTOR))
-    return _grown("joints", "a frame; the exponent counts pairs", pairs, jobs, rounds)
+    return _grown("joints", "a frame (exponent of pairs)", pairs, jobs, rounds)
 
 
 def by_window(recorded: Recorded, seconds: Sequence[float], rounds: int) -> Growth:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from tools.bench.growth import Growth
-    from tools.bench.peers import Peers
+    from tools.bench.peers import Peer, Peers
     from tools.bench.report import Report
     from tools.bench.sockets import Sockets
     from tools.bench.stages import Stages
@@ -74,38 +74,41 @@ def draw(path: Path, report: Report) -> None:
 
 def _draw_peers(panel: Axes, peers: Peers) -> None:
     panel.set_title("Speed and accuracy on the same feed", loc="left")
-    slowest_first = sorted(peers.peers, key=lambda peer: peer.frames_per_second)
-    for place, peer in enumerate(slowest_first):
-        ours = peer.name in list(LiveSignature)
-        accuracy = np.nan if peer.accuracy is None else 100 * peer.accuracy
-        name = f"kinespace, {peer.name}" if ours else peer.name
-        panel.plot(peer.frames_per_second, accuracy, "o", color=_OURS if ours else _THEIRS, markersize=8)
+    ours = [peer for peer in peers.peers if peer.name in list(LiveSignature)]
+    theirs = sorted((peer for peer in peers.peers if peer not in ours), key=lambda peer: peer.frames_per_second)
+    for place, peer in enumerate(theirs):
         # Peers that compute the same thing lie side by side: labels take turns above and below.
         above = place % 2 == 0
-        panel.annotate(
-            name,
-            (peer.frames_per_second, accuracy),
-            xytext=(0, 8 if above else -9),
-            textcoords="offset points",
-            ha="center",
-            va="bottom" if above else "top",
-            fontsize=8,
-            color=_OURS if ours else "black",
-        )
+        offset, up = (8, "bottom") if above else (-8, "top")
+        _mark(panel, peer, peer.name, _THEIRS, offset=(0, offset), aligned=("center", up))
+    for place, peer in enumerate(sorted(ours, key=lambda peer: peer.accuracy or 0.0)):
+        _mark(panel, peer, f"kinespace, {peer.name}", _OURS, offset=(8, 10 * place - 5), aligned=("left", "center"))
     panel.axvline(_FEED, color="lightgrey", zorder=0)
     panel.annotate("one performer\nat 120 Hz", (_FEED, 2), xytext=(4, 0), textcoords="offset points", fontsize=8)
     panel.set_xscale("log")
-    panel.margins(x=0.15)
+    slowest, fastest = (choose(peer.frames_per_second for peer in peers.peers) for choose in (min, max))
+    panel.set_xlim(slowest / 2.5, fastest * 8)
     panel.set_ylim(0, 105)
     panel.set_xlabel("frames per second, one core")
     panel.set_ylabel("known motions guessed right, % of their time")
+
+
+def _mark(
+    panel: Axes, peer: Peer, name: str, colour: str, *, offset: tuple[int, int], aligned: tuple[Any, Any]
+) -> None:
+    if peer.accuracy is None:
+        return
+    place = (peer.frames_per_second, 100 * peer.accuracy)
+    panel.plot(*place, "o", color=colour, markersize=8)
+    across, up = aligned
+    panel.annotate(name, place, xytext=offset, textcoords="offset points", ha=across, va=up, fontsize=8, color=colour)
 
 
 def _draw_stages(panel: Axes, stages: dict[str, Stages]) -> None:
     panel.set_title("Where a frame's time goes, OSC in to OSC out", loc="left")
     names = list(dict.fromkeys(stage.name for each in stages.values() for stage in each.stages))
     names = [name for name in names if "ZeroMQ" not in name]
-    colours = dict(zip(names, colormaps["magma_r"](np.linspace(0.15, 0.85, len(names))), strict=True))
+    colours = dict(zip(names, colormaps["tab10"](np.arange(len(names)) % 10), strict=True))
     named: set[str] = set()
     for place, each in enumerate(stages.values()):
         left = 0.0
@@ -128,12 +131,9 @@ def _draw_growth(panel: Axes, growth: Sequence[Growth]) -> None:
     colours = colormaps["magma"](np.linspace(0.1, 0.8, len(growth)))
     for each, colour in zip(growth, colours, strict=True):
         sizes, us = np.array(each.sizes), np.array(each.us)
-        counted = "pairs of joints" if each.of == "joints" else each.of
-        label = f"{counted}: exponent {each.exponent:.2f}"
+        counted = " of their pairs" if each.of == "joints" else ""
+        label = f"{each.of}, {each.labels[0]} to {each.labels[-1]}: exponent {each.exponent:.2f}{counted}"
         panel.plot(sizes / sizes[0], us / us[0], "o-", color=colour, label=label)
-        panel.annotate(
-            each.labels[-1], (sizes[-1] / sizes[0], us[-1] / us[0]), xytext=(5, 0), textcoords="offset points"
-        )
     panel.set_xscale("log")
     panel.set_yscale("log")
     panel.margins(x=0.12)
@@ -158,4 +158,7 @@ def _draw_latencies(panel: Axes, sockets: Sockets) -> None:
     panel.set_yscale("log")
     panel.set_xlabel("frames per second")
     panel.set_ylabel("milliseconds")
-    panel.legend(fontsize=8, ncols=2, frameon=False)
+    # Room above the curves for their names.
+    lowest, highest = panel.get_ylim()
+    panel.set_ylim(lowest, highest * (highest / lowest) ** 0.35)
+    panel.legend(fontsize=7.5, ncols=4, loc="upper left", frameon=False)

@@ -124,7 +124,7 @@ def _rounded(value: float | None) -> float | int | None:
 def _table(title: str, names: Sequence[str], figures: Sequence[str]) -> Table:
     table = Table(title=title, title_justify="left")
     for name in names:
-        table.add_column(name)
+        table.add_column(name, no_wrap=name == names[0])
     for figure in figures:
         table.add_column(figure, justify="right")
     return table
@@ -148,16 +148,16 @@ def _stages_table(signature: str, stages: Stages) -> Table:
 
 
 def _peers_table(peers: Peers) -> Table:
-    headings = ("µs/frame", "frames/s", *(f"÷ {signature}" for signature in LiveSignature), "right", "inside", "hops")
+    ratios = (f"times {signature}'s cost" for signature in LiveSignature)
+    headings = ("frames/s", *ratios, "right", "right inside", "every n-th hop")
     title = (
-        "The same feed by others: 31 joints, 120 Hz, window 1 s, hop 1/30 s. Right: of the time of known motions;\n"
-        "inside: the last second wholly in the motion; hops: every so many of them were asked for that."
+        "The same feed by others: 31 joints, 120 Hz, window 1 s, hop 1/30 s\n"
+        "Right: share of the time of known motions; inside: the last second wholly in one"
     )
     table = _table(title, ("",), headings)
     for peer in peers.peers:
         table.add_row(
             f"kinespace, {peer.name}" if peer.name in list(LiveSignature) else peer.name,
-            f"{peer.us_per_frame:,.1f}",
             f"{peer.frames_per_second:,.0f}",
             *(f"{peer.ratios[signature]:,.2f}" for signature in LiveSignature),
             _NOTHING if peer.accuracy is None else f"{peer.accuracy:.1%}",

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import multiprocessing
 import time
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -101,7 +103,9 @@ def measure(positions: NDArray[np.float32], *, signature: LiveSignature, frames:
     minutes
         How long over UDP; 0 for not at all.
     """
-    day = _pushed(positions, Settings(signature=signature), frames)
+    # In a process of its own: what other parts left in this one's memory is not the recogniser's.
+    with ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as process:
+        day = process.submit(pushed, positions, Settings(signature=signature), frames).result()
     if not minutes:
         return Soak(day, None)
     looped = np.resize(positions, (round(minutes * 60 * FRAME_RATE), *positions.shape[1:]))
@@ -111,7 +115,18 @@ def measure(positions: NDArray[np.float32], *, signature: LiveSignature, frames:
     return Soak(day, over_sockets)
 
 
-def _pushed(positions: NDArray[np.float32], settings: Settings, frames: int) -> Day:
+def pushed(positions: NDArray[np.float32], settings: Settings, frames: int) -> Day:
+    """Push a long feed through a recogniser, without sockets, and watch it.
+
+    Parameters
+    ----------
+    positions
+        What the feed plays again and again, shape (frames, joints, 3), metres.
+    settings
+        Of the recogniser.
+    frames
+        How many to push.
+    """
     recognizer, feed = Recognizer(MotionLibrary.builtin(), settings), Feed(positions)
     pieces = [min(_PIECE, frames - begin) for begin in range(0, frames, _PIECE)]
     settled = min(_SETTLED, (len(pieces) - 1) // 4)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 import tracemalloc
 from collections import defaultdict
 from dataclasses import dataclass
@@ -18,7 +17,7 @@ from stream import osc, zeromq
 from stream.recognizer import LiveSignature, Recognizer, Settings
 from tools.bench.inner import steps_of
 from tools.bench.recorded import FRAME_RATE, Feed
-from tools.bench.timing import in_turns, timed
+from tools.bench.timing import clock, in_turns, timed
 from tools.console import progress
 
 if TYPE_CHECKING:
@@ -126,13 +125,18 @@ def measure(positions: NDArray[np.float32], *, signatures: Sequence[LiveSignatur
     By signature.
     """
     library = MotionLibrary.builtin()
+    settings = {signature: Settings(signature=signature) for signature in signatures}
+    # Before anything draws progress, which would be seen in the memory as well.
+    memories = {signature: memory_left(library, positions, each) for signature, each in settings.items()}
     return {
-        signature: _measured(library, positions, Settings(signature=signature), rounds)
+        signature: _measured(library, positions, settings[signature], rounds, memories[signature])
         for signature in progress(signatures, "Stages", len(signatures))
     }
 
 
-def _measured(library: MotionLibrary, positions: NDArray[np.float32], settings: Settings, rounds: int) -> Stages:
+def _measured(
+    library: MotionLibrary, positions: NDArray[np.float32], settings: Settings, rounds: int, memory: Memory
+) -> Stages:
     costs = {
         name: float(np.median(each))
         for name, each in in_turns(
@@ -149,7 +153,7 @@ def _measured(library: MotionLibrary, positions: NDArray[np.float32], settings: 
         us_per_frame=costs["push"],
         osc_decode_us=costs["decode OSC"],
         osc_decode_python_osc_us=costs["decode OSC, python-osc"],
-        memory=memory_left(library, positions, settings),
+        memory=memory,
     )
 
 
@@ -245,15 +249,15 @@ class _Stepping:
         seconds: dict[str, float] = defaultdict(float)
         for index, frame in enumerate(self._feed.take(count)):
             row = distance_rows(frame.positions, self._skeleton)
-            start = time.perf_counter()
+            start = clock()
             self._steps.push(frame.time, row)
-            seconds["window"] += time.perf_counter() - start
+            seconds["window"] += clock() - start
             if index % self._frames_per_hop or not self._steps.ready:
                 continue
             for name, step in self._steps.steps.items():
-                start = time.perf_counter()
+                start = clock()
                 step()
-                seconds[name] += time.perf_counter() - start
+                seconds[name] += clock() - start
         return {name: each * 1e6 / count for name, each in seconds.items()}
 
 
@@ -283,6 +287,8 @@ def memory_left(library: MotionLibrary, positions: NDArray[np.float32], settings
     """
     recognizer = Recognizer(library, settings)
     frames = Feed(positions).take(2 * WARM_UP + _WATCHED)
+    # What is loaded or remembered once, however long the feed, is not what a frame leaves behind.
+    _recognitions(library, settings, frames)
     # Arrays made beforehand: watching must not leave anything in memory itself.
     peaks, answered = np.zeros(_WATCHED), np.zeros(_WATCHED, dtype=bool)
     tracemalloc.start()

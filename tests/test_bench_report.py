@@ -120,7 +120,7 @@ def test_the_tables_name_everything(capsys: pytest.CaptureFixture[str], monkeypa
         console.print(table)
     printed = capsys.readouterr().out
     told = (
-        *("From packet to answer, windows", "25,000 frames/s", "kinespace, eigenvector", "needs dtaidistance"),
+        *("From packet to answer, windows", "25,000 frames/s", "ours, eigenvector", "needs dtaidistance"),
         *("200000", "0.93", "zmq echo", "360", "first answer", "0.75 s", "100.0 MB", "90.0 MB, 91.0 MB, 92.0 MB"),
         *("3.00e-07 in 7 hops", ": consistent", "over UDP, 64 performers", "80.0 MB, 81.0 MB, 82.0 MB"),
     )

@@ -148,16 +148,17 @@ def _stages_table(signature: str, stages: Stages) -> Table:
 
 
 def _peers_table(peers: Peers) -> Table:
-    ratios = (f"times {signature}'s cost" for signature in LiveSignature)
-    headings = ("frames/s", *ratios, "right", "right inside", "every n-th hop")
+    ratios = (f"times {signature}" for signature in LiveSignature)
+    headings = ("frames/s", *ratios, "right", "inside", "asked")
     title = (
         "The same feed by others: 31 joints, 120 Hz, window 1 s, hop 1/30 s\n"
-        "Right: share of the time of known motions; inside: the last second wholly in one"
+        "Times: its cost in ours; right: of the time of known motions; inside: the last\n"
+        "second wholly in one; asked: at every how many hops, to find that out"
     )
     table = _table(title, ("",), headings)
     for peer in peers.peers:
         table.add_row(
-            f"kinespace, {peer.name}" if peer.name in list(LiveSignature) else peer.name,
+            f"ours, {peer.name}" if peer.name in list(LiveSignature) else peer.name,
             f"{peer.frames_per_second:,.0f}",
             *(f"{peer.ratios[signature]:,.2f}" for signature in LiveSignature),
             _NOTHING if peer.accuracy is None else f"{peer.accuracy:.1%}",

@@ -12,9 +12,11 @@ from hypothesis import settings
 from library.motionlibrary import MotionLibrary
 from library.recordings import find_recordings, read_recordings
 from library.windowtable import Comparison
+from tools.bench import recorded
 
 if TYPE_CHECKING:
     from library.clip import Clip
+    from tools.bench.recorded import Recorded
 
 # The same examples in every run, and no deadline: a slow machine is not a failure.
 settings.register_profile("kinespace", derandomize=True, deadline=None)
@@ -66,6 +68,12 @@ def some_paths(hdm05_folder: Path) -> tuple[Path, ...]:
 def some_clips(some_paths: tuple[Path, ...]) -> tuple[Clip, ...]:
     """Give the first clip of each class."""
     return tuple(read_recordings(some_paths))
+
+
+@pytest.fixture(scope="session")
+def recordings(data_folder: Path) -> Recorded:
+    """Give what the bench plays, read once."""
+    return recorded.read(data_folder)
 
 
 @pytest.fixture(scope="session")

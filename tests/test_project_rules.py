@@ -42,6 +42,11 @@ def name_of(path: Path) -> str:
     return str(path.relative_to(ROOT))
 
 
+def package_of(path: Path) -> str:
+    """Give the top package a source belongs to."""
+    return path.relative_to(ROOT).parts[0]
+
+
 def imported(path: Path) -> set[str]:
     """Give the top packages a source imports, anywhere in it and for type checking too."""
     names: set[str] = set()

@@ -45,6 +45,7 @@ class _Request:
     settings: Settings
     answer_port: int
     echo: bool
+    performers: int
 
 
 class BackgroundService:
@@ -62,6 +63,8 @@ class BackgroundService:
         Of the recognisers.
     echo
         Send every packet back unread, instead of recognising it.
+    performers
+        How many at once, at most.
 
     Attributes
     ----------
@@ -76,6 +79,7 @@ class BackgroundService:
         library: Path | None = None,
         settings: Settings | None = None,
         echo: bool = False,
+        performers: int = 32,
     ) -> None:
         self.status: Status | None = None
         self._echo = echo
@@ -84,7 +88,7 @@ class BackgroundService:
         # A fresh interpreter, so that the child holds none of the parent's sockets and threads.
         context = multiprocessing.get_context("spawn")
         self._connection, self._theirs = context.Pipe()
-        request = _Request(transport, library, settings or Settings(), port, echo)
+        request = _Request(transport, library, settings or Settings(), port, echo, performers)
         self._process = context.Process(target=_serve, args=(self._theirs, request), daemon=True)
 
     def __enter__(self) -> Self:
@@ -126,6 +130,17 @@ class BackgroundService:
         self._connection.close()
         if self._receiver:
             self._receiver.close()
+
+    @property
+    def frames_to(self) -> str | tuple[str, int]:
+        """Where frames are to be sent, once it runs: (host, port) of UDP, or a ZeroMQ endpoint to connect to."""
+        address: str | tuple[str, int] = self._frames_to
+        return address
+
+    @property
+    def process_id(self) -> int | None:
+        """Of the process it runs in, once it runs."""
+        return self._process.pid
 
     def connect(self) -> tuple[FrameSender, Receiver]:
         """Open a sender of frames to it and a receiver of what it sends, and see that both reach.
@@ -174,8 +189,9 @@ def _serve(connection: Connection, request: _Request) -> None:
         _echo(connection, source, sink)
         connection.send(None)
         return
+    performers = Performers(library, request.settings, most=request.performers)
     gc.freeze()
-    with Service(Performers(library, request.settings), [source], [sink]) as service:
+    with Service(performers, [source], [sink]) as service:
         while not connection.poll():
             service.step(_CHECK_EVERY)
         service.step(0.0)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 import sys
 from importlib.metadata import PackageNotFoundError, version
 from io import TextIOWrapper
@@ -67,6 +68,7 @@ def _parser() -> argparse.ArgumentParser:
         _add_build,
         _add_info,
         _add_evaluate,
+        _add_bench,
     ):
         add(programs)
     return parser
@@ -415,6 +417,51 @@ def _run_retrieval(parsed: argparse.Namespace) -> int:
     )
 
 
+def _add_bench(programs: Programs[argparse.ArgumentParser]) -> None:
+    bench = programs.add_parser(
+        "bench",
+        help="measure what everything costs, beside what a user would take instead",
+        description="Times every step, the alternatives, growth, sockets and a long run, on real recordings and one "
+        "core. Needs pip install kinespace[bench] for the alternatives. Everything takes an hour and more.",
+    )
+    parts = ("stages", "peers", "growth", "sockets", "soak")
+    bench.add_argument("part", nargs="?", choices=(*parts, "all"), default="all", help="default: %(default)s")
+    bench.add_argument(
+        "--data",
+        type=Path,
+        metavar="FOLDER",
+        default=Path(os.environ.get("KINESPACE_DATA") or "../shared/data"),
+        help="what holds hdm05_cut_amc/ and cmu/ (default: KINESPACE_DATA, or ../shared/data)",
+    )
+    bench.add_argument(
+        "--signature",
+        choices=("eigenvector", "windows"),
+        help="of which the figures of --json and sockets tell (default: the recogniser's own)",
+    )
+    bench.add_argument("--rounds", type=_count, default=9, help="medians are of so many (default %(default)s)")
+    bench.add_argument("--seconds", type=_positive, default=20.0, help="of a latency run (default %(default)s)")
+    bench.add_argument("--frames", type=_count, default=24 * 3600 * 120, help="of soak (default: a day, %(default)s)")
+    bench.add_argument(
+        "--minutes", type=_not_negative, default=10.0, help="of soak over sockets, 0 for none (default %(default)s)"
+    )
+    bench.add_argument("--picture", type=Path, metavar="FILE", help="draw what was found")
+    bench.add_argument("--json", action="store_true", help="print one JSON object and nothing else")
+    bench.set_defaults(run=_run_bench)
+
+
+def _run_bench(parsed: argparse.Namespace) -> int:
+    from tools.bench import run  # noqa: PLC0415 - as above
+
+    return run.run(
+        run.PARTS if parsed.part == "all" else (parsed.part,),
+        data=parsed.data,
+        signature=LiveSignature(parsed.signature) if parsed.signature else None,
+        effort=run.Effort(rounds=parsed.rounds, seconds=parsed.seconds, frames=parsed.frames, minutes=parsed.minutes),
+        picture=parsed.picture,
+        as_json=parsed.json,
+    )
+
+
 def _add_reading(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--asf", type=Path, help="skeleton of AMC files (default: found by name)")
     parser.add_argument("--frame-rate", type=_positive, metavar="HZ", help="of all recordings (default: as they say)")
@@ -492,6 +539,13 @@ def _names(text: str) -> tuple[str, ...]:
     if not names:
         raise argparse.ArgumentTypeError(f"expected names with commas between, got {text!r}")
     return names
+
+
+def _count(text: str) -> int:
+    number = _number(text)
+    if number < 1 or number != int(number):
+        raise argparse.ArgumentTypeError(f"expected a whole number above 0, got {text}")
+    return int(number)
 
 
 def _mapping(text: str) -> tuple[str, str]:

@@ -94,11 +94,19 @@ class Latency:
         }
 
 
-def measure(transport: Transport, *, rate_hz: float, seconds: float, settings: Settings) -> Latency:
+def measure(
+    transport: Transport,
+    *,
+    rate_hz: float,
+    seconds: float,
+    settings: Settings,
+    positions: NDArray[np.float32] | None = None,
+) -> Latency:
     """Feed a recogniser in another process and time its answers.
 
-    The feed is a ghost of the library's first class; a frame's time is given, so that it is known beforehand which
-    frames are answered. Every packet also goes, half a frame later, to a process that sends it straight back.
+    The feed is a ghost of the library's first class unless another is given; a frame's time is given, so that it is
+    known beforehand which frames are answered. Every packet also goes, half a frame later, to a process that sends it
+    straight back.
 
     Parameters
     ----------
@@ -110,9 +118,11 @@ def measure(transport: Transport, *, rate_hz: float, seconds: float, settings: S
         How long to feed.
     settings
         Of the recogniser.
+    positions
+        What to feed, at that rate, shape (frames, joints, 3), metres; begun again when it is shorter than the run.
     """
     library = MotionLibrary.builtin()
-    cues = _cues(library, rate_hz, seconds)
+    cues = _cues(_ghost(library, rate_hz, seconds) if positions is None else positions, rate_hz, seconds)
     expected = expected_answers(cues, library, settings)
     with (
         BackgroundService(transport, settings=settings) as service,
@@ -175,10 +185,16 @@ class _Run:
             (self.echoes if each.receiver is self._echo_receiver else self.answers).append(each)
 
 
-def _cues(library: MotionLibrary, rate_hz: float, seconds: float) -> list[Cue]:
-    # The ghost swings at another beat than hops fall, so that no two answers are alike.
-    positions = ghost(library, library.classes[0], seconds=seconds, frame_rate=rate_hz, rate=0.83).astype(np.float32)
-    return [Cue(k / rate_hz, Frame("latency", 1.0 + k / rate_hz, each), k) for k, each in enumerate(positions)]
+def _ghost(library: MotionLibrary, rate_hz: float, seconds: float) -> NDArray[np.float32]:
+    # The ghost moves at another beat than hops fall, so that no two answers are alike.
+    return ghost(library, library.classes[0], seconds=seconds, frame_rate=rate_hz, rate=0.83).astype(np.float32)
+
+
+def _cues(positions: NDArray[np.float32], rate_hz: float, seconds: float) -> list[Cue]:
+    return [
+        Cue(k / rate_hz, Frame("latency", 1.0 + k / rate_hz, positions[k % len(positions)]), k)
+        for k in range(round(seconds * rate_hz))
+    ]
 
 
 def run(transports: Sequence[Transport], *, rate_hz: float, seconds: float, settings: Settings, as_json: bool) -> int:

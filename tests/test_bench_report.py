@@ -1,0 +1,159 @@
+"""What the bench tells: the standard figures, tables and the picture of made-up results."""
+
+from __future__ import annotations
+
+import json
+from typing import TYPE_CHECKING
+
+import matplotlib as mpl
+import numpy as np
+import pytest
+
+from stream.recognizer import LiveSignature, RecognizerCounts
+from tools.bench import picture
+from tools.bench.crowd import Crowd
+from tools.bench.growth import Growth
+from tools.bench.peers import Peer, Peers
+from tools.bench.report import Report
+from tools.bench.running import Running
+from tools.bench.soak import Day, Soak
+from tools.bench.sockets import Sockets
+from tools.bench.stages import Memory, Stage, Stages
+from tools.console import console
+from tools.latency import Latency
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+KEYS = (
+    *("us_per_frame", "frames_per_second", "ratio_svd", "ratio_eigh", "ratio_incremental_pca", "ratio_dtw_band"),
+    *("osc_decode_us", "osc_decode_python_osc_us", "latency_p99_ms", "echo_p99_ms", "lost_360", "performers_at_120hz"),
+    *("pairs_exponent", "match_200k_ms", "rss_mb", "rss_100_mb", "startup_s", "max_eigenvector_error"),
+)
+
+
+def made_up(signature: LiveSignature = LiveSignature.EIGENVECTOR) -> Report:
+    """Make a report of round numbers."""
+    steps = (Stage("decode OSC", "frame", 4.0, 4.0, 0.1), Stage("match", "hop", 40.0, 10.0, 0.25))
+    memory = Memory(0.0, 1000.0, 2000.0)
+    names = (
+        *LiveSignature,
+        *("SVD of the window", "np.cov + eigh", "IncrementalPCA", "DTW, 10% band"),
+    )
+    ratios = {
+        name: dict(zip(LiveSignature, (place + 1.0, 2 * place + 1.0), strict=True)) for place, name in enumerate(names)
+    }
+    seconds = np.arange(1001) / 1e6
+    latencies = tuple(
+        Latency(transport, rate, 100, 90, lost, seconds * rate / 120, seconds / 10)
+        for transport, lost in (("osc", 1), ("zmq", 2))
+        for rate in (120.0, 360.0)
+    )
+    crowd = Crowd(64, 1000, 250, 250, 0, seconds, 0.0, (80.0, 81.0, 82.0), None)
+    return Report(
+        signature,
+        stages={
+            LiveSignature.WINDOWS: Stages(steps, 50.0, 4.5, 36.0, memory),
+            LiveSignature.EIGENVECTOR: Stages(steps, 40.0, 4.0, 37.0, memory),
+        },
+        peers=Peers(tuple(Peer(name, 40.0, ratios[name], 0.8, 0.9, 1) for name in names), {"DTW": "dtaidistance"}),
+        growth=(
+            Growth("joints", "a frame", ("15", "31"), (105.0, 465.0), (10.0, 40.0), 0.93),
+            Growth("library", "a match", ("288", "200000"), (288.0, 200000.0), (20.0, 1900.0), 0.7),
+        ),
+        sockets=Sockets(latencies, {"osc": crowd, "zmq": None}, Running(0.75, 100.0, None)),
+        soak=Soak(
+            Day(1000, 2.0, (90.0, 91.0, 92.0), 7, 3e-7, 250, RecognizerCounts(frames=1000, hops=250)),
+            crowd,
+        ),
+    )
+
+
+def test_the_standard_figures_are_those_of_the_results() -> None:
+    """Every figure stands under its name, taken from its part, and is valid JSON."""
+    figures = made_up().figures()
+    assert tuple(sorted(figures)) == tuple(sorted(KEYS))
+    assert figures == {
+        "us_per_frame": 40.0,
+        "frames_per_second": 25000.0,
+        "ratio_svd": 5.0,
+        "ratio_eigh": 7.0,
+        "ratio_incremental_pca": 9.0,
+        "ratio_dtw_band": 11.0,
+        "osc_decode_us": 4.0,
+        "osc_decode_python_osc_us": 37.0,
+        "latency_p99_ms": 0.99,
+        "echo_p99_ms": 0.099,
+        "lost_360": 3,
+        "performers_at_120hz": 64,
+        "pairs_exponent": 0.93,
+        "match_200k_ms": 1.9,
+        "rss_mb": 100.0,
+        "rss_100_mb": None,
+        "startup_s": 0.75,
+        "max_eigenvector_error": 3e-7,
+    }
+    assert json.loads(json.dumps(figures, allow_nan=False)) == figures
+
+
+def test_the_figures_tell_of_the_signature_asked_for() -> None:
+    """Asked for windows, cost and ratios are those of windows."""
+    figures = made_up(LiveSignature.WINDOWS).figures()
+    assert (figures["us_per_frame"], figures["ratio_svd"], figures["osc_decode_us"]) == (50.0, 3.0, 4.5)
+
+
+def test_what_was_not_run_is_null() -> None:
+    """Every name is always there; without any part every figure is null, and there is no table."""
+    report = Report(LiveSignature.EIGENVECTOR)
+    assert report.figures() == dict.fromkeys(KEYS)
+    assert list(report.tables()) == []
+    report.sockets = Sockets((), {"osc": None, "zmq": None}, Running(0.5, None, None))
+    assert report.figures()["performers_at_120hz"] == 0
+    assert report.figures()["latency_p99_ms"] is None
+    assert report.figures()["lost_360"] is None
+
+
+def test_the_tables_name_everything(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each part has its table, with every step, peer, size, rate and counter in it."""
+    monkeypatch.setattr(console, "_width", 200)
+    for table in made_up().tables():
+        console.print(table)
+    printed = capsys.readouterr().out
+    told = (
+        *("From packet to answer, windows", "25,000 frames/s", "ours, eigenvector", "needs dtaidistance"),
+        *("200000", "0.93", "zmq echo", "360", "first answer", "0.75 s", "100.0 MB", "90.0 MB, 91.0 MB, 92.0 MB"),
+        *("3.00e-07 in 7 hops", ": consistent", "over UDP, 64 performers", "80.0 MB, 81.0 MB, 82.0 MB"),
+    )
+    for text in told:
+        assert text in printed
+
+
+def test_the_picture_shows_every_part(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A drawn SVG holds, as text, every peer, step and growth; of two parts only those are drawn."""
+    monkeypatch.setitem(mpl.rcParams, "svg.fonttype", "none")
+    picture.draw(tmp_path / "all.svg", made_up())
+    drawn = (tmp_path / "all.svg").read_text(encoding="utf-8")
+    for text in (
+        *(
+            "kinespace, windows",
+            "IncrementalPCA",
+            "decode OSC",
+            "match",
+            "joints, 15 to 31: exponent 0.93 of their pairs",
+        ),
+        *("OSC, p99", "ZeroMQ echo, p50", "Speed and accuracy on the same feed"),
+    ):
+        assert f">{text}</text>" in drawn
+    report = made_up()
+    report.peers = report.sockets = None
+    picture.draw(tmp_path / "some.svg", report)
+    some = (tmp_path / "some.svg").read_text(encoding="utf-8")
+    assert "IncrementalPCA" not in some
+    assert "exponent 0.93" in some
+
+
+def test_a_picture_of_nothing_is_refused(tmp_path: Path) -> None:
+    """Without a part that can be drawn nothing is written and the error says what could be."""
+    with pytest.raises(ValueError, match="--picture: expected stages, peers, growth or sockets"):
+        picture.draw(tmp_path / "none.png", Report(LiveSignature.EIGENVECTOR))
+    assert not list(tmp_path.iterdir())

@@ -1,0 +1,144 @@
+"""`kinespace bench sockets`: crowds, start-up and memory. No figure is held against a limit here."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+
+from stream.recognizer import LiveSignature, Settings
+from tools import latency
+from tools.bench import crowd, memory, running
+from tools.bench.crowd import Crowd, most_performers, play
+
+if TYPE_CHECKING:
+    from tools.background import Transport
+    from tools.bench.recorded import Recorded
+
+SETTINGS = Settings(window=0.3)
+NOBODY = Crowd(1, 10, 5, 5, 0, np.full(1000, 0.001), 0.0, (), None)
+
+
+@pytest.mark.parametrize("transport", ["osc", "zmq"])
+def test_a_crowd_is_answered_and_accounted_for(transport: Transport, recordings: Recorded) -> None:
+    """Everybody's frames are sent, every answer due is answered or lost, latencies are those after the warm-up."""
+    found = play(transport, 3, recordings.positions[:120], SETTINGS)
+    assert (found.performers, found.sent) == (3, 360)
+    # A window of 36 frames is full with the 37th; from then on every fourth frame is answered.
+    assert found.expected == 3 * 21
+    assert found.status is not None
+    assert found.answered + found.lost >= found.expected
+    if not found.lost:
+        assert found.answered == found.expected
+        assert found.status.outcomes.recognizers.frames == 360
+        # The first half second of answers warms up.
+        assert found.seconds.size == 3 * 6
+    assert (found.seconds > 0).all()
+    assert (found.seconds < 60).all()
+    assert all(megabytes > 10 for megabytes in found.resident_mb)
+
+
+def test_what_is_lost_is_seen(recordings: Recorded, monkeypatch: pytest.MonkeyPatch) -> None:
+    """When a crowd is larger than the recogniser has room for, the frames it refused are lost and nothing is held."""
+    service = crowd.BackgroundService
+    monkeypatch.setattr(crowd, "BackgroundService", lambda *a, **k: service(*a, **{**k, "performers": 1}))
+    found = play("osc", 2, recordings.positions[:60], SETTINGS)
+    assert found.status is not None
+    assert found.status.outcomes.no_room == 60
+    assert found.lost >= 60
+    assert not found.held
+
+
+@pytest.mark.parametrize(
+    ("change", "held"),
+    [
+        ({}, True),
+        ({"lost": 1}, False),
+        ({"seconds": np.full(1000, 0.009)}, False),
+        ({"seconds": np.append(np.full(995, 0.001), np.full(5, 0.5))}, True),
+        ({"seconds": np.zeros(0)}, False),
+        ({"behind": 0.1}, False),
+    ],
+)
+def test_a_crowd_is_held_when_nothing_is_lost_or_late(change: dict[str, object], held: bool) -> None:  # noqa: FBT001 - a parameter of the test
+    """Lost answers, a p99 above a frame's time, no answers or a sender that could not keep up: not held."""
+    assert replace(NOBODY, **change).held == held  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("limit", [0, 1, 7, 8, 9, 37, 100, 499, 500, 9999])
+def test_the_largest_crowd_is_found_to_a_tenth(limit: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The search ends at most a tenth below the limit and never above it or above the most asked for."""
+    tried: list[int] = []
+
+    def played(_: str, performers: int, *__: object) -> Crowd:
+        tried.append(performers)
+        return replace(NOBODY, performers=performers, lost=int(performers > limit))
+
+    monkeypatch.setattr(crowd, "play", played)
+    found = most_performers("osc", np.zeros((1, 31, 3), np.float32), SETTINGS, most=500)
+    if not limit:
+        assert found is None
+    else:
+        assert found is not None
+        assert min(limit, 500) / 1.1 - 1 <= found.performers <= min(limit, 500)
+    assert max(tried) <= 500
+    # Whatever fails is tried twice, whatever is held once.
+    assert all(tried.count(each) == (1 if each <= limit else 2) for each in tried)
+
+
+def test_noise_gets_a_second_try(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A crowd that fails once and is held the second time is held."""
+    tried: list[int] = []
+
+    def played(_: str, performers: int, *__: object) -> Crowd:
+        tried.append(performers)
+        return replace(NOBODY, performers=performers, lost=int(tried.count(performers) == 1))
+
+    monkeypatch.setattr(crowd, "play", played)
+    found = most_performers("osc", np.zeros((1, 31, 3), np.float32), SETTINGS, most=16)
+    assert found is not None
+    assert found.performers == 16
+
+
+def test_latency_can_be_measured_on_recorded_frames(recordings: Recorded) -> None:
+    """Frames that are given are what is sent, begun again when they are too few."""
+    found = latency.measure("osc", rate_hz=100.0, seconds=1.0, settings=SETTINGS, positions=recordings.positions[:80])
+    assert found.sent == 100
+    assert found.answered + found.lost > 0
+
+
+def test_the_program_is_started_fed_and_ended(recordings: Recorded) -> None:
+    """Start-up is a positive time; with more performers the program holds more memory."""
+    found = running.measure(recordings.positions, LiveSignature.EIGENVECTOR, starts=1, many=4)
+    assert 0 < found.startup_s < 60
+    if found.resident_mb is not None:
+        assert found.resident_100_mb is not None
+        assert found.resident_100_mb > found.resident_mb > 10
+
+
+def test_memory_is_of_the_process_asked_for() -> None:
+    """What a process takes shows in its resident memory, asked for by number or not; nobody's is unknown."""
+    before = memory.resident_mb()
+    if before is None:
+        pytest.skip("this system does not say how much memory a process holds")
+    taken = np.ones(8 << 20)
+    after = memory.resident_mb(os.getpid())
+    assert after is not None
+    assert after - before > 32
+    assert taken.all()
+    assert memory.resident_mb(2**22 + 1) is None
+
+
+def test_memory_is_asked_of_ps_where_there_is_no_proc(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Without `/proc` `ps` tells about the same; without `ps` nobody does."""
+    monkeypatch.setattr(memory, "Path", lambda _: (_ for _ in ()).throw(FileNotFoundError))
+    told = memory.resident_mb()
+    monkeypatch.setattr(memory.shutil, "which", lambda _: None)
+    assert memory.resident_mb() is None
+    monkeypatch.undo()
+    known = memory.resident_mb()
+    if told is not None and known is not None:
+        assert told == pytest.approx(known, rel=0.2)

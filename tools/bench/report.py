@@ -1,0 +1,233 @@
+"""What the bench found, in its standard figures and as tables."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+from rich.table import Table
+
+from stream.recognizer import LiveSignature
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from tools.bench.crowd import Crowd
+    from tools.bench.growth import Growth
+    from tools.bench.peers import Peers
+    from tools.bench.soak import Soak
+    from tools.bench.sockets import Sockets
+    from tools.bench.stages import Stages
+
+#: What is said where nothing was measured.
+_NOTHING = "-"
+
+
+@dataclass(slots=True)
+class Report:
+    """Results of the parts that were run; None for a part that was not.
+
+    Attributes
+    ----------
+    signature
+        Of which the standard figures tell.
+    """
+
+    signature: LiveSignature
+    stages: dict[str, Stages] | None = None
+    peers: Peers | None = None
+    growth: tuple[Growth, ...] | None = None
+    sockets: Sockets | None = None
+    soak: Soak | None = None
+    notes: list[str] = field(default_factory=list)
+
+    def figures(self) -> dict[str, float | int | None]:
+        """Give the standard figures by name, every name always; None for what was not measured."""
+        found = {**self._of_stages(), **self._of_peers(), **self._of_growth(), **self._of_sockets(), **self._of_soak()}
+        return {name: _rounded(value) for name, value in found.items()}
+
+    def _of_stages(self) -> dict[str, float | None]:
+        stages = self.stages[self.signature] if self.stages else None
+        return {
+            "us_per_frame": stages.us_per_frame if stages else None,
+            "frames_per_second": stages.frames_per_second if stages else None,
+            "osc_decode_us": stages.osc_decode_us if stages else None,
+            "osc_decode_python_osc_us": stages.osc_decode_python_osc_us if stages else None,
+        }
+
+    def _of_peers(self) -> dict[str, float | None]:
+        names = {
+            "ratio_svd": "SVD of the window",
+            "ratio_eigh": "np.cov + eigh",
+            "ratio_incremental_pca": "IncrementalPCA",
+            "ratio_dtw_band": "DTW, 10% band",
+        }
+        return {key: self.peers.ratio(name, self.signature) if self.peers else None for key, name in names.items()}
+
+    def _of_growth(self) -> dict[str, float | None]:
+        found = {each.of: each for each in self.growth or ()}
+        joints, library = found.get("joints"), found.get("library")
+        at_200k = dict(zip(library.sizes, library.us, strict=True)).get(200_000) if library else None
+        return {
+            "pairs_exponent": joints.exponent if joints else None,
+            "match_200k_ms": at_200k / 1000 if at_200k else None,
+        }
+
+    def _of_sockets(self) -> dict[str, float | None]:
+        sockets = self.sockets
+        usual = sockets.latency("osc", 120.0) if sockets else None
+        fastest = [each for each in sockets.latencies if each.rate_hz == 360.0] if sockets else []
+        held = sockets.crowds["osc"] if sockets else None
+        return {
+            "latency_p99_ms": usual.percentile(99) if usual else None,
+            "echo_p99_ms": usual.percentile(99, echo=True) if usual else None,
+            "lost_360": sum(each.lost for each in fastest) if fastest else None,
+            "performers_at_120hz": (held.performers if held else 0) if sockets else None,
+            "rss_mb": sockets.running.resident_mb if sockets else None,
+            "rss_100_mb": sockets.running.resident_100_mb if sockets else None,
+            "startup_s": sockets.running.startup_s if sockets else None,
+        }
+
+    def _of_soak(self) -> dict[str, float | None]:
+        return {"max_eigenvector_error": self.soak.day.max_error if self.soak else None}
+
+    def tables(self) -> Iterator[Table]:
+        """Give a table for each part that was run."""
+        if self.stages:
+            for signature, each in self.stages.items():
+                yield _stages_table(signature, each)
+        if self.peers:
+            yield _peers_table(self.peers)
+        if self.growth:
+            yield _growth_table(self.growth)
+        if self.sockets:
+            yield _latency_table(self.sockets)
+            yield _outside_table(self.sockets)
+        if self.soak:
+            yield _soak_table(self.soak)
+
+    def all_notes(self) -> list[str]:
+        """Give what the reader must know beside the tables."""
+        missing = self.peers.missing if self.peers else {}
+        asks = [f"{name}: not measured, needs {needs}: pip install kinespace[bench]" for name, needs in missing.items()]
+        return [*self.notes, *asks]
+
+
+def _rounded(value: float | None) -> float | int | None:
+    """Keep four digits: more would be noise; None for what is no number."""
+    if value is None or isinstance(value, int):
+        return value
+    return float(f"{value:.4g}") if math.isfinite(value) else None
+
+
+def _table(title: str, names: Sequence[str], figures: Sequence[str]) -> Table:
+    table = Table(title=title, title_justify="left")
+    for name in names:
+        table.add_column(name, no_wrap=name == names[0])
+    for figure in figures:
+        table.add_column(figure, justify="right")
+    return table
+
+
+def _stages_table(signature: str, stages: Stages) -> Table:
+    headings = ("each, µs", "per frame, µs", "share of packet to answer")
+    table = _table(f"From packet to answer, {signature}, one core", ("step", "per"), headings)
+    for stage in stages.stages:
+        figures = (f"{stage.us:.1f}", f"{stage.us_per_frame:.1f}", f"{stage.share:.1%}")
+        table.add_row(stage.name, stage.per, *figures)
+    table.add_section()
+    whole, theirs, memory = f"{stages.us_per_frame:.1f}", f"{stages.osc_decode_python_osc_us:.1f}", stages.memory
+    table.add_row("recogniser, all in", "frame", whole, whole, f"{stages.frames_per_second:,.0f} frames/s")
+    table.add_row("python-osc decoding the same", "frame", theirs, theirs, "")
+    table.add_section()
+    table.add_row("bytes kept for good", "frame", f"{memory.kept:.1f}", "", "")
+    table.add_row("bytes in use at most", "frame", f"{memory.frame:,.0f}", "", "")
+    table.add_row("bytes in use at most", "hop", f"{memory.hop:,.0f}", "", "")
+    return table
+
+
+def _peers_table(peers: Peers) -> Table:
+    ratios = (f"times {signature}" for signature in LiveSignature)
+    headings = ("frames/s", *ratios, "right", "inside", "asked")
+    title = (
+        "The same feed by others: 31 joints, 120 Hz, window 1 s, hop 1/30 s\n"
+        "Times: its cost in ours; right: of the time of known motions; inside: the last\n"
+        "second wholly in one; asked: at every how many hops, to find that out"
+    )
+    table = _table(title, ("",), headings)
+    for peer in peers.peers:
+        table.add_row(
+            f"ours, {peer.name}" if peer.name in list(LiveSignature) else peer.name,
+            f"{peer.frames_per_second:,.0f}",
+            *(f"{peer.ratios[signature]:,.2f}" for signature in LiveSignature),
+            _NOTHING if peer.accuracy is None else f"{peer.accuracy:.1%}",
+            _NOTHING if peer.accuracy_inside is None else f"{peer.accuracy_inside:.1%}",
+            f"{peer.every}",
+        )
+    for name, needs in peers.missing.items():
+        table.add_row(name, f"needs {needs}", *[_NOTHING] * (len(headings) - 1))
+    return table
+
+
+def _growth_table(growth: Sequence[Growth]) -> Table:
+    table = _table("What it costs to grow, one core", ("of", "size", "cost of"), ("µs", "exponent"))
+    for each in growth:
+        last = each.labels[-1]
+        for label, us in zip(each.labels, each.us, strict=True):
+            told = f"{each.exponent:.2f}" if label == last else ""
+            table.add_row(each.of, label, each.cost, f"{us:,.1f}", told, end_section=label == last)
+    return table
+
+
+def _latency_table(sockets: Sockets) -> Table:
+    percents = (50, 95, 99, 99.9)
+    headings = (*(f"p{percent:g}" for percent in percents), "max", "sent", "answered", "lost")
+    table = _table("Frame sent to answer received, milliseconds", ("", "Hz"), headings)
+    for each in sockets.latencies:
+        rate = f"{each.rate_hz:g}"
+        ours, echo = ([f"{each.percentile(p, echo=e):.2f}" for p in (*percents, 100)] for e in (False, True))
+        table.add_row(each.transport, rate, *ours, f"{each.sent}", f"{each.answered}", f"{each.lost}")
+        table.add_row(f"{each.transport} echo", rate, *echo, end_section=True)
+    return table
+
+
+def _outside_table(sockets: Sockets) -> Table:
+    table = _table("Seen from outside", ("",), ("", "more"))
+    for transport, crowd in sockets.crowds.items():
+        held = f"{crowd.performers}" if crowd else "0"
+        table.add_row(f"performers at 120 Hz on one core, {transport}", held, _of_crowd(crowd) if crowd else "")
+    running = sockets.running
+    table.add_row("start of `kinespace live` to its first answer", f"{running.startup_s:.2f} s", "")
+    table.add_row("resident memory, one performer", _megabytes(running.resident_mb), "")
+    table.add_row("resident memory, 100 performers", _megabytes(running.resident_100_mb), "")
+    return table
+
+
+def _of_crowd(crowd: Crowd) -> str:
+    told = f"p50 {crowd.percentile(50):.2f} ms, p99 {crowd.percentile(99):.2f} ms"
+    return f"{told}; {crowd.sent:,} frames, {crowd.lost} lost"
+
+
+def _soak_table(soak: Soak) -> Table:
+    day = soak.day
+    hours = day.frames / 120 / 3600
+    table = _table(f"{day.frames:,} frames, {hours:.2f} hours of a 120 Hz feed", ("",), ("",))
+    table.add_row("took", f"{day.seconds:,.0f} s, {day.frames / day.seconds:,.0f} frames/s")
+    table.add_row("resident at start, middle, end", ", ".join(map(_megabytes, day.resident_mb)))
+    error = _NOTHING if day.max_error is None else f"{day.max_error:.2e} in {day.checked:,} hops computed anew"
+    table.add_row("largest eigenvector deviation", error)
+    counts = day.counts
+    told = f"{counts.frames:,} frames, {counts.hops:,} hops, {day.answers:,} answers, {counts.exact:,} solved exactly"
+    table.add_row("counters", f"{told}: {'consistent' if day.consistent else 'NOT consistent'}")
+    if crowd := soak.over_sockets:
+        seconds = crowd.sent / crowd.performers / 120
+        table.add_row(f"over UDP, {crowd.performers} performers, {seconds:,.0f} s", _of_crowd(crowd))
+        samples = crowd.resident_mb
+        ends = (samples[0], samples[len(samples) // 2], samples[-1]) if samples else (None,) * 3
+        table.add_row("its resident memory at start, middle, end", ", ".join(map(_megabytes, ends)))
+    return table
+
+
+def _megabytes(megabytes: float | None) -> str:
+    return _NOTHING if megabytes is None else f"{megabytes:.1f} MB"

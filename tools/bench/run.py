@@ -1,0 +1,153 @@
+"""`kinespace bench`: run the parts that are asked for, print what they found, draw it."""
+
+from __future__ import annotations
+
+import json
+import os
+import platform
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal, get_args
+
+from stream.recognizer import LiveSignature, Settings
+from tools.bench import growth, peers, recorded, soak, sockets, stages
+from tools.bench.report import Report
+from tools.bench.timing import one_thread
+from tools.console import console
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+    from pathlib import Path
+
+    from tools.bench.recorded import Recorded
+
+Part = Literal["stages", "peers", "growth", "sockets", "soak"]
+PARTS: tuple[Part, ...] = get_args(Part)
+
+
+@dataclass(frozen=True, slots=True)
+class Effort:
+    """How long the parts take.
+
+    Attributes
+    ----------
+    rounds
+        Turns of which medians are taken.
+    seconds
+        Of each latency run.
+    asking
+        Seconds for finding the accuracy of one peer.
+    frames
+        Of the long run.
+    minutes
+        Of the long run over sockets, 0 for none.
+    sizes
+        To which things are grown.
+    rates
+        Frames per second of the latency runs.
+    most
+        Performers at most.
+    starts
+        Of the program.
+    """
+
+    rounds: int = 9
+    seconds: float = 20.0
+    asking: float = 20.0
+    frames: int = soak.DAY
+    minutes: float = 10.0
+    sizes: growth.Sizes = growth.Sizes()  # noqa: RUF009 - frozen
+    rates: tuple[float, ...] = sockets.RATES
+    most: int = 1024
+    starts: int = 5
+
+
+def run(
+    parts: Sequence[Part],
+    *,
+    data: Path | None,
+    signature: LiveSignature | None,
+    effort: Effort,
+    picture: Path | None,
+    as_json: bool,
+) -> int:
+    """Run some parts and tell what they found.
+
+    Parameters
+    ----------
+    parts
+        Which, in any order.
+    data
+        The folder that holds `hdm05_cut_amc/` and `cmu/`.
+    signature
+        Of which the standard figures tell and which sockets and the long run use. When not given: what is recognised
+        with by default, and the eigenvector in the long run, where it is checked.
+    effort
+        How long everything takes.
+    picture
+        Where to draw it.
+    as_json
+        Print one JSON object of the standard figures and nothing else.
+    """
+    with one_thread() as note:
+        report = measured(parts, recorded.read(data), signature=signature, effort=effort)
+    report.notes += [note] if note else []
+    if picture:
+        from tools.bench import picture as drawing  # noqa: PLC0415 - matplotlib is an extra, and slow to load
+
+        drawing.draw(picture, report)
+    if as_json:
+        print(json.dumps(report.figures()))
+        return 0
+    for table in report.tables():
+        console.print(table)
+    for line in (*report.all_notes(), _machine()):
+        console.print(line, soft_wrap=True)
+    return 0
+
+
+def measured(parts: Sequence[Part], recordings: Recorded, *, signature: LiveSignature | None, effort: Effort) -> Report:
+    """Run some parts, in the order that a reader wants them."""
+    usual = signature or Settings().signature
+    positions = recordings.positions
+    report = Report(usual)
+
+    def run_stages() -> None:
+        report.stages = stages.measure(positions, signatures=tuple(LiveSignature), rounds=effort.rounds)
+
+    def run_peers() -> None:
+        report.peers = peers.measure(recordings, rounds=effort.rounds, asking=effort.asking)
+
+    def run_growth() -> None:
+        report.growth = growth.measure(recordings, sizes=effort.sizes, rounds=effort.rounds)
+
+    def run_sockets() -> None:
+        report.sockets = sockets.measure(
+            positions,
+            signature=usual,
+            seconds=effort.seconds,
+            rates=effort.rates,
+            most=effort.most,
+            starts=effort.starts,
+        )
+
+    def run_soak() -> None:
+        checked = signature or LiveSignature.EIGENVECTOR
+        report.soak = soak.measure(positions, signature=checked, frames=effort.frames, minutes=effort.minutes)
+
+    runs: dict[Part, Callable[[], None]] = {
+        "stages": run_stages,
+        "peers": run_peers,
+        "growth": run_growth,
+        "sockets": run_sockets,
+        "soak": run_soak,
+    }
+    for part, run_part in runs.items():
+        if part in parts:
+            run_part()
+    return report
+
+
+def _machine() -> str:
+    """Say on what this was measured, and how busy that was with other things."""
+    load = f", load {os.getloadavg()[0]:.1f}" if hasattr(os, "getloadavg") else ""
+    return f"{os.cpu_count()} cores{load}, Python {platform.python_version()}, {platform.system()}"

@@ -1,0 +1,164 @@
+"""`kinespace bench soak`: a day of feed as fast as it goes, and minutes over real sockets, to see what piles up."""
+
+from __future__ import annotations
+
+import multiprocessing
+import time
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from library import MotionLibrary, hdm05
+from library.distances import distance_rows
+from library.eigen import leading_axis
+from library.signature import Moments
+from stream.recognizer import LiveSignature, Recognizer, Settings
+from tools.bench import crowd
+from tools.bench.inner import last_axis
+from tools.bench.memory import resident_mb
+from tools.bench.recorded import FRAME_RATE, Feed
+from tools.console import progress
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from library.eigen import LeadingAxis
+    from stream.recognizer import RecognizerCounts
+    from tools.background import Transport
+    from tools.bench.crowd import Crowd
+
+#: Frames of a day at 120 Hz.
+DAY = round(24 * 3600 * FRAME_RATE)
+#: Frames between two checks of the eigenvector: a prime number, so that checks fall on ever other places.
+_CHECK_EVERY = 9973
+#: Frames between two looks at the progress.
+_PIECE = 1000
+#: Pieces after which memory is looked at for the first time: everything is allocated and touched by then.
+_SETTLED = 20
+#: Performers of the feed over sockets.
+_PERFORMERS = 4
+_OVER: tuple[Transport, ...] = ("osc",)
+
+
+@dataclass(frozen=True, slots=True)
+class Day:
+    """What a long feed came to.
+
+    Attributes
+    ----------
+    frames
+        Frames pushed.
+    seconds
+        How long that took, checks included.
+    resident_mb
+        Resident memory at the start, in the middle and at the end, MB; None where the system does not say.
+    checked
+        Hops whose eigenvector was computed anew, and exactly, from the window's frames.
+    max_error
+        Largest length of the difference between such an eigenvector and ours, signs made alike, among windows whose
+        axis is not ambiguous; None when none was checked.
+    answers
+        Recognitions that were given.
+    counts
+        The recogniser's own count of everything.
+    """
+
+    frames: int
+    seconds: float
+    resident_mb: tuple[float | None, float | None, float | None]
+    checked: int
+    max_error: float | None
+    answers: int
+    counts: RecognizerCounts
+
+    @property
+    def consistent(self) -> bool:
+        """Whether the counts are what was pushed and given, nothing refused and nothing begun anew."""
+        counts = self.counts
+        refused = counts.out_of_order + counts.restarts
+        return counts.frames == self.frames and counts.hops == self.answers and refused == 0
+
+
+@dataclass(frozen=True, slots=True)
+class Soak:
+    """A long feed without sockets, and one with; None for what was not asked for."""
+
+    day: Day
+    over_sockets: Crowd | None
+
+
+def measure(positions: NDArray[np.float32], *, signature: LiveSignature, frames: int, minutes: float) -> Soak:
+    """Push a long feed.
+
+    Parameters
+    ----------
+    positions
+        What the feed plays again and again, shape (frames, joints, 3), metres.
+    signature
+        Of the recogniser; only the eigenvector's has one to check.
+    frames
+        How many without sockets.
+    minutes
+        How long over UDP; 0 for not at all.
+    """
+    # In a process of its own: what other parts left in this one's memory is not the recogniser's.
+    with ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as process:
+        day = process.submit(pushed, positions, Settings(signature=signature), frames).result()
+    if not minutes:
+        return Soak(day, None)
+    looped = np.resize(positions, (round(minutes * 60 * FRAME_RATE), *positions.shape[1:]))
+    over_sockets = next(
+        progress((crowd.play(each, _PERFORMERS, looped, Settings(signature=signature)) for each in _OVER), "Sockets", 1)
+    )
+    return Soak(day, over_sockets)
+
+
+def pushed(positions: NDArray[np.float32], settings: Settings, frames: int) -> Day:
+    """Push a long feed through a recogniser, without sockets, and watch it.
+
+    Parameters
+    ----------
+    positions
+        What the feed plays again and again, shape (frames, joints, 3), metres.
+    settings
+        Of the recogniser.
+    frames
+        How many to push.
+    """
+    recognizer, feed = Recognizer(MotionLibrary.builtin(), settings), Feed(positions)
+    pieces = [min(_PIECE, frames - begin) for begin in range(0, frames, _PIECE)]
+    settled = min(_SETTLED, (len(pieces) - 1) // 4)
+    memory: dict[int, float | None] = {}
+    errors, answers, check_at = list[float](), 0, 0
+    start = time.perf_counter()
+    for index, piece in enumerate(progress(pieces, "Thousands of frames", len(pieces))):
+        if index in (settled, len(pieces) // 2):
+            memory[index] = resident_mb()
+        for _ in range(piece):
+            if recognizer.push(feed.next()) is None:
+                continue
+            answers += 1
+            axis = last_axis(recognizer)
+            if axis is not None and feed.sent >= check_at:
+                check_at += _CHECK_EVERY
+                errors += _error(axis, feed, settings)
+    return Day(
+        frames=feed.sent,
+        seconds=time.perf_counter() - start,
+        resident_mb=(memory.get(settled), memory.get(len(pieces) // 2), resident_mb()),
+        checked=len(errors),
+        max_error=max(errors, default=None),
+        answers=answers,
+        counts=recognizer.counts,
+    )
+
+
+def _error(axis: LeadingAxis, feed: Feed, settings: Settings) -> list[float]:
+    """Compare an axis with the one computed from the window's frames alone; nothing where the axis is arbitrary."""
+    rows = distance_rows(feed.last(round(settings.window * FRAME_RATE)), hdm05.SKELETON)
+    exact = leading_axis(Moments.of_rows(rows).covariance)
+    if exact.gap < settings.smallest_gap:
+        return []
+    return [float(min(np.linalg.norm(axis.vector - sign * exact.vector) for sign in (1, -1)))]

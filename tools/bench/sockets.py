@@ -1,0 +1,94 @@
+"""`kinespace bench sockets`: what is felt outside: latency, losses, performers, start-up and memory."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, get_args
+
+from stream.recognizer import LiveSignature, Settings
+from tools import latency
+from tools.background import Transport
+from tools.bench import crowd, running
+from tools.bench.recorded import FRAME_RATE, resampled
+from tools.console import progress
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from tools.bench.crowd import Crowd
+    from tools.bench.running import Running
+    from tools.latency import Latency
+
+RATES = (60.0, 120.0, 240.0, 360.0)
+TRANSPORTS: tuple[Transport, ...] = get_args(Transport)
+#: Seconds of each try of a crowd, the window's filling included.
+_CROWD_SECONDS = 6.0
+
+
+@dataclass(frozen=True, slots=True)
+class Sockets:
+    """What was measured over real sockets on this machine.
+
+    Attributes
+    ----------
+    latencies
+        By transport and frame rate, beside a bare echo of the same packets.
+    crowds
+        By transport the largest crowd that one core holds; None when not even one performer is.
+    running
+        Start-up and memory.
+    """
+
+    latencies: tuple[Latency, ...]
+    crowds: dict[Transport, Crowd | None]
+    running: Running
+
+    def latency(self, transport: Transport, rate_hz: float) -> Latency | None:
+        """Give one run; None when it was not made."""
+        asked = (transport, rate_hz)
+        return next((each for each in self.latencies if (each.transport, each.rate_hz) == asked), None)
+
+
+def measure(
+    positions: NDArray[np.float32],
+    *,
+    signature: LiveSignature,
+    seconds: float,
+    rates: Sequence[float] = RATES,
+    most: int = 1024,
+    starts: int = 5,
+) -> Sockets:
+    """Measure latencies, crowds, start-up and memory of one signature.
+
+    Parameters
+    ----------
+    positions
+        What is fed, shape (frames, joints, 3), metres.
+    signature
+        Of the recogniser.
+    seconds
+        Of each latency run.
+    rates
+        Frames per second of the latency runs.
+    most
+        Performers at most.
+    starts
+        How often the program is started for the start-up time.
+    """
+    settings = Settings(signature=signature)
+    runs = [(transport, rate) for transport in TRANSPORTS for rate in rates]
+    latencies = tuple(
+        latency.measure(
+            transport, rate_hz=rate, seconds=seconds, settings=settings, positions=resampled(positions, rate)
+        )
+        for transport, rate in progress(runs, "Latency", len(runs))
+    )
+    played = positions[: round(_CROWD_SECONDS * FRAME_RATE)]
+    crowds = {
+        transport: crowd.most_performers(transport, played, settings, most=most)
+        for transport in progress(TRANSPORTS, "Performers", len(TRANSPORTS))
+    }
+    return Sockets(latencies, crowds, running.measure(positions, signature, starts=starts, many=min(most, 100)))

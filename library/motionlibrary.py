@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from importlib import resources
 from typing import TYPE_CHECKING
 
@@ -17,7 +17,7 @@ from library.skeleton import Skeleton, SkeletonMismatchError
 from library.windowtable import WindowTable
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping, Sequence
+    from collections.abc import Collection, Iterable, Mapping, Sequence
     from pathlib import Path
 
     from numpy.typing import NDArray
@@ -298,6 +298,52 @@ class MotionLibrary:
         scores = similarity(self.axes, signature.axis.vector.astype(np.float32))
         return Match(scores, np.maximum.reduceat(scores, self._class_starts))
 
+    def restricted_to(self, joints: Collection[str]) -> MotionLibrary:
+        """Give the same motions as a body with fewer joints would show them.
+
+        What is kept are the pairs of joints that both have. An axis is cut to them and made a unit vector again: near
+        to the leading eigenvector of the fewer distances, but not the same. There are no windows in the result.
+
+        Parameters
+        ----------
+        joints
+            Names of the joints there are; those this library does not know are passed over.
+
+        Returns
+        -------
+        A library over the shared joints, in this library's order; this library itself when it has no others.
+
+        Raises
+        ------
+        SkeletonMismatchError
+            Fewer than two joints are shared, or a motion does not show in them.
+        """
+        skeleton, pairs = _shared(self.skeleton, joints)
+        if skeleton.joints == self.skeleton.joints:
+            return self
+        lengths = np.linalg.norm(self.axes[:, pairs], axis=1)
+        if not (lengths > _NO_MOVEMENT).all():
+            raise SkeletonMismatchError(f"joints: expected all motions to show in {', '.join(skeleton.joints)}")
+        variances = np.square(self.deviations[:, pairs]).sum(axis=1)
+        motions = tuple(
+            replace(motion, eigenvalue=kept, share=min(1.0, kept / variance) if variance > 0 else motion.share)
+            for motion, kept, variance in zip(
+                self.motions,
+                (np.array([motion.eigenvalue for motion in self.motions]) * lengths**2).tolist(),
+                variances.tolist(),
+                strict=True,
+            )
+        )
+        return MotionLibrary(
+            skeleton=skeleton,
+            motions=motions,
+            means=self.means[:, pairs],
+            axes=(self.axes[:, pairs] / lengths[:, None]).astype(np.float32),
+            deviations=self.deviations[:, pairs],
+            licence=self.licence,
+            attribution=self.attribution,
+        )
+
     def merged_with(self, other: MotionLibrary) -> MotionLibrary:
         """Join two libraries of one skeleton; a motion both have, number for number, is kept once.
 
@@ -338,6 +384,29 @@ class MotionLibrary:
         order = np.argsort(names, kind="stable")
         _, classes = np.unique(np.array(names)[order], return_inverse=True)
         return self.windows.merged_with(other.windows, new, np.argsort(order), classes)
+
+
+def _shared(skeleton: Skeleton, joints: Collection[str]) -> tuple[Skeleton, NDArray[np.intp]]:
+    """Leave out of a skeleton the joints that are not in a list; and where its pairs stand among the old ones."""
+    kept = [index for index, name in enumerate(skeleton.joints) if name in joints]
+    if len(kept) < 2:
+        raise SkeletonMismatchError(
+            f"joints: expected at least 2 of the library's {len(skeleton.joints)} ({skeleton.joints[0]} ... "
+            f"{skeleton.joints[-1]}), got {len(kept)}"
+        )
+    parents = list[int]()
+    for index in kept:
+        above = skeleton.parents[index] if skeleton.parents else -1
+        while above >= 0 and above not in kept:
+            above = skeleton.parents[above]
+        parents.append(kept.index(above) if above >= 0 else -1)
+    smaller = Skeleton(
+        tuple(skeleton.joints[index] for index in kept),
+        tuple(parents) if skeleton.parents else (),
+        skeleton.with_segments,
+    )
+    places = {(int(first), int(second)): place for place, (first, second) in enumerate(skeleton.pairs)}
+    return smaller, np.array([places[kept[first], kept[second]] for first, second in smaller.pairs.tolist()])
 
 
 def _restored_windows(

@@ -263,6 +263,8 @@ class OscReceiver:
     ----------
     kernel_drops
         Datagrams the system threw away because they came faster than they were received (known on Linux only).
+    sender
+        Host and port the last datagram came from; None before the first.
 
     Raises
     ------
@@ -283,6 +285,7 @@ class OscReceiver:
             self.socket.close()
             raise OSError(error.errno, f"{host}:{port}: {error.strerror}") from error
         self.kernel_drops = 0
+        self.sender: tuple[str, int] | None = None
 
     @property
     def address(self) -> tuple[str, int]:
@@ -294,8 +297,10 @@ class OscReceiver:
         """Take the next datagram; None when there is none now."""
         try:
             if not _COUNTS_DROPS:
-                return self.socket.recv(65535)
-            datagram, ancillary, _, _ = self.socket.recvmsg(65535, 64)
+                datagram, sender = self.socket.recvfrom(65535)
+                self.sender = sender[:2]
+                return datagram
+            datagram, ancillary, _, sender = self.socket.recvmsg(65535, 64)
         except (BlockingIOError, InterruptedError):
             return None
         except ConnectionError:
@@ -303,7 +308,17 @@ class OscReceiver:
         for _, kind, value in ancillary:
             if kind == _SO_RXQ_OVFL:
                 self.kernel_drops = int.from_bytes(value[:4], sys.byteorder)
+        self.sender = sender[:2]
         return datagram
+
+    def send_to(self, datagram: bytes, target: tuple[str, int]) -> bool:
+        """Send from the port listened on, as a sender expects that is to answer here; False when it cannot be."""
+        try:
+            _, _, address = _resolved(*target)
+            self.socket.sendto(datagram, address)
+        except OSError:
+            return False
+        return True
 
     def close(self) -> None:
         """Give the port back."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from typing import TYPE_CHECKING, Protocol, Self
+from typing import TYPE_CHECKING, Protocol, Self, runtime_checkable
 
 import zmq
 
@@ -27,6 +27,8 @@ _AT_ONCE = 256
 _LONGEST_SLEEP = 0.1
 #: Steps after being stopped: more than any socket holds, and a feed that goes on does not keep us for ever.
 _LAST_STEPS = 32
+#: Seconds between two turns of sources that have something to do even when nothing comes.
+_TENDING = 0.02
 
 
 class Source(Protocol):
@@ -45,6 +47,14 @@ class Source(Protocol):
 
     def close(self) -> None:
         """Give sockets back."""
+
+
+@runtime_checkable
+class TendedSource(Protocol):
+    """A source that has something to do even when nothing comes."""
+
+    def tend(self, now: float) -> Sequence[Frame | Announcement]:
+        """Do what is due by the clock; what came of it, in order. Never raises."""
 
 
 class Sink(Protocol):
@@ -256,6 +266,7 @@ class Service:
         self._poller = zmq.Poller()
         for source in sources:
             self._poller.register(source.pollable, zmq.POLLIN)
+        self._tended = [source for source in sources if isinstance(source, TendedSource)]
 
     def __enter__(self) -> Self:
         return self
@@ -285,6 +296,9 @@ class Service:
         """Wait at most `longest` seconds for something to come, and deal with all that has."""
         self._tell_time()
         sleep = min(longest, max(self._next_status - self._clock(), 0.0))
+        if self._tended:
+            sleep = min(sleep, _TENDING)
+            self._tend()
         if not self._poller.poll(round(sleep * 1000)):
             return
         # Every source is asked: one poll is cheaper than finding out which of them it was.
@@ -296,6 +310,12 @@ class Service:
                     break
                 for event in events:
                     self._deal_with(event, started)
+
+    def _tend(self) -> None:
+        started = time.perf_counter()
+        for source in self._tended:
+            for event in source.tend(self._clock()):
+                self._deal_with(event, started)
 
     def _deal_with(self, event: Frame | Announcement, started: float) -> None:
         now = self._clock()

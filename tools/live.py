@@ -8,23 +8,28 @@ import sys
 import threading
 import time
 from contextlib import ExitStack
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from rich.live import Live
 
 from library import MotionLibrary
 from stream import osc, zeromq
+from stream.feeds.source import FeedSource
+from stream.layouts import LAYOUTS, LayoutSink, ReplySender
 from stream.performers import Performers
-from stream.recognizer import Recognizer
+from stream.recognizer import LiveSignature, Recognizer
 from stream.service import OscSink, OscSource, Service, Sink, Source, ZmqSink, ZmqSource
 from tools.address import host_and_port
 from tools.console import console
+from tools.feeds import preset_named
 from tools.livetable import LiveTable, PlainLines, summary
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
     from pathlib import Path
 
+    from stream.feeds import Preset
     from stream.recognizer import Settings
 
 #: Times a second the table is drawn.
@@ -43,13 +48,46 @@ class Addresses:
     zmq_out: str | None = None
 
 
-def run(addresses: Addresses, *, library: Path | None, settings: Settings, most: int, plain: bool) -> int:
+@dataclass(frozen=True, slots=True)
+class Feed:
+    """Another product's feed, as typed, and who hears the answer in which layout.
+
+    Attributes
+    ----------
+    preset
+        Name or file of a preset; None for our own messages.
+    sender
+        Host that is told to send, for presets that ask.
+    outs
+        NAME or NAME=HOST:PORT of layouts; the host `sender` is whoever sent last.
+    """
+
+    preset: str | None = None
+    sender: str = "127.0.0.1"
+    outs: Sequence[str] = ()
+
+
+_NO_FEED = Feed()
+
+
+def run(
+    addresses: Addresses,
+    *,
+    library: Path | None,
+    settings: Settings,
+    most: int,
+    plain: bool,
+    feed: Feed = _NO_FEED,
+) -> int:
     """Open the addresses, recognise until interrupted, print the counts."""
     motions = MotionLibrary.load(library) if library else MotionLibrary.builtin()
+    preset = preset_named(feed.preset) if feed.preset else None
+    if preset:
+        motions, settings = fitted(motions, settings, preset)
     _require_room_for(motions, settings)
     performers = Performers(motions, settings, most=most)
     shown: PlainLines | LiveTable = PlainLines() if plain or not console.is_terminal else LiveTable(motions.classes)
-    sources, sinks = _open(addresses)
+    sources, sinks = _open(addresses, feed, preset)
     with Service(performers, sources, [*sinks, shown]) as service:
         _announce(sources, sinks)
         for number in (signal.SIGINT, signal.SIGTERM):
@@ -62,7 +100,36 @@ def run(addresses: Addresses, *, library: Path | None, settings: Settings, most:
             service.run()
         status = service.status()
     console.print(summary(status), soft_wrap=True)
+    for source in sources:
+        if isinstance(source, FeedSource):
+            console.print(frames_made(source), soft_wrap=True, markup=False)
     return 0
+
+
+def fitted(motions: MotionLibrary, settings: Settings, preset: Preset) -> tuple[MotionLibrary, Settings]:
+    """Restrict a library to the joints a feed has; without its windows, so by the eigenvector alone.
+
+    Raises
+    ------
+    SkeletonMismatchError
+        Library and feed share fewer than two joints.
+    """
+    shared = motions.restricted_to(preset.joints)
+    if shared is not motions:
+        settings = replace(settings, signature=LiveSignature.EIGENVECTOR)
+    return shared, settings
+
+
+def frames_made(source: FeedSource) -> str:
+    """Say what became of a feed's joints, and which were lacking where frames were refused."""
+    counts = source.assembler.counts
+    closed = ", ".join(f"{count} by {closing}" for closing, count in counts.closed_by.most_common())
+    line = (
+        f"feed {source.preset.name}: {counts.frames} frames made ({closed or 'none closed'}), "
+        f"{counts.incomplete} refused, joints held {counts.held}, late {counts.late}, unsure {counts.unsure}"
+    )
+    absent = ", ".join(name for name, _ in counts.absent.most_common(5))
+    return f"{line}; absent: {absent}" if absent else line
 
 
 def _require_room_for(motions: MotionLibrary, settings: Settings) -> None:
@@ -73,15 +140,18 @@ def _require_room_for(motions: MotionLibrary, settings: Settings) -> None:
         raise ValueError(f"--window: expected seconds that memory has room for, got {settings.window:g}") from error
 
 
-def _open(addresses: Addresses) -> tuple[list[Source], list[Sink]]:
+def _open(addresses: Addresses, feed: Feed, preset: Preset | None) -> tuple[list[Source], list[Sink]]:
     """Open what was asked for; what was opened before a failure is closed again."""
+    if preset and not addresses.osc_in:
+        addresses = replace(addresses, osc_in=f"127.0.0.1:{preset.port}")
     if not (addresses.osc_in or addresses.zmq_in):
         raise ValueError("live: expected --osc-in or --zmq-in, got neither")
     sources: list[Source] = []
     sinks: list[Sink] = []
     with ExitStack() as opened:
         if addresses.osc_in:
-            sources.append(OscSource(osc.OscReceiver(*host_and_port(addresses.osc_in))))
+            receiver = osc.OscReceiver(*host_and_port(addresses.osc_in))
+            sources.append(FeedSource(receiver, preset, sender=feed.sender) if preset else OscSource(receiver))
             opened.callback(sources[-1].close)
         if addresses.zmq_in:
             sources.append(ZmqSource(zeromq.ZmqReceiver(zeromq.Endpoint.parse(addresses.zmq_in, bind=True))))
@@ -91,8 +161,28 @@ def _open(addresses: Addresses) -> tuple[list[Source], list[Sink]]:
             opened.callback(sinks[-1].close)
         if addresses.zmq_out:
             sinks.append(ZmqSink(zeromq.ZmqSender(zeromq.Endpoint.parse(addresses.zmq_out, bind=True))))
+            opened.callback(sinks[-1].close)
+        for out in feed.outs:
+            sinks.append(_layout_sink(out, sources))
+            opened.callback(sinks[-1].close)
         opened.pop_all()
     return sources, sinks
+
+
+def _layout_sink(text: str, sources: Sequence[Source]) -> LayoutSink:
+    """Open NAME, NAME=HOST:PORT or NAME=sender:PORT."""
+    name, _, target = text.partition("=")
+    if name not in LAYOUTS:
+        raise ValueError(f"--out: expected one of {', '.join(LAYOUTS)}, got {name!r}")
+    layout = LAYOUTS[name]()
+    if target.partition(":")[0] != "sender":
+        host, port = host_and_port(target) if target else ("127.0.0.1", layout.port)
+        return LayoutSink(name, layout, osc.OscSender(host, port))
+    receivers = [source.receiver for source in sources if isinstance(source, (OscSource, FeedSource))]
+    if not receivers:
+        raise ValueError("--out: expected an OSC feed to reply to, got none")
+    port = host_and_port(target)[1] if ":" in target else layout.port
+    return LayoutSink(name, layout, ReplySender(receivers[0], port))
 
 
 def _announce(sources: list[Source], sinks: list[Sink]) -> None:

@@ -49,9 +49,7 @@ def farewells(preset: Preset, port: int) -> list[bytes]:
     return _encoded(preset, preset.asking.farewell, port) if preset.asking else []
 
 
-def _encoded(
-    preset: Preset, messages: Sequence[tuple[str, tuple[str | int | float, ...]]], port: int
-) -> list[bytes]:
+def _encoded(preset: Preset, messages: Sequence[tuple[str, tuple[str | int | float, ...]]], port: int) -> list[bytes]:
     packets = list[bytes]()
     for address, arguments in messages:
         everything = address + "".join(map(str, arguments))

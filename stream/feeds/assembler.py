@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -67,6 +67,12 @@ class AssemblerCounts:
     absent: Counter[str] = field(default_factory=Counter)
 
 
+class _Packet(NamedTuple):
+    arrival: float
+    sender: int
+    bundle: bool
+
+
 @dataclass(slots=True)
 class _Body:
     """One performer's frame in the making."""
@@ -107,6 +113,7 @@ class FrameAssembler:
         self.counts = AssemblerCounts()
         self.mapper = Mapper(preset)
         self._bodies: dict[str, _Body] = {}
+        self._out: list[Frame | Announcement] = []
         #: The last time each sender told of everybody.
         self._told: dict[int, float] = {}
         self._needed = tuple(name for name, target in preset.joint_map.items() if target)
@@ -141,7 +148,8 @@ class FrameAssembler:
         -------
         Frames that were completed, each performer's joints announced before its first.
         """
-        out = self.expire(arrival)
+        packet = _Packet(arrival, sender, bundle)
+        self._expire(arrival)
         touched = dict[str, None]()
         for message in messages:
             try:
@@ -151,56 +159,58 @@ class FrameAssembler:
                 continue
             if reading is None:
                 self.counts.foreign += 1
-                continue
-            if reading.means not in (Means.NAME, Means.ORDER):
-                self._take(reading, arrival, sender, bundle=bundle, touched=touched, out=out)
+            elif reading.means not in (Means.NAME, Means.ORDER):
+                touched |= dict.fromkeys(self._take(reading, packet))
         if bundle:
             for name in touched:
-                self._end_bundle(name, out)
-        return out
+                self._end_bundle(name)
+        return self._given()
 
     def expire(self, now: float) -> list[Frame | Announcement]:
         """Close frames for which nothing came for too long, and forget performers who are silent."""
-        out = list[Frame | Announcement]()
+        self._expire(now)
+        return self._given()
+
+    def _given(self) -> list[Frame | Announcement]:
+        given, self._out = self._out, []
+        return given
+
+    def _expire(self, now: float) -> None:
         for name, body in list(self._bodies.items()):
             silent = now - body.heard
             if body.open and Closing.TIMEOUT in self.preset.closings.by and silent > self.preset.closings.timeout:
-                self._close(name, body, Closing.TIMEOUT, out)
+                self._close(name, body, Closing.TIMEOUT)
             if silent > FORGET_AFTER:
                 del self._bodies[name]
-        return out
 
-    def _take(
-        self,
-        reading: Reading,
-        arrival: float,
-        sender: int,
-        *,
-        bundle: bool,
-        touched: dict[str, None],
-        out: list[Frame | Announcement],
-    ) -> None:
+    def _take(self, reading: Reading, packet: _Packet) -> Sequence[str]:
+        """Take in one message; the performers it is about."""
         if reading.performer is None and reading.means in (Means.TIME, Means.BEGIN) and reading.time is not None:
-            self._told[sender] = reading.time
-        for name in self._names(reading, sender):
-            body = self._bodies.get(name)
-            if body is None:
-                body = self._new_body(name, sender, arrival, reading)
-                if body is None:
-                    continue
-            touched[name] = None
-            body.heard = arrival
-            if not reading.present:
-                self._leave(name, body, out)
-            elif reading.means in (Means.BEGIN, Means.END):
-                body.ending |= bundle and reading.means is Means.END
-                if body.open and not body.ending:
-                    self._close(name, body, Closing.END, out)
-                body.time = reading.time if reading.time is not None else body.time
-            elif reading.means is Means.TIME:
-                body.time = reading.time
-            else:
-                self._add(name, body, reading, arrival, out)
+            self._told[packet.sender] = reading.time
+        names = self._names(reading, packet.sender)
+        for name in names:
+            body = self._bodies.get(name) or self._new_body(name, reading, packet)
+            if body is not None:
+                body.heard = packet.arrival
+                self._take_for(name, body, reading, packet)
+        return names
+
+    def _take_for(self, name: str, body: _Body, reading: Reading, packet: _Packet) -> None:
+        if not reading.present:
+            if body.open:
+                self._close(name, body, Closing.END)
+            body.seen.clear()
+        elif reading.means in (Means.BEGIN, Means.END):
+            body.ending |= packet.bundle and reading.means is Means.END
+            if body.open and not body.ending:
+                self._close(name, body, Closing.END)
+            body.time = reading.time if reading.time is not None else body.time
+        elif reading.means is Means.TIME:
+            body.time = reading.time
+        elif reading.means is Means.FRAME:
+            self._add_whole(name, body, reading, packet.arrival)
+        else:
+            self._add(name, body, reading, packet.arrival)
 
     def _names(self, reading: Reading, sender: int) -> Sequence[str]:
         """Say whom a message is about: one that names nobody and is no joint is about all of its sender's."""
@@ -211,7 +221,7 @@ class FrameAssembler:
             return (self.preset.performer + suffix,)
         return [name for name, body in self._bodies.items() if body.sender == sender]
 
-    def _new_body(self, name: str, sender: int, arrival: float, reading: Reading) -> _Body | None:
+    def _new_body(self, name: str, reading: Reading, packet: _Packet) -> _Body | None:
         """Begin a performer, when there is something to begin with and room."""
         if reading.means in (Means.JOINT, Means.FRAME) and not any(each.position for each in reading.sightings):
             return None
@@ -220,21 +230,20 @@ class FrameAssembler:
         if len(self._bodies) >= self.most:
             self.counts.no_room += 1
             return None
-        body = self._bodies[name] = _Body(sender, arrival, time=self._told.get(sender))
+        body = self._bodies[name] = _Body(packet.sender, packet.arrival, time=self._told.get(packet.sender))
         return body
 
-    def _leave(self, name: str, body: _Body, out: list[Frame | Announcement]) -> None:
-        """Let a performer go who, as the sender says, is not there."""
+    def _add_whole(self, name: str, body: _Body, reading: Reading, arrival: float) -> None:
+        """Take in all joints of a frame at once."""
         if body.open:
-            self._close(name, body, Closing.END, out)
-        body.seen.clear()
+            self._close(name, body, Closing.REPEAT)
+        self._add(name, body, reading, arrival)
+        if body.open:
+            self._close(name, body, Closing.COMPLETE)
 
-    def _add(
-        self, name: str, body: _Body, reading: Reading, arrival: float, out: list[Frame | Announcement]
-    ) -> None:
-        if reading.means is Means.FRAME and body.open:
-            self._close(name, body, Closing.REPEAT, out)
-        if reading.time is not None and not self._in_time(name, body, reading.time, out):
+    def _add(self, name: str, body: _Body, reading: Reading, arrival: float) -> None:
+        """Take in a joint, or several that came together."""
+        if reading.time is not None and not self._in_time(name, body, reading.time):
             self.counts.late += len(reading.sightings)
             return
         for sighting in reading.sightings:
@@ -242,20 +251,21 @@ class FrameAssembler:
                 self.counts.unsure += 1
                 continue
             if sighting.joint in body.open:
-                if self._is_straggler(body):
-                    self.counts.late += 1
-                elif Closing.REPEAT in self.preset.closings.by:
-                    self._close(name, body, Closing.REPEAT, out)
+                self._see_again(name, body)
             if not body.open:
                 body.opened = arrival
-            if reading.time is not None:
-                body.time = reading.time
+            body.time = body.time if reading.time is None else reading.time
             body.open[sighting.joint] = sighting
             body.seen[sighting.joint] = (sighting, arrival)
-        if reading.means is Means.FRAME and body.open:
-            self._close(name, body, Closing.COMPLETE, out)
-        elif Closing.COMPLETE in self.preset.closings.by and self._is_complete(body):
-            self._close(name, body, Closing.COMPLETE, out)
+        if Closing.COMPLETE in self.preset.closings.by and self._is_complete(body):
+            self._close(name, body, Closing.COMPLETE)
+
+    def _see_again(self, name: str, body: _Body) -> None:
+        """Deal with a joint that is in the frame already: the next frame's first, or one that came late."""
+        if self._is_straggler(body):
+            self.counts.late += 1
+        elif Closing.REPEAT in self.preset.closings.by:
+            self._close(name, body, Closing.REPEAT)
 
     def _is_complete(self, body: _Body) -> bool:
         # The count, which costs nothing, says no for all but the last joints.
@@ -264,7 +274,7 @@ class FrameAssembler:
         here = {self.preset.joint_map[joint] for joint in body.open}
         return all(target in here for target in self._targets)
 
-    def _in_time(self, name: str, body: _Body, time: float, out: list[Frame | Announcement]) -> bool:
+    def _in_time(self, name: str, body: _Body, time: float) -> bool:
         """Let a joint of another time begin another frame; False for one that is too late for its own."""
         reference = body.time if body.open else body.closed_time
         if reference is None or (body.open and time == reference):
@@ -272,7 +282,7 @@ class FrameAssembler:
         if reference - _NEW_CLOCK < time <= reference:
             return False
         if body.open:
-            self._close(name, body, Closing.REPEAT, out)
+            self._close(name, body, Closing.REPEAT)
         return True
 
     def _is_straggler(self, body: _Body) -> bool:
@@ -284,7 +294,7 @@ class FrameAssembler:
         earliest = body.opened - self.preset.closings.hold
         return sum(moment >= earliest for _, moment in body.seen.values())
 
-    def _end_bundle(self, name: str, out: list[Frame | Announcement]) -> None:
+    def _end_bundle(self, name: str) -> None:
         body = self._bodies.get(name)
         if body is None:
             return
@@ -292,11 +302,11 @@ class FrameAssembler:
         if not body.open:
             return
         if ended:
-            self._close(name, body, Closing.END, out)
+            self._close(name, body, Closing.END)
         elif Closing.BUNDLE in self.preset.closings.by and len(body.open) >= self._coming(body):
-            self._close(name, body, Closing.BUNDLE, out)
+            self._close(name, body, Closing.BUNDLE)
 
-    def _close(self, name: str, body: _Body, by: Closing, out: list[Frame | Announcement]) -> None:
+    def _close(self, name: str, body: _Body, by: Closing) -> None:
         """Give out the open frame, or refuse it; either way the next one begins."""
         moment = self._moment(body)
         scraps = by is not Closing.COMPLETE and self._is_straggler(body)
@@ -319,8 +329,8 @@ class FrameAssembler:
         self.counts.frames += 1
         if not body.announced:
             body.announced = True
-            out.append(Announcement(name, self._targets))
-        out.append(frame)
+            self._out.append(Announcement(name, self._targets))
+        self._out.append(frame)
 
     def _moment(self, body: _Body) -> float:
         """Tell a frame's time; one whose own was lost is as far ahead of its arrival as the one before."""
@@ -332,7 +342,7 @@ class FrameAssembler:
 
     def _placed(self, body: _Body, opened: Mapping[str, Sighting]) -> dict[str, Vector] | None:
         """Find each joint in the frame or, held, before it; None when one is absent for too long."""
-        places = dict[str, Vector]()
+        places: dict[str, Vector] = {}
         absent = dict[str, None]()
         for name in self._needed:
             target = self.preset.joint_map[name]

@@ -72,11 +72,11 @@ class CheckedTable:
         value = self._get(key)
         if value is None and default is not None:
             return default
-        fits = isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
-        if not (fits and lowest <= value <= highest):  # type: ignore[operator]  # a number where it fits
+        number = float(value) if isinstance(value, (int, float)) and not isinstance(value, bool) else math.nan
+        if not (math.isfinite(number) and lowest <= number <= highest):
             limits = f"from {lowest:g} to {highest:g}" if math.isfinite(highest) else f"of {lowest:g} or more"
             raise self.fail(key, f"a number {limits}")
-        return float(value)  # type: ignore[arg-type]  # as above
+        return number
 
     def integer(self, key: str, default: int | None, lowest: int, highest: int) -> int:
         """Read a whole number between two others."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, NamedTuple
 
-from stream.feeds.preset import MessageRule, Means, spelling
+from stream.feeds.preset import Means, MessageRule, spelling
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -122,30 +122,32 @@ class Mapper:
         return ways
 
     def _read(self, way: _Way, arguments: Sequence[object]) -> Reading | None:
-        count = len(way.rule.arguments)
-        rest = len(arguments) - count
-        if rest < 0 or (way.group and (rest % way.group or rest == 0)):
-            # A message of a whole frame that says nobody is there has nothing after that.
-            if not (rest == 0 and way.nobody(arguments)):
-                return None
+        if not way.counts_fit(arguments):
+            return None
         try:
-            performer = way.text("performer", arguments, way.performer)
-            time = self._time(way, arguments)
-            if way.nobody(arguments):
-                return Reading(way.rule.means, performer, (), time, present=False)
-            if way.rule.means is Means.ORDER:
-                self._order = tuple(way.group_text("joint", arguments, start) for start in way.starts(arguments))
-                self._resolved.clear()
-                return Reading(way.rule.means, performer)
-            if way.rule.means is Means.NAME:
-                self._learn(performer, way, arguments)
-                return Reading(way.rule.means, performer)
-            sightings = self._sightings(way, arguments, performer)
+            return self._understood(way, arguments)
         except (TypeError, OverflowError):
             return None
-        if sightings is None:
-            return None
-        return Reading(way.rule.means, performer, sightings, time)
+
+    def _understood(self, way: _Way, arguments: Sequence[object]) -> Reading | None:
+        """Read arguments whose number fits; None or TypeError when they are not what the roles need."""
+        performer = way.text("performer", arguments, way.performer)
+        time = self._time(way, arguments)
+        means = way.rule.means
+        if way.nobody(arguments):
+            return Reading(means, performer, (), time, present=False)
+        sightings: list[Sighting] | None = []
+        if means is Means.ORDER:
+            self._order = tuple(way.group_text("joint", arguments, start) for start in way.starts(arguments))
+            self._resolved.clear()
+        elif means is Means.NAME:
+            self._learn(performer, way, arguments)
+        elif means is Means.FRAME:
+            sightings = self._whole(way, arguments, performer)
+        elif means is Means.JOINT:
+            joint = self._known(way.text("joint", arguments, way.joint), performer)
+            sightings = self._listed(self._sighting(way.places, arguments, 0, joint))
+        return None if sightings is None else Reading(means, performer, sightings, time)
 
     def _learn(self, performer: str | None, way: _Way, arguments: Sequence[object]) -> None:
         number, name = way.text("joint", arguments, way.joint), way.text("name", arguments, None)
@@ -167,15 +169,8 @@ class Mapper:
         # As in our own frames, 0 is "on arrival".
         return time * self.preset.seconds if time and math.isfinite(time) else None
 
-    def _sightings(
-        self, way: _Way, arguments: Sequence[object], performer: str | None
-    ) -> list[Sighting] | None:
-        if way.rule.means is Means.JOINT:
-            joint = self._known(way.text("joint", arguments, way.joint), performer)
-            sighting = self._sighting(way.places, arguments, 0, joint)
-            return [sighting] if sighting else []
-        if way.rule.means is not Means.FRAME:
-            return []
+    def _whole(self, way: _Way, arguments: Sequence[object], performer: str | None) -> list[Sighting] | None:
+        """Read all joints of a frame; None when there are more than have names."""
         starts = way.starts(arguments)
         named = "joint" in way.group_places
         if not named and len(starts) > len(self._order):
@@ -183,10 +178,13 @@ class Mapper:
         sightings = list[Sighting]()
         for index, start in enumerate(starts):
             name = way.group_text("joint", arguments, start) if named else self._order[index]
-            sighting = self._sighting(way.group_places, arguments, start, self._known(name, performer))
-            if sighting:
-                sightings.append(sighting)
+            joint = self._known(name, performer)
+            sightings += self._listed(self._sighting(way.group_places, arguments, start, joint))
         return sightings
+
+    @staticmethod
+    def _listed(sighting: Sighting | None) -> list[Sighting]:
+        return [] if sighting is None else [sighting]
 
     def _known(self, name: str | None, performer: str | None) -> str | None:
         """Give the preset's name for a joint, None when it has none."""
@@ -201,7 +199,12 @@ class Mapper:
 
     def _resolve(self, name: str, performer: str | None) -> str | None:
         known = self._taught.get((performer, name)) or self._taught.get((None, name)) or name
-        if known.isascii() and known.isdigit() and len(known) <= _NUMBERED_LENGTH and spelling(known) not in self._names:
+        if (
+            known.isascii()
+            and known.isdigit()
+            and len(known) <= _NUMBERED_LENGTH
+            and spelling(known) not in self._names
+        ):
             index = int(known) - self.preset.order_from
             known = self._order[index] if 0 <= index < len(self._order) else known
         found = self._names.get(spelling(known))
@@ -245,6 +248,14 @@ class _Way:
         self.group_places = {role: place for place, role in enumerate(rule.each)}
         self.group = len(rule.each)
         self._literals = [(place, role[1:]) for place, role in enumerate(rule.arguments) if role.startswith("=")]
+
+    def counts_fit(self, arguments: Sequence[object]) -> bool:
+        """Say whether there are as many arguments as the rule needs."""
+        rest = len(arguments) - len(self.rule.arguments)
+        if rest < 0 or not self.group:
+            return rest >= 0
+        # A message of a whole frame that says nobody is there has nothing after that.
+        return rest % self.group == 0 and (rest > 0 or self.nobody(arguments))
 
     def literals_fit(self, arguments: Sequence[object]) -> bool:
         """Say whether the texts that must stand in the arguments do."""

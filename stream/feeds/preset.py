@@ -408,7 +408,7 @@ def _check_roles(table: CheckedTable, rule: MessageRule) -> None:
         Means.ORDER: {"joint"},
     }.get(rule.means, set())
     if lacking := need - here:
-        raise table.fail("arguments", f"{', '.join(sorted(need))} in a {rule.means} message, {sorted(lacking)[0]} too")
+        raise table.fail("arguments", f"{', '.join(sorted(need))} in a {rule.means} message, {min(lacking)} too")
     if here & set(_ROTATION) and not set(_ROTATION) <= here:
         raise table.fail("arguments", "all of qx, qy, qz, qw or none")
 

@@ -72,8 +72,8 @@ class CheckedTable:
         value = self._get(key)
         if value is None and default is not None:
             return default
-        number = float(value) if isinstance(value, (int, float)) and not isinstance(value, bool) else math.nan
-        if not (math.isfinite(number) and lowest <= number <= highest):
+        number = _finite(value)
+        if number is None or not lowest <= number <= highest:
             limits = f"from {lowest:g} to {highest:g}" if math.isfinite(highest) else f"of {lowest:g} or more"
             raise self.fail(key, f"a number {limits}")
         return number
@@ -91,9 +91,10 @@ class CheckedTable:
         if value is None and default is not None:
             return default
         listed = value if isinstance(value, list) else [value] * count
-        if len(listed) != count or not all(type(each) in (int, float) and math.isfinite(each) for each in listed):
+        numbers = [number for each in listed if (number := _finite(each)) is not None]
+        if len(listed) != count or len(numbers) != count:
             raise self.fail(key, f"{count} numbers")
-        return tuple(map(float, listed))
+        return tuple(numbers)
 
     def texts(self, key: str) -> tuple[str, ...]:
         """Read a list of texts; nothing when the key is not there."""
@@ -153,3 +154,14 @@ class CheckedTable:
         for key in self._values:
             if key not in self._asked:
                 raise self.fail(key, f"no such key but {', '.join(sorted(self._asked))}")
+
+
+def _finite(value: object) -> float | None:
+    """Give a finite number as a float, None for anything else: TOML knows infinity, NaN and integers of any size."""
+    if isinstance(value, bool) or not isinstance(value, (int, float)):
+        return None
+    try:
+        number = float(value)
+    except OverflowError:
+        return None
+    return number if math.isfinite(number) else None

@@ -112,7 +112,7 @@ def kinectv2_bare(moment: Moment) -> list[bytes]:
 
 
 def nimate(moment: Moment) -> list[bytes]:
-    """Basic + orientation: /skeleton_left_hand x y z and a quaternion."""
+    """Send Basic + orientation: /skeleton_left_hand x y z and a quaternion."""
     joints = named("nimate", moment.places)
     return [message(f"/skeleton_{name}", "f" * 7, *place, 0.0, 0.0, 0.0, 1.0) for name, place in joints.items()]
 
@@ -247,7 +247,7 @@ def mediapipe_loose(moment: Moment) -> list[bytes]:
 
 
 def captury(moment: Moment) -> list[bytes]:
-    """What was subscribed to, with its path in front."""
+    """Send what was subscribed to, millimetres."""
     joints = named("captury", moment.places)
     return [
         message(f"/John-Doe/blender/{name}/vector", "fff", *(1000 * place).tolist()) for name, place in joints.items()
@@ -354,4 +354,93 @@ LAYOUTS: dict[str, tuple[str, Callable[[Moment], list[bytes]]]] = {
     "mediapipe pose2art": ("mediapipe", mediapipe_loose),
     "captury": ("captury", captury),
     "wekinator": ("wekinator", wekinator),
+}
+
+
+class Packet(NamedTuple):
+    """One message, byte by byte, and what it says of a joint: the preset's name for it, in metres and our axes."""
+
+    packet: bytes
+    joint: str
+    position: tuple[float, float, float]
+    performer: str | None = None
+
+
+def _hex(*parts: str) -> bytes:
+    return b"".join(part.encode("latin-1") if part[:1] in "/," else bytes.fromhex(part) for part in parts)
+
+
+#: 0.5, 0.25 and 1.5 as float32, big endian; 50, 25 and 150; 500, 250 and 1500.
+_SMALL = "3f000000 3e800000 3fc00000"
+_CENTI = "42480000 41c80000 43160000"
+_MILLI = "43fa0000 437a0000 44bb8000"
+_NO_TURN = "00000000 00000000 00000000 3f800000"
+_R_HAND = "72 5f 68 61 6e 64 00 00"
+_HIPS = "48 69 70 73 00 00 00 00"
+
+#: Written out by hand from the layouts, so that no encoder, ours or the tests', stands between them and the bytes.
+PACKETS: dict[str, Packet] = {
+    "osceleton": Packet(
+        _hex("/joint\0\0", ",sifff\0\0", _R_HAND, "00000001", _SMALL), "r_hand", (-1.28, -0.48, 1.92), "1"
+    ),
+    "osceleton2": Packet(
+        _hex(
+            "/osceleton2/joint\0\0\0",
+            ",siiffffd\0\0\0",
+            _R_HAND,
+            "00000000 00000002",
+            _CENTI,
+            "3f800000",
+            "4276e2b0e6100000",
+        ),
+        "r_hand",
+        (0.5, 0.25, 1.5),
+        "2",
+    ),
+    "kinectv2": Packet(
+        _hex("/bodies/7/joints/HandRight\0\0", ",fffs\0\0\0", _SMALL, "54 72 61 63 6b 65 64 00"),
+        "HandRight",
+        (0.5, 0.25, 1.5),
+        "7",
+    ),
+    "nimate": Packet(
+        _hex("/skeleton_left_hand\0", ",fffffff\0\0\0\0", _SMALL, _NO_TURN), "left_hand", (0.5, 0.25, 1.5)
+    ),
+    "synapse": Packet(_hex("/righthand_pos_world\0\0\0\0", ",fff\0\0\0\0", _MILLI), "righthand", (0.5, 0.25, 1.5)),
+    "vmc": Packet(
+        _hex("/VMC/Ext/Bone/Pos\0\0\0", ",sfffffff\0\0\0", _HIPS, _SMALL, _NO_TURN), "Hips", (0.5, 0.25, -1.5)
+    ),
+    "vrchat": Packet(_hex("/tracking/trackers/1/position\0\0\0", ",fff\0\0\0\0", _SMALL), "hip", (0.5, 0.25, -1.5)),
+    "qtm": Packet(
+        _hex("/qtm/skeleton/Jan/Hips\0\0", ",ifffffff\0\0\0", "00000001", _MILLI, _NO_TURN),
+        "Hips",
+        (0.5, 1.5, -0.25),
+        "Jan",
+    ),
+    "natnet2osc": Packet(
+        _hex("/skeleton/Jan/Hip\0\0\0", ",sfffffff\0\0\0", "48 69 70 00", _SMALL, _NO_TURN),
+        "Hip",
+        (0.5, 0.25, 1.5),
+        "Jan",
+    ),
+    "natnetthree2osc": Packet(
+        _hex("/skeleton/bone\0\0", ",iisfff\0", "00000001 00000001", "70 6f 73 69 74 69 6f 6e 00 00 00 00", _SMALL),
+        "Hip",
+        (0.5, 0.25, 1.5),
+        "1",
+    ),
+    "mediapipe": Packet(
+        _hex("/mediapipe/pose\0", ",iffff\0\0", "00000001", _SMALL, "3f800000"), "nose", (0.89, -0.25, -2.67)
+    ),
+    "captury": Packet(
+        _hex("/live/John-Doe/blender/Hips/vector\0\0", ",fff\0\0\0\0", _MILLI), "Hips", (0.5, 0.25, 1.5), "John-Doe"
+    ),
+    "wekinator": Packet(_hex("/wek/inputs\0", ",fff\0\0\0\0", _SMALL), "root", (0.5, 0.25, 1.5)),
+    "nimate-omni": Packet(_hex("/skeleton\0\0\0", ",fff\0\0\0\0", _SMALL), "head", (0.5, 0.25, 1.5)),
+    "native": Packet(
+        _hex("/motion/frame\0\0\0", ",sdfff\0\0", "6a 61 6e 00", "3ff0000000000000", _SMALL),
+        "root",
+        (0.5, 0.25, 1.5),
+        "jan",
+    ),
 }

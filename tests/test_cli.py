@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 Call = tuple[str, tuple[Any, ...], dict[str, Any]]
 
-PROGRAMS = ("demo", "live", "replay", "latency", "build", "info", "evaluate")
+PROGRAMS = ("demo", "live", "replay", "latency", "build", "info", "evaluate", "feeds", "listen")
 
 
 @pytest.fixture

@@ -1,4 +1,4 @@
-"""What is shipped: three packages, their data, and a built-in library that our own command built."""
+"""What is shipped: three packages and the presets in one of them, their data, and a built-in library that our own command built."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from library import Clip
 
-PACKAGES = ("library", "stream", "tools")
+PACKAGES = ("library", "stream", "stream.feeds", "tools")
 RECORDINGS = (".amc", ".asf", ".c3d", ".bvh", ".trc", ".fbx")
 #: Bytes above which a recording is data, not a test's example.
 LARGEST_EXAMPLE = 20_000
@@ -40,12 +40,13 @@ def tracked_files() -> list[Path]:
     return [ROOT / name for name in listed.stdout.split("\0") if name]
 
 
-def test_exactly_three_packages_are_shipped() -> None:
+def test_exactly_the_packages_there_are_are_shipped() -> None:
     """The packages are named one by one, and they are all the packages the sources have beside the tests."""
     setuptools = project()["tool"]["setuptools"]
     assert isinstance(setuptools, dict)
     assert sorted(setuptools["packages"]) == sorted(PACKAGES)
-    there = {path.parent.name for path in ROOT.glob("*/__init__.py")}
+    there = {path.parent.relative_to(ROOT).as_posix().replace("/", ".") for path in ROOT.glob("[a-z]*/**/__init__.py")}
+    there = {package for package in there if package.partition(".")[0] not in ("build", "dist")}
     assert there == set(PACKAGES)
 
 
@@ -55,7 +56,7 @@ def test_what_is_declared_as_data_is_there() -> None:
     assert isinstance(setuptools, dict)
     declared = {(package, name) for package, names in setuptools["package-data"].items() for name in names}
     assert declared >= {("library", "hdm05.npz"), ("library", "LICENSE-hdm05.txt")}
-    assert declared >= {(package, "py.typed") for package in PACKAGES}
+    assert declared >= {(package, "py.typed") for package in PACKAGES if "." not in package}
     for package, name in declared:
         found = resources.files(package) / name
         assert found.is_file()
@@ -67,7 +68,7 @@ def test_whatever_lies_in_a_package_is_declared() -> None:
     setuptools = project()["tool"]["setuptools"]
     assert isinstance(setuptools, dict)
     for package in PACKAGES:
-        others = {path.name for path in (ROOT / package).iterdir() if path.is_file() and path.suffix != ".py"}
+        others = {path.name for path in (ROOT / package.replace(".", "/")).iterdir() if path.is_file() and path.suffix != ".py"}
         assert others == set(setuptools["package-data"][package])
 
 

@@ -4,6 +4,10 @@ A frame may come as one message, one bundle, several bundles or loose messages, 
 is closed by an end message, by the end of a bundle, by a joint that comes again, by being complete, or by time; the
 preset says which of them count. An end message inside a bundle counts at the bundle's end, because senders put it
 before the last joints as often as after them.
+
+A receiver that starts in the middle of a frame would mix two of them for ever, when joints are all it goes by: the last
+joints of one and the first of the next are a set as good as any. But joints of one frame come in a burst. So the
+timeout is half of the time between two frames where that is less than the preset's, and silence tells where one begins.
 """
 
 from __future__ import annotations
@@ -21,7 +25,7 @@ from stream.feeds.preset import Closing, Means
 from stream.frame import Announcement, Frame
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Iterable, Mapping, Sequence
 
     from stream.feeds.kinematics import Vector
     from stream.feeds.mapper import Reading, Sighting
@@ -35,6 +39,12 @@ FORGET_AFTER = 5.0
 _NEW_CLOCK = 1.0
 #: Share of the joints that came lately below which a joint that comes again is a straggler, not the next frame's.
 _STRAGGLERS = 0.5
+#: Silence, relative to the time between two frames, that parts one frame from the next.
+_PAUSE = 0.5
+#: How much each joint that comes again counts in the time between two frames.
+_NEWER = 0.05
+#: Longer than this is an absence, not a frame rate, seconds.
+_LONGEST_INTERVAL = 0.2
 #: Names of absent joints that are counted one by one.
 _MOST_NAMED = 256
 
@@ -87,6 +97,8 @@ class _Body:
     closed_time: float | None = None
     #: Where each joint was last seen, and when.
     seen: dict[str, tuple[Sighting, float]] = field(default_factory=dict)
+    #: Seconds from one frame to the next, as joints come again.
+    interval: float = 0.0
     #: What the sender's clock was ahead of ours at that frame.
     ahead: float | None = None
     #: An end message came in a bundle that is not over.
@@ -178,10 +190,13 @@ class FrameAssembler:
     def _expire(self, now: float) -> None:
         for name, body in list(self._bodies.items()):
             silent = now - body.heard
-            if body.open and Closing.TIMEOUT in self.preset.closings.by and silent > self.preset.closings.timeout:
+            if body.open and Closing.TIMEOUT in self.preset.closings.by and silent > self._timeout(body):
                 self._close(name, body, Closing.TIMEOUT)
             if silent > FORGET_AFTER:
                 del self._bodies[name]
+
+    def _timeout(self, body: _Body) -> float:
+        return min(self.preset.closings.timeout, _PAUSE * body.interval)
 
     def _take(self, reading: Reading, packet: _Packet) -> Sequence[str]:
         """Take in one message; the performers it is about."""
@@ -230,7 +245,9 @@ class FrameAssembler:
         if len(self._bodies) >= self.most:
             self.counts.no_room += 1
             return None
-        body = self._bodies[name] = _Body(packet.sender, packet.arrival, time=self._told.get(packet.sender))
+        body = self._bodies[name] = _Body(
+            packet.sender, packet.arrival, time=self._told.get(packet.sender), interval=1 / self.preset.rate
+        )
         return body
 
     def _add_whole(self, name: str, body: _Body, reading: Reading, arrival: float) -> None:
@@ -255,6 +272,9 @@ class FrameAssembler:
             if not body.open:
                 body.opened = arrival
             body.time = body.time if reading.time is None else reading.time
+            if sighting.joint in body.seen:
+                since = arrival - body.seen[sighting.joint][1]
+                body.interval += _NEWER * (min(since, _LONGEST_INTERVAL) - body.interval)
             body.open[sighting.joint] = sighting
             body.seen[sighting.joint] = (sighting, arrival)
         if Closing.COMPLETE in self.preset.closings.by and self._is_complete(body):
@@ -271,8 +291,7 @@ class FrameAssembler:
         # The count, which costs nothing, says no for all but the last joints.
         if len(body.open) < len(self._targets):
             return False
-        here = {self.preset.joint_map[joint] for joint in body.open}
-        return all(target in here for target in self._targets)
+        return self._targets_of(body.open) >= set(self._targets)
 
     def _in_time(self, name: str, body: _Body, time: float) -> bool:
         """Let a joint of another time begin another frame; False for one that is too late for its own."""
@@ -294,6 +313,15 @@ class FrameAssembler:
         earliest = body.opened - self.preset.closings.hold
         return sum(moment >= earliest for _, moment in body.seen.values())
 
+    def _is_all_that_comes(self, body: _Body) -> bool:
+        """Say whether the frame has every joint that came lately; before all have come once, it is a frame's part."""
+        return len(body.open) >= self._coming(body) and (
+            bool(self.preset.bones) or self._targets_of(body.seen) >= set(self._targets)
+        )
+
+    def _targets_of(self, joints: Iterable[str]) -> set[str]:
+        return {self.preset.joint_map[joint] for joint in joints}
+
     def _end_bundle(self, name: str) -> None:
         body = self._bodies.get(name)
         if body is None:
@@ -303,7 +331,7 @@ class FrameAssembler:
             return
         if ended:
             self._close(name, body, Closing.END)
-        elif Closing.BUNDLE in self.preset.closings.by and len(body.open) >= self._coming(body):
+        elif Closing.BUNDLE in self.preset.closings.by and self._is_all_that_comes(body):
             self._close(name, body, Closing.BUNDLE)
 
     def _close(self, name: str, body: _Body, by: Closing) -> None:

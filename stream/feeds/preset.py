@@ -128,7 +128,8 @@ class Closings:
     by
         What tells that a frame is complete.
     timeout
-        Seconds without anything new after which a frame is taken as it is.
+        Seconds without anything new after which a frame is taken as it is; half of the time between two frames when
+        that is less.
     hold
         Seconds for which an absent joint stays where it was; a frame with one absent for longer is refused.
     confidence

@@ -1,4 +1,4 @@
-"""What is shipped: three packages and the presets in one of them, their data, and a built-in library that our own command built."""
+"""What is shipped: the packages, their data, and a built-in library that our own command built."""
 
 from __future__ import annotations
 
@@ -68,7 +68,11 @@ def test_whatever_lies_in_a_package_is_declared() -> None:
     setuptools = project()["tool"]["setuptools"]
     assert isinstance(setuptools, dict)
     for package in PACKAGES:
-        others = {path.name for path in (ROOT / package.replace(".", "/")).iterdir() if path.is_file() and path.suffix != ".py"}
+        others = {
+            path.name
+            for path in (ROOT / package.replace(".", "/")).iterdir()
+            if path.is_file() and path.suffix != ".py"
+        }
         assert others == set(setuptools["package-data"][package])
 
 

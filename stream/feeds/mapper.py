@@ -102,17 +102,20 @@ class Mapper:
         ways = self._ways.get(message.address)
         if ways is None:
             ways = self._find_ways(message.address)
-        known = False
+        ways = [way for way in ways if way.literals_fit(message.arguments)]
+        best: Reading | None = None
         for way in ways:
-            if not way.literals_fit(message.arguments):
-                continue
-            known = True
             reading = self._read(way, message.arguments)
-            if reading is not None:
+            if reading is None:
+                continue
+            if reading.means is not Means.FRAME or len(ways) == 1:
                 return reading
-        if known:
+            # Groups of one length can look like groups of another: the names in them tell.
+            if best is None or len(reading.sightings) > len(best.sightings):
+                best = reading
+        if ways and best is None:
             raise MessageError(f"{message.address}: expected other arguments, got {len(message.arguments)}")
-        return None
+        return best
 
     def _find_ways(self, address: str) -> list[_Way]:
         if len(self._ways) >= _MOST_REMEMBERED:
@@ -208,7 +211,7 @@ class Mapper:
             index = int(known) - self.preset.order_from
             known = self._order[index] if 0 <= index < len(self._order) else known
         found = self._names.get(spelling(known))
-        if found is None and len(self.unknown) < _MOST_UNKNOWN:
+        if found is None and len(self.unknown) < _MOST_UNKNOWN and not known.isdigit():
             self.unknown.add(known)
         return found
 

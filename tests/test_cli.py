@@ -196,6 +196,7 @@ def test_wrong_arguments_end_with_2(arguments: str, asked: list[Call], capsys: p
                     "settings": Settings(window=2.0, hop=0.1),
                     "most": 3,
                     "plain": True,
+                    "feed": live.Feed(),
                 },
             ),
         ),
@@ -204,7 +205,21 @@ def test_wrong_arguments_end_with_2(arguments: str, asked: list[Call], capsys: p
             (
                 "live",
                 (live.Addresses(osc_in=OSC_IN, osc_out=OSC_OUT),),
-                {"library": None, "settings": Settings(), "most": 32, "plain": False},
+                {"library": None, "settings": Settings(), "most": 32, "plain": False, "feed": live.Feed()},
+            ),
+        ),
+        (
+            "live --feed my.toml --sender 10.0.0.2 --out vrchat --out max=10.0.0.3:7401",
+            (
+                "live",
+                (live.Addresses(),),
+                {
+                    "library": None,
+                    "settings": Settings(),
+                    "most": 32,
+                    "plain": False,
+                    "feed": live.Feed("my.toml", "10.0.0.2", ("vrchat", "max=10.0.0.3:7401")),
+                },
             ),
         ),
         (

@@ -146,7 +146,7 @@ def _run_live(parsed: argparse.Namespace) -> int:
         settings=_settings(parsed),
         most=parsed.performers,
         plain=parsed.plain,
-        feed=live.Feed(parsed.feed, parsed.sender, parsed.out),
+        feed=live.Feed(parsed.feed, parsed.sender, tuple(parsed.out)),
     )
 
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from stream.feeds.assembler import FrameAssembler
 from stream.feeds.mapper import Mapper, MessageError
 from stream.feeds.preset import Means
+from stream.frame import Frame
 from stream.oscpacket import PacketError, decode_packet
 
 if TYPE_CHECKING:
@@ -148,7 +149,8 @@ class Survey:
                     understood += 1
                     joints |= dict.fromkeys(joints_here)
             for made in assembler.push(messages, arrival, bundle=bundle):
-                times.setdefault(made.performer, []).append(arrival)
+                if isinstance(made, Frame):
+                    times.setdefault(made.performer, []).append(arrival)
         came = {preset.joint_map[name] for name in joints} - {""}
         if preset.bones and came:
             # A bone that does not come stays as it is at rest.

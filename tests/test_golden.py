@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from library import Clip
 
 LOOPBACK = "127.0.0.1"
-EIGENVECTOR = Settings(signature=LiveSignature.EIGENVECTOR)
+EIGENVECTOR = Settings(signature=LiveSignature.EIGENVECTOR, hop=1 / 15)
 #: Microseconds between two packets of one frame.
 _APART = 1e-6
 LAYOUT_OF = {preset: name for name, (preset, _) in reversed(LAYOUTS.items())}
@@ -155,19 +155,20 @@ def test_a_feed_is_recognised_over_the_wire(preset_name: str) -> None:
             heard += [answer.label] if answer else []
     hearing.close()
     assert heard == expected
-    assert len(expected) > 10
+    assert len(expected) > 5
     assert "kickLFront1Reps" in heard
     assert performers.counts.other_joints == 0
 
 
 @pytest.mark.parametrize("preset_name", builtin_names())
 def test_real_motions_are_named_as_their_joints_allow(preset_name: str, some_clips: tuple[Clip, ...]) -> None:
-    """Real clips in a product's layout, joints and frame rate are named as those joints are without a transport."""
+    """Real clips in a product's layout and joints are named as those joints are without a transport."""
     preset = builtin_preset(preset_name)
     library = MotionLibrary.builtin().restricted_to(preset.joints)
     order = [SKELETON.joints.index(joint) for joint in library.skeleton.joints]
     inside = library.skeleton.order_from(preset.joints)
-    step = max(1, round(120 / preset.rate))
+    # Half of the recordings' rate at most: more takes time and shows nothing.
+    step = max(2, round(120 / preset.rate))
     through, without = [], []
     for clip in some_clips:
         positions = clip.positions[::step]

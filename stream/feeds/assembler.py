@@ -348,7 +348,9 @@ class FrameAssembler:
         if places is None:
             self.counts.incomplete += 1
             return
-        positions = np.array([places[target] for target in self._targets])[:, self._axes] * self._metres
+        # What overflows is beyond any stage, and refused as such.
+        with np.errstate(over="ignore", invalid="ignore"):
+            positions = np.array([places[target] for target in self._targets])[:, self._axes] * self._metres
         try:
             frame = Frame(name, moment, positions)
         except ValueError:

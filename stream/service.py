@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Protocol, Self, runtime_checkable
 
 import zmq
 
-from stream import osc, zeromq
+from stream import onepart, osc, zeromq
 from stream.frame import Announcement, Frame
 from stream.status import HopTimes, InputCounts, Rates, Status
 
@@ -146,6 +146,8 @@ class ZmqSource:
         if parts is None:
             return None
         self._counts.received += 1
+        if len(parts) == 1:
+            return self._take_one_part(parts[0], arrival)
         if not parts[0].startswith(b"frame/"):
             self._counts.foreign += 1
             return ()
@@ -154,6 +156,22 @@ class ZmqSource:
         except zeromq.FormatError:
             self._counts.malformed += 1
             return ()
+        return self._seen(numbered)
+
+    def _take_one_part(self, payload: bytes, arrival: float) -> Sequence[Frame | Announcement]:
+        if onepart.is_osc(payload):
+            received = osc.decode(payload, arrival)
+            self._counts.malformed += received.malformed
+            self._counts.foreign += received.foreign
+            return received.events
+        try:
+            numbered = onepart.decode(payload, arrival)
+        except zeromq.FormatError:
+            self._counts.malformed += 1
+            return ()
+        return self._seen(numbered)
+
+    def _seen(self, numbered: zeromq.NumberedFrame) -> Sequence[Frame | Announcement]:
         self._gaps.see(numbered.frame.performer, numbered.seq)
         return (numbered.announcement, numbered.frame) if numbered.announcement else (numbered.frame,)
 

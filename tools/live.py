@@ -17,6 +17,7 @@ from library import MotionLibrary
 from stream import osc, zeromq
 from stream.feeds.source import FeedSource
 from stream.layouts import LAYOUTS, LayoutSink, ReplySender
+from stream.onepart import ZmqPackets
 from stream.performers import Performers
 from stream.recognizer import LiveSignature, Recognizer
 from stream.service import OscSink, OscSource, Service, Sink, Source, ZmqSink, ZmqSource
@@ -117,6 +118,11 @@ def fitted(motions: MotionLibrary, settings: Settings, preset: Preset) -> tuple[
     shared = motions.restricted_to(preset.joints)
     if shared is not motions:
         settings = replace(settings, signature=LiveSignature.EIGENVECTOR)
+        console.print(
+            f"feed {preset.name}: {len(shared.skeleton.joints)} of the library's {len(motions.skeleton.joints)} joints, "
+            "compared by the eigenvector",
+            soft_wrap=True,
+        )
     return shared, settings
 
 
@@ -142,7 +148,7 @@ def _require_room_for(motions: MotionLibrary, settings: Settings) -> None:
 
 def _open(addresses: Addresses, feed: Feed, preset: Preset | None) -> tuple[list[Source], list[Sink]]:
     """Open what was asked for; what was opened before a failure is closed again."""
-    if preset and not addresses.osc_in:
+    if preset and not (addresses.osc_in or addresses.zmq_in):
         addresses = replace(addresses, osc_in=f"127.0.0.1:{preset.port}")
     if not (addresses.osc_in or addresses.zmq_in):
         raise ValueError("live: expected --osc-in or --zmq-in, got neither")
@@ -154,7 +160,8 @@ def _open(addresses: Addresses, feed: Feed, preset: Preset | None) -> tuple[list
             sources.append(FeedSource(receiver, preset, sender=feed.sender) if preset else OscSource(receiver))
             opened.callback(sources[-1].close)
         if addresses.zmq_in:
-            sources.append(ZmqSource(zeromq.ZmqReceiver(zeromq.Endpoint.parse(addresses.zmq_in, bind=True))))
+            messages = zeromq.ZmqReceiver(zeromq.Endpoint.parse(addresses.zmq_in, bind=True))
+            sources.append(FeedSource(ZmqPackets(messages), preset) if preset else ZmqSource(messages))
             opened.callback(sources[-1].close)
         if addresses.osc_out:
             sinks.append(OscSink(osc.OscSender(*host_and_port(addresses.osc_out))))
@@ -178,7 +185,11 @@ def _layout_sink(text: str, sources: Sequence[Source]) -> LayoutSink:
     if target.partition(":")[0] != "sender":
         host, port = host_and_port(target) if target else ("127.0.0.1", layout.port)
         return LayoutSink(name, layout, osc.OscSender(host, port))
-    receivers = [source.receiver for source in sources if isinstance(source, (OscSource, FeedSource))]
+    receivers = [
+        source.receiver
+        for source in sources
+        if isinstance(source, (OscSource, FeedSource)) and isinstance(source.receiver, osc.OscReceiver)
+    ]
     if not receivers:
         raise ValueError("--out: expected an OSC feed to reply to, got none")
     port = host_and_port(target)[1] if ":" in target else layout.port

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 from stream.feeds.asking import NEVER, farewells, is_due, questions
 from stream.feeds.assembler import FORGET_AFTER, FrameAssembler
@@ -14,14 +14,38 @@ if TYPE_CHECKING:
 
     from stream.feeds.preset import Preset
     from stream.frame import Announcement, Frame
-    from stream.osc import OscReceiver
 
 #: Hosts that send to one port at once.
 MOST_SENDERS = 16
 
 
+class PacketReceiver(Protocol):
+    """Where OSC packets come in: a UDP port, or what stands in its place."""
+
+    kernel_drops: int
+    #: Who sent the last packet, where that is known.
+    sender: tuple[str, int] | None
+
+    @property
+    def socket(self) -> object:
+        """What `zmq.Poller` can wait for."""
+
+    @property
+    def address(self) -> tuple[str, int]:
+        """Host and port."""
+
+    def receive(self) -> bytes | None:
+        """Take the next packet; None when there is none now."""
+
+    def send_to(self, datagram: bytes, target: tuple[str, int]) -> bool:
+        """Send from here; False when that cannot be."""
+
+    def close(self) -> None:
+        """Give the address back."""
+
+
 class FeedSource:
-    """Frames from UDP datagrams of another product.
+    """Frames from OSC packets of another product.
 
     Parameters
     ----------
@@ -38,7 +62,7 @@ class FeedSource:
         Packets to the sender that the system would not take.
     """
 
-    def __init__(self, receiver: OscReceiver, preset: Preset, *, sender: str = "127.0.0.1") -> None:
+    def __init__(self, receiver: PacketReceiver, preset: Preset, *, sender: str = "127.0.0.1") -> None:
         self.receiver = receiver
         self.preset = preset
         self.assembler = FrameAssembler(preset)

@@ -119,8 +119,8 @@ def fitted(motions: MotionLibrary, settings: Settings, preset: Preset) -> tuple[
     if shared is not motions:
         settings = replace(settings, signature=LiveSignature.EIGENVECTOR)
         console.print(
-            f"feed {preset.name}: {len(shared.skeleton.joints)} of the library's {len(motions.skeleton.joints)} joints, "
-            "compared by the eigenvector",
+            f"feed {preset.name}: {len(shared.skeleton.joints)} of the library's {len(motions.skeleton.joints)} "
+            "joints, compared by the eigenvector",
             soft_wrap=True,
         )
     return shared, settings

@@ -153,6 +153,12 @@ def test_nobody_is_there() -> None:
     assert not read(target, message("/mediapipe/pose", "iffff", 0, *[1.0] * 4)).present
 
 
+def test_a_user_is_lost() -> None:
+    """OSCeleton's `/lost_user` says who has left."""
+    reading = read(Mapper(builtin_preset("osceleton")), message("/lost_user", "i", 3))
+    assert (reading.performer, reading.present) == ("3", False)
+
+
 def test_a_time_of_64_bits_comes_in_two_halves() -> None:
     """QTM's microseconds are put together from two integers, the low one with or without a sign."""
     target = Mapper(builtin_preset("qtm"))

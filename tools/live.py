@@ -132,7 +132,8 @@ def frames_made(source: FeedSource) -> str:
     closed = ", ".join(f"{count} by {closing}" for closing, count in counts.closed_by.most_common())
     line = (
         f"feed {source.preset.name}: {counts.frames} frames made ({closed or 'none closed'}), "
-        f"{counts.incomplete} refused, joints held {counts.held}, late {counts.late}, unsure {counts.unsure}"
+        f"{counts.incomplete} refused, joints held {counts.held}, late {counts.late}, unsure {counts.unsure}, "
+        f"beyond any stage {counts.absurd}, no room {counts.no_room}, asked in vain {source.unasked}"
     )
     absent = ", ".join(name for name, _ in counts.absent.most_common(5))
     return f"{line}; absent: {absent}" if absent else line

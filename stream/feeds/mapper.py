@@ -137,7 +137,7 @@ class Mapper:
         performer = way.text("performer", arguments, way.performer)
         time = self._time(way, arguments)
         means = way.rule.means
-        if way.nobody(arguments):
+        if means is Means.GONE or way.nobody(arguments):
             return Reading(means, performer, (), time, present=False)
         sightings: list[Sighting] | None = []
         if means is Means.ORDER:
@@ -149,7 +149,7 @@ class Mapper:
             sightings = self._whole(way, arguments, performer)
         elif means is Means.JOINT:
             joint = self._known(way.text("joint", arguments, way.joint), performer)
-            sightings = self._listed(self._sighting(way.places, arguments, 0, joint))
+            sightings = self._listed(self._sighting(way.spots, arguments, 0, joint))
         return None if sightings is None else Reading(means, performer, sightings, time)
 
     def _learn(self, performer: str | None, way: _Way, arguments: Sequence[object]) -> None:
@@ -182,7 +182,7 @@ class Mapper:
         for index, start in enumerate(starts):
             name = way.group_text("joint", arguments, start) if named else self._order[index]
             joint = self._known(name, performer)
-            sightings += self._listed(self._sighting(way.group_places, arguments, start, joint))
+            sightings += self._listed(self._sighting(way.group_spots, arguments, start, joint))
         return sightings
 
     @staticmethod
@@ -215,22 +215,21 @@ class Mapper:
             self.unknown.add(known)
         return found
 
-    def _sighting(
-        self, places: dict[str, int], arguments: Sequence[object], start: int, joint: str | None
-    ) -> Sighting | None:
+    def _sighting(self, spots: _Spots, arguments: Sequence[object], start: int, joint: str | None) -> Sighting | None:
         if joint is None:
             return None
-        numbers = [arguments[start + places[axis]] for axis in ("x", "y", "z")]
-        if any(number is None for number in numbers):
+        numbers = (arguments[start + spots.x], arguments[start + spots.y], arguments[start + spots.z])
+        if None in numbers:
             return Sighting(joint, None)
-        x, y, z = map(_number, numbers)
+        x, y, z = _number(numbers[0]), _number(numbers[1]), _number(numbers[2])
         rotation = None
-        if "qx" in places:
-            a, b, c, d = (_number(arguments[start + places[axis]]) for axis in ("qx", "qy", "qz", "qw"))
+        # Who sends places in the world need not be asked which way they are turned.
+        if spots.rotation and self.preset.bones:
+            a, b, c, d = (_number(arguments[start + place]) for place in spots.rotation)
             rotation = (a, b, c, d)
         seen = math.isfinite(x + y + z) and (rotation is None or math.isfinite(sum(rotation)))
-        if seen and "confidence" in places:
-            seen = self._confidence(arguments[start + places["confidence"]]) >= self.preset.closings.confidence
+        if seen and spots.confidence is not None:
+            seen = self._confidence(arguments[start + spots.confidence]) >= self.preset.closings.confidence
         return Sighting(joint, (x, y, z) if seen else None, rotation if seen else None)
 
     def _confidence(self, argument: object) -> float:
@@ -238,6 +237,23 @@ class Mapper:
             # A word nobody told us about says nothing against the joint.
             return self.preset.closings.words.get(argument.casefold(), math.inf)
         return math.inf if argument is None else _number(argument)
+
+
+class _Spots(NamedTuple):
+    """Where in the arguments a joint's numbers stand."""
+
+    x: int
+    y: int
+    z: int
+    rotation: tuple[int, ...]
+    confidence: int | None
+
+    @classmethod
+    def of(cls, places: dict[str, int]) -> _Spots:
+        """Look the roles up once; those that are not there are not asked for."""
+        x, y, z = (places.get(axis, 0) for axis in ("x", "y", "z"))
+        turned = tuple(places[axis] for axis in ("qx", "qy", "qz", "qw")) if "qx" in places else ()
+        return cls(x, y, z, turned, places.get("confidence"))
 
 
 class _Way:
@@ -249,6 +265,8 @@ class _Way:
         self.performer = named.get("performer")
         self.places = {role: place for place, role in enumerate(rule.arguments)}
         self.group_places = {role: place for place, role in enumerate(rule.each)}
+        self.spots = _Spots.of(self.places)
+        self.group_spots = _Spots.of(self.group_places)
         self.group = len(rule.each)
         self._literals = [(place, role[1:]) for place, role in enumerate(rule.arguments) if role.startswith("=")]
 
@@ -262,7 +280,9 @@ class _Way:
 
     def literals_fit(self, arguments: Sequence[object]) -> bool:
         """Say whether the texts that must stand in the arguments do."""
-        return all(place < len(arguments) and arguments[place] == text for place, text in self._literals)
+        return not self._literals or all(
+            place < len(arguments) and arguments[place] == text for place, text in self._literals
+        )
 
     def nobody(self, arguments: Sequence[object]) -> bool:
         """Say whether the sender says that there is no performer."""

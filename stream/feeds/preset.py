@@ -73,6 +73,8 @@ class Means(StrEnum):
     END = "end"
     #: When it is.
     TIME = "time"
+    #: Its performer has left.
+    GONE = "gone"
     #: What a joint's number is called.
     NAME = "name"
     #: In which order joints stand in messages that hold them all.

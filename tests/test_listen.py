@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
+from fakeqtm import fake_qtm
 from golden import LAYOUTS, Moment, bundle, message
-from programs import LOOPBACK, finished, free_udp_port, ghost_cues, started
+from programs import LOOPBACK, finished, free_udp_port, ghost_cues
 
 from library.hdm05 import SKELETON
 from stream.feeds import builtin_names, builtin_preset
@@ -21,6 +22,7 @@ from tools.listen import advice
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
+    from pathlib import Path
 
 PRESETS = [builtin_preset(name) for name in builtin_names()]
 
@@ -150,11 +152,23 @@ def test_the_program_gives_json() -> None:
     assert "/qtm/data" in {kind["address"] for kind in told["messages"]}
 
 
-def test_the_program_shakes_hands() -> None:
-    """With --feed qtm, it asks the sender, who may be on another port of this machine, before anything comes."""
-    with started("listen", f"{LOOPBACK}:0", "--feed", "osceleton", "--seconds", 0.3) as program:
-        assert program.wait() == 1
-        assert "nothing arrived" in program.output
+def test_the_program_shakes_hands(tmp_path: Path) -> None:
+    """Of a feed that must be asked for, it asks, shows what comes then, and says goodbye."""
+    with fake_qtm(tmp_path) as (fake, preset):
+        status, output, errors = finished("listen", f"{LOOPBACK}:0", "--feed", preset, "--seconds", 1.5)
+        assert fake.wait_for_goodbye()
+        assert fake.told[1:] == ["StreamFrames AllFrames 3D Skeleton:global", "StreamFrames Stop", "Disconnect"]
+    assert (status, errors) == (0, "")
+    assert "looks like ours" in output
+    assert "performers: Jan" in output
+
+
+def test_the_program_says_that_nothing_came() -> None:
+    """On a port that nobody sends to it ends with 1 and the two usual reasons."""
+    status, output, errors = finished("listen", f"{LOOPBACK}:0", "--seconds", 0.2)
+    assert (status, errors) == (1, "")
+    assert "nothing arrived" in output
+    assert "0.0.0.0:PORT" in output
 
 
 def test_a_taken_port_is_one_line() -> None:

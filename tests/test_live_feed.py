@@ -10,6 +10,7 @@ from importlib import resources
 from typing import TYPE_CHECKING
 
 import pytest
+from fakeqtm import fake_qtm
 from golden import LAYOUTS, Moment
 from programs import LOOPBACK, PATIENCE, finished, ghost_cues, started
 
@@ -91,6 +92,25 @@ def test_ones_own_preset_and_a_reply_to_the_sender(tmp_path: Path) -> None:
             assert answer.address == "/wek/outputs"
             assert program.interrupt() == 0
             assert program.errors == ""
+
+
+def test_hands_are_shaken_with_qualisys(tmp_path: Path) -> None:
+    """A sender that must be asked first is asked, sends, is recognised, and is told when we stop."""
+    receiver = OscReceiver(LOOPBACK, 0)
+    with ExitStack() as stack:
+        stack.callback(receiver.close)
+        fake, preset = stack.enter_context(fake_qtm(tmp_path))
+        out = f"native={LOOPBACK}:{receiver.address[1]}"
+        command = ("live", "--plain", "--feed", preset, "--osc-in", f"{LOOPBACK}:0", "--out", out)
+        program = stack.enter_context(started(*command))
+        assert heard(receiver, "/motion/Jan/label")
+        assert (program.interrupt(), program.errors) == (0, "")
+        assert fake.wait_for_goodbye()
+        port = re.search(r"listening on ours 127\.0\.0\.1:(\d+)", program.output)
+        assert port
+        assert fake.told[:2] == [f"Connect {port[1]}", "StreamFrames AllFrames 3D Skeleton:global"]
+        assert fake.told[-2:] == ["StreamFrames Stop", "Disconnect"]
+        assert "asked in vain 0" in program.output
 
 
 @pytest.mark.parametrize(

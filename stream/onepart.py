@@ -20,9 +20,18 @@ if TYPE_CHECKING:
     from stream.zeromq import NumberedFrame, ZmqReceiver
 
 
+#: First bytes of msgpack maps: of up to 15 fields, and of more.
+_MAPS = frozenset([*(bytes([0x80 + fields]) for fields in range(16)), b"\xde", b"\xdf"])
+
+
 def is_osc(payload: bytes) -> bool:
     """Say whether a payload is an OSC packet: a map begins with another byte."""
     return payload.startswith((b"/", b"#bundle\0"))
+
+
+def is_map(payload: bytes) -> bool:
+    """Say whether a payload begins as a msgpack map does; anything else is somebody else's."""
+    return payload[:1] in _MAPS
 
 
 def decode(payload: bytes, arrival: float) -> NumberedFrame:

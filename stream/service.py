@@ -146,9 +146,9 @@ class ZmqSource:
         if parts is None:
             return None
         self._counts.received += 1
-        if len(parts) == 1:
-            return self._take_one_part(parts[0], arrival)
         if not parts[0].startswith(b"frame/"):
+            if len(parts) == 1:
+                return self._take_one_part(parts[0], arrival)
             self._counts.foreign += 1
             return ()
         try:
@@ -164,6 +164,9 @@ class ZmqSource:
             self._counts.malformed += received.malformed
             self._counts.foreign += received.foreign
             return received.events
+        if not onepart.is_map(payload):
+            self._counts.foreign += 1
+            return ()
         try:
             numbered = onepart.decode(payload, arrival)
         except zeromq.FormatError:

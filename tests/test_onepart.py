@@ -129,11 +129,13 @@ def test_msgpack_and_osc_come_in_beside_three_parts(
     send([b"junk"])
     send([b"/junk"])
     send([message("/elsewhere")])
-    events = taken(source, 6)
+    send([b""])
+    send([msgpack.packb({"v": 1})])
+    events = taken(source, 8)
     assert [event.time for event in events if isinstance(event, Frame)] == [1.0, 2.0, 3.0]
     assert [event for event in events if isinstance(event, Announcement)] == [Announcement("p", ("a", "b", "c"))]
     counts = source.counts
-    assert (counts.received, counts.malformed, counts.foreign, counts.missing) == (6, 2, 1, 2)
+    assert (counts.received, counts.malformed, counts.foreign, counts.missing) == (8, 2, 3, 2)
 
 
 def test_a_feed_may_come_by_zeromq(opened: tuple[ZmqReceiver, Callable[[list[bytes]], None]]) -> None:

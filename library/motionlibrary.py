@@ -18,7 +18,7 @@ from library.skeleton import Skeleton, SkeletonMismatchError
 from library.windowtable import WindowTable
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping, Sequence
+    from collections.abc import Collection, Iterable, Mapping, Sequence
     from pathlib import Path
 
     from numpy.typing import NDArray
@@ -333,6 +333,70 @@ class MotionLibrary:
             return self._shortlist.class_scores(single)
         best: NDArray[np.float32] = np.maximum.reduceat(similarity(self.axes, single), self._class_starts)
         return best
+
+    def restricted_to(self, joints: Collection[str]) -> MotionLibrary:
+        """Give the same motions as a body with fewer joints would show them.
+
+        What is kept are the pairs of joints that both have. An axis is cut to them and made a unit vector again: near
+        to the leading eigenvector of the fewer distances, but not the same. Windows stay what they are: a live window's
+        vectors are estimated from the fewer distances.
+
+        Parameters
+        ----------
+        joints
+            Names of the joints there are; those this library does not know are passed over.
+
+        Returns
+        -------
+        A library over the shared joints, in this library's order; this library itself when it has no others. It has no
+        windows when this library was restricted before.
+
+        Raises
+        ------
+        SkeletonMismatchError
+            Fewer than two joints are shared, or a motion does not show in them.
+        """
+        kept = self._shared(joints)
+        if len(kept) == len(self.skeleton.joints):
+            return self
+        skeleton = self.skeleton.restricted_to(kept)
+        pairs = self.skeleton.places_of(skeleton)
+        lengths = np.linalg.norm(self.axes[:, pairs], axis=1)
+        if not (lengths > _NO_MOVEMENT).all():
+            raise SkeletonMismatchError(f"joints: expected all motions to show in {', '.join(skeleton.joints)}")
+        variances = np.square(self.deviations[:, pairs]).sum(axis=1)
+        eigenvalues = np.array([motion.eigenvalue for motion in self.motions]) * lengths**2
+        motions = tuple(
+            replace(motion, eigenvalue=kept, share=min(1.0, kept / variance) if variance > 0 else motion.share)
+            for motion, kept, variance in zip(self.motions, eigenvalues.tolist(), variances.tolist(), strict=True)
+        )
+        return MotionLibrary(
+            skeleton=skeleton,
+            motions=motions,
+            means=self.means[:, pairs],
+            axes=(self.axes[:, pairs] / lengths[:, None]).astype(np.float32),
+            deviations=self.deviations[:, pairs],
+            windows=self._restricted_windows(skeleton, pairs),
+            portraits=tuple(portrait.restricted_to(pairs) for portrait in self.portraits),
+            licence=self.licence,
+            attribution=self.attribution,
+        )
+
+    def _shared(self, joints: Collection[str]) -> list[int]:
+        names = self.skeleton.joints
+        kept = [index for index, name in enumerate(names) if name in joints]
+        if len(kept) < 2:
+            raise SkeletonMismatchError(
+                f"joints: expected at least 2 of the library's {len(names)} ({names[0]} ... {names[-1]}), "
+                f"got {len(kept)}"
+            )
+        return kept
+
+    def _restricted_windows(self, skeleton: Skeleton, pairs: NDArray[np.intp]) -> WindowTable | None:
+        if self.windows is None or not self.windows.comparison.can_be_restricted:
+            return None
+        comparison = self.windows.comparison.restricted_to(skeleton, pairs, self.means.astype(np.float64))
+        return replace(self.windows, comparison=comparison)
 
     def merged_with(self, other: MotionLibrary) -> MotionLibrary:
         """Join two libraries of one skeleton; a motion both have, number for number, is kept once.

@@ -89,6 +89,10 @@ class Portrait:
             phases=halved(turns % 1.0),
         )
 
+    def restricted_to(self, pairs: NDArray[np.intp]) -> Portrait:
+        """Give what is seen of it by some of its pairs, shape (fewer pairs,)."""
+        return Portrait(self.mean[pairs], self.axes[:, pairs], self.harmonics, self.phases)
+
     def rows(self, cycles: NDArray[np.float64]) -> NDArray[np.float64]:
         """Let it move: distance rows, shape (frames, pairs), metres, never below 0, at so many cycles, (frames,)."""
         swings = np.cos(_TURN * (np.outer(cycles, self.harmonics) + self.phases))
@@ -121,7 +125,7 @@ def portraits_of(clips: Sequence[Clip], table: WindowTable) -> tuple[Portrait, .
 
 
 def _stretches(clip: Clip) -> list[NDArray[np.float64]]:
-    """Cut a clip's distance rows into stretches that overlap by half; a clip shorter than two is one."""
+    """Cut a clip's distance rows into stretches that overlap by half; a clip too short for two is one."""
     rows = distance_rows(clip.positions, clip.skeleton)
     length = max(round(_STRETCH * clip.frame_rate), 2)
     starts = range(0, max(len(rows) - length, 0) + 1, max(length // 2, 1))

@@ -109,6 +109,12 @@ class Skeleton:
         names = tuple(self.joints[joint] for joint in kept)
         return Skeleton(names, tuple(parents) if self.parents else (), self.with_segments)
 
+    def places_of(self, fewer: Skeleton) -> NDArray[np.intp]:
+        """Say where each pair of a skeleton of fewer of these joints, in this order, stands among these pairs."""
+        places = {(int(first), int(second)): place for place, (first, second) in enumerate(self.pairs)}
+        joints = [self.joints.index(name) for name in fewer.joints]
+        return np.array([places[joints[first], joints[second]] for first, second in fewer.pairs.tolist()])
+
     def order_from(self, joints: Sequence[str]) -> NDArray[np.intp]:
         """Say where each of this skeleton's joints stands in another list of joints.
 

@@ -113,6 +113,11 @@ class Comparison:
             )
         )
 
+    @property
+    def can_be_restricted(self) -> bool:
+        """Whether it was learned, not itself made from another one for fewer joints."""
+        return all(metric.together.size for measure, metric in self.metrics.items() if measure.kind is not Kind.SHAPE)
+
     def restricted_to(self, skeleton: Skeleton, pairs: NDArray[np.intp], rows: NDArray[np.floating]) -> Comparison:
         """Give the comparison that finds the same vectors from fewer joints, as nearly as those tell.
 
@@ -254,8 +259,9 @@ class WindowTable:
             raise ValueError(f"motions: expected windows of every class in order, of {FEWEST_FRAMES} frames at least")
         if not np.array_equal(np.lexsort((self.actors, self.classes)), indices):
             raise ValueError("actors: expected motions by class and, within a class, by actor")
-        if self.thresholds.shape != (len(RATES),) or np.isnan(self.thresholds).any():
-            raise ValueError(f"thresholds: expected {len(RATES)} numbers, got {self.thresholds}")
+        all_or_none = np.isfinite(self.thresholds).all() or (self.thresholds == np.inf).all()
+        if self.thresholds.shape != (len(RATES),) or not all_or_none or (np.diff(self.thresholds) < 0).any():
+            raise ValueError(f"thresholds: expected {len(RATES)} ascending numbers, got {self.thresholds}")
 
     @classmethod
     def of_clips(cls, clips: Sequence[Clip], comparison: Comparison) -> WindowTable:

@@ -270,6 +270,8 @@ class OscReceiver:
     ----------
     kernel_drops
         Datagrams the system threw away because they came faster than they were received (known on Linux only).
+    sender
+        Host and port the last datagram came from; None before the first.
 
     Raises
     ------
@@ -290,12 +292,7 @@ class OscReceiver:
             self.socket.close()
             raise OSError(error.errno, f"{host}:{port}: {error.strerror}") from error
         self.kernel_drops = 0
-        self._sender: tuple[Any, ...] = ()
-
-    @property
-    def sender(self) -> str:
-        """Who sent the last datagram, `host:port`; empty before the first."""
-        return ":".join(map(str, self._sender[:2]))
+        self.sender: tuple[str, int] | None = None
 
     @property
     def address(self) -> tuple[str, int]:
@@ -307,9 +304,10 @@ class OscReceiver:
         """Take the next datagram; None when there is none now."""
         try:
             if not _COUNTS_DROPS:
-                datagram, self._sender = self.socket.recvfrom(65535)
+                datagram, sender = self.socket.recvfrom(65535)
+                self.sender = sender[:2]
                 return datagram
-            datagram, ancillary, _, self._sender = self.socket.recvmsg(65535, 64)
+            datagram, ancillary, _, sender = self.socket.recvmsg(65535, 64)
         except (BlockingIOError, InterruptedError):
             return None
         except ConnectionError:
@@ -317,7 +315,17 @@ class OscReceiver:
         for _, kind, value in ancillary:
             if kind == _SO_RXQ_OVFL:
                 self.kernel_drops = int.from_bytes(value[:4], sys.byteorder)
+        self.sender = sender[:2]
         return datagram
+
+    def send_to(self, datagram: bytes, target: tuple[str, int]) -> bool:
+        """Send from the port listened on, as a sender expects that is to answer here; False when it cannot be."""
+        try:
+            _, _, address = _resolved(*target)
+            self.socket.sendto(datagram, address)
+        except OSError:
+            return False
+        return True
 
     def close(self) -> None:
         """Give the port back."""

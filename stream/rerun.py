@@ -4,12 +4,16 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, NamedTuple
 
-from stream import osc, zeromq
+from stream.feeds import builtin_preset
+from stream.feeds.source import FeedSource
 from stream.frame import Announcement, Frame
+from stream.onepart import ZmqPackets
+from stream.service import OscSource, TendedSource, ZmqSource
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
 
+    from stream.feeds import Preset
     from stream.performers import Performers
     from stream.rawfile import RawHeader, RawPacket
     from stream.recognition import Recognition
@@ -25,20 +29,93 @@ class Decoded(NamedTuple):
     events: Sequence[Frame | Announcement]
 
 
-def decoded(header: RawHeader, packets: Iterable[RawPacket]) -> Iterator[Decoded]:
-    """Decode packets as the live sources do; what they would count as malformed or foreign holds nothing."""
-    kinds = [source.partition(" ")[0] for source in header.sources]
+def decoded(header: RawHeader, packets: Iterable[RawPacket], preset: Preset | None = None) -> Iterator[Decoded]:
+    """Decode packets as the live sources do, by those sources; what they count as malformed or foreign holds nothing.
+
+    Parameters
+    ----------
+    header, packets
+        Of a raw recording.
+    preset
+        Another product's feed that the packets are read as; None for what the header says of each source.
+    """
+    plays = [_Played() for _ in header.sources]
+    sources = [_source(told, played, preset) for told, played in zip(header.sources, plays, strict=True)]
     for packet in packets:
-        if kinds[packet.source] == "osc":
-            yield Decoded(packet.arrival, osc.decode(b"".join(packet.parts), packet.arrival).events)
-            continue
-        try:
-            numbered = zeromq.decode(packet.parts, packet.arrival)
-        except zeromq.FormatError:
-            yield Decoded(packet.arrival, ())
-        else:
-            announced = (numbered.announcement,) if numbered.announcement else ()
-            yield Decoded(packet.arrival, (*announced, numbered.frame))
+        source = sources[packet.source]
+        early = source.tend(packet.arrival) if isinstance(source, TendedSource) else ()
+        plays[packet.source].play(packet)
+        yield Decoded(packet.arrival, (*early, *(source.take(packet.arrival) or ())))
+
+
+def _source(told: str, played: _Played, preset: Preset | None) -> OscSource | ZmqSource | FeedSource:
+    """Make the source that a header tells of: `osc` or `zmq`, an address, and perhaps `feed` and a preset's name."""
+    kind, _, rest = told.partition(" ")
+    name = rest.partition(" feed ")[2]
+    meant = preset or (builtin_preset(name) if name else None)
+    if kind == "osc":
+        packets = _PlayedPackets(played)
+        return FeedSource(packets, meant) if meant else OscSource(packets)
+    messages = _PlayedMessages(played)
+    return FeedSource(ZmqPackets(messages), meant) if meant else ZmqSource(messages)
+
+
+class _Played:
+    """The packet that is played: taken once, and gone."""
+
+    def __init__(self) -> None:
+        self.sender: tuple[str, int] | None = None
+        self._parts: list[bytes] | None = None
+
+    def play(self, packet: RawPacket) -> None:
+        """Let a packet come."""
+        host, _, port = packet.sender.rpartition(":")
+        self.sender = (host, int(port)) if port.isdigit() else None
+        self._parts = list(packet.parts)
+
+    def take(self) -> list[bytes] | None:
+        """Take its parts; None when it was taken."""
+        parts, self._parts = self._parts, None
+        return parts
+
+
+class _PlayedPackets:
+    """A UDP port's place, in which the packet that is played comes."""
+
+    kernel_drops = 0
+    address = ("", 0)
+    socket = None
+
+    def __init__(self, played: _Played) -> None:
+        self._played = played
+
+    @property
+    def sender(self) -> tuple[str, int] | None:
+        return self._played.sender
+
+    def receive(self) -> bytes | None:
+        parts = self._played.take()
+        return b"".join(parts) if parts else None
+
+    def send_to(self, datagram: bytes, target: tuple[str, int]) -> bool:  # noqa: ARG002 - as a UDP port has it
+        return True
+
+    def close(self) -> None: ...
+
+
+class _PlayedMessages:
+    """A subscription's place, in which the message that is played comes."""
+
+    address = ""
+    socket = None
+
+    def __init__(self, played: _Played) -> None:
+        self._played = played
+
+    def receive(self) -> list[bytes] | None:
+        return self._played.take()
+
+    def close(self) -> None: ...
 
 
 def recognitions(performers: Performers, stream: Iterable[Decoded]) -> Iterator[Recognition]:

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import time
-from typing import TYPE_CHECKING, Protocol, Self
+from typing import TYPE_CHECKING, Protocol, Self, runtime_checkable
 
 import zmq
 
-from stream import osc, zeromq
+from stream import onepart, osc, zeromq
 from stream.frame import Announcement, Frame
 from stream.status import HopTimes, InputCounts, Rates, Status
 
@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 
     from stream.events import Event
     from stream.performers import Performers
+    from stream.receiver import MessageReceiver, PacketReceiver
     from stream.recognition import Recognition
 
 #: Seconds between two statuses, and between two lists of classes.
@@ -27,6 +28,8 @@ _AT_ONCE = 256
 _LONGEST_SLEEP = 0.1
 #: Steps after being stopped: more than any socket holds, and a feed that goes on does not keep us for ever.
 _LAST_STEPS = 32
+#: Seconds between two turns of sources that have something to do even when nothing comes.
+_TENDING = 0.02
 
 
 class Source(Protocol):
@@ -45,6 +48,14 @@ class Source(Protocol):
 
     def close(self) -> None:
         """Give sockets back."""
+
+
+@runtime_checkable
+class TendedSource(Protocol):
+    """A source that has something to do even when nothing comes."""
+
+    def tend(self, now: float) -> Sequence[Frame | Announcement]:
+        """Do what is due by the clock; what came of it, in order. Never raises."""
 
 
 class Sink(Protocol):
@@ -73,7 +84,7 @@ class Sink(Protocol):
 class OscSource:
     """Frames from UDP datagrams."""
 
-    def __init__(self, receiver: osc.OscReceiver) -> None:
+    def __init__(self, receiver: PacketReceiver) -> None:
         self.receiver = receiver
         self._counts = InputCounts()
 
@@ -111,7 +122,7 @@ class OscSource:
 class ZmqSource:
     """Frames from ZeroMQ messages."""
 
-    def __init__(self, receiver: zeromq.ZmqReceiver) -> None:
+    def __init__(self, receiver: MessageReceiver) -> None:
         self.receiver = receiver
         self._gaps = zeromq.SequenceGaps()
         self._counts = InputCounts()
@@ -137,6 +148,8 @@ class ZmqSource:
             return None
         self._counts.received += 1
         if not parts[0].startswith(b"frame/"):
+            if len(parts) == 1:
+                return self._take_one_part(parts[0], arrival)
             self._counts.foreign += 1
             return ()
         try:
@@ -144,6 +157,25 @@ class ZmqSource:
         except zeromq.FormatError:
             self._counts.malformed += 1
             return ()
+        return self._seen(numbered)
+
+    def _take_one_part(self, payload: bytes, arrival: float) -> Sequence[Frame | Announcement]:
+        if onepart.is_osc(payload):
+            received = osc.decode(payload, arrival)
+            self._counts.malformed += received.malformed
+            self._counts.foreign += received.foreign
+            return received.events
+        if not onepart.is_map(payload):
+            self._counts.foreign += 1
+            return ()
+        try:
+            numbered = onepart.decode(payload, arrival)
+        except zeromq.FormatError:
+            self._counts.malformed += 1
+            return ()
+        return self._seen(numbered)
+
+    def _seen(self, numbered: zeromq.NumberedFrame) -> Sequence[Frame | Announcement]:
         self._gaps.see(numbered.frame.performer, numbered.seq)
         return (numbered.announcement, numbered.frame) if numbered.announcement else (numbered.frame,)
 
@@ -256,6 +288,7 @@ class Service:
         self._poller = zmq.Poller()
         for source in sources:
             self._poller.register(source.pollable, zmq.POLLIN)
+        self._tended = [source for source in sources if isinstance(source, TendedSource)]
 
     def __enter__(self) -> Self:
         return self
@@ -285,6 +318,9 @@ class Service:
         """Wait at most `longest` seconds for something to come, and deal with all that has."""
         self._tell_time()
         sleep = min(longest, max(self._next_status - self._clock(), 0.0))
+        if self._tended:
+            sleep = min(sleep, _TENDING)
+            self._tend()
         if not self._poller.poll(round(sleep * 1000)):
             return
         # Every source is asked: one poll is cheaper than finding out which of them it was.
@@ -296,6 +332,12 @@ class Service:
                     break
                 for event in events:
                     self._deal_with(event, started)
+
+    def _tend(self) -> None:
+        started = time.perf_counter()
+        for source in self._tended:
+            for event in source.tend(self._clock()):
+                self._deal_with(event, started)
 
     def _deal_with(self, event: Frame | Announcement, started: float) -> None:
         now = self._clock()

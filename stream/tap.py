@@ -4,23 +4,29 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from stream.feeds.source import FeedSource
+from stream.onepart import ZmqPackets
 from stream.rawfile import RawPacket
-from stream.service import OscSource, ZmqSource
+from stream.service import TendedSource, ZmqSource
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from stream.frame import Announcement, Frame
     from stream.rawfile import RawWriter
+    from stream.service import OscSource
     from stream.status import InputCounts
 
 
-def described(source: OscSource | ZmqSource) -> str:
-    """Say where packets come in, as a raw recording's header does."""
-    if isinstance(source, OscSource):
-        host, port = source.receiver.address
-        return f"osc {host}:{port}"
-    return f"zmq {source.receiver.address}"
+def described(source: OscSource | ZmqSource | FeedSource) -> str:
+    """Say where packets come in, and as whose they are read, as a raw recording's header does."""
+    if isinstance(source, ZmqSource):
+        return f"zmq {source.receiver.address}"
+    host, port = source.receiver.address
+    if isinstance(source, FeedSource):
+        kind = "zmq" if isinstance(source.receiver, ZmqPackets) else "osc"
+        return f"{kind} {host}:{port} feed {source.preset.name}"
+    return f"osc {host}:{port}"
 
 
 class TappedSource:
@@ -34,7 +40,7 @@ class TappedSource:
         Where they are written, and which of the recording's sources this is.
     """
 
-    def __init__(self, source: OscSource | ZmqSource, writer: RawWriter, index: int) -> None:
+    def __init__(self, source: OscSource | ZmqSource | FeedSource, writer: RawWriter, index: int) -> None:
         self._source = source
         self._writer = writer
         self._index = index
@@ -60,6 +66,10 @@ class TappedSource:
         self._arrival = arrival
         return self._source.take(arrival)
 
+    def tend(self, now: float) -> Sequence[Frame | Announcement]:
+        """Do what the source has to do even when nothing comes."""
+        return self._source.tend(now) if isinstance(self._source, TendedSource) else ()
+
     def close(self) -> None:
         """Close the socket."""
         self._source.close()
@@ -68,6 +78,10 @@ class TappedSource:
         packet = self._receive()
         if packet is not None:
             parts = (packet,) if isinstance(packet, bytes) else tuple(packet)
-            sender = getattr(self._source.receiver, "sender", "")
-            self._writer.write(RawPacket(self._arrival, self._index, sender, parts))
+            self._writer.write(RawPacket(self._arrival, self._index, self._sender(), parts))
         return packet
+
+    def _sender(self) -> str:
+        """Who sent the packet, `host:port`; empty where the transport does not tell."""
+        sender = None if isinstance(self._source, ZmqSource) else self._source.receiver.sender
+        return f"{sender[0]}:{sender[1]}" if sender else ""

@@ -69,8 +69,33 @@ def decode(parts: Sequence[bytes], arrival: float) -> NumberedFrame:
     """
     try:
         topic, header, buffer = parts
-        performer = _performer(topic)
-        described = _header(header)
+        return decode_described(_performer(topic), _header(header), buffer, arrival)
+    except (ValueError, RecursionError) as error:
+        raise FormatError(str(error)) from error
+
+
+def decode_described(performer: str, described: dict[str, Any], buffer: bytes, arrival: float) -> NumberedFrame:
+    """Make a frame of positions and what is said of them.
+
+    Parameters
+    ----------
+    performer
+        Who.
+    described
+        The header's fields.
+    buffer
+        The positions.
+    arrival
+        When, seconds: the time of frames whose `t` is missing or 0.
+
+    Raises
+    ------
+    FormatError
+        A field is missing or wrong, or the positions are not what the fields say.
+    """
+    try:
+        if described.get("v") != VERSION:
+            raise FormatError(f"header: expected version {VERSION}")
         positions = _positions(described, buffer)
         time = described.get("t", 0)
         joints = described.get("joints")
@@ -97,8 +122,8 @@ def _header(header: bytes) -> dict[str, Any]:
         raise FormatError(f"header: expected at most {LARGEST_HEADER} bytes, got {len(header)}")
     # As text, for json takes longer to find out how bytes are encoded than to read them.
     described = json.loads(header.decode())
-    if not isinstance(described, dict) or described.get("v") != VERSION:
-        raise FormatError(f"header: expected version {VERSION}")
+    if not isinstance(described, dict):
+        raise FormatError("header: expected an object")
     return described
 
 

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 Call = tuple[str, tuple[Any, ...], dict[str, Any]]
 
-PROGRAMS = ("demo", "live", "replay", "latency", "build", "info", "evaluate")
+PROGRAMS = ("demo", "live", "replay", "latency", "build", "info", "evaluate", "feeds", "listen")
 
 
 @pytest.fixture
@@ -205,6 +205,7 @@ def test_wrong_arguments_end_with_2(arguments: str, asked: list[Call], capsys: p
                     "settings": Settings(signature=LiveSignature.EIGENVECTOR, window=2.0, hop=0.1),
                     "most": 3,
                     "plain": True,
+                    "feed": live.Feed(),
                 },
             ),
         ),
@@ -213,7 +214,21 @@ def test_wrong_arguments_end_with_2(arguments: str, asked: list[Call], capsys: p
             (
                 "live",
                 (live.Addresses(osc_in=OSC_IN, osc_out=OSC_OUT),),
-                {"library": None, "settings": Settings(), "most": 32, "plain": False},
+                {"library": None, "settings": Settings(), "most": 32, "plain": False, "feed": live.Feed()},
+            ),
+        ),
+        (
+            "live --feed my.toml --sender 10.0.0.2 --out vrchat --out max=10.0.0.3:7401",
+            (
+                "live",
+                (live.Addresses(),),
+                {
+                    "library": None,
+                    "settings": Settings(),
+                    "most": 32,
+                    "plain": False,
+                    "feed": live.Feed("my.toml", "10.0.0.2", ("vrchat", "max=10.0.0.3:7401")),
+                },
             ),
         ),
         (

@@ -1,4 +1,4 @@
-"""What is shipped: three packages, their data, and a built-in library that our own command built."""
+"""What is shipped: the packages, their data, and a built-in library that our own command built."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from library import Clip
 
-PACKAGES = ("library", "stream", "tools")
+PACKAGES = ("library", "library.formats", "stream", "stream.feeds", "tools", "tools.bench")
 RECORDINGS = (".amc", ".asf", ".c3d", ".bvh", ".trc", ".fbx")
 #: Bytes above which a recording is data, not a test's example.
 LARGEST_EXAMPLE = 20_000
@@ -40,15 +40,14 @@ def tracked_files() -> list[Path]:
     return [ROOT / name for name in listed.stdout.split("\0") if name]
 
 
-def test_exactly_three_packages_are_shipped_whole() -> None:
-    """The packages are named one by one, and they are all the sources have beside the tests, those inside included."""
+def test_exactly_the_packages_there_are_are_shipped() -> None:
+    """The packages are named one by one, and they are all the packages the sources have beside the tests."""
     setuptools = project()["tool"]["setuptools"]
     assert isinstance(setuptools, dict)
-    there = {".".join(path.relative_to(ROOT).parts[:-1]) for path in ROOT.glob("[!.]*/**/__init__.py")}
-    there = {package for package in there if package.partition(".")[0] in PACKAGES}
-    assert sorted(setuptools["packages"]) == sorted(there)
-    assert {package.partition(".")[0] for package in there} == set(PACKAGES)
-    assert {path.parent.name for path in ROOT.glob("*/__init__.py")} == set(PACKAGES)
+    assert sorted(setuptools["packages"]) == sorted(PACKAGES)
+    there = {path.parent.relative_to(ROOT).as_posix().replace("/", ".") for path in ROOT.glob("[a-z]*/**/__init__.py")}
+    there = {package for package in there if package.partition(".")[0] not in ("build", "dist")}
+    assert there == set(PACKAGES)
 
 
 def test_what_is_declared_as_data_is_there() -> None:
@@ -57,7 +56,7 @@ def test_what_is_declared_as_data_is_there() -> None:
     assert isinstance(setuptools, dict)
     declared = {(package, name) for package, names in setuptools["package-data"].items() for name in names}
     assert declared >= {("library", "hdm05.npz"), ("library", "LICENSE-hdm05.txt")}
-    assert declared >= {(package, "py.typed") for package in PACKAGES}
+    assert declared >= {(package, "py.typed") for package in PACKAGES if "." not in package}
     for package, name in declared:
         found = resources.files(package) / name
         assert found.is_file()
@@ -69,7 +68,11 @@ def test_whatever_lies_in_a_package_is_declared() -> None:
     setuptools = project()["tool"]["setuptools"]
     assert isinstance(setuptools, dict)
     for package in PACKAGES:
-        others = {path.name for path in (ROOT / package).iterdir() if path.is_file() and path.suffix != ".py"}
+        others = {
+            path.name
+            for path in (ROOT / package.replace(".", "/")).iterdir()
+            if path.is_file() and path.suffix != ".py"
+        }
         assert others == set(setuptools["package-data"][package])
 
 

@@ -21,6 +21,7 @@ PACKAGES = ("library", "stream", "tools")
 BELOW = {"library": set[str](), "stream": {"library"}, "tools": {"library", "stream"}}
 #: What does no input or output, and knows no clock and no thread.
 CORE = ("recognizer", "window", "covariance", "performers", "recognition", "frame", "answer", "oscpacket")
+CORE += ("assembler", "mapper", "kinematics", "preset", "checkedtable", "survey")
 NOT_IN_CORE = {"socket", "time", "threading", "zmq", "asyncio", "pythonosc", "selectors", "multiprocessing", "logging"}
 #: The folders in which people keep their work; no source says where it was written.
 MACHINE_FOLDERS = tuple(f"/{name}/" for name in ("home", "root", "work", "Users"))
@@ -30,7 +31,7 @@ SOURCES = sorted(path for package in PACKAGES for path in (ROOT / package).rglob
 
 
 def package_of(path: Path) -> str:
-    """Name the top package that holds a source."""
+    """Name the top package a source is in."""
     return path.relative_to(ROOT).parts[0]
 
 

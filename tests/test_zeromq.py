@@ -385,7 +385,8 @@ def test_classes_and_status_are_json() -> None:
     assert topic == b"status/"
     described = json.loads(encoded)
     assert described == {"v": 1, "alive": True, "frames_per_second": 120.0, "lost": 13} | dataclasses.asdict(status)
-    assert described["inputs"] == {"received": 90, "malformed": 1, "foreign": 2, "overrun": 3, "missing": 4}
+    told = {"received": 90, "malformed": 1, "foreign": 2, "overrun": 3, "missing": 4, "incomplete": 0}
+    assert described["inputs"] == told
     assert set(described["outcomes"]["recognizers"]) == {"frames", "out_of_order", "restarts", "hops", "exact"}
 
 

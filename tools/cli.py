@@ -69,6 +69,8 @@ def _parser() -> argparse.ArgumentParser:
         _add_info,
         _add_evaluate,
         _add_bench,
+        _add_feeds,
+        _add_listen,
     ):
         add(programs)
     return parser
@@ -115,6 +117,15 @@ def _add_live(programs: Programs[argparse.ArgumentParser]) -> None:
     live.add_argument("--osc-out", metavar="HOST:PORT", help="send OSC answers there")
     live.add_argument("--zmq-in", metavar="ENDPOINT", help="subscribe to ZeroMQ frames, like tcp://127.0.0.1:9320")
     live.add_argument("--zmq-out", metavar="ENDPOINT", help="publish ZeroMQ answers")
+    live.add_argument("--feed", metavar="NAME", help="frames are another product's: see kinespace feeds; or FILE.toml")
+    live.add_argument("--sender", metavar="HOST", default="127.0.0.1", help="whom to ask for frames, where a feed asks")
+    live.add_argument(
+        "--out",
+        action="append",
+        default=[],
+        metavar="NAME[=HOST:PORT]",
+        help="answer as touchdesigner, max, wekinator, vmc-thru, vrchat or native hear it; sender:PORT replies",
+    )
     live.add_argument("--library", type=Path, metavar="FILE", help="a motion library (default: the built-in one)")
     _add_settings(live)
     live.add_argument("--performers", type=int, default=32, help="how many at once, at most (default %(default)s)")
@@ -127,9 +138,11 @@ def _run_live(parsed: argparse.Namespace) -> int:
     from tools import live  # noqa: PLC0415 - as above
 
     none_given = not any((parsed.osc_in, parsed.osc_out, parsed.zmq_in, parsed.zmq_out))
+    usual_out = none_given and not parsed.out
+    usual_in = none_given and not parsed.feed
     addresses = live.Addresses(
-        osc_in=OSC_IN if none_given else parsed.osc_in,
-        osc_out=OSC_OUT if none_given else parsed.osc_out,
+        osc_in=OSC_IN if usual_in else parsed.osc_in,
+        osc_out=OSC_OUT if usual_out else parsed.osc_out,
         zmq_in=parsed.zmq_in,
         zmq_out=parsed.zmq_out,
     )
@@ -140,6 +153,7 @@ def _run_live(parsed: argparse.Namespace) -> int:
         most=parsed.performers,
         plain=parsed.plain,
         record=parsed.record,
+        feed=live.Feed(parsed.feed, parsed.sender, tuple(parsed.out)),
     )
 
 
@@ -490,6 +504,40 @@ def _reading(parsed: argparse.Namespace) -> Reading:
         joints=parsed.joints,
         actor_in=ActorIn(getattr(parsed, "actor_in", ActorIn.NOWHERE)),
     )
+
+
+def _add_feeds(programs: Programs[argparse.ArgumentParser]) -> None:
+    feeds = programs.add_parser("feeds", help="list the products whose feeds are understood, and what to set in them")
+    feeds.add_argument("name", nargs="?", metavar="NAME", help="print this preset, to be copied and edited")
+    feeds.set_defaults(run=_run_feeds)
+
+
+def _run_feeds(parsed: argparse.Namespace) -> int:
+    from tools import feeds  # noqa: PLC0415 - as above
+
+    return feeds.run(parsed.name)
+
+
+def _add_listen(programs: Programs[argparse.ArgumentParser]) -> None:
+    listen = programs.add_parser(
+        "listen",
+        help="show what arrives on a port, guess the feed, say what is missing",
+        description="The first thing to try when nothing works: shows every kind of message that arrives, its types, "
+        "rate, senders and gaps, which feed it looks like, which joints came, and what recognition lacks.",
+    )
+    listen.add_argument("port", nargs="?", metavar="[HOST:]PORT", help=f"default: the feed's port, else {OSC_IN}")
+    listen.add_argument("--feed", metavar="NAME", help="look at it as this feed, and ask for it where it must be asked")
+    listen.add_argument("--sender", metavar="HOST", default="127.0.0.1", help="whom to ask, where a feed asks")
+    listen.add_argument("--seconds", type=_positive, default=5.0, help="how long (default %(default)s)")
+    listen.add_argument("--json", action="store_true", help="print one JSON object and nothing else")
+    listen.set_defaults(run=_run_listen)
+
+
+def _run_listen(parsed: argparse.Namespace) -> int:
+    from tools import listen  # noqa: PLC0415 - as above
+
+    address = parsed.port or (None if parsed.feed else OSC_IN)
+    return listen.run(address, feed=parsed.feed, sender=parsed.sender, seconds=parsed.seconds, as_json=parsed.json)
 
 
 def _add_settings(parser: argparse.ArgumentParser) -> None:

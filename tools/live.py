@@ -8,13 +8,16 @@ import sys
 import threading
 import time
 from contextlib import ExitStack, nullcontext
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from rich.live import Live
 
 from library import MotionLibrary
 from stream import osc, zeromq
+from stream.feeds.source import FeedSource
+from stream.layouts import LAYOUTS, LayoutSink, ReplySender
+from stream.onepart import ZmqPackets
 from stream.performers import Performers
 from stream.rawfile import RawWriter
 from stream.recognizer import Recognizer
@@ -22,11 +25,14 @@ from stream.service import OscSink, OscSource, Service, Sink, Source, ZmqSink, Z
 from stream.tap import TappedSource, described
 from tools.address import host_and_port
 from tools.console import console
+from tools.feeds import preset_named
 from tools.livetable import LiveTable, PlainLines, summary
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
     from pathlib import Path
 
+    from stream.feeds import Preset
     from stream.recognizer import Settings
 
 #: Times a second the table is drawn.
@@ -45,6 +51,28 @@ class Addresses:
     zmq_out: str | None = None
 
 
+@dataclass(frozen=True, slots=True)
+class Feed:
+    """Another product's feed, as typed, and who hears the answer in which layout.
+
+    Attributes
+    ----------
+    preset
+        Name or file of a preset; None for our own messages.
+    sender
+        Host that is told to send, for presets that ask.
+    outs
+        NAME or NAME=HOST:PORT of layouts; the host `sender` is whoever sent last.
+    """
+
+    preset: str | None = None
+    sender: str = "127.0.0.1"
+    outs: Sequence[str] = ()
+
+
+_NO_FEED = Feed()
+
+
 def run(
     addresses: Addresses,
     *,
@@ -53,13 +81,18 @@ def run(
     most: int,
     plain: bool,
     record: Path | None = None,
+    feed: Feed = _NO_FEED,
 ) -> int:
     """Open the addresses, recognise until interrupted, print the counts."""
     motions = MotionLibrary.load(library) if library else MotionLibrary.builtin()
+    preset = preset_named(feed.preset) if feed.preset else None
+    if preset:
+        motions = fitted(motions, preset)
     _require_room_for(motions, settings)
     performers = Performers(motions, settings, most=most)
     shown: PlainLines | LiveTable = PlainLines() if plain or not console.is_terminal else LiveTable(motions.classes)
-    sources, sinks = _open(addresses)
+    sources, sinks = _open(addresses, feed, preset)
+    feeds = [source for source in sources if isinstance(source, FeedSource)]
     kept = _recorded(sources, record) if record else None
     with kept or nullcontext(), Service(performers, sources, [*sinks, shown]) as service:
         _announce(sources, sinks)
@@ -73,6 +106,8 @@ def run(
             service.run()
         status = service.status()
     console.print(summary(status), soft_wrap=True)
+    for source in feeds:
+        console.print(frames_made(source), soft_wrap=True, markup=False)
     if kept:
         console.print(f"{record}: {kept.written} packets, {kept.failed} could not be written", soft_wrap=True)
     return 0
@@ -80,7 +115,7 @@ def run(
 
 def _recorded(sources: list[Source], record: Path) -> RawWriter:
     """Let every source's packets be kept on their way; the sources are closed again if they cannot be."""
-    taps = [source for source in sources if isinstance(source, (OscSource, ZmqSource))]
+    taps = [source for source in sources if isinstance(source, (OscSource, ZmqSource, FeedSource))]
     try:
         writer = RawWriter(record, [described(source) for source in taps])
     except OSError:
@@ -91,6 +126,36 @@ def _recorded(sources: list[Source], record: Path) -> RawWriter:
     return writer
 
 
+def fitted(motions: MotionLibrary, preset: Preset) -> MotionLibrary:
+    """Restrict a library to the joints a feed has, and say so.
+
+    Raises
+    ------
+    SkeletonMismatchError
+        Library and feed share fewer than two joints.
+    """
+    shared = motions.restricted_to(preset.joints)
+    if shared is not motions:
+        console.print(
+            f"feed {preset.name}: {len(shared.skeleton.joints)} of the library's {len(motions.skeleton.joints)} joints",
+            soft_wrap=True,
+        )
+    return shared
+
+
+def frames_made(source: FeedSource) -> str:
+    """Say what became of a feed's joints, and which were lacking where frames were refused."""
+    counts = source.assembler.counts
+    closed = ", ".join(f"{count} by {closing}" for closing, count in counts.closed_by.most_common())
+    line = (
+        f"feed {source.preset.name}: {counts.frames} frames made ({closed or 'none closed'}), "
+        f"{counts.incomplete} refused, joints held {counts.held}, late {counts.late}, unsure {counts.unsure}, "
+        f"beyond any stage {counts.absurd}, no room {counts.no_room}, asked in vain {source.unasked}"
+    )
+    absent = ", ".join(name for name, _ in counts.absent.most_common(5))
+    return f"{line}; absent: {absent}" if absent else line
+
+
 def _require_room_for(motions: MotionLibrary, settings: Settings) -> None:
     """Refuse a window that this machine has no memory for now, not at the first performer's first frame."""
     try:
@@ -99,26 +164,54 @@ def _require_room_for(motions: MotionLibrary, settings: Settings) -> None:
         raise ValueError(f"--window: expected seconds that memory has room for, got {settings.window:g}") from error
 
 
-def _open(addresses: Addresses) -> tuple[list[Source], list[Sink]]:
+def _open(addresses: Addresses, feed: Feed, preset: Preset | None) -> tuple[list[Source], list[Sink]]:
     """Open what was asked for; what was opened before a failure is closed again."""
+    if preset and not (addresses.osc_in or addresses.zmq_in):
+        addresses = replace(addresses, osc_in=f"127.0.0.1:{preset.port}")
     if not (addresses.osc_in or addresses.zmq_in):
         raise ValueError("live: expected --osc-in or --zmq-in, got neither")
     sources: list[Source] = []
     sinks: list[Sink] = []
     with ExitStack() as opened:
         if addresses.osc_in:
-            sources.append(OscSource(osc.OscReceiver(*host_and_port(addresses.osc_in))))
+            receiver = osc.OscReceiver(*host_and_port(addresses.osc_in))
+            sources.append(FeedSource(receiver, preset, sender=feed.sender) if preset else OscSource(receiver))
             opened.callback(sources[-1].close)
         if addresses.zmq_in:
-            sources.append(ZmqSource(zeromq.ZmqReceiver(zeromq.Endpoint.parse(addresses.zmq_in, bind=True))))
+            messages = zeromq.ZmqReceiver(zeromq.Endpoint.parse(addresses.zmq_in, bind=True))
+            sources.append(FeedSource(ZmqPackets(messages), preset) if preset else ZmqSource(messages))
             opened.callback(sources[-1].close)
         if addresses.osc_out:
             sinks.append(OscSink(osc.OscSender(*host_and_port(addresses.osc_out))))
             opened.callback(sinks[-1].close)
         if addresses.zmq_out:
             sinks.append(ZmqSink(zeromq.ZmqSender(zeromq.Endpoint.parse(addresses.zmq_out, bind=True))))
+            opened.callback(sinks[-1].close)
+        for out in feed.outs:
+            sinks.append(_layout_sink(out, sources))
+            opened.callback(sinks[-1].close)
         opened.pop_all()
     return sources, sinks
+
+
+def _layout_sink(text: str, sources: Sequence[Source]) -> LayoutSink:
+    """Open NAME, NAME=HOST:PORT or NAME=sender:PORT."""
+    name, _, target = text.partition("=")
+    if name not in LAYOUTS:
+        raise ValueError(f"--out: expected one of {', '.join(LAYOUTS)}, got {name!r}")
+    layout = LAYOUTS[name]()
+    if target.partition(":")[0] != "sender":
+        host, port = host_and_port(target) if target else ("127.0.0.1", layout.port)
+        return LayoutSink(name, layout, osc.OscSender(host, port))
+    receivers = [
+        source.receiver
+        for source in sources
+        if isinstance(source, (OscSource, FeedSource)) and isinstance(source.receiver, osc.OscReceiver)
+    ]
+    if not receivers:
+        raise ValueError("--out: expected an OSC feed to reply to, got none")
+    port = host_and_port(target)[1] if ":" in target else layout.port
+    return LayoutSink(name, layout, ReplySender(receivers[0], port))
 
 
 def _announce(sources: list[Source], sinks: list[Sink]) -> None:

@@ -146,6 +146,7 @@ def counts(status: Status) -> str:
         f"received {inputs.received}, malformed {inputs.malformed}, foreign {inputs.foreign}, "
         f"overrun {inputs.overrun}, missing {inputs.missing}, out of order {recognizers.out_of_order}, "
         f"other joints {outcomes.other_joints}, no room {outcomes.no_room}"
+        f"{f', incomplete {inputs.incomplete}' if inputs.incomplete else ''}"
     )
 
 

@@ -100,7 +100,8 @@ class _Recording:
         for index, receiver in enumerate(self._receivers):
             while (packet := receiver.receive()) is not None:
                 parts = (packet,) if isinstance(packet, bytes) else tuple(packet)
-                sender = receiver.sender if isinstance(receiver, osc.OscReceiver) else ""
+                known = receiver.sender if isinstance(receiver, osc.OscReceiver) else None
+                sender = f"{known[0]}:{known[1]}" if known else ""
                 self._writer.write(RawPacket(time.monotonic(), index, sender, parts))
                 if self._stopped:
                     return

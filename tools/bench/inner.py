@@ -8,9 +8,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from library.signature import Moments, Signature, signature_of
-from stream.covariance import RollingCovariance
 from stream.eigenmatcher import EigenvectorMatcher
+from stream.leading import RollingAxis
 from stream.measuring import WindowMeasurer
 from stream.recognizer import LiveSignature
 from stream.window import MOST_PENDING, SlidingWindow
@@ -28,13 +27,13 @@ if TYPE_CHECKING:
 
 
 class EigenvectorSteps:
-    """The paper's way in steps: rows into the window; at a hop covariance, eigenvector, match.
+    """The paper's way in steps: rows into the window; at a hop their products, eigenvector, match.
 
     Attributes
     ----------
     steps
         What is done at a hop, in this order, by name.
-    signature
+    axis
         Of the last hop; None before the first.
     """
 
@@ -42,9 +41,8 @@ class EigenvectorSteps:
         width = len(library.skeleton.pairs)
         self._library = library
         self._window = SlidingWindow(settings.window, width)
-        self._covariance = RollingCovariance(width)
-        self._moments: Moments | None = None
-        self.signature: Signature | None = None
+        self._rolling = RollingAxis(width)
+        self.axis: LeadingAxis | None = None
         self.steps: dict[str, Callable[[], object]] = {
             "covariance": self._update,
             "eigenvector": self._solve,
@@ -63,16 +61,14 @@ class EigenvectorSteps:
         return self._window.full
 
     def _update(self) -> None:
-        self._covariance.update(*self._window.take_change(), self._window.rows)
-        self._moments = self._covariance.moments()
+        self._rolling.update(*self._window.take_change(), self._window.rows)
 
     def _solve(self) -> None:
-        if self._moments is not None:
-            self.signature = signature_of(self._moments, self.signature.axis if self.signature else None)
+        self.axis = self._rolling.leading(self._window.rows).axis
 
     def _match(self) -> None:
-        if self.signature is not None:
-            self._library.match(self.signature)
+        if self.axis is not None:
+            self._library.class_scores(self.axis.vector)
 
 
 class WindowSteps:
@@ -90,7 +86,7 @@ class WindowSteps:
         if library.windows is None:
             raise ValueError("library: expected one with windows, got one of whole motions only")
         self._table = library.windows
-        self._measurer = WindowMeasurer(library.skeleton, self._table.measures, self._table.comparison.basis)
+        self._measurer = WindowMeasurer(self._table.measures, self._table.comparison.body, self._table.comparison.basis)
         self._measures: dict[Measure, NDArray[np.float64]] = {}
         self.distances: NDArray[np.float64] | None = None
         self.steps: dict[str, Callable[[], object]] = {"covariance": self._measure, "match": self._match}
@@ -113,15 +109,15 @@ class WindowSteps:
 
 def steps_of(library: MotionLibrary, settings: Settings) -> EigenvectorSteps | WindowSteps:
     """Give the steps of a matcher for some settings."""
-    if settings.signature is LiveSignature.EIGENVECTOR:
+    if settings.signature is LiveSignature.EIGENVECTOR or library.windows is None:
         return EigenvectorSteps(library, settings)
     return WindowSteps(library)
 
 
 def last_axis(recognizer: Recognizer) -> LeadingAxis | None:
-    """Give the leading axis of the last hop; None when there is none.
+    """Give the leading axis of the last hop's window; None when there is none.
 
     Answers carry no vector; whoever checks one needs the very state that has run all day.
     """
     matcher = recognizer._matcher  # noqa: SLF001 - see above
-    return matcher._axis if isinstance(matcher, EigenvectorMatcher) else None  # noqa: SLF001 - see above
+    return matcher.read().axis if isinstance(matcher, EigenvectorMatcher) else None

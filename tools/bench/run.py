@@ -8,7 +8,7 @@ import platform
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal, get_args
 
-from stream.recognizer import LiveSignature, Settings
+from stream.recognizer import LiveSignature
 from tools.bench import growth, peers, recorded, soak, sockets, stages
 from tools.bench.report import Report
 from tools.bench.timing import one_thread
@@ -107,7 +107,7 @@ def run(
 
 def measured(parts: Sequence[Part], recordings: Recorded, *, signature: LiveSignature | None, effort: Effort) -> Report:
     """Run some parts, in the order that a reader wants them."""
-    usual = signature or Settings().signature
+    usual = signature or LiveSignature.WINDOWS
     positions = recordings.positions
     report = Report(usual)
 

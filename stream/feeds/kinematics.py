@@ -1,0 +1,104 @@
+"""Forward kinematics: where joints are whose positions and rotations are given relative to their parents."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+Vector = tuple[float, float, float]
+#: x, y, z, w.
+Quaternion = tuple[float, float, float, float]
+
+_UPRIGHT: Quaternion = (0.0, 0.0, 0.0, 1.0)
+#: A position nearer to its parent than this was not given: many senders know rotations only and send zeros.
+_NOT_GIVEN = 1e-6
+
+
+@dataclass(frozen=True, slots=True)
+class Bone:
+    """A bone of a hierarchy.
+
+    Attributes
+    ----------
+    name, parent
+        Its own name and its parent's; no parent is an empty name.
+    offset
+        Where it begins relative to its parent, in the parent's axes, when a sender does not say, in the sender's unit.
+    """
+
+    name: str
+    parent: str
+    offset: Vector
+
+
+def world_positions(
+    bones: Sequence[Bone], poses: Mapping[str, tuple[Vector | None, Quaternion | None]]
+) -> dict[str, Vector]:
+    """Place every bone in the world.
+
+    At each bone p = p_parent + q_parent · offset and q = q_parent · q_own, as in any scene graph.
+
+    Parameters
+    ----------
+    bones
+        Parents before their children.
+    poses
+        Position relative to the parent and rotation of each bone a sender spoke of. A position of zeros, or none,
+        is the bone's own offset; a rotation of zeros, or none, is no rotation, and so is a bone not spoken of.
+
+    Returns
+    -------
+    Positions by bone, in the sender's unit and axes.
+    """
+    placed = dict[str, Vector]()
+    turned = dict[str, Quaternion]()
+    for bone in bones:
+        position, rotation = poses.get(bone.name, (None, None))
+        if position is None or max(map(abs, position)) < _NOT_GIVEN:
+            position = bone.offset
+        own = _unit(rotation)
+        if bone.parent:
+            above = turned[bone.parent]
+            position = _added(placed[bone.parent], _rotated(above, position))
+            own = _product(above, own)
+        placed[bone.name] = position
+        turned[bone.name] = own
+    return placed
+
+
+def _unit(rotation: Quaternion | None) -> Quaternion:
+    if rotation is None:
+        return _UPRIGHT
+    length = math.hypot(*rotation)
+    # Less than this is no direction, and more than that none either: both are senders' mistakes.
+    if not 1e-9 < length < 1e9:
+        return _UPRIGHT
+    x, y, z, w = rotation
+    return x / length, y / length, z / length, w / length
+
+
+def _added(first: Vector, second: Vector) -> Vector:
+    return first[0] + second[0], first[1] + second[1], first[2] + second[2]
+
+
+def _rotated(rotation: Quaternion, vector: Vector) -> Vector:
+    x, y, z, w = rotation
+    a, b, c = vector
+    # v + w t + q × t with t = 2 q × v
+    p, q, r = 2 * (y * c - z * b), 2 * (z * a - x * c), 2 * (x * b - y * a)
+    return a + w * p + y * r - z * q, b + w * q + z * p - x * r, c + w * r + x * q - y * p
+
+
+def _product(first: Quaternion, second: Quaternion) -> Quaternion:
+    a, b, c, d = first
+    x, y, z, w = second
+    return (
+        d * x + a * w + b * z - c * y,
+        d * y - a * z + b * w + c * x,
+        d * z + a * y - b * x + c * w,
+        d * w - a * x - b * y - c * z,
+    )

@@ -1,0 +1,497 @@
+"""Presets: what a product's messages mean, read from TOML that a user can copy and edit, checked once when loaded.
+
+A preset lists the messages: an address in which `{joint}` and `{performer}` stand for what they name, `{skip}` for
+any one part and `{any}` for anything, and the role of each argument. `native.toml` and its neighbours are the
+examples; README says more.
+"""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from dataclasses import dataclass, field
+from enum import StrEnum
+from importlib import resources
+from typing import TYPE_CHECKING
+
+from stream.feeds.checkedtable import CheckedTable, PresetError
+from stream.feeds.kinematics import Bone
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+    from pathlib import Path
+
+__all__ = ["Preset", "PresetError", "builtin_names", "builtin_preset", "load_preset"]
+
+#: The presets that come with kinespace, in the order they are listed.
+_BUILTIN = (
+    "native",
+    "osceleton",
+    "osceleton2",
+    "kinectv2",
+    "nimate",
+    "nimate-omni",
+    "synapse",
+    "vmc",
+    "vrchat",
+    "qtm",
+    "natnet2osc",
+    "natnetthree2osc",
+    "mediapipe",
+    "captury",
+    "wekinator",
+)
+_POSITION = ("x", "y", "z")
+_ROTATION = ("qx", "qy", "qz", "qw")
+#: What an argument can be; a role that begins with = is a text that must stand there.
+ROLES = (
+    "joint",
+    "performer",
+    *_POSITION,
+    *_ROTATION,
+    "confidence",
+    "time",
+    "time_high",
+    "name",
+    "present",
+    "skip",
+)
+_PLACEHOLDERS = {"joint": "[^/]+", "performer": "[^/]+", "skip": "[^/]+", "any": ".+"}
+_BETWEEN_WORDS = re.compile(r"[\s_\-.:]+")
+
+
+class Means(StrEnum):
+    """What a message is to the frame that is being filled."""
+
+    #: One joint or some joints of it.
+    JOINT = "joint"
+    #: All of it.
+    FRAME = "frame"
+    #: Its beginning: what was there before is complete.
+    BEGIN = "begin"
+    #: Its end.
+    END = "end"
+    #: When it is.
+    TIME = "time"
+    #: Its performer has left.
+    GONE = "gone"
+    #: What a joint's number is called.
+    NAME = "name"
+    #: In which order joints stand in messages that hold them all.
+    ORDER = "order"
+
+
+class Closing(StrEnum):
+    """What tells that a frame is complete."""
+
+    #: A message that says so.
+    END = "end"
+    #: The end of a bundle, when it brought every joint that has been coming lately.
+    BUNDLE = "bundle"
+    #: A joint comes again that is already there.
+    REPEAT = "repeat"
+    #: All joints of the preset are there.
+    COMPLETE = "complete"
+    #: Nothing has come for a while.
+    TIMEOUT = "timeout"
+
+
+@dataclass(frozen=True, slots=True)
+class MessageRule:
+    """What one kind of message means.
+
+    Attributes
+    ----------
+    address
+        As written, with placeholders.
+    pattern
+        The same as a regular expression, capitals and small letters alike.
+    arguments
+        Role of each argument; further ones in a message are passed over, unless `each` says what they are.
+    each
+        Roles of a group of arguments that follows once or several times.
+    means
+        What the message is to the frame.
+    """
+
+    address: str
+    pattern: re.Pattern[str] = field(repr=False)
+    arguments: tuple[str, ...] = ()
+    each: tuple[str, ...] = ()
+    means: Means = Means.JOINT
+
+
+@dataclass(frozen=True, slots=True)
+class Closings:
+    """When a frame is complete, and what becomes of joints that are not in it.
+
+    Attributes
+    ----------
+    by
+        What tells that a frame is complete.
+    timeout
+        Seconds without anything new after which a frame is taken as it is; half of the time between two frames when
+        that is less.
+    hold
+        Seconds for which an absent joint stays where it was; a frame with one absent for longer is refused.
+    confidence
+        A joint sent with less than this is absent.
+    words
+        Confidence of words that stand in a number's place, in small letters.
+    """
+
+    by: frozenset[Closing]
+    timeout: float = 0.1
+    hold: float = 0.25
+    confidence: float = 0.0
+    words: Mapping[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class Asking:
+    """What a sender must be told before it sends, and while it does.
+
+    Attributes
+    ----------
+    port
+        Where the sender listens.
+    every
+        Seconds after which it is told again.
+    while_silent
+        Whether it is told only while no frames come.
+    messages, farewell
+        Address and arguments, in which `{port}` is where we listen and `{joint}` each of the preset's joints in turn;
+        the farewell is sent when we stop.
+    """
+
+    port: int
+    every: float
+    while_silent: bool
+    messages: tuple[tuple[str, tuple[str | int | float, ...]], ...]
+    farewell: tuple[tuple[str, tuple[str | int | float, ...]], ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Preset:
+    """What a product's messages mean.
+
+    Attributes
+    ----------
+    name
+        What it is asked for by.
+    product, sender
+        Whose messages these are; what to set in the sender.
+    port
+        Where it usually sends to.
+    rate
+        Frames per second it usually sends.
+    performer
+        Who performs when the messages do not say.
+    metres
+        Metres of one unit along each of the sender's axes.
+    axes
+        For our x (right of the picture), y (up) and z (towards us): which of the sender's axes, and its sign.
+    sender_clock
+        Whether a frame's time is the sender's, when it sends one; else it is the arrival's.
+    seconds
+        Seconds of one unit of the sender's time.
+    closings
+        When a frame is complete.
+    messages
+        Tried in order; the first that fits a message's address and arguments is used.
+    joint_map
+        The sender's joint names and those of the motion library; an empty one for a joint that has no counterpart.
+    order, order_from
+        Joint names as they are numbered, and the first number; also their order in messages without names.
+    bones
+        When positions are relative to a parent: the parents, and offsets for bones that come without a position.
+    asking
+        What the sender must be told, or None.
+    """
+
+    name: str
+    product: str
+    sender: str
+    port: int
+    rate: float
+    performer: str
+    metres: tuple[float, ...]
+    axes: tuple[tuple[int, float], ...]
+    sender_clock: bool
+    seconds: float
+    closings: Closings
+    messages: tuple[MessageRule, ...] = field(repr=False)
+    joint_map: Mapping[str, str] = field(repr=False)
+    order: tuple[str, ...] = field(repr=False)
+    order_from: int = 0
+    bones: tuple[Bone, ...] = field(default=(), repr=False)
+    asking: Asking | None = field(default=None, repr=False)
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """The motion library's names of the joints that frames of this feed hold, in the frames' order."""
+        return tuple(dict.fromkeys(target for target in self.joint_map.values() if target))
+
+
+def spelling(name: str) -> str:
+    """Give what is left of a joint's name when capitals and what stands between words are passed over."""
+    return _BETWEEN_WORDS.sub("", name).casefold()
+
+
+def builtin_names() -> tuple[str, ...]:
+    """List the presets that come with kinespace."""
+    return _BUILTIN
+
+
+def builtin_preset(name: str) -> Preset:
+    """Load a preset that comes with kinespace.
+
+    Raises
+    ------
+    PresetError
+        There is none of that name.
+    """
+    if name not in _BUILTIN:
+        raise PresetError(f"feed: expected a .toml file or one of {', '.join(_BUILTIN)}, got {name!r}")
+    text = (resources.files("stream.feeds") / f"{name}.toml").read_text(encoding="utf-8")
+    return parse_preset(text, name, f"{name}.toml")
+
+
+def load_preset(path: Path) -> Preset:
+    """Read a user's preset.
+
+    Raises
+    ------
+    PresetError
+        It is no TOML, or something in it is wrong, missing or unknown.
+    OSError
+        The file cannot be read.
+    """
+    try:
+        text = path.read_text(encoding="utf-8")
+    except UnicodeDecodeError as error:
+        raise PresetError(f"{path}: expected UTF-8 text, got byte {error.start} that is none") from error
+    return parse_preset(text, path.stem, str(path))
+
+
+def parse_preset(text: str, name: str, file: str) -> Preset:
+    """Read a preset from TOML.
+
+    Parameters
+    ----------
+    text
+        The TOML.
+    name
+        What the preset is called.
+    file
+        What messages call its file.
+
+    Raises
+    ------
+    PresetError
+        It is no TOML, or something in it is wrong, missing or unknown.
+    """
+    try:
+        table = CheckedTable(file, "", tomllib.loads(text))
+    except tomllib.TOMLDecodeError as error:
+        raise PresetError(f"{file}: expected TOML, got a mistake: {error}") from error
+    order = table.texts("order")
+    if len(set(map(spelling, order))) != len(order):
+        raise table.fail("order", "distinct names")
+    preset = Preset(
+        name=name,
+        product=table.text("product", name),
+        sender=table.text("sender", "nothing: this is your own preset"),
+        port=table.integer("port", None, 1, 65535),
+        rate=table.number("rate", 30.0, 1.0, 1000.0),
+        performer=_performer(table, name),
+        metres=_metres(table),
+        axes=_axes(table),
+        sender_clock=table.choice("clock", ("arrival", "sender"), "arrival") == "sender",
+        seconds=table.number("seconds", 1.0, 1e-9),
+        closings=_closings(table.table("frame")),
+        messages=_messages(table),
+        joint_map=_joint_map(table),
+        order=order,
+        order_from=table.integer("order_from", 0, 0, 1000),
+        bones=_bones(table),
+        asking=_asking(table.table("ask")) if "ask" in table else None,
+    )
+    table.table("ask")
+    table.finish()
+    _check_names(table, preset)
+    return preset
+
+
+def _performer(table: CheckedTable, name: str) -> str:
+    performer = table.text("performer", name[:32])
+    if len(performer) > 32:
+        raise table.fail("performer", "at most 32 characters")
+    return performer
+
+
+def _metres(table: CheckedTable) -> tuple[float, ...]:
+    metres = table.numbers("metres", 3, (1.0, 1.0, 1.0))
+    if not all(each > 0 for each in metres):
+        raise table.fail("metres", "numbers above 0")
+    return metres
+
+
+def _axes(table: CheckedTable) -> tuple[tuple[int, float], ...]:
+    words = table.text("axes", "x y z").split()
+    if sorted(word.lstrip("+-") for word in words) != ["x", "y", "z"] or any(len(word) > 2 for word in words):
+        raise table.fail("axes", 'x, y and z in some order, each with or without a minus, like "x z -y"')
+    return tuple(("xyz".index(word[-1]), -1.0 if word[0] == "-" else 1.0) for word in words)
+
+
+def _closings(table: CheckedTable) -> Closings:
+    by = table.texts("close") or (Closing.REPEAT, Closing.TIMEOUT)
+    if unknown := [each for each in by if each not in list(Closing)]:
+        raise table.fail("close", f"some of {', '.join(Closing)} and not {unknown[0]}")
+    words = {word.casefold(): float(str(value)) for word, value in table.pairs("words", float).items()}
+    closings = Closings(
+        by=frozenset(map(Closing, by)),
+        timeout=table.number("timeout", 0.1, 0.001, 10.0),
+        hold=table.number("hold", 0.25, 0.0, 10.0),
+        confidence=table.number("confidence", 0.0, 0.0),
+        words=words,
+    )
+    table.finish()
+    return closings
+
+
+def _messages(table: CheckedTable) -> tuple[MessageRule, ...]:
+    rules = tuple(map(_message, table.tables("message")))
+    if not any(rule.means in (Means.JOINT, Means.FRAME) for rule in rules):
+        raise table.fail("message", "at least one that holds x, y and z")
+    return rules
+
+
+def _message(table: CheckedTable) -> MessageRule:
+    address = table.text("address")
+    if not address.startswith("/"):
+        raise table.fail("address", "an address that begins with /")
+    try:
+        pattern = re.compile(_regular(address), re.IGNORECASE)
+    except KeyError as error:
+        raise table.fail("address", f"only {{{'}, {'.join(_PLACEHOLDERS)}}} in braces") from error
+    except re.error as error:
+        raise table.fail("address", f"each of {{joint}} and {{performer}} once ({error})") from error
+    arguments, each = table.texts("arguments"), table.texts("each")
+    for key, roles in (("arguments", arguments), ("each", each)):
+        for role in roles:
+            if role not in ROLES and not role.startswith("="):
+                raise table.fail(key, f"roles out of {', '.join(ROLES)} or =text, and not {role!r}")
+        named = [role for role in roles if role != "skip" and not role.startswith("=")]
+        if len(set(named)) != len(named):
+            raise table.fail(key, "each role but skip once")
+    means = Means(table.choice("means", list(Means), _meant(address, arguments, each)))
+    rule = MessageRule(address, pattern, arguments, each, means)
+    _check_roles(table, rule)
+    table.finish()
+    return rule
+
+
+def _meant(address: str, arguments: tuple[str, ...], each: tuple[str, ...]) -> Means:
+    if each:
+        return Means.FRAME if set(_POSITION) <= set(each) else Means.ORDER
+    if "name" in arguments:
+        return Means.NAME
+    if "joint" in arguments or "{joint}" in address:
+        return Means.JOINT
+    return Means.TIME
+
+
+def _check_roles(table: CheckedTable, rule: MessageRule) -> None:
+    here = {*rule.arguments, *rule.each, *re.findall(r"\{(\w+)\}", rule.address)}
+    need = {
+        Means.JOINT: {"joint", *_POSITION},
+        Means.FRAME: set(_POSITION),
+        Means.NAME: {"joint", "name"},
+        Means.ORDER: {"joint"},
+    }.get(rule.means, set())
+    if lacking := need - here:
+        raise table.fail("arguments", f"{', '.join(sorted(need))} in a {rule.means} message, {min(lacking)} too")
+    if here & set(_ROTATION) and not set(_ROTATION) <= here:
+        raise table.fail("arguments", "all of qx, qy, qz, qw or none")
+
+
+def _regular(address: str) -> str:
+    """Turn an address with placeholders into a regular expression; KeyError for one that is none of ours."""
+    parts = re.split(r"\{(\w*)\}", address)
+    expression = ""
+    for index, part in enumerate(parts):
+        if index % 2 == 0:
+            expression += re.escape(part)
+        elif part in ("joint", "performer"):
+            expression += f"(?P<{part}>{_PLACEHOLDERS[part]})"
+        else:
+            expression += f"(?:{_PLACEHOLDERS[part]})"
+    return expression
+
+
+def _joint_map(table: CheckedTable) -> dict[str, str]:
+    names = {name: str(target).strip() for name, target in table.pairs("joints", str).items()}
+    if len({target for target in names.values() if target}) < 2:
+        raise table.fail("joints", "at least two joints, each with the motion library's name for it")
+    spelt = [spelling(name) for name in names]
+    if len(set(spelt)) != len(spelt):
+        raise table.fail("joints", "names that differ in more than capitals, blanks and underscores")
+    return names
+
+
+def _bones(table: CheckedTable) -> tuple[Bone, ...]:
+    bones = list[Bone]()
+    for name in table.pairs("bones", dict):
+        bone = table.table("bones").table(name)
+        parent = bone.text("parent", "-")
+        known = {each.name for each in bones}
+        if parent != "-" and parent not in known:
+            raise bone.fail("parent", "a bone that stands before this one")
+        bones.append(Bone(name, "" if parent == "-" else parent, _offset(bone)))
+        bone.finish()
+    return tuple(bones)
+
+
+def _offset(bone: CheckedTable) -> tuple[float, float, float]:
+    x, y, z = bone.numbers("offset", 3, (0.0, 0.0, 0.0))
+    return x, y, z
+
+
+def _asking(table: CheckedTable) -> Asking:
+    asking = Asking(
+        port=table.integer("port", None, 1, 65535),
+        every=table.number("every", 2.0, 0.1, 3600.0),
+        while_silent=table.flag("while_silent", default=False),
+        messages=tuple(map(_asked, table.tables("message"))),
+        farewell=tuple(map(_asked, table.tables("farewell"))),
+    )
+    if not asking.messages:
+        raise table.fail("message", "at least one [[ask.message]]")
+    table.finish()
+    return asking
+
+
+def _asked(table: CheckedTable) -> tuple[str, tuple[str | int | float, ...]]:
+    address = table.text("address")
+    if not address.startswith("/"):
+        raise table.fail("address", "an address that begins with /")
+    arguments = table.scalars("arguments")
+    table.finish()
+    return address, arguments
+
+
+def _check_names(table: CheckedTable, preset: Preset) -> None:
+    known = set(map(spelling, preset.joint_map))
+    for name in preset.order:
+        if spelling(name) not in known:
+            raise table.fail("order", f"names that stand in [joints], and not {name!r}")
+    bones = {bone.name for bone in preset.bones}
+    for name, target in preset.joint_map.items():
+        if bones and target and name not in bones:
+            raise table.fail("joints", f"names that stand in [bones], and not {name!r}")
+    if preset.bones and not any("qx" in rule.arguments + rule.each for rule in preset.messages):
+        raise table.fail("message", "one with qx, qy, qz, qw, because there are [bones]")
+    whole = any(rule.means is Means.FRAME and "joint" not in rule.each for rule in preset.messages)
+    if whole and not preset.order:
+        raise table.fail("order", "the joints' order, because a message holds them without their names")

@@ -1,0 +1,183 @@
+"""Golden packets: every product's layout is read right, frame by frame, and recognised over real sockets."""
+
+from __future__ import annotations
+
+import socket
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from golden import LAYOUTS, PACKETS, Moment
+from programs import ghost_cues
+
+from library import MotionLibrary
+from library.hdm05 import SKELETON
+from stream import Announcement, Frame, Recognizer, Settings, osc
+from stream.feeds import FrameAssembler, Mapper, builtin_names, builtin_preset
+from stream.feeds.source import FeedSource
+from stream.layouts import LayoutSink, NativeLayout
+from stream.oscpacket import decode_packet
+from stream.performers import Performers
+from stream.recognizer import LiveSignature
+from stream.service import Service
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from numpy.typing import NDArray
+
+    from library import Clip
+
+LOOPBACK = "127.0.0.1"
+EIGENVECTOR = Settings(signature=LiveSignature.EIGENVECTOR, hop=1 / 15)
+#: Microseconds between two packets of one frame.
+_APART = 1e-6
+LAYOUT_OF = {preset: name for name, (preset, _) in reversed(LAYOUTS.items())}
+
+
+def sent(layout: str, positions: NDArray[np.floating], rate: float) -> Iterator[tuple[bytes, float]]:
+    """Send positions (frames, 31, 3) as a product would: datagrams and when they arrive."""
+    _, packets = LAYOUTS[layout]
+    for number, joints in enumerate(positions):
+        time = 1.0 + number / rate
+        places = dict(zip(SKELETON.joints, joints, strict=True))
+        for place, packet in enumerate(packets(Moment(places, time, number))):
+            yield packet, time + place * _APART
+
+
+def assembled(layout: str, positions: NDArray[np.floating], rate: float) -> tuple[FrameAssembler, list[Frame]]:
+    """Put frames together of what a product would send."""
+    assembler = FrameAssembler(builtin_preset(LAYOUTS[layout][0]))
+    events: list[Frame | Announcement] = []
+    arrival = 0.0
+    for packet, arrival in sent(layout, positions, rate):
+        events += assembler.push(decode_packet(packet), arrival, bundle=packet.startswith(b"#"))
+    events += assembler.expire(arrival + 1.0)
+    announced = [event for event in events if isinstance(event, Announcement)]
+    assert announced == [Announcement(announced[0].performer, assembler.preset.joints)]
+    return assembler, [event for event in events if isinstance(event, Frame)]
+
+
+def distances(positions: NDArray[np.floating]) -> NDArray[np.floating]:
+    """Measure every joint from every other, (frames, joints, joints)."""
+    return np.linalg.norm(positions[:, :, None] - positions[:, None, :], axis=-1)
+
+
+def ghost(class_name: str, seconds: float = 1.5) -> NDArray[np.float32]:
+    """Give a ghost's positions at 120 Hz."""
+    return np.array([cue.frame.positions for cue in ghost_cues(class_name, seconds)])
+
+
+def answers(library: MotionLibrary, frames: Sequence[tuple[float, NDArray[np.floating]]]) -> list[str]:
+    """Recognise frames without any transport."""
+    recognizer = Recognizer(library, EIGENVECTOR)
+    made = [recognizer.push(Frame("p", time, positions)) for time, positions in frames]
+    return [each.label for each in made if each]
+
+
+def test_every_preset_has_golden_packets() -> None:
+    """Each preset has a layout that feeds it, and a packet written out by hand."""
+    assert {preset for preset, _ in LAYOUTS.values()} == set(builtin_names())
+    assert set(PACKETS) == set(builtin_names())
+
+
+@pytest.mark.parametrize("name", PACKETS)
+def test_a_packet_written_out_by_hand_says_what_it_says(name: str) -> None:
+    """Joint, performer and position are read as published, in metres, y up, from the bytes themselves."""
+    golden = PACKETS[name]
+    preset = builtin_preset(name)
+    (message,) = decode_packet(golden.packet)
+    reading = Mapper(preset).read(message)
+    assert reading is not None
+    assert reading.performer == golden.performer
+    (sighting,) = reading.sightings
+    assert sighting.joint == golden.joint
+    assert sighting.position is not None
+    ours = [sign * sighting.position[axis] * preset.metres[axis] for axis, sign in preset.axes]
+    np.testing.assert_allclose(ours, golden.position, rtol=1e-6)
+
+
+@pytest.mark.parametrize("layout", LAYOUTS)
+def test_every_frame_sent_is_the_frame_made(layout: str) -> None:
+    """In each layout every frame comes out once, whole, in time, with the very distances that were sent."""
+    positions = ghost("squat1Reps", 0.5)
+    assembler, frames = assembled(layout, positions, 120.0)
+    counts, preset = assembler.counts, assembler.preset
+    assert len(frames) == len(positions)
+    assert (counts.malformed, counts.incomplete, counts.late, counts.held, counts.absurd) == (0, 0, 0, 0, 0)
+    kept = positions[:, [SKELETON.joints.index(joint) for joint in preset.joints]]
+    np.testing.assert_allclose(distances(np.array([frame.positions for frame in frames])), distances(kept), atol=2e-6)
+    times = np.array([frame.time for frame in frames])
+    np.testing.assert_allclose(times, 1.0 + np.arange(len(positions)) / 120.0, atol=1e-4)
+
+
+@pytest.mark.parametrize("layout", LAYOUTS)
+def test_axes_are_ours(layout: str) -> None:
+    """What comes out stands upright and is no mirror image: positions are those sent, moved as a whole at most."""
+    positions = ghost("squat1Reps", 0.1)
+    assembler, frames = assembled(layout, positions, 120.0)
+    kept = positions[:, [SKELETON.joints.index(joint) for joint in assembler.preset.joints]]
+    made = np.array([frame.positions for frame in frames])
+    np.testing.assert_allclose(
+        made - made.mean(axis=1, keepdims=True), kept - kept.mean(axis=1, keepdims=True), atol=2e-6
+    )
+
+
+@pytest.mark.parametrize("preset_name", builtin_names())
+def test_a_feed_is_recognised_over_the_wire(preset_name: str) -> None:
+    """Sender, socket, feed, recogniser, answer: what is heard is what the same joints give without any transport."""
+    preset = builtin_preset(preset_name)
+    library = MotionLibrary.builtin().restricted_to(preset.joints)
+    positions = ghost("kickLFront1Reps")
+    order = [SKELETON.joints.index(joint) for joint in library.skeleton.joints]
+    expected = answers(library, [(1.0 + index / 120, each[order]) for index, each in enumerate(positions)])
+    now = [0.0]
+    receiver, hearing = osc.OscReceiver(LOOPBACK, 0), osc.OscReceiver(LOOPBACK, 0)
+    source = FeedSource(receiver, preset)
+    sink = LayoutSink("native", NativeLayout(), osc.OscSender(LOOPBACK, hearing.address[1]))
+    sender = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    heard: list[str] = []
+    performers = Performers(library, EIGENVECTOR)
+    with sender, Service(performers, [source], [sink], clock=lambda: now[0]) as service:
+        for packet, arrival in sent(LAYOUT_OF[preset_name], positions, 120.0):
+            now[0] = arrival
+            received = source.counts.received
+            sender.sendto(packet, receiver.address)
+            while source.counts.received == received:
+                service.step(0.05)
+            while (datagram := hearing.receive()) is not None:
+                answer = osc.decode_answer(datagram)
+                heard += [answer.label] if answer else []
+        now[0] += 0.5
+        service.step(0.0)
+        while (datagram := hearing.receive()) is not None:
+            answer = osc.decode_answer(datagram)
+            heard += [answer.label] if answer else []
+    hearing.close()
+    assert heard == expected
+    assert len(expected) > 5
+    assert "kickLFront1Reps" in heard
+    assert performers.counts.other_joints == 0
+
+
+@pytest.mark.parametrize("preset_name", builtin_names())
+def test_real_motions_are_named_as_their_joints_allow(preset_name: str, some_clips: tuple[Clip, ...]) -> None:
+    """Real clips in a product's layout and joints are named as those joints are without a transport."""
+    preset = builtin_preset(preset_name)
+    library = MotionLibrary.builtin().restricted_to(preset.joints)
+    order = [SKELETON.joints.index(joint) for joint in library.skeleton.joints]
+    inside = library.skeleton.order_from(preset.joints)
+    # Half of the recordings' rate at most: more takes time and shows nothing.
+    step = max(2, round(120 / preset.rate))
+    through, without = [], []
+    for clip in some_clips:
+        positions = clip.positions[::step]
+        rate = clip.frame_rate / step
+        _, frames = assembled(LAYOUT_OF[preset_name], positions, rate)
+        made = answers(library, [(frame.time, frame.positions[inside]) for frame in frames])
+        direct = answers(library, [(1.0 + index / rate, each[order]) for index, each in enumerate(positions)])
+        assert abs(len(made) - len(direct)) <= 1
+        through += [label == clip.class_name for label in made]
+        without += [label == clip.class_name for label in direct]
+    # An answer more or less at the edge of a hop, for frames timed by their arrival.
+    assert abs(np.mean(through) - np.mean(without)) <= 2 * len(some_clips) / len(without)

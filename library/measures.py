@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from enum import StrEnum
+from functools import cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -129,9 +130,16 @@ def shape_of(covariance: NDArray[np.float64]) -> NDArray[np.float64]:
     total = values.sum(axis=-1, keepdims=True)
     roots = np.sqrt(np.divide(values, total, out=np.zeros_like(values), where=total > 0))
     square_root = (vectors * roots[..., None, :]) @ np.swapaxes(vectors, -1, -2)
-    first, second = np.triu_indices(covariance.shape[-1])
-    shape: NDArray[np.float64] = square_root[..., first, second] * np.where(first == second, 1.0, np.sqrt(2.0))
+    first, second, scales = _upper(covariance.shape[-1])
+    shape: NDArray[np.float64] = square_root[..., first, second] * scales
     return shape
+
+
+@cache
+def _upper(size: int) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.float64]]:
+    """Index a symmetric matrix's upper triangle, with the scales that make it a vector of the same length."""
+    first, second = np.triu_indices(size)
+    return first, second, np.where(first == second, 1.0, np.sqrt(2.0))
 
 
 def learned_basis(rows_by_class: Sequence[Sequence[NDArray[np.float64]]], body: Body) -> NDArray[np.float64]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from importlib import resources
 from typing import TYPE_CHECKING
 
@@ -12,6 +12,7 @@ import numpy as np
 from library import libraryfile, windowtable
 from library.distances import distance_rows
 from library.measures import Body
+from library.portrait import Portrait, portraits_of
 from library.signature import Moments, Signature, signature_of, similarity
 from library.skeleton import Skeleton, SkeletonMismatchError
 from library.windowtable import WindowTable
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
 
 
 _ARRAYS = ("means", "axes", "deviations")
+_PORTRAIT = ("mean", "axes", "harmonics", "phases")
 #: Movement relative to the body's size below which an axis is made of rounding errors.
 _NO_MOVEMENT = 1e-6
 
@@ -86,7 +88,8 @@ class Match:
 class MotionLibrary:
     """Signatures of many motions of one skeleton, grouped by class.
 
-    Motions stand in the order of their classes, so that the best of each class is one reduction.
+    Motions stand in the order of their classes, and in a class of their actors, so that the best of each is one
+    reduction.
 
     Attributes
     ----------
@@ -95,7 +98,7 @@ class MotionLibrary:
     classes
         Class names, sorted.
     motions
-        One entry per motion, by class, in the given order within a class.
+        One entry per motion, by class and actor, in the given order within those.
     means
         Mean distance rows, shape (motions, pairs), metres, float32.
     axes
@@ -104,6 +107,8 @@ class MotionLibrary:
         Standard deviation of each distance, shape (motions, pairs), metres, float32.
     windows
         Windows cut from the motions, for live recognition; None in a library that only keeps whole motions.
+    portraits
+        For each class what it looks like, or none at all.
     licence, attribution
         Under what terms the numbers may be passed on, and whom to name.
 
@@ -119,6 +124,7 @@ class MotionLibrary:
     axes: NDArray[np.float32] = field(repr=False)
     deviations: NDArray[np.float32] = field(repr=False)
     windows: WindowTable | None = field(default=None, repr=False)
+    portraits: tuple[Portrait, ...] = field(default=(), repr=False)
     licence: str = ""
     attribution: str = ""
     classes: tuple[str, ...] = field(init=False)
@@ -140,12 +146,12 @@ class MotionLibrary:
             Body.of(self.skeleton)
             if (len(self.windows.classes), self.windows.comparison.pairs) != expected:
                 raise ValueError(f"windows: expected those of {expected[0]} motions and {expected[1]} pairs")
-        names = np.array([motion.class_name for motion in self.motions])
-        classes, starts = np.unique(names, return_index=True)
-        order = np.argsort(names, kind="stable")
-        if not np.array_equal(order, np.arange(len(names))):
+        order = _in_order(self.motions)
+        if not np.array_equal(order, np.arange(len(order))):
             self._sort(order)
-            starts = np.unique(names[order], return_index=True)[1]
+        classes, starts = np.unique([motion.class_name for motion in self.motions], return_index=True)
+        if self.portraits and [len(each.mean) for each in self.portraits] != [expected[1]] * len(classes):
+            raise ValueError(f"portraits: expected one of {expected[1]} pairs for each of {len(classes)} classes")
         object.__setattr__(self, "classes", tuple(classes.tolist()))
         object.__setattr__(self, "_class_starts", starts)
 
@@ -183,7 +189,7 @@ class MotionLibrary:
         """
         skeleton: Skeleton | None = None
         motions, signatures = list[Motion](), list[Signature]()
-        ordered = sorted(clips, key=lambda clip: clip.class_name)
+        ordered = sorted(clips, key=lambda clip: (clip.class_name, clip.actor))
         for clip in ordered:
             skeleton = skeleton or clip.skeleton
             skeleton.require_same(clip.skeleton)
@@ -219,6 +225,10 @@ class MotionLibrary:
             attribution=attribution,
         )
 
+    def portrayed(self, clips: Sequence[Clip]) -> MotionLibrary:
+        """Add a portrait of each class, by the clips that the library was built from; none without windows."""
+        return replace(self, portraits=portraits_of(clips, self.windows) if self.windows else ())
+
     @classmethod
     def builtin(cls) -> MotionLibrary:
         """Load the library of 288 HDM05 motions that comes with kinespace (CC BY-SA 3.0)."""
@@ -244,6 +254,7 @@ class MotionLibrary:
                 skeleton=Skeleton(tuple(skeleton["joints"]), tuple(skeleton["parents"]), skeleton["with_segments"]),
                 motions=motions,
                 windows=_restored_windows(header.get("windows"), arrays, motions),
+                portraits=_restored_portraits(arrays),
                 licence=header["licence"],
                 attribution=header["attribution"],
                 **{name: arrays[name] for name in _ARRAYS},
@@ -268,6 +279,11 @@ class MotionLibrary:
         if self.windows:
             header["windows"] = windowtable.described(self.windows)
             arrays |= windowtable.arrays_of(self.windows)
+        if self.portraits:
+            arrays |= {
+                f"portrait_{name}": np.array([getattr(each, name) for each in self.portraits], dtype=np.float16)
+                for name in _PORTRAIT
+            }
         libraryfile.write(path, header, arrays)
 
     def __len__(self) -> int:
@@ -323,9 +339,18 @@ class MotionLibrary:
             axes=np.concatenate([self.axes, other.axes[new]]),
             deviations=np.concatenate([self.deviations, other.deviations[new]]),
             windows=self._merged_windows(other, new),
+            portraits=self._merged_portraits(other),
             licence=_joined(self.licence, other.licence),
             attribution=_joined(self.attribution, other.attribution),
         )
+
+    def _merged_portraits(self, other: MotionLibrary) -> tuple[Portrait, ...]:
+        """Take each class's portrait from where there is one, this library's first."""
+        if not (self.portraits and other.portraits):
+            return ()
+        theirs = dict(zip(other.classes, other.portraits, strict=True))
+        by_class = theirs | dict(zip(self.classes, self.portraits, strict=True))
+        return tuple(by_class[class_name] for class_name in sorted(by_class))
 
     def _merged_windows(self, other: MotionLibrary, new: Sequence[int]) -> WindowTable | None:
         if self.windows is None and other.windows is None:
@@ -334,10 +359,15 @@ class MotionLibrary:
             raise ValueError(
                 "windows: expected them in both libraries or in neither; build one anew from its recordings"
             )
-        names = [motion.class_name for motion in (*self.motions, *(other.motions[index] for index in new))]
-        order = np.argsort(names, kind="stable")
-        _, classes = np.unique(np.array(names)[order], return_inverse=True)
+        motions = [*self.motions, *(other.motions[index] for index in new)]
+        order = _in_order(motions)
+        _, classes = np.unique([motions[index].class_name for index in order], return_inverse=True)
         return self.windows.merged_with(other.windows, new, np.argsort(order), classes)
+
+
+def _in_order(motions: Sequence[Motion]) -> NDArray[np.intp]:
+    """Sort by class and actor; equals stay as they stand."""
+    return np.lexsort(([motion.actor for motion in motions], [motion.class_name for motion in motions]))
 
 
 def _restored_windows(
@@ -349,6 +379,11 @@ def _restored_windows(
         raise TypeError(f"windows: expected what they are, got {header!r}")
     _, classes = np.unique([motion.class_name for motion in motions], return_inverse=True)
     return windowtable.restored(header, arrays, classes, np.array([motion.actor for motion in motions]))
+
+
+def _restored_portraits(arrays: Mapping[str, NDArray[np.floating]]) -> tuple[Portrait, ...]:
+    kept = [arrays[f"portrait_{name}"].astype(np.float32) for name in _PORTRAIT if f"portrait_{name}" in arrays]
+    return tuple(Portrait(*parts) for parts in zip(*kept, strict=True))
 
 
 def _joined(first: str, second: str) -> str:

@@ -4,11 +4,14 @@ A performer's motions are told apart by where and how their own recordings went 
 of a second); other people's by what carries over (spread and shape of one and two seconds). Which of the two a
 library is for is in the library: one made from several people is for anybody, one made from a single person for that
 person.
+
+The nearest window is the one that is near in all measures at once. A class is as near as the two people nearest of
+those who perform it: what only one of them does that way is theirs, not the motion's.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -40,13 +43,16 @@ FOR_ONE_PERSON: tuple[Group, ...] = (((SPREAD_QUARTER, 1.0), (POSTURE, 2.0)),)
 NEAREST = 0.01
 #: False-acceptance rates at which a library keeps thresholds.
 RATES = (0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.4)
-#: How many impostors the common threshold counts for when a class's own is estimated.
-_COMMON_WEIGHT = 50
+#: Squared distance beyond which windows are all as far: products of several stay finite.
+_FARTHEST = 1e9
+_NO_THRESHOLDS = np.full(len(RATES), np.inf, dtype=np.float32)
+#: How many people must agree, where so many perform a class.
+_PEOPLE = 2
 #: Windows learned from and kept: one in so many seconds of a motion.
 _LEARN_EVERY = 2 / 15
 #: Frames from a short clip's end at which its first window ends, so that it has one.
 _SPARE_FRAMES = 3
-_KEEP_EVERY_ANYBODY, _KEEP_EVERY_ONE_PERSON = 0.1, 1 / 30
+_KEEP_EVERY_ANYBODY, _KEEP_EVERY_ONE_PERSON = 0.2, 1 / 30
 _KEPT_AXES = {Kind.SPREAD: 64, Kind.POSTURE: 64, Kind.SHAPE: 128}
 #: Whitening carries over between laboratories for spread and posture, and not for shape.
 _SHRINKAGE = {Kind.SPREAD: 0.3, Kind.POSTURE: 0.3, Kind.SHAPE: 1.0}
@@ -151,7 +157,7 @@ def _measured(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class WindowTable:
-    """Embedded windows of a library's motions, by class.
+    """Embedded windows of a library's motions, by class and person.
 
     Attributes
     ----------
@@ -164,11 +170,11 @@ class WindowTable:
     classes
         Index of each motion's class, ascending, shape (motions,).
     actors
-        Of each motion, shape (motions,).
+        Of each motion, ascending within its class, shape (motions,).
     vectors
         For each group the windows' vectors, shape (windows, kept axes), float32.
     thresholds
-        For each of `RATES` and each class the largest mean log distance that is answered, shape (rates, classes).
+        For each of `RATES` the largest mean log distance that is answered, shape (rates,), float32.
 
     Raises
     ------
@@ -182,18 +188,15 @@ class WindowTable:
     classes: NDArray[np.intp] = field(repr=False)
     actors: NDArray[np.str_] = field(repr=False)
     vectors: tuple[NDArray[np.float32], ...] = field(repr=False)
-    thresholds: NDArray[np.float64] = field(init=False, repr=False)
-    _starts: NDArray[np.intp] = field(init=False, repr=False)
+    thresholds: NDArray[np.float32] = field(repr=False)
+    _people: _People = field(init=False, repr=False)
     _squares: tuple[NDArray[np.float32], ...] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         self._check()
-        of_window = self.classes[self.motions]
-        starts = np.unique(of_window, return_index=True)[1]
-        squares = tuple(np.square(each).sum(axis=1) for each in self.vectors)
-        object.__setattr__(self, "_starts", starts)
-        object.__setattr__(self, "_squares", squares)
-        object.__setattr__(self, "thresholds", _thresholds(self.vectors, of_window, self.actors[self.motions], starts))
+        people = _People.of(self.classes[self.motions], self.actors[self.motions])
+        object.__setattr__(self, "_people", people)
+        object.__setattr__(self, "_squares", tuple(np.square(each).sum(axis=1) for each in self.vectors))
 
     def _check(self) -> None:
         if self.groups not in (FOR_ANYBODY, FOR_ONE_PERSON):
@@ -208,6 +211,10 @@ class WindowTable:
             raise ValueError("motions: expected indices of the library's motions, ascending")
         if not _ascending(self.classes) or not np.isin(self.classes, self.classes[self.motions]).all():
             raise ValueError(f"motions: expected windows of every class in order, of {FEWEST_FRAMES} frames at least")
+        if not np.array_equal(np.lexsort((self.actors, self.classes)), indices):
+            raise ValueError("actors: expected motions by class and, within a class, by actor")
+        if self.thresholds.shape != (len(RATES),) or np.isnan(self.thresholds).any():
+            raise ValueError(f"thresholds: expected {len(RATES)} numbers, got {self.thresholds}")
 
     @classmethod
     def of_clips(cls, clips: Sequence[Clip], comparison: Comparison) -> WindowTable:
@@ -236,7 +243,7 @@ class WindowTable:
         body = Body.of(clips[0].skeleton)
         windows = [_window_ends(clip, every, first) for clip in clips]
         _, classes = np.unique([clip.class_name for clip in clips], return_inverse=True)
-        return cls(
+        return cls._with_thresholds(
             comparison=comparison,
             groups=groups,
             motions=np.repeat(np.arange(len(clips)), [len(ends) for ends in windows]),
@@ -244,6 +251,12 @@ class WindowTable:
             actors=np.array([clip.actor for clip in clips]),
             vectors=tuple(halved(_embedded(clips, windows, group, body, comparison)) for group in groups),
         )
+
+    @classmethod
+    def _with_thresholds(cls, **parts: Any) -> WindowTable:  # noqa: ANN401 - the other attributes, as they are
+        """Make a table without thresholds, and set them by its windows."""
+        table = cls(**parts, thresholds=_NO_THRESHOLDS)
+        return replace(table, thresholds=_thresholds(table.vectors, table._people))
 
     def __len__(self) -> int:
         return len(self.vectors[0])
@@ -263,15 +276,20 @@ class WindowTable:
 
         Returns
         -------
-        For each class the logarithm of the squared distance to its nearest window, mean over the groups; (classes,).
+        For each class the logarithm of the squared distance, mean over the groups, to the window nearest in all of
+        them, mean over the two nearest people: shape (classes,).
         """
-        total = np.zeros(len(self._starts))
+        product = np.ones(len(self), dtype=np.float32)
         for group, vectors, squares in zip(self.groups, self.vectors, self._squares, strict=True):
             asked, outside = _embedded_live(measures, group, self.comparison)
-            squared = squares - 2 * (vectors @ asked)
-            nearest = np.minimum.reduceat(squared, self._starts) + float(asked @ asked) + outside
-            total += np.log(np.maximum(nearest, 0.0) + NEAREST)
-        return total / len(self.groups)
+            squared: NDArray[np.float32] = vectors @ asked
+            squared *= -2
+            squared += squares
+            squared += float(asked @ asked) + outside
+            np.clip(squared, 0.0, _FARTHEST, out=squared)
+            squared += NEAREST
+            product *= squared
+        return self._people.agreed(np.log(self._people.nearest(product)) / len(self.groups))
 
     def merged_with(
         self, other: WindowTable, new: Sequence[int], place: NDArray[np.intp], classes: NDArray[np.intp]
@@ -303,7 +321,7 @@ class WindowTable:
         order = np.argsort(motions, kind="stable")
         sources = np.empty(len(place), dtype=np.intp)
         sources[place] = np.arange(len(place))
-        return WindowTable(
+        return WindowTable._with_thresholds(
             comparison=self.comparison,
             groups=self.groups,
             motions=motions[order],
@@ -315,11 +333,54 @@ class WindowTable:
             ),
         )
 
-    def thresholds_at(self, rate: float) -> NDArray[np.float64]:
-        """Give each class's largest log distance that is answered, at a false-acceptance rate, shape (classes,)."""
-        rates = np.log(RATES)
-        at = np.log(min(max(rate, RATES[0]), RATES[-1]))
-        return np.array([np.interp(at, rates, column) for column in self.thresholds.T])
+    def threshold_at(self, rate: float) -> float:
+        """Give the largest log distance that is answered at a false-acceptance rate."""
+        return float(np.interp(np.log(min(max(rate, RATES[0]), RATES[-1])), np.log(RATES), self.thresholds))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _People:
+    """Which windows are whose, of which class: windows of one person in one class stand together.
+
+    Attributes
+    ----------
+    starts
+        Where the windows of each person in each class start, shape (blocks,).
+    classes, actors
+        Of each block, shape (blocks,).
+    places
+        For each class its blocks, filled up with a block that is not there, shape (classes, most people).
+    """
+
+    starts: NDArray[np.intp]
+    classes: NDArray[np.intp]
+    actors: NDArray[np.str_]
+    places: NDArray[np.intp]
+
+    @classmethod
+    def of(cls, classes: NDArray[np.intp], actors: NDArray[np.str_]) -> _People:
+        """Find the blocks of windows that stand by class and, within a class, by actor."""
+        begins = np.append(True, (classes[1:] != classes[:-1]) | (actors[1:] != actors[:-1]))
+        starts = np.flatnonzero(begins)
+        counts = np.unique(classes[starts], return_counts=True)[1]
+        places = np.full((len(counts), counts.max()), len(starts))
+        places[np.arange(counts.max()) < counts[:, None]] = np.arange(len(starts))
+        return cls(starts, classes[starts], actors[starts], places)
+
+    def nearest(self, distances: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Take the least of each block's distances, (..., windows) to (..., blocks)."""
+        nearest: NDArray[np.float32] = np.minimum.reduceat(distances, self.starts, axis=-1)
+        return nearest
+
+    def agreed(self, logs: NDArray[np.floating]) -> NDArray[np.float64]:
+        """Take the mean of the two least of each class's blocks, (..., blocks) to (..., classes).
+
+        Infinite is a block that is not to be counted, and a class that has none.
+        """
+        padded = np.concatenate([logs, np.full((*logs.shape[:-1], 1), np.inf)], axis=-1)[..., self.places]
+        least = np.sort(padded, axis=-1)[..., :_PEOPLE].astype(np.float64)
+        agreed: NDArray[np.float64] = np.where(np.isfinite(least), least, least[..., :1]).mean(axis=-1)
+        return agreed
 
 
 def _embedded(
@@ -348,40 +409,32 @@ def _embedded_live(
     return np.concatenate(parts), outside
 
 
-def _thresholds(
-    vectors: Sequence[NDArray[np.float32]],
-    indices: NDArray[np.intp],
-    actors: NDArray[np.str_],
-    starts: NDArray[np.intp],
-) -> NDArray[np.float64]:
+def _thresholds(vectors: Sequence[NDArray[np.float32]], people: _People) -> NDArray[np.float32]:
     """Set thresholds by how near motions come to classes they are not of.
 
     Each window asks as if its class, and its actor when there are several, were not in the library: the nearest class
-    it finds is a false one. A class's threshold at a rate is that quantile of its false finds, drawn towards the
-    quantile of all the fewer it has.
+    it finds is a false one. The threshold at a rate is that quantile of the distances found, mean over the classes
+    left out: a class of many windows weighs no more than one of few.
     """
-    several = len(np.unique(actors)) > 1
-    total = np.zeros((len(indices), len(starts)))
-    for each in vectors:
-        squared = squared_distances(each, each)
+    several = len(np.unique(people.actors)) > 1
+    ends = [*people.starts[1:].tolist(), len(vectors[0])]
+    found: dict[int, list[NDArray[np.float64]]] = {}
+    for start, end, index, actor in zip(people.starts, ends, people.classes, people.actors, strict=True):
+        product = np.ones((end - start, len(vectors[0])), dtype=np.float32)
+        for each in vectors:
+            product *= np.minimum(squared_distances(each[start:end], each), _FARTHEST).astype(np.float32) + NEAREST
+        logs = np.log(people.nearest(product)) / len(vectors)
+        logs[:, people.classes == index] = np.inf
         if several:
-            squared[actors[:, None] == actors] = np.inf
-        total += np.log(np.minimum.reduceat(squared, starts, axis=1) + NEAREST)
-    total /= len(vectors)
-    total[np.arange(len(indices)), indices] = np.inf
-    found, nearest = total.argmin(axis=1), total.min(axis=1)
-    nearest, found = nearest[np.isfinite(nearest)], found[np.isfinite(nearest)]
-    if not nearest.size:
-        return np.full((len(RATES), len(starts)), np.inf)
-    common = np.quantile(nearest, RATES)
-    thresholds = np.tile(common[:, None], len(starts))
-    for index in range(len(starts)):
-        own = nearest[found == index]
-        if own.size:
-            thresholds[:, index] = (np.quantile(own, RATES) * own.size + common * _COMMON_WEIGHT) / (
-                own.size + _COMMON_WEIGHT
-            )
-    return thresholds
+            logs[:, people.actors == actor] = np.inf
+        nearest = people.agreed(logs).min(axis=1)
+        found.setdefault(int(index), []).append(nearest[np.isfinite(nearest)])
+    impostors = [np.concatenate(each) for each in found.values()]
+    impostors = [each for each in impostors if each.size]
+    if not impostors:
+        return _NO_THRESHOLDS
+    quantiles = np.array([np.quantile(each, RATES) for each in impostors])
+    return np.asarray(quantiles.mean(axis=0), dtype=np.float32)
 
 
 def described(table: WindowTable) -> dict[str, object]:
@@ -396,6 +449,7 @@ def arrays_of(table: WindowTable) -> dict[str, NDArray[np.floating]]:
     """Give the arrays that a file must hold of a table."""
     arrays: dict[str, NDArray[np.floating]] = {
         "window_motions": table.motions.astype(np.float32),
+        "window_thresholds": table.thresholds,
         "basis": table.comparison.basis.astype(np.float16),
     }
     for measure, metric in table.comparison.metrics.items():
@@ -435,4 +489,5 @@ def restored(
         classes=classes,
         actors=actors,
         vectors=tuple(arrays[f"window_vectors{index}"].astype(np.float32) for index in range(len(groups))),
+        thresholds=arrays["window_thresholds"].astype(np.float32),
     )

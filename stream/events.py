@@ -3,7 +3,8 @@
 The guess changes with every doubtful window, above all at a change of motion. An event waits until one class has led
 without a break for long enough: its lead, in the logarithm of the distance, is added up hop by hop, so that a clear
 lead is believed soon and a doubtful one late. Having no class to name, for stillness or an unknown movement, adds up
-likewise, at a steady pace.
+likewise, at a steady pace, slower for the unknown: a motion that goes on may look strange for a moment, and nobody
+stands still by chance.
 """
 
 from __future__ import annotations
@@ -15,13 +16,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from stream.recognition import Outcome
+
 if TYPE_CHECKING:
     from stream.recognition import Recognition
 
 #: Added to distances before the logarithm: how near two windows are once they are alike is no matter here.
 _ALIKE = 0.3
-#: Seconds of no class to name after which a motion has ended.
-_ENDED_AFTER = 0.4
+#: Seconds of stillness, and of what is unknown or ambiguous, after which a motion has ended.
+_ENDED_AFTER = {Outcome.STILL: 0.4, Outcome.UNKNOWN: 0.8, Outcome.AMBIGUOUS: 0.4}
 #: Longest time between two recognitions that counts, seconds: who was away has not led meanwhile.
 _LONGEST_HOP = 0.1
 _PER_SECOND = 30.0
@@ -109,9 +112,11 @@ class EventDetector:
 
     def _gained(self, recognition: Recognition) -> float:
         """Say how much lead a second like this one gathers."""
-        # A library's only class has no other to lead: it starts at the pace at which it ends.
-        if recognition.class_index < 0 or len(recognition.scores) == 1:
-            return self._needed / _ENDED_AFTER
+        if recognition.class_index < 0:
+            return self._needed / _ENDED_AFTER[recognition.outcome]
+        # A library's only class has no other to lead: it starts at the pace at which stillness ends it.
+        if len(recognition.scores) == 1:
+            return self._needed / _ENDED_AFTER[Outcome.STILL]
         distances = np.log(1 / np.maximum(recognition.scores, 1e-9) - 1 + _ALIKE)
         others = np.delete(distances, recognition.class_index)
         return _PER_SECOND * max(float(others.min() - distances[recognition.class_index]), 0.0)

@@ -40,14 +40,15 @@ class Settings:
     Attributes
     ----------
     signature
-        By what windows are compared. WINDOWS needs a library that keeps them.
+        By what windows are compared. WINDOWS needs a library that keeps them; None is WINDOWS with such a library,
+        else EIGENVECTOR.
     window
         Length of the eigenvector's sliding window, seconds. It ends with the newest frame: an answer speaks of the
         last `window` seconds, and the first one comes when the feed has been followed for that long. WINDOWS has
         lengths of its own, from an eighth of a second to two.
     sensitivity
-        Share of motions the library does not know that may be answered with a class, as far as its own classes, each
-        left out in turn, can tell. More answers more, of known and of unknown motions. WINDOWS only.
+        Share of the time of motions the library does not know that may be answered with a class, as far as its own
+        classes, each left out in turn, can tell. More answers more, of known and of unknown motions. WINDOWS only.
     hop
         Seconds between answers; 0 answers every frame.
     lead
@@ -70,9 +71,9 @@ class Settings:
         A value is not finite, window or longest_gap not positive, another negative.
     """
 
-    signature: LiveSignature = LiveSignature.EIGENVECTOR
+    signature: LiveSignature | None = None
     window: float = 1.0
-    sensitivity: float = 0.2
+    sensitivity: float = 0.15
     lead: float = 3.0
     hop: float = 1 / 30
     longest_gap: float = 0.5
@@ -214,15 +215,15 @@ class Recognizer:
 
 
 def _matcher(library: MotionLibrary, settings: Settings) -> Matcher:
-    if settings.signature is LiveSignature.EIGENVECTOR:
+    if library.windows is None and settings.signature is LiveSignature.WINDOWS:
+        raise ValueError("signature: expected a library with windows for it, got one of whole motions only")
+    if library.windows is None or settings.signature is LiveSignature.EIGENVECTOR:
         return EigenvectorMatcher(
             library,
             window=settings.window,
             stillness=settings.stillness,
             smallest_gap=settings.smallest_gap,
         )
-    if library.windows is None:
-        raise ValueError("signature: expected a library with windows for it, got one of whole motions only")
     return WindowMatcher(
         library.skeleton,
         library.windows,

@@ -1,8 +1,9 @@
 """Beyond the paper: spread, shape and posture of several windows at once, by their nearest windows in the library.
 
-The class with the nearest window changes back and forth at a change of motion. The guess therefore stays with a class
-until another has led without a break for long enough: the lead, in the logarithm of the distance, is added up hop by
-hop. A clear lead changes the guess at once, a doubtful one takes a moment; no time is lost to a fixed delay.
+The class with the nearest window changes back and forth at a change of motion. Distances are therefore averaged over
+a tenth of a second, and the guess stays with a class until another has led without a break for long enough: the lead,
+in the logarithm of the distance, is added up hop by hop. A clear lead changes the guess at once, a doubtful one takes
+a moment.
 """
 
 from __future__ import annotations
@@ -26,12 +27,16 @@ if TYPE_CHECKING:
 _FIRST_ANSWER = 0.5
 #: Lead, in log distance times thirtieths of a second, after which the guess changes.
 _LEAD = 0.6
-#: Seconds over which the distance is averaged that says whether a motion is known.
+#: Seconds over which distances are averaged, those that are compared and those that say whether a motion is known.
+_COMPARED_OVER = 0.1
 _KNOWN_OVER = 0.3
 _SECONDS_PER_LEAD = 1 / 30
 #: Log distance by which a motion that is named may fall behind its threshold before it is unknown: without it a
 #: motion at the threshold flickers.
 _HELD = 0.3
+
+#: Log distance below the threshold at which a motion need not be near for long to be known.
+_CLEAR = 0.1
 
 
 class WindowMatcher:
@@ -49,7 +54,7 @@ class WindowMatcher:
 
     def __init__(self, skeleton: Skeleton, table: WindowTable, *, stillness: float, sensitivity: float) -> None:
         self._table = table
-        self._thresholds = table.thresholds_at(sensitivity)
+        self._threshold = table.threshold_at(sensitivity)
         self._measurer = WindowMeasurer(skeleton, table.measures, table.comparison.basis)
         # Whoever moves steadily swings the less the shorter one looks.
         self._stillness = stillness * min(1.0, self._measurer.longest)
@@ -63,7 +68,8 @@ class WindowMatcher:
         self._guess = self._leader = -1
         self._lead = 0.0
         self._known = False
-        self._averaged: NDArray[np.float64] | None = None
+        self._compared = _Average(_COMPARED_OVER)
+        self._judged = _Average(_KNOWN_OVER)
 
     def push(self, time: float, row: NDArray[np.float64]) -> None:
         """Take in one distance row."""
@@ -79,18 +85,23 @@ class WindowMatcher:
 
     def read(self) -> Reading:
         """Compare the windows that end with the newest row."""
-        distances = self._table.log_distances(self._measurer.measures())
+        newest = self._table.log_distances(self._measurer.measures())
         elapsed = _SECONDS_PER_LEAD if math.isnan(self._read_at) else self._now - self._read_at
         self._read_at = self._now
+        distances = self._compared.after(newest, elapsed)
         self._follow(distances, elapsed)
-        averaged = self._average(distances, elapsed)
-        beyond = float(averaged[self._guess] - self._thresholds[self._guess])
-        self._known = beyond <= (_HELD if self._known else 0.0)
+        judged = self._judged.after(distances, elapsed)
+        self._known = self._is_known(float(judged[self._guess]), float(distances[self._guess]))
         movement = self._measurer.movement
         outcome = Outcome.NAMED if self._known else Outcome.UNKNOWN
         if movement < self._stillness:
             outcome = Outcome.STILL
         return Reading(outcome, 1 / (1 + np.exp(distances)), self._guess, movement)
+
+    def _is_known(self, judged: float, newest: float) -> bool:
+        """Judge by the longer average, unless the newest distance is clearly near: then a motion is known at once."""
+        beyond = judged - self._threshold
+        return beyond <= (_HELD if self._known else 0.0) or newest <= self._threshold - _CLEAR
 
     def _follow(self, distances: NDArray[np.float64], elapsed: float) -> None:
         """Let the guess go over to a class that has led for long enough."""
@@ -102,9 +113,18 @@ class WindowMatcher:
         if self._guess < 0 or self._lead >= _LEAD:
             self._guess = leader
 
-    def _average(self, distances: NDArray[np.float64], elapsed: float) -> NDArray[np.float64]:
-        """Average log distances over the last moments, exponentially."""
-        if self._averaged is None:
-            self._averaged = distances.copy()
-        self._averaged += -math.expm1(-elapsed / _KNOWN_OVER) * (distances - self._averaged)
-        return self._averaged
+
+class _Average:
+    """An exponential average over so many seconds, beginning with the first values."""
+
+    def __init__(self, seconds: float) -> None:
+        self._seconds = seconds
+        self._values: NDArray[np.float64] | None = None
+
+    def after(self, values: NDArray[np.float64], elapsed: float) -> NDArray[np.float64]:
+        """Take in values that came so many seconds after the last; the average is the caller's to keep."""
+        if self._values is None:
+            self._values = values
+        else:
+            self._values = self._values - math.expm1(-elapsed / self._seconds) * (values - self._values)
+        return self._values

@@ -45,6 +45,7 @@ KINDS: Mapping[str, tuple[str, float]] = {
     "segments_found": ("higher", 0.05),
     "median_delay_s": ("lower", 0.1),
     "p90_delay_s": ("lower", 0.2),
+    "median_seen": ("lower", 0.05),
     "median_event_delay_s": ("lower", 0.1),
     "false_per_minute": ("lower", 3.0),
     "unknown_answered": ("lower", 0.03),

@@ -25,10 +25,12 @@ if TYPE_CHECKING:
 _MICROSECOND = 1e-6
 #: Lead, in log distance times thirtieths of a second, after which the guess changes.
 LEAD = 0.6
-#: Seconds over which the log distance is averaged, and how far a named motion may fall behind its threshold.
-AVERAGED_OVER, HELD = 0.3, 0.3
+#: Seconds over which log distances are averaged before classes are compared, and again before a motion is judged.
+COMPARED_OVER, KNOWN_OVER = 0.1, 0.3
+#: How far a named motion may fall behind the threshold, and how far before it one is known without waiting.
+HELD, CLEAR = 0.3, 0.1
 #: Events: seconds of no class until an end, the longest hop that counts, and what is added before the logarithm.
-ENDED_AFTER, LONGEST_HOP, ALIKE = 0.4, 0.1, 0.3
+ENDED_AFTER, LONGEST_HOP, ALIKE = {"still": 0.4, "unknown": 0.8, "ambiguous": 0.4}, 0.1, 0.3
 
 
 # --- windows -----------------------------------------------------------------------------------------------------
@@ -89,9 +91,12 @@ class NaiveMetric:
 
 
 def log_distances(
-    measures: Sequence[Sequence[tuple[NaiveMetric, Matrix]]], windows: Sequence[Matrix], classes: NDArray[np.intp]
+    measures: Sequence[Sequence[tuple[NaiveMetric, Matrix]]],
+    windows: Sequence[Matrix],
+    classes: NDArray[np.intp],
+    actors: NDArray[np.str_],
 ) -> list[float]:
-    """Compare measures with every window, one difference at a time: for each class the mean of the groups' logs.
+    """Compare measures with every window, one difference at a time: for each class the mean of its two nearest people.
 
     Parameters
     ----------
@@ -99,16 +104,20 @@ def log_distances(
         For each group its metrics, each with the measure of the asking window.
     windows
         For each group the library's vectors.
-    classes
+    classes, actors
         Of each of the library's windows.
     """
-    logs = []
+    far = np.zeros(len(classes))
     for group, vectors in zip(measures, windows, strict=True):
         parts = [metric.vector(measure) for metric, measure in group]
         asked, off = np.concatenate([vector for vector, _ in parts]), sum(off for _, off in parts)
-        squared = np.sum((vectors - asked) ** 2, axis=1) + off
-        logs.append([math.log(float(min(squared[classes == index])) + 0.01) for index in sorted(set(classes.tolist()))])
-    return np.mean(logs, axis=0).tolist()
+        far += np.log(np.sum((vectors - asked) ** 2, axis=1) + off + 0.01) / len(windows)
+    found = []
+    for index in sorted(set(classes.tolist())):
+        people = sorted(set(actors[classes == index].tolist()))
+        least = sorted(float(min(far[(classes == index) & (actors == person)])) for person in people)
+        found.append(sum(least[:2]) / len(least[:2]))
+    return found
 
 
 @dataclass(frozen=True)
@@ -119,8 +128,8 @@ class NaiveReading:
     known: bool
 
 
-def readings(times: Sequence[float], distances: Matrix, thresholds: Sequence[float]) -> list[NaiveReading]:
-    """Guess and judge at every hop, each from the whole course of log distances up to it, (hops, classes)."""
+def readings(times: Sequence[float], distances: Matrix, threshold: float) -> list[NaiveReading]:
+    """Guess and judge at every hop from the whole course up to it of averaged log distances, (hops, classes)."""
     spans = [1 / 30, *(after - before for before, after in pairwise(times))]
     leaders = [min(range(len(row)), key=row.__getitem__) for row in distances.tolist()]
     made: list[NaiveReading] = []
@@ -128,14 +137,15 @@ def readings(times: Sequence[float], distances: Matrix, thresholds: Sequence[flo
         led_since = next((k + 1 for k in range(hop, -1, -1) if leaders[k] != leader), 0)
         lead = 30 * sum((sorted(distances[k])[1] - distances[k][leader]) * spans[k] for k in range(led_since, hop + 1))
         guess = leader if not made or lead >= LEAD else made[-1].guess
-        beyond = _averaged(times[: hop + 1], distances[: hop + 1, guess]) - thresholds[guess]
-        made.append(NaiveReading(guess, beyond <= (HELD if made and made[-1].known else 0.0)))
+        beyond = averaged(times[: hop + 1], distances[: hop + 1, guess], KNOWN_OVER) - threshold
+        near = beyond <= (HELD if made and made[-1].known else 0.0)
+        made.append(NaiveReading(guess, bool(near or distances[hop, guess] <= threshold - CLEAR)))
     return made
 
 
-def _averaged(times: Sequence[float], values: Matrix) -> float:
+def averaged(times: Sequence[float], values: Matrix, seconds: float) -> float:
     """Average exponentially: each value weighs what has decayed since it began to hold until now."""
-    ages = [math.exp(-(times[-1] - time) / AVERAGED_OVER) for time in times]
+    ages = [math.exp(-(times[-1] - time) / seconds) for time in times]
     total = values[0] * ages[0]
     for before, after, value in zip(ages, ages[1:], values[1:], strict=False):
         total += value * (after - before)
@@ -146,16 +156,20 @@ def _averaged(times: Sequence[float], values: Matrix) -> float:
 
 
 def events(
-    times: Sequence[float], scores: Sequence[Sequence[float]], named: Sequence[int], lead: float
+    times: Sequence[float],
+    scores: Sequence[Sequence[float]],
+    named: Sequence[int],
+    outcomes: Sequence[str],
+    lead: float,
 ) -> Iterator[tuple[float, str, int]]:
-    """Tell what starts and ends when; `named` is each hop's class, -1 for none."""
+    """Tell what starts and ends when; `named` is each hop's class, -1 for none, and `outcomes` why there is none."""
     going_on = -1
     for hop, leader in enumerate(named):
         led_since = next((k + 1 for k in range(hop, -1, -1) if named[k] != leader), 0)
         gathered = 0.0
         for k in range(led_since, hop + 1):
             span = min(times[k] - times[k - 1], LONGEST_HOP) if k else 0.0
-            gathered += span * _pace(scores[k], leader, lead)
+            gathered += span * _pace(scores[k], leader, outcomes[k], lead)
         if leader != going_on and gathered >= lead:
             if going_on >= 0:
                 yield times[hop], "end", going_on
@@ -164,9 +178,9 @@ def events(
             going_on = leader
 
 
-def _pace(scores: Sequence[float], leader: int, lead: float) -> float:
+def _pace(scores: Sequence[float], leader: int, outcome: str, lead: float) -> float:
     if leader < 0 or len(scores) == 1:
-        return lead / ENDED_AFTER
+        return lead / ENDED_AFTER[outcome if leader < 0 else "still"]
     logs = [math.log(1 / max(score, 1e-9) - 1 + ALIKE) for score in scores]
     second = min(value for index, value in enumerate(logs) if index != leader)
     return 30 * max(second - logs[leader], 0.0)
@@ -177,11 +191,12 @@ def _pace(scores: Sequence[float], leader: int, lead: float) -> float:
 
 @dataclass(frozen=True)
 class Moment:
-    """One frame of a take: when, in which segment (its number, start and known class) and what was answered."""
+    """One frame of a take: when, in which segment (its number, start, end and known class), what was answered."""
 
     time: float
     segment: int
     start: float
+    end: float
     truth: int
     guess: int
     published: int
@@ -216,12 +231,14 @@ def stream_score(takes: Sequence[Sequence[Moment]], window: float, lasting: floa
     known = [m for m in moments if m.truth >= 0]
     unknown = [m for m in moments if m.truth < 0 and m.segment >= 0]
     inside = [m for m in known if m.time - window >= m.start]
-    delays, event_delays, sought = list[float](), list[float](), 0
+    delays, seen, event_delays, sought = list[float](), list[float](), list[float](), 0
     for take in takes:
         for number in sorted({m.segment for m in take if m.truth >= 0}):
             performed = [m for m in take if m.segment == number]
             sought += 1
-            delays += _delay(performed, lasting)
+            delay = _delay(performed, lasting)
+            delays += delay
+            seen += [found / (performed[0].end - performed[0].start) for found in delay]
             event_delays += [m.time - m.start for m in performed if m.event == m.truth][:1]
     seconds = sum(take[-1].time - take[0].time for take in takes)
     unknown_seconds = sum(
@@ -239,13 +256,25 @@ def stream_score(takes: Sequence[Sequence[Moment]], window: float, lasting: floa
         "segments_found": len(delays) / sought if sought else None,
         "median_delay_s": percentile(delays, 50),
         "p90_delay_s": percentile(delays, 90),
+        "median_seen": percentile(seen, 50),
         "median_event_delay_s": percentile(event_delays, 50),
         "false_per_minute": begun / unknown_seconds * 60 if unknown else None,
         "unknown_answered": share([m.published >= 0 for m in unknown]),
-        "changes_per_minute": 60 * sum(a.event != b.event for take in takes for a, b in pairwise(take)) / seconds,
-        "true_changes_per_minute": 60 * sum(a.truth != b.truth for take in takes for a, b in pairwise(take)) / seconds,
+        "changes_per_minute": 60 * sum(_changes([m.event for m in take]) for take in takes) / seconds,
+        "true_changes_per_minute": 60 * sum(_changes([m.truth for m in take]) for take in takes) / seconds,
         "auc_unknown": roc_area([m.score for m in inside], [m.score for m in unknown if m.time - window >= m.start]),
     }
+
+
+def _changes(track: Sequence[int]) -> int:
+    """Walk along a track and count what changes once the first motion goes on."""
+    changes, before = 0, -1
+    begun = False
+    for now in track:
+        changes += begun and now != before
+        begun = begun or now >= 0
+        before = now
+    return changes
 
 
 def _delay(performed: Sequence[Moment], lasting: float) -> list[float]:

@@ -161,15 +161,16 @@ def _leading(centred: Matrix, whitening: Matrix, kept: int) -> Matrix:
     return whitening @ axes @ axes.T @ whitening
 
 
-def log_distances(
+def log_distances(  # noqa: PLR0913 - the asking window, the library's windows with their two labels, and the floor
     asked: Sequence[Sequence[float]],
     outside: Sequence[float],
     vectors: Sequence[Matrix],
     classes: Sequence[int],
+    actors: Sequence[str],
     *,
     floor: float,
 ) -> list[float]:
-    """For each class find the nearest window in each group, and take the mean of the logarithms.
+    """For each class find the window nearest in all groups together, person by person, and let two people agree.
 
     Parameters
     ----------
@@ -179,19 +180,30 @@ def log_distances(
         For each group what the asking window lies off the axes, squared.
     vectors
         For each group the library's windows.
-    classes
+    classes, actors
         Of each of the library's windows.
     floor
         Added before the logarithm.
     """
-    found = []
-    for index in sorted(set(classes)):
-        logs = []
-        for own, off, windows in zip(asked, outside, vectors, strict=True):
-            of_class = [row for row, other in zip(windows.tolist(), classes, strict=True) if other == index]
-            logs.append(math.log(min(squared_distance(own, row) for row in of_class) + off + floor))
-        found.append(mean(logs))
-    return found
+    far = [
+        mean(
+            [
+                math.log(squared_distance(own, windows[window].tolist()) + off + floor)
+                for own, off, windows in zip(asked, outside, vectors, strict=True)
+            ]
+        )
+        for window in range(len(classes))
+    ]
+    return [
+        agreement([(actors[k], far[k]) for k in range(len(far)) if classes[k] == index])
+        for index in sorted(set(classes))
+    ]
+
+
+def agreement(found: Sequence[tuple[str, float]]) -> float:
+    """Of what was found at whom, take each person's least, and of these the mean of the two least, or the only one."""
+    least = sorted(min(far for whose, far in found if whose == actor) for actor in {whose for whose, _ in found})
+    return mean(least[:2])
 
 
 def quantile(numbers: Sequence[float], share: float) -> float:
@@ -203,61 +215,44 @@ def quantile(numbers: Sequence[float], share: float) -> float:
     return ordered[below] + (place - below) * (ordered[above] - ordered[below])
 
 
-def thresholds(  # noqa: PLR0913 - windows, their two labels and the three numbers of the rule
-    vectors: Sequence[Matrix],
-    classes: Sequence[int],
-    actors: Sequence[str],
-    rates: Sequence[float],
-    *,
-    floor: float,
-    common_weight: float,
-) -> list[list[float]]:
-    """Let each window ask as an impostor, and give for each rate and class the quantile of what it finds.
+def thresholds(
+    vectors: Sequence[Matrix], classes: Sequence[int], actors: Sequence[str], rates: Sequence[float], *, floor: float
+) -> list[float]:
+    """Leave each class out in turn, let its windows ask, and average the quantiles of the nearest they find.
 
     Parameters
     ----------
     vectors
         For each group the library's windows.
     classes, actors
-        Of each window.
+        Of each window; whoever asks does not find windows of the same actor, where there are several actors.
     rates
         Shares of impostors to be answered.
     floor
         Added to squared distances before the logarithm.
-    common_weight
-        How many impostors of a class's own the quantile of all counts for.
     """
-    names = sorted(set(classes))
-    several = len(set(actors)) > 1
-    found: dict[int, list[float]] = {index: [] for index in names}
-    for asking in range(len(classes)):
-        scores = {}
-        for index in names:
-            theirs = [
-                other
-                for other in range(len(classes))
-                if classes[other] == index and not (several and actors[other] == actors[asking])
+    count, several = len(classes), len(set(actors)) > 1
+    by_class = []
+    for left_out in sorted(set(classes)):
+        found = []
+        for asking in (window for window in range(count) if classes[window] == left_out):
+            there = [
+                window
+                for window in range(count)
+                if classes[window] != left_out and not (several and actors[window] == actors[asking])
             ]
-            if index != classes[asking] and theirs:
-                scores[index] = mean(
-                    [
-                        math.log(min(squared_distance(each[asking], each[other]) for other in theirs) + floor)
-                        for each in vectors
-                    ]
-                )
-        if scores:
-            nearest = min(scores, key=lambda index: scores[index])
-            found[nearest].append(scores[nearest])
-    together = [score for scores in found.values() for score in scores]
-    return [
-        [
-            (quantile(own, rate) * len(own) + quantile(together, rate) * common_weight) / (len(own) + common_weight)
-            if own
-            else quantile(together, rate)
-            for own in found.values()
-        ]
-        for rate in rates
-    ]
+            far = {
+                window: mean([math.log(squared_distance(each[asking], each[window]) + floor) for each in vectors])
+                for window in there
+            }
+            agreed = [
+                agreement([(actors[window], far[window]) for window in there if classes[window] == other])
+                for other in {classes[window] for window in there}
+            ]
+            found += [min(agreed)] if agreed else []
+        if found:
+            by_class.append(found)
+    return [mean([quantile(found, rate) for found in by_class]) if by_class else math.inf for rate in rates]
 
 
 # --- labels ------------------------------------------------------------------------------------------------------

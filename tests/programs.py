@@ -21,7 +21,7 @@ import zmq
 from library import MotionLibrary
 from stream import Frame, osc, zeromq
 from tools.feed import Cue, OscFrameSender
-from tools.ghost import ghost, representative
+from tools.ghost import ghost
 from tools.listener import Listener, answer_in
 
 if TYPE_CHECKING:
@@ -134,8 +134,7 @@ def ghost_cues(class_name: str, seconds: float, *, performer: str = "ghost", beg
 @cache
 def _ghost_positions(class_name: str, seconds: float) -> NDArray[np.float32]:
     library = MotionLibrary.builtin()
-    motion = representative(library, class_name)
-    positions = ghost(library, motion, seconds=seconds, frame_rate=120.0, rate=0.9).astype(np.float32)
+    positions = ghost(library, class_name, seconds=seconds, frame_rate=120.0, rate=0.9).astype(np.float32)
     positions.setflags(write=False)
     return positions
 

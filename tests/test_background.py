@@ -40,7 +40,7 @@ def hear(listener: Listener, count: int) -> list[Packet]:
 @pytest.mark.parametrize("transport", TRANSPORTS)
 def test_a_feed_is_answered_from_another_process(transport: Transport) -> None:
     """Every answer that is due comes, as expected, and the last status counts every frame and no loss."""
-    library, settings = MotionLibrary.builtin(), Settings(window=0.5)
+    library, settings = MotionLibrary.builtin(), Settings()
     cues = ghost_cues("squat1Reps", 1.2)
     expected = expected_answers(cues, library, settings)
     answers: list[Answer] = []

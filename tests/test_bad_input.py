@@ -280,9 +280,10 @@ def test_a_busy_zmq_endpoint_is_named(
         (("live", "--zmq-in", "pigeon://here"), "pigeon://here: Protocol not supported"),
         (("live", "--zmq-in", "tcp://"), "tcp://: Invalid argument"),
         (
-            ("live", "--osc-in", f"{LOOPBACK}:0", "--window", "1e9"),
+            ("live", "--osc-in", f"{LOOPBACK}:0", "--signature", "eigenvector", "--window", "1e9"),
             "--window: expected seconds that memory has room for",
         ),
+        (("live", "--osc-in", f"{LOOPBACK}:0", "--window", "1"), "--window: expected --signature eigenvector with it"),
         (("live", "--osc-in", f"{LOOPBACK}:0", "--performers", "0"), "most: expected at least 1 performer, got 0"),
     ],
 )
@@ -448,7 +449,7 @@ CASES = [("osc", name, bad) for name, bad in OSC_BAD.items()] + [("zmq", name, b
 
 
 def _feed(begin: float | None) -> tuple[list[Cue], list[Cue]]:
-    """Give the good performer's frames before and after: a quarter second more than a window, each."""
+    """Give the good performer's frames before and after: enough for many answers, and older than any that is late."""
     before = ghost_cues("squat1Reps", 1.25, performer=GOOD)
     after = ghost_cues("squat1Reps", 1.25, performer=GOOD, begin=1.0 + 1.25 if begin is None else begin)
     # Only a sender that starts again counts from 0 again.

@@ -164,10 +164,11 @@ def test_one_persons_recordings_are_compared_as_the_built_in_library_does(hdm05_
     assert builtin is not None
     assert windows.groups == FOR_ONE_PERSON
     assert windows.comparison.is_same(builtin.comparison)
+    assert len(MotionLibrary.load(tmp_path / "mine.npz").portraits) == 2
 
 
 def test_three_people_teach_their_own_comparison(tmp_path: Path) -> None:
-    """Three people's recordings of any body get windows for anybody, two people's of an unknown body none."""
+    """Three people's recordings of any body get windows for anybody and portraits, two people's of an unknown none."""
     write_takes(tmp_path, actors=("bd", "mm"), takes=1)
     assert build(tmp_path, "-o", tmp_path / "two.npz") == 0
     write_takes(tmp_path, actors=("tr",), takes=1)
@@ -176,7 +177,9 @@ def test_three_people_teach_their_own_comparison(tmp_path: Path) -> None:
     assert windows is not None
     assert windows.groups == FOR_ANYBODY
     assert set(windows.actors.tolist()) == {"bd", "mm", "tr"}
-    assert MotionLibrary.load(tmp_path / "two.npz").windows is None
+    assert len(MotionLibrary.load(tmp_path / "three.npz").portraits) == len(SWINGS)
+    two = MotionLibrary.load(tmp_path / "two.npz")
+    assert (two.windows, two.portraits) == (None, ())
 
 
 def test_labels_cut_recordings_into_motions(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

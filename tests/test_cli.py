@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 from programs import ROOT, finished
 
-from stream import Settings
+from stream import LiveSignature, Settings
 from tools import build, demo, evaluate, info, latency, live, replay
 from tools.cli import OSC_IN, OSC_OUT, main
 
@@ -157,11 +157,16 @@ def test_wrong_arguments_end_with_2(arguments: str, asked: list[Call], capsys: p
             ),
         ),
         (
-            "latency --transport zmq --rate 60 --seconds 5 --window 2 --hop 0 --json",
+            "latency --transport zmq --rate 60 --seconds 5 --signature eigenvector --window 2 --hop 0 --json",
             (
                 "latency",
                 (("zmq",),),
-                {"rate_hz": 60.0, "seconds": 5.0, "settings": Settings(window=2.0, hop=0.0), "as_json": True},
+                {
+                    "rate_hz": 60.0,
+                    "seconds": 5.0,
+                    "settings": Settings(signature=LiveSignature.EIGENVECTOR, window=2.0, hop=0.0),
+                    "as_json": True,
+                },
             ),
         ),
         (
@@ -187,13 +192,16 @@ def test_wrong_arguments_end_with_2(arguments: str, asked: list[Call], capsys: p
             ),
         ),
         (
-            "live --osc-in :1 --zmq-out tcp://*:2 --library l.npz --window 2 --hop 0.1 --performers 3 --plain",
+            (
+                "live --osc-in :1 --zmq-out tcp://*:2 --library l.npz --signature eigenvector --window 2 --hop 0.1 "
+                "--performers 3 --plain"
+            ),
             (
                 "live",
                 (live.Addresses(osc_in=":1", zmq_out="tcp://*:2"),),
                 {
                     "library": Path("l.npz"),
-                    "settings": Settings(window=2.0, hop=0.1),
+                    "settings": Settings(signature=LiveSignature.EIGENVECTOR, window=2.0, hop=0.1),
                     "most": 3,
                     "plain": True,
                 },
@@ -205,6 +213,14 @@ def test_wrong_arguments_end_with_2(arguments: str, asked: list[Call], capsys: p
                 "live",
                 (live.Addresses(osc_in=OSC_IN, osc_out=OSC_OUT),),
                 {"library": None, "settings": Settings(), "most": 32, "plain": False},
+            ),
+        ),
+        (
+            "live --signature windows --sensitivity 0.3",
+            (
+                "live",
+                (live.Addresses(osc_in=OSC_IN, osc_out=OSC_OUT),),
+                {"settings": Settings(signature=LiveSignature.WINDOWS, sensitivity=0.3)},
             ),
         ),
         (
@@ -250,6 +266,18 @@ def test_what_is_typed_is_what_is_run(arguments: str, expected: Call, asked: lis
     ((program, positional, options),) = asked
     assert (program, positional) == expected[:2]
     assert {name: options[name] for name in expected[2]} == expected[2]
+
+
+@pytest.mark.parametrize("signature", ["", "--signature windows"])
+@pytest.mark.parametrize("program", ["live", "latency"])
+def test_a_window_is_the_eigenvectors(
+    program: str, signature: str, asked: list[Call], capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Without `--signature eigenvector` a window's length would change nothing: it ends with 2 and one line."""
+    assert main([program, *signature.split(), "--window", "0.5"]) == 2
+    expected = "kinespace: --window: expected --signature eigenvector with it; windows have lengths of their own\n"
+    assert capsys.readouterr().err == expected
+    assert asked == []
 
 
 def test_json_of_latency_needs_one_transport(asked: list[Call], capsys: pytest.CaptureFixture[str]) -> None:

@@ -30,6 +30,7 @@ KEYS = [
     "segments_found",
     "median_delay_s",
     "p90_delay_s",
+    "median_seen",
     "median_event_delay_s",
     "false_per_minute",
     "unknown_answered",
@@ -38,6 +39,7 @@ KEYS = [
     "auc_unknown",
     "classes",
 ]
+BY_EIGENVECTOR = ("--signature", "eigenvector")
 KNOWN = [("clap", 2.5), ("hail", 2.5), ("row", 2.5)]
 
 
@@ -237,8 +239,8 @@ def test_takes_of_another_body_are_refused(folder: Path, capsys: pytest.CaptureF
 def test_settings_reach_the_recogniser(folder: Path, library: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """A shorter window answers sooner, and windows that the library does not keep are refused."""
     take = folder / "puppet_02.amc"
-    slow = _scored(capsys, take, "--library", library, "--window", "1.5")
-    fast = _scored(capsys, take, "--library", library, "--window", "0.4")
+    slow = _scored(capsys, take, "--library", library, *BY_EIGENVECTOR, "--window", "1.5")
+    fast = _scored(capsys, take, "--library", library, *BY_EIGENVECTOR, "--window", "0.4")
     assert fast["median_delay_s"] < slow["median_delay_s"]
     assert "library with windows" in _refused(capsys, take, "--library", library, "--signature", "windows")
 
@@ -254,14 +256,14 @@ def _texts(path: Path) -> Sequence[str]:
 def test_pictures_show_takes_labels_and_answers(
     folder: Path, library: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """The timeline names each take and every segment in it, the confusion each label and answer; figures stay."""
+    """The timeline names each take, every segment in it and each colour; the confusion each label; figures stay."""
     monkeypatch.setitem(mpl.rcParams, "svg.fonttype", "none")
     timeline, shares = tmp_path / "timeline.svg", tmp_path / "confusion.svg"
     plain = _scored(capsys, folder, "--library", library)
     assert _scored(capsys, folder, "--library", library, "--timeline", timeline, "--confusion", shares) == plain
     texts = _texts(timeline)
     assert [texts.count(f"puppet_0{number}") for number in (1, 2, 3)] == [1, 1, 1]
-    assert [texts.count(name) for name in ("clap", "hail", "row", "salute")] == [3, 3, 2, 1]
+    assert [texts.count(name) for name in ("clap", "hail", "row", "salute")] == [3 + 1, 3 + 1, 2 + 1, 1]
     assert texts.count("performed") == texts.count("published") == texts.count("event") == 3
     texts = _texts(shares)
     assert [texts.count(name) for name in ("clap", "hail", "row", "salute", "none")] == [2, 2, 2, 1, 1]
@@ -270,7 +272,7 @@ def test_pictures_show_takes_labels_and_answers(
 def test_pictures_show_what_came_out(folder: Path, library: Path, tmp_path: Path) -> None:
     """Pictures are of some size, the same for the same answers and others for others."""
     files = {}
-    for name, options in {"once": (), "again": (), "other": ("--window", "0.3")}.items():
+    for name, options in {"once": (), "again": (), "other": (*BY_EIGENVECTOR, "--window", "0.3")}.items():
         files[name] = (tmp_path / f"{name}.png", tmp_path / f"{name}_shares.png")
         drawn = ("--timeline", files[name][0], "--confusion", files[name][1])
         assert _evaluate(folder / "puppet_03.amc", "--library", library, *drawn, *options) == 0

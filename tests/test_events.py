@@ -136,18 +136,30 @@ def test_a_moment_of_another_class_is_no_event() -> None:
         assert _pushed(detector, blips) == []
 
 
-@pytest.mark.parametrize("outcome", [Outcome.STILL, Outcome.UNKNOWN, Outcome.AMBIGUOUS])
-def test_having_nothing_to_name_ends_a_motion_after_a_moment(outcome: Outcome) -> None:
-    """Still, unknown or ambiguous for 0.4 seconds ends a motion, within a hop; for less it does not."""
+@pytest.mark.parametrize(
+    ("outcome", "seconds"), [(Outcome.STILL, 0.4), (Outcome.UNKNOWN, 0.8), (Outcome.AMBIGUOUS, 0.4)]
+)
+def test_having_nothing_to_name_ends_a_motion_after_a_moment(outcome: Outcome, seconds: float) -> None:
+    """Still or ambiguous for 0.4 seconds, or unknown for 0.8, ends a motion, within a hop; for less it does not."""
     named = _course((1.0, Outcome.NAMED, 0))
     last = named[-1].time
     nothing = [_recognition(last + k * HOP, outcome=outcome) for k in range(1, 60)]
     (start, end) = _pushed(EventDetector(), [*named, *nothing])
     assert (start.kind, end.kind, end.label) == (START, END, "bow")
-    assert end.time - last == pytest.approx(0.4, abs=HOP + 1e-9)
-    detector = EventDetector()
-    back = [_recognition(last + 11 * HOP + k * HOP) for k in range(60)]
-    assert _told(_pushed(detector, [*named, *nothing[:10], *back])) == [(START, "bow")]
+    assert end.time - last == pytest.approx(seconds, abs=HOP + 1e-9)
+    hops = round(seconds / HOP) - 2
+    back = [_recognition(last + (hops + 1 + k) * HOP) for k in range(60)]
+    assert _told(_pushed(EventDetector(), [*named, *nothing[:hops], *back])) == [(START, "bow")]
+
+
+def test_stillness_and_strangeness_add_up() -> None:
+    """Half of the time after which stillness ends a motion and half of the unknown's end it together, in any order."""
+    for first, then in ((0.2, 0.4), (0.4, 0.2)):
+        outcomes = (Outcome.STILL, Outcome.UNKNOWN) if first < then else (Outcome.UNKNOWN, Outcome.STILL)
+        course = _course((1.0, Outcome.NAMED, 0), (first, outcomes[0], 0), (2.0, outcomes[1], 0))
+        end = _pushed(EventDetector(), course)[-1]
+        assert end.kind is END
+        assert end.time == pytest.approx(11.0 + first + then, abs=2 * HOP)
 
 
 def test_nothing_to_name_is_nothing_to_end() -> None:
@@ -161,14 +173,15 @@ def test_stillness_between_two_turns_of_a_motion_is_an_end_and_a_start() -> None
     assert _told(_pushed(EventDetector(), course)) == [(START, "jump"), (END, "jump"), (START, "jump")]
 
 
-def test_the_only_class_of_a_library_starts_and_ends() -> None:
-    """Where there is no other class to lead, being named for 0.4 seconds is a start, as being unnamed is an end."""
+@pytest.mark.parametrize(("outcome", "seconds"), [(Outcome.STILL, 0.4), (Outcome.UNKNOWN, 0.8)])
+def test_the_only_class_of_a_library_starts_and_ends(outcome: Outcome, seconds: float) -> None:
+    """Where there is no other class to lead, being named for 0.4 seconds is a start; it ends as any other does."""
     named = [_recognition(10 + k * HOP, (0.8,)) for k in range(30)]
-    unnamed = [_recognition(11 + k * HOP, (0.1,), outcome=Outcome.UNKNOWN) for k in range(30)]
+    unnamed = [_recognition(11 + k * HOP, (0.1,), outcome=outcome) for k in range(30)]
     start, end = _pushed(EventDetector(), [*named, *unnamed])
     assert (start.kind, end.kind) == (START, END)
     assert start.time == pytest.approx(10.4, abs=HOP + 1e-9)
-    assert end.time == pytest.approx(11.4, abs=HOP + 1e-9)
+    assert end.time == pytest.approx(11 + seconds, abs=HOP + 1e-9)
 
 
 # --- time --------------------------------------------------------------------------------------------------------
@@ -243,15 +256,15 @@ def test_events_are_the_twins_of_any_course(seed: int, lead: float) -> None:
         _led_by(leader, (0.5 + 0.4 * sure, 0.5, 0.3))
         for leader, sure in zip(leaders, generator.random(length), strict=True)
     ]
-    kinds = [Outcome.NAMED, Outcome.NAMED, Outcome.UNKNOWN, Outcome.STILL]
-    outcomes = np.repeat(generator.integers(0, 4, length), generator.integers(1, 25, length))[:length].tolist()
+    kinds = [Outcome.NAMED, Outcome.NAMED, Outcome.UNKNOWN, Outcome.STILL, Outcome.AMBIGUOUS]
+    outcomes = np.repeat(generator.integers(0, 5, length), generator.integers(1, 25, length))[:length].tolist()
     course = [
         _recognition(time, score, best=leader, outcome=kinds[outcome])
         for time, score, leader, outcome in zip(times, scores, leaders, outcomes, strict=True)
     ]
     named = [recognition.class_index for recognition in course]
     events = _pushed(EventDetector(lead), course)
-    expected = list(naive_live.events(times, scores, named, lead))
+    expected = list(naive_live.events(times, scores, named, [str(each.outcome) for each in course], lead))
     assert [(event.time, str(event.kind), event.index) for event in events] == expected
     assert [event.kind for event in events] == [START, END] * (len(events) // 2) + [START] * (len(events) % 2)
     assert all(start.index == end.index for start, end in zip(events[::2], events[1::2], strict=False))

@@ -38,7 +38,10 @@ def answer(label: str, score: float) -> Answer:
 
 
 @pytest.mark.parametrize("transported", [over_osc, over_zmq])
-@pytest.mark.parametrize("settings", [Settings(), Settings(window=0.4, hop=0.0), Settings(hop=0.1)])
+@pytest.mark.parametrize(
+    "settings",
+    [Settings(), Settings(signature=LiveSignature.EIGENVECTOR, window=0.4, hop=0.0), Settings(hop=0.1)],
+)
 def test_what_is_expected_is_what_is_answered(transported: object, settings: Settings) -> None:
     """A recogniser behind either transport answers exactly the frames, labels and scores that were expected."""
     assert callable(transported)
@@ -68,10 +71,14 @@ def test_positions_are_rounded_as_the_wire_rounds_them() -> None:
     assert expected != pytest.approx(exact_scores, abs=1e-5)
 
 
-def test_nothing_is_expected_of_a_feed_shorter_than_a_window() -> None:
-    """Frames that do not fill a window are answered by nothing."""
-    settings = Settings(signature=LiveSignature.EIGENVECTOR)
-    assert expected_answers(ghost_cues("squat1Reps", 0.9), MotionLibrary.builtin(), settings) == []
+@pytest.mark.parametrize(
+    ("settings", "seconds"), [(Settings(), 0.5), (Settings(signature=LiveSignature.EIGENVECTOR), 1.0)]
+)
+def test_nothing_is_expected_of_a_feed_shorter_than_a_window(settings: Settings, seconds: float) -> None:
+    """Frames that do not fill a window, or half a second, are answered by nothing; two more frames are."""
+    library = MotionLibrary.builtin()
+    assert expected_answers(ghost_cues("squat1Reps", seconds), library, settings) == []
+    assert len(expected_answers(ghost_cues("squat1Reps", seconds + 2 / 120), library, settings)) == 1
 
 
 @given(st.lists(st.booleans(), max_size=40))

@@ -14,7 +14,7 @@ import pytest
 from programs import started
 
 from library import MotionLibrary
-from stream import Settings
+from stream import LiveSignature, Settings
 from tools.background import BackgroundService
 from tools.cli import main
 from tools.console import console
@@ -70,10 +70,10 @@ def test_what_was_not_measured_is_null() -> None:
 
 def test_every_frame_and_answer_is_accounted_for() -> None:
     """A run sends every frame, every answer due is answered or lost, and each latency is a positive time."""
-    latency = measure("zmq", rate_hz=100.0, seconds=1.2, settings=Settings(window=0.3, hop=0.05))
+    latency = measure("zmq", rate_hz=100.0, seconds=1.2, settings=Settings(hop=0.05))
     assert latency.sent == 120
-    # A window of 30 frames is full with the 31st; from then on every fifth frame is answered.
-    assert latency.answered + latency.lost == 18
+    # Half a second has passed with the 51st frame; from then on every fifth is answered.
+    assert latency.answered + latency.lost == 14
     assert latency.answered > 0
     assert len(latency.seconds) <= latency.answered
     # The first half second warms up and is not counted.
@@ -86,18 +86,22 @@ def test_every_frame_and_answer_is_accounted_for() -> None:
 def test_answers_that_never_come_are_lost(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """When a recogniser answers something else than was due, every answer due is counted as lost, the last ones too."""
     whole = MotionLibrary.builtin()
-    other = replace(whole, motions=tuple(replace(motion, class_name="else") for motion in whole.motions))
+    other = replace(
+        whole, motions=tuple(replace(motion, class_name=f"not {motion.class_name}") for motion in whole.motions)
+    )
     other.save(tmp_path / "other.npz")
     service = partial(BackgroundService, library=tmp_path / "other.npz")
     monkeypatch.setattr("tools.latency.BackgroundService", service)
-    latency = measure("osc", rate_hz=100.0, seconds=0.6, settings=Settings(window=0.3, hop=0.05))
+    # The eigenvector names from the first answer on; "unknown" would be the same answer under any names.
+    settings = Settings(signature=LiveSignature.EIGENVECTOR, window=0.3, hop=0.05)
+    latency = measure("osc", rate_hz=100.0, seconds=0.6, settings=settings)
     assert (latency.sent, latency.answered, latency.lost) == (60, 0, 6)
     assert latency.seconds.size == 0
 
 
 def test_the_table_has_a_transport_and_its_echo(capsys: pytest.CaptureFixture[str]) -> None:
     """The table has a row for the recogniser and one for the bare echo, figures ordered, counts beside the former."""
-    assert main(["latency", "--transport", "osc", "--seconds", "1.1", "--window", "0.3", "--rate", "60"]) == 0
+    assert main(["latency", "--transport", "osc", "--seconds", "1.6", "--rate", "60"]) == 0
     printed = capsys.readouterr().out
     assert "milliseconds, at 60 Hz" in printed
     rows = [[cell.strip() for cell in line.split("│")[1:-1]] for line in printed.splitlines() if "│" in line]
@@ -106,7 +110,7 @@ def test_the_table_has_a_transport_and_its_echo(capsys: pytest.CaptureFixture[st
         figures = [float(figure) for figure in row[1:6]]
         assert figures == sorted(figures)
         assert figures[0] >= 0
-    assert [row[6] for row in rows] == ["66", ""]
+    assert [row[6] for row in rows] == ["96", ""]
 
 
 @pytest.mark.parametrize("seconds", ["1", "1.5"])
@@ -133,8 +137,8 @@ def test_the_command_prints_one_json_object() -> None:
             assert set(described) >= KEYS
             assert (described["transport"], described["rate_hz"]) == (transport, 120.0)
             assert described["sent"] == 240
-            # The first window is full with frame 121; from then on every fourth frame is answered.
-            assert described["answered"] + described["lost"] == 30
+            # Half a second has passed with frame 61; from then on every fourth is answered.
+            assert described["answered"] + described["lost"] == 45
             assert described["answered"] > 0
             assert 0 < described["p50_ms"] <= described["p99_ms"] <= described["max_ms"] < math.inf
             assert 0 < described["echo_p50_ms"] <= described["echo_p99_ms"] < math.inf

@@ -499,8 +499,8 @@ def test_windows_are_kept_in_half_precision(windowed_library: MotionLibrary, tmp
     """A file with windows holds their arrays as float16 and the motions' as float32, and nothing else."""
     windowed_library.save(tmp_path / "library.npz")
     _, arrays = libraryfile.read(tmp_path / "library.npz")
-    assert set(arrays) == {*NAMES, *WINDOW_ARRAYS, "shape1000_origin", "shape1000_axes"}
-    single = {*NAMES, "window_motions"}
+    assert set(arrays) == {*NAMES, *WINDOW_ARRAYS, "window_thresholds", "shape1000_origin", "shape1000_axes"}
+    single = {*NAMES, "window_motions", "window_thresholds"}
     assert {name for name, array in arrays.items() if array.dtype == "<f4"} == single
     assert {name for name, array in arrays.items() if array.dtype == "<f2"} == set(arrays) - single
 
@@ -527,6 +527,10 @@ def test_a_library_without_windows_is_one(small_library: MotionLibrary, tmp_path
             pytest.param(_array(name, lambda array: _not_finite(array, -np.inf)), id=f"{name} infinite")
             for name in WINDOW_ARRAYS
         ),
+        pytest.param(_without_array("window_thresholds"), id="no thresholds"),
+        pytest.param(_array("window_thresholds", lambda array: array[:-1]), id="a threshold missing"),
+        pytest.param(_array("window_thresholds", lambda array: array[..., None]), id="thresholds deeper"),
+        pytest.param(_array("window_thresholds", _not_finite), id="a threshold NaN"),
         pytest.param(_array("basis", lambda basis: basis[:, 1:]), id="a direction missing"),
         pytest.param(_array("spread1000_axes", lambda axes: axes[:, 1:]), id="an axis missing"),
         pytest.param(_array("window_vectors1", lambda vectors: vectors[:, 1:]), id="a number missing"),

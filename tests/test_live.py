@@ -14,7 +14,7 @@ from programs import LOOPBACK, PATIENCE, Publisher, ghost_cues, live, started, s
 from recorded import write_takes
 
 from library import MotionLibrary, read_recordings
-from stream import Announcement, Settings, osc, zeromq
+from stream import Announcement, LiveSignature, Settings, osc, zeromq
 from tools.cli import main
 from tools.expected import expected_answers
 from tools.feed import clip_cues
@@ -142,10 +142,10 @@ def test_a_library_of_ones_own(tmp_path: Path) -> None:
 
 
 def test_window_and_hop_are_those_ordered() -> None:
-    """With --window and --hop, answers come when that window is full and that far apart."""
-    settings = Settings(window=0.5, hop=0.0)
+    """With the eigenvector, --window and --hop, answers come when that window is full and that far apart."""
+    settings = Settings(signature=LiveSignature.EIGENVECTOR, window=0.5, hop=0.0)
     cues = ghost_cues("squat1Reps", 1.0)
-    with live("--plain", "--window", 0.5, "--hop", 0) as stage:
+    with live("--plain", "--signature", "eigenvector", "--window", 0.5, "--hop", 0) as stage:
         stage.play(cues)
         answers = stage.answers(60)
         assert stage.stopped()["answers"] == 60

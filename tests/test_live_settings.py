@@ -52,16 +52,19 @@ def _answers(recognizer: Recognizer, frames: Sequence[Frame]) -> list[Recognitio
 # --- which way ---------------------------------------------------------------------------------------------------
 
 
-def test_windows_are_compared_where_that_is_asked(builtin: MotionLibrary, frames: list[Frame]) -> None:
-    """Asked for, the built-in library's windows are compared: answers after half a second, without share and gap."""
-    answers = _answers(Recognizer(builtin, Settings(signature=LiveSignature.WINDOWS)), frames)
-    assert answers[0].time == pytest.approx(0.5)
-    assert {(each.share, each.gap, each.residual) for each in answers} == {(None, None, None)}
+def test_windows_are_the_default_where_there_are_some(builtin: MotionLibrary, frames: list[Frame]) -> None:
+    """Asked for or not, the built-in library's windows are compared: answers after half a second, no share, no gap."""
+    unasked = _answers(Recognizer(builtin), frames)
+    asked = _answers(Recognizer(builtin, Settings(signature=LiveSignature.WINDOWS)), frames)
+    assert unasked[0].time == pytest.approx(0.5)
+    assert {(each.share, each.gap, each.residual) for each in unasked} == {(None, None, None)}
+    assert [each.scores.tolist() for each in unasked] == [each.scores.tolist() for each in asked]
+    assert [each.label for each in unasked] == [each.label for each in asked]
 
 
-def test_the_eigenvector_is_the_default(builtin: MotionLibrary, frames: list[Frame]) -> None:
-    """Unasked, the eigenvector is compared though there are windows: share and gap, residuals certified."""
-    recognizer = Recognizer(builtin)
+def test_the_eigenvector_is_compared_where_that_is_asked(builtin: MotionLibrary, frames: list[Frame]) -> None:
+    """Asked for, the eigenvector is compared though there are windows: share and gap, residuals certified."""
+    recognizer = Recognizer(builtin, Settings(signature=LiveSignature.EIGENVECTOR))
     answers = _answers(recognizer, frames)
     assert answers[0].time == pytest.approx(1.0)
     for answer in answers:
@@ -71,7 +74,7 @@ def test_the_eigenvector_is_the_default(builtin: MotionLibrary, frames: list[Fra
         assert 0 < answer.share <= 1
         assert 0 <= answer.gap <= 1
         assert answer.residual <= RESIDUAL_TOLERANCE
-    by_windows = _answers(Recognizer(builtin, Settings(signature=LiveSignature.WINDOWS)), frames)
+    by_windows = _answers(Recognizer(builtin), frames)
     assert not np.allclose(answers[-1].scores, by_windows[-1].scores, atol=0.01)
 
 

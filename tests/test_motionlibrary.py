@@ -63,11 +63,17 @@ def test_real_clips_become_their_signatures(some_clips: tuple[Clip, ...]) -> Non
         assert naive.score(axis, first_axis) == pytest.approx(1.0, abs=1e-6)
 
 
-def test_motions_are_grouped_by_class_in_the_given_order() -> None:
-    """Clips of mixed classes are sorted by class, in the order given within each, numbers and labels together."""
+def test_motions_are_grouped_by_class_and_actor_in_the_given_order() -> None:
+    """Mixed clips are sorted by class and actor, in the order given within those, numbers and labels together."""
     clips = stick_clips(takes=2)
     library = MotionLibrary.of_clips(clips)
-    expected = [clip for class_name in STICK_CLASSES for clip in clips if clip.class_name == class_name]
+    expected = [
+        clip
+        for class_name in STICK_CLASSES
+        for actor in ("aa", "bb")
+        for clip in clips
+        if (clip.class_name, clip.actor) == (class_name, actor)
+    ]
     assert [clip.class_name for clip in clips] != [clip.class_name for clip in expected]
     assert library.classes == STICK_CLASSES
     assert [(motion.class_name, motion.take) for motion in library.motions] == [
@@ -79,6 +85,23 @@ def test_motions_are_grouped_by_class_in_the_given_order() -> None:
         assert np.array_equal(library.means[index], signature.mean.astype(np.float32))
         assert np.array_equal(library.axes[index], signature.axis.vector.astype(np.float32))
         assert np.array_equal(library.deviations[index], signature.deviation.astype(np.float32))
+
+
+def test_parts_in_any_order_make_the_same_library(library: MotionLibrary) -> None:
+    """Motions given in another order, their numbers with them, are sorted by class and actor."""
+    order = np.random.default_rng(4).permutation(len(library))
+    mixed = MotionLibrary(
+        skeleton=library.skeleton,
+        motions=tuple(library.motions[index] for index in order),
+        **{name: getattr(library, name)[order] for name in ARRAYS},
+    )
+    assert [(motion.class_name, motion.actor) for motion in mixed.motions] == [
+        (motion.class_name, motion.actor) for motion in library.motions
+    ]
+    for index, motion in enumerate(mixed.motions):
+        for name in ARRAYS:
+            expected = getattr(library, name)[library.motions.index(motion)]
+            assert np.array_equal(getattr(mixed, name)[index], expected)
 
 
 def test_a_still_clip_makes_no_motion() -> None:

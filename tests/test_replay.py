@@ -16,7 +16,7 @@ from programs import LOOPBACK, PATIENCE, finished, free_udp_port
 from recorded import write_take, write_takes
 
 from library import MotionLibrary, read_recordings
-from stream import Announcement, Frame, Performers, Recognizer, Settings, osc, zeromq
+from stream import Announcement, Frame, LiveSignature, Performers, Recognizer, Settings, osc, zeromq
 from stream.service import OscSink, OscSource, Service, ZmqSink, ZmqSource
 from tools.cli import main
 from tools.console import console
@@ -250,7 +250,7 @@ def test_answers_to_somebody_else_are_not_ours(
 
 def _recognition(performer: str) -> object:
     library = MotionLibrary.builtin()
-    recognizer = Recognizer(library, Settings(window=0.1))
+    recognizer = Recognizer(library, Settings(signature=LiveSignature.EIGENVECTOR, window=0.1))
     generator = np.random.default_rng(1)
     answers = [
         recognizer.push(Frame(performer, 1.0 + index / 120, generator.normal(size=(31, 3)))) for index in range(30)

@@ -74,10 +74,11 @@ KNOWN_ANSWERS = {
     "segments_found": 2 / 3,
     "median_delay_s": (0.875 + 0.25) / 2,
     "p90_delay_s": 0.25 + 0.9 * 0.625,
+    "median_seen": (0.875 / 2 + 0.25 / 2.5) / 2,
     "median_event_delay_s": 0.5,
     "false_per_minute": 2 * 60 / (20 / 64 * SECONDS),
     "unknown_answered": 12 / 20,
-    "changes_per_minute": 3 * 60 / SECONDS,
+    "changes_per_minute": 2 * 60 / SECONDS,
     "true_changes_per_minute": 4 * 60 / SECONDS,
     "auc_unknown": 0.35,
 }
@@ -128,6 +129,27 @@ def test_no_frame_between_two_takes_is_a_change() -> None:
     assert together.true_changes_per_minute == pytest.approx(KNOWN_ANSWERS["true_changes_per_minute"] / 2)
 
 
+@pytest.mark.parametrize(
+    ("track", "changes"),
+    [
+        ((), 0),
+        ((NONE,) * 8, 0),
+        ((NONE, NONE, BOW, BOW), 0),
+        ((BOW, BOW, NONE), 1),
+        ((NONE, BOW, NONE, BOW, JUMP), 3),
+        ((BOW, JUMP, NONE), 2),
+    ],
+)
+def test_the_first_motion_is_no_change(track: tuple[int, ...], changes: int) -> None:
+    """Changes are counted from the first motion on, in what was answered and in what was performed alike."""
+    course = _course()
+    event = np.full(64, track[-1] if track else NONE)
+    event[: len(track)] = track
+    score = score_courses([Course(**{**_fields(course), "event": event, "truth": event})], CLASSES, 1.0)
+    assert score.changes_per_minute == pytest.approx(changes * 60 / SECONDS)
+    assert score.true_changes_per_minute == pytest.approx(changes * 60 / SECONDS)
+
+
 def test_where_there_is_nothing_to_count_there_is_no_figure() -> None:
     """Without known motions there is no accuracy, without unknown ones no false answer; None, not zero."""
     course = _course()
@@ -141,7 +163,7 @@ def test_where_there_is_nothing_to_count_there_is_no_figure() -> None:
         ]
     )
     of_known = {"frame_accuracy", "segment_accuracy", "known_answered", "segments_found"}
-    of_known |= {"median_delay_s", "p90_delay_s", "median_event_delay_s", "auc_unknown"}
+    of_known |= {"median_delay_s", "p90_delay_s", "median_seen", "median_event_delay_s", "auc_unknown"}
     assert {name for name, value in _figures([unknown]).items() if value is None} == of_known
     of_unknown = {"false_per_minute", "unknown_answered", "auc_unknown"}
     assert {name for name, value in _figures([known]).items() if value is None} == of_unknown
@@ -189,6 +211,7 @@ def test_a_delay_lasts_until_a_lasting_right_guess(right: list[tuple[float, floa
     assert figures["segments_found"] == (0 if delay is None else 1)
     assert figures["median_delay_s"] == delay
     assert figures["p90_delay_s"] == delay
+    assert figures["median_seen"] == (None if delay is None else delay / 2)
 
 
 # --- against the twin --------------------------------------------------------------------------------------------
@@ -228,7 +251,17 @@ def _random_course(generator: np.random.Generator, frames: int) -> Course:
 def _moments(course: Course) -> list[Moment]:
     tracks = (course.times, course.segment, course.truth, course.guess, course.published, course.event, course.score)
     return [
-        Moment(time, segment, course.segments[segment].start, truth, guess, published, event, score)
+        Moment(
+            time,
+            segment,
+            course.segments[segment].start,
+            course.segments[segment].end,
+            truth,
+            guess,
+            published,
+            event,
+            score,
+        )
         for time, segment, truth, guess, published, event, score in zip(
             *(track.tolist() for track in tracks), strict=True
         )

@@ -119,6 +119,7 @@ def _twin_distances(library: MotionLibrary, feed: Feed, asked: Sequence[float]) 
     pairs = list(combinations(range(len(library.skeleton.joints)), 2))
     body, groups = NaiveBody(pairs, library.skeleton.parents), _twin_groups(library)
     vectors, classes = [each.astype(float) for each in table.vectors], table.classes[table.motions]
+    actors = table.actors[table.motions]
     found = []
     for now in asked:
         measures = [
@@ -135,7 +136,7 @@ def _twin_distances(library: MotionLibrary, feed: Feed, asked: Sequence[float]) 
             ]
             for group in groups
         ]
-        found.append(naive_live.log_distances(measures, vectors, classes))
+        found.append(naive_live.log_distances(measures, vectors, classes, actors))
     return found
 
 
@@ -144,16 +145,24 @@ def _twin_distances(library: MotionLibrary, feed: Feed, asked: Sequence[float]) 
 
 @pytest.mark.parametrize("name", ["anybody", "one_person"])
 def test_distances_are_the_twins_at_every_hop(name: str, feed: Feed, request: pytest.FixtureRequest) -> None:
-    """Of a real take, stops and all, each class's log distance at each hop is the twin's from all frames anew."""
+    """Of a real take, stops and all, each class's averaged log distance at each hop is the twin's from all anew."""
     library: MotionLibrary = request.getfixturevalue(name)
     assert feed.rows[::97] == pytest.approx(
         naive.distance_rows(feed.positions[::97], list(combinations(range(31), 2))), abs=1e-12
     )
     hops = _hops(_matcher(library), feed, every=7)
-    exact = np.array(_twin_distances(library, feed, [hop.time for hop in hops]))
+    times = [hop.time for hop in hops]
+    newest = np.array(_twin_distances(library, feed, times))
+    exact = np.array(
+        [
+            [naive_live.averaged(times[: k + 1], each[: k + 1], naive_live.COMPARED_OVER) for each in newest.T]
+            for k in range(len(hops))
+        ]
+    )
     assert len(hops) > 140
     assert np.array([hop.distances for hop in hops]) == pytest.approx(exact, abs=2e-3)
     assert exact.std(axis=0).min() > 0.05
+    assert np.abs(exact - newest).max() > 0.05
 
 
 @pytest.mark.parametrize("name", ["anybody", "one_person"])
@@ -165,9 +174,9 @@ def test_guess_and_outcome_are_the_twins_at_every_hop(
     library: MotionLibrary = request.getfixturevalue(name)
     matcher = _matcher(library)
     assert library.windows is not None
-    thresholds = library.windows.thresholds_at(SENSITIVITY)
+    threshold = library.windows.threshold_at(SENSITIVITY)
     hops = _hops(matcher, feed, every)
-    twins = naive_live.readings([hop.time for hop in hops], np.array([hop.distances for hop in hops]), thresholds)
+    twins = naive_live.readings([hop.time for hop in hops], np.array([hop.distances for hop in hops]), threshold)
     longest = 1.0 if name == "anybody" else 0.25
     for hop, twin in zip(hops, twins, strict=True):
         rows = naive_live.last_rows(feed.times, feed.rows, hop.time, longest)
@@ -184,6 +193,23 @@ def test_the_feed_shows_all_there_is_to_see(anybody: MotionLibrary, feed: Feed) 
     assert {hop.reading.outcome for hop in hops} == {Outcome.NAMED, Outcome.UNKNOWN, Outcome.STILL}
     assert len({hop.reading.best for hop in hops}) > 2
     assert any(hop.reading.best != hop.reading.scores.argmax() for hop in hops)
+
+
+def test_what_is_clearly_near_is_known_at_once(anybody: MotionLibrary, feed: Feed) -> None:
+    """Some motions of the feed are known before their longer average is near enough, and only if clearly near."""
+    assert anybody.windows is not None
+    threshold = anybody.windows.threshold_at(SENSITIVITY)
+    hops = _hops(_matcher(anybody), feed)
+    times, distances = [hop.time for hop in hops], np.array([hop.distances for hop in hops])
+    early = []
+    for k, (before, hop) in enumerate(pairwise(hops), start=1):
+        guess = hop.reading.best
+        averaged = naive_live.averaged(times[: k + 1], distances[: k + 1, guess], naive_live.KNOWN_OVER)
+        known = (before.reading.outcome, hop.reading.outcome) == (Outcome.UNKNOWN, Outcome.NAMED)
+        if known and averaged > threshold:
+            early.append(distances[k, guess])
+    assert early
+    assert max(early) <= threshold - naive_live.CLEAR
 
 
 # --- guesses -----------------------------------------------------------------------------------------------------
@@ -288,9 +314,11 @@ def test_after_clear_it_is_as_new(anybody: MotionLibrary, feed: Feed) -> None:
         assert (again.reading.best, again.reading.outcome) == (new.reading.best, new.reading.outcome)
 
 
-def test_clear_forgets_how_far_everything_was(anybody: MotionLibrary, feed: Feed, some_clips: tuple[Clip, ...]) -> None:
+def test_clear_forgets_how_far_everything_was(
+    one_person: MotionLibrary, feed: Feed, some_clips: tuple[Clip, ...]
+) -> None:
     """After movement that is none of the library's, one of its own clips is named at once when cleared in between."""
-    matcher = _matcher(anybody)
+    matcher = _matcher(one_person)
     noise = feed.rows * np.random.default_rng(6).uniform(0.5, 1.5, size=feed.rows.shape)
     far = _hops(matcher, Feed(feed.times, feed.positions, noise))
     assert {hop.reading.outcome for hop in far} == {Outcome.UNKNOWN}
@@ -298,7 +326,7 @@ def test_clear_forgets_how_far_everything_was(anybody: MotionLibrary, feed: Feed
     rows = distance_rows(clip.positions, clip.skeleton)
     own = Feed(clip.times, clip.positions, rows)
     matcher.clear()
-    cleared, fresh = _hops(matcher, own), _hops(_matcher(anybody), own)
+    cleared, fresh = _hops(matcher, own), _hops(_matcher(one_person), own)
     assert [hop.reading.outcome for hop in cleared] == [hop.reading.outcome for hop in fresh]
     assert cleared[0].reading.outcome is Outcome.NAMED
 

@@ -37,14 +37,14 @@ NO_DISTANCE = np.log(NEAREST)
 
 
 def _long_clips(*, takes: int = 2, actors: Sequence[str] = ("aa", "bb"), frames: int = 200) -> list[Clip]:
-    """Make takes of every class by people of different sizes, by class, each long enough for several windows."""
+    """Make takes of every class by people of different sizes, by class and actor, long enough for several windows."""
     generator = np.random.default_rng(12)
     sizes = {actor: generator.uniform(0.8, 1.2, (6, 1)) for actor in actors}
     clips = [
         stick_clip(name, seed=10 * take + place, frames=frames, actor=actor)
         for name in STICK_CLASSES
-        for take in range(takes)
         for place, actor in enumerate(actors)
+        for take in range(takes)
     ]
     return [clip.moved_to(clip.positions * sizes[clip.actor]) for clip in clips]
 
@@ -57,6 +57,16 @@ def comparison() -> Comparison:
 @pytest.fixture(scope="module")
 def anybody(comparison: Comparison) -> MotionLibrary:
     return MotionLibrary.of_clips(_long_clips(), comparison=comparison)
+
+
+@pytest.fixture(scope="module")
+def each_their_own(comparison: Comparison) -> MotionLibrary:
+    """Build a library of two people's motions in which each class is performed by one of them alone."""
+    return MotionLibrary.of_clips(_each_their_own(), comparison=comparison)
+
+
+def _each_their_own() -> list[Clip]:
+    return [clip for clip in _long_clips() if clip.actor == ("bb" if clip.class_name == "jump" else "aa")]
 
 
 @pytest.fixture(scope="module")
@@ -79,8 +89,8 @@ def _asking(clip: Clip, end: int, comparison: Comparison) -> dict[Measure, np.nd
 
 
 def _ends(frames: int, frame_rate: float, *, several: bool) -> list[int]:
-    """Count off where windows end: every tenth of a second from the first second, or a thirtieth from a tenth on."""
-    every, first = (frame_rate / 10, frame_rate) if several else (frame_rate / 30, frame_rate / 10)
+    """Count off where windows end: every fifth of a second from the first second, or a thirtieth from a tenth on."""
+    every, first = (frame_rate / 5, frame_rate) if several else (frame_rate / 30, frame_rate / 10)
     end, ends = max(8, min(round(first), frames - 3)), []
     while end <= frames:
         ends.append(end)
@@ -174,14 +184,14 @@ def test_motions_too_short_for_a_window_have_none(comparison: Comparison) -> Non
 # --- distances ---------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("name", ["anybody", "one_person", "builtin"])
+@pytest.mark.parametrize("name", ["anybody", "each_their_own", "one_person", "builtin"])
 def test_distances_are_those_of_the_loops(name: str, request: pytest.FixtureRequest) -> None:
-    """A window scores, per class, the mean logarithm of the squared distance to the nearest window of it."""
+    """A class scores the log distance to the window nearest in all measures, mean over its two nearest people."""
     asking = [(stick_clip("jump", seed=70, frames=130), 130), (stick_clip("bow", seed=71), 20)]
     if name == "builtin":
         asking = [(clip, 60) for clip in request.getfixturevalue("some_clips")[:2]]
     table = _table(MotionLibrary.builtin() if name == "builtin" else request.getfixturevalue(name))
-    of_window = table.classes[table.motions].tolist()
+    of_window, whose = table.classes[table.motions].tolist(), table.actors[table.motions].tolist()
     for clip, end in asking:
         asked = _asking(clip, end, table.comparison)
         vectors, outside = [], []
@@ -195,22 +205,47 @@ def test_distances_are_those_of_the_loops(name: str, request: pytest.FixtureRequ
                 off += weight * max(whole - float(own @ own), 0.0) if metric.outside else 0.0
             vectors.append(vector)
             outside.append(off)
-        expected = naive_windows.log_distances(vectors, outside, table.vectors, of_window, floor=NEAREST)
+        expected = naive_windows.log_distances(vectors, outside, table.vectors, of_window, whose, floor=NEAREST)
         np.testing.assert_allclose(table.log_distances(asked), expected, atol=2e-3)
 
 
-@pytest.mark.parametrize("name", ["anybody", "one_person"])
+@pytest.mark.parametrize("name", ["each_their_own", "one_person"])
 def test_a_librarys_own_window_is_at_no_distance(name: str, request: pytest.FixtureRequest) -> None:
-    """A window of a motion in the library lies at no distance from its class, and at some from every other."""
+    """A window of a class that one person performs lies at no distance from its class, and at some from every other."""
     library = request.getfixturevalue(name)
-    several = name == "anybody"
-    clips = _long_clips() if several else _long_clips(actors=["aa"])
+    several = name == "each_their_own"
+    clips = _each_their_own() if several else _long_clips(actors=["aa"])
     for clip in clips:
         for end in _ends(clip.frames, 120.0, several=several):
             distances = _table(library).log_distances(_asking(clip, end, _table(library).comparison))
             own = library.classes.index(clip.class_name)
             assert distances[own] == pytest.approx(NO_DISTANCE, abs=0.05)
             assert np.delete(distances, own).min() > NO_DISTANCE + 1
+
+
+def test_what_one_person_does_another_must_agree_to(anybody: MotionLibrary) -> None:
+    """Where two perform a class, a window of one lies half way, in the logarithm, between none and the other's."""
+    comparison = _table(anybody).comparison
+    for clip in _long_clips(takes=1):
+        (other,) = {"aa", "bb"} - {clip.actor}
+        others = [each for each in _long_clips() if each.class_name != clip.class_name or each.actor == other]
+        without = MotionLibrary.of_clips(others, comparison=comparison)
+        assert _table(without).groups == FOR_ANYBODY
+        own = anybody.classes.index(clip.class_name)
+        asked = _asking(clip, _ends(clip.frames, 120.0, several=True)[-1], comparison)
+        far = _table(without).log_distances(asked)[own]
+        assert far > NO_DISTANCE + 0.5
+        assert _table(anybody).log_distances(asked)[own] == pytest.approx((NO_DISTANCE + far) / 2, abs=0.05)
+
+
+@pytest.mark.parametrize("times", [1e3, 1e6, 1e12])
+def test_however_far_distances_are_numbers(anybody: MotionLibrary, times: float) -> None:
+    """Measures beyond anything a body shows are far from every class, and not infinitely."""
+    table = _table(anybody)
+    asked = {measure: times * each for measure, each in _asking(_long_clips()[0], 150, table.comparison).items()}
+    distances = table.log_distances(asked)
+    assert np.isfinite(distances).all()
+    assert distances.min() > 5
 
 
 def test_real_windows_are_at_no_distance_from_themselves(hdm05_clips: tuple[Clip, ...]) -> None:
@@ -240,9 +275,9 @@ def test_an_unknown_persons_windows_are_nearest_to_their_class(anybody: MotionLi
 # --- thresholds --------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("name", ["anybody", "one_person", "uneven"])
+@pytest.mark.parametrize("name", ["anybody", "each_their_own", "one_person", "uneven"])
 def test_thresholds_are_those_of_the_loops(name: str, comparison: Comparison, request: pytest.FixtureRequest) -> None:
-    """Each class's thresholds are the quantiles of the impostors that find it, drawn towards those of all."""
+    """Each class and whoever asks left out in turn, thresholds are the mean quantiles of the nearest that is found."""
     if name == "uneven":
         clips = [clip for clip in _long_clips() if clip.class_name != "jump" or clip.actor == "aa"]
         table = WindowTable.of_clips(clips, comparison)
@@ -254,8 +289,8 @@ def test_thresholds_are_those_of_the_loops(name: str, comparison: Comparison, re
         table.actors[table.motions].tolist(),
         RATES,
         floor=NEAREST,
-        common_weight=50,
     )
+    assert table.thresholds.dtype == np.float32
     np.testing.assert_allclose(table.thresholds, expected, atol=2e-3)
 
 
@@ -264,17 +299,16 @@ def test_thresholds_grow_with_the_rate(name: str, request: pytest.FixtureRequest
     """The more false answers are allowed, the further a window may lie; beyond the rates kept nothing changes."""
     library = MotionLibrary.builtin() if name == "builtin" else request.getfixturevalue(name)
     table = _table(library)
-    thresholds = np.array([table.thresholds_at(rate) for rate in np.geomspace(1e-4, 1.0, 60)])
-    assert thresholds.shape == (60, len(library.classes))
+    thresholds = np.array([table.threshold_at(rate) for rate in np.geomspace(1e-4, 1.0, 60)])
     assert np.isfinite(thresholds).all()
-    assert (np.diff(thresholds, axis=0) >= 0).all()
-    assert (thresholds[-1] > thresholds[0]).all()
-    for rate, kept in zip(RATES, table.thresholds, strict=True):
-        np.testing.assert_allclose(table.thresholds_at(rate), kept, rtol=1e-12)
+    assert (np.diff(thresholds) >= 0).all()
+    assert thresholds[-1] > thresholds[0]
+    for rate, kept in zip(RATES, table.thresholds.tolist(), strict=True):
+        assert table.threshold_at(rate) == pytest.approx(kept, rel=1e-12)
     for rate, kept in ((0.0, table.thresholds[0]), (1.0, table.thresholds[-1])):
-        assert np.array_equal(table.thresholds_at(rate), kept)
-    between = table.thresholds_at(np.sqrt(RATES[2] * RATES[3]))
-    np.testing.assert_allclose(between, (table.thresholds[2] + table.thresholds[3]) / 2)
+        assert table.threshold_at(rate) == kept
+    between = table.threshold_at(np.sqrt(RATES[2] * RATES[3]))
+    assert between == pytest.approx((float(table.thresholds[2]) + float(table.thresholds[3])) / 2)
 
 
 @pytest.mark.parametrize("actors", [("aa",), ("aa", "bb")])
@@ -283,7 +317,7 @@ def test_a_single_class_answers_everything(comparison: Comparison, actors: tuple
     clips = [clip for clip in _long_clips(actors=actors) if clip.class_name == "bow"]
     table = WindowTable.of_clips(clips, comparison)
     for rate in (0.001, 0.03, 0.1, 0.9):
-        assert table.thresholds_at(rate).tolist() == [np.inf]
+        assert table.threshold_at(rate) == np.inf
 
 
 # --- the comparison ----------------------------------------------------------------------------------------------
@@ -432,6 +466,10 @@ def test_windows_of_another_library_are_refused(anybody: MotionLibrary, one_pers
         pytest.param("motions", -1, "motions: expected indices", id="below"),
         pytest.param("motions", 12, "motions: expected indices", id="beyond"),
         pytest.param("motions", 0, "motions: expected windows of every class", id="classes without"),
+        pytest.param("actors", "backwards", "actors: expected motions by class and, within", id="actors backwards"),
+        pytest.param("thresholds", np.zeros(6, np.float32), "thresholds: expected 7 numbers", id="a rate missing"),
+        pytest.param("thresholds", np.zeros((7, 3), np.float32), "thresholds: expected 7 numbers", id="by class"),
+        pytest.param("thresholds", np.full(7, np.nan, np.float32), "thresholds: expected 7 numbers", id="no number"),
     ],
 )
 def test_parts_that_do_not_fit_are_refused(anybody: MotionLibrary, field: str, value: object, message: str) -> None:
@@ -441,6 +479,8 @@ def test_parts_that_do_not_fit_are_refused(anybody: MotionLibrary, field: str, v
         value = tuple(each[:, 1:] for each in table.vectors)
     elif field == "vectors" and value != ():
         value = tuple(each * np.float32(np.nan) for each in table.vectors)
+    elif field == "actors":
+        value = table.actors[::-1]
     elif field == "motions":
         value = np.full_like(table.motions, value)
     with pytest.raises(ValueError, match=message):

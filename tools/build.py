@@ -65,7 +65,7 @@ def run(
             licence=licence or (hdm05.LICENCE if from_hdm05 else ""),
             attribution=attribution or (hdm05.ATTRIBUTION if from_hdm05 else ""),
         )
-        libraries.append(library)
+        libraries.append(library.portrayed(known))
     merged = reduce(MotionLibrary.merged_with, libraries)
     merged.save(output)
     console.print(

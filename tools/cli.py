@@ -343,9 +343,9 @@ def _run_retrieval(parsed: argparse.Namespace) -> int:
 def _add_settings(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--signature",
-        choices=("eigenvector", "windows"),
-        default="eigenvector",
-        help="compare as the paper does, or several measures of several windows (default %(default)s)",
+        choices=[str(signature) for signature in LiveSignature],
+        help="compare several measures of several windows, or leading eigenvectors as the paper does (default: windows "
+        "where the library keeps them)",
     )
     parser.add_argument(
         "--sensitivity",
@@ -364,11 +364,9 @@ def _add_settings(parser: argparse.ArgumentParser) -> None:
 
 
 def _settings(parsed: argparse.Namespace) -> Settings:
-    signature = LiveSignature(parsed.signature)
-    if parsed.window and signature is LiveSignature.WINDOWS:
-        raise ValueError(
-            "--window: expected --signature eigenvector with it, got windows, which has lengths of its own"
-        )
+    signature = LiveSignature(parsed.signature) if parsed.signature else None
+    if parsed.window and signature is not LiveSignature.EIGENVECTOR:
+        raise ValueError("--window: expected --signature eigenvector with it; windows have lengths of their own")
     return Settings(
         signature=signature,
         window=parsed.window or _DEFAULTS.window,

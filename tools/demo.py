@@ -26,7 +26,7 @@ from tools.background import BackgroundService
 from tools.console import console
 from tools.expected import AnswerMatcher, expected_answers
 from tools.feed import Cue, Pace
-from tools.ghost import ghost, representative
+from tools.ghost import ghost
 from tools.listener import Listener, answer_in
 from tools.livetable import narrow_table, score_shown
 
@@ -43,8 +43,8 @@ if TYPE_CHECKING:
 
 PERFORMER = "ghost"
 _FRAME_RATE = 120.0
-#: Swings per second of a ghost along its axis.
-_SWING = 0.9
+#: Cycles per second of a ghost: at another beat than hops fall, so that no two answers are alike.
+_SWING = 0.97
 #: Seconds between two ghosts: longer than the recogniser bridges, so that its window starts anew.
 _PAUSE = 0.7
 _LINGER = 0.3
@@ -106,8 +106,7 @@ def _cues(library: MotionLibrary, each: float) -> list[Cue]:
     cues = list[Cue]()
     for place, class_name in enumerate(library.classes):
         begin = place * (each + _PAUSE)
-        motion = representative(library, class_name)
-        positions = ghost(library, motion, seconds=each, frame_rate=_FRAME_RATE, rate=_SWING).astype(np.float32)
+        positions = ghost(library, class_name, seconds=each, frame_rate=_FRAME_RATE, rate=_SWING).astype(np.float32)
         for index, joints in enumerate(positions):
             due = begin + index / _FRAME_RATE
             cues.append(Cue(due, Frame(PERFORMER, 1.0 + due, joints), len(cues), class_name))

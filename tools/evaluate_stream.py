@@ -178,6 +178,7 @@ def _figures(score: StreamScore) -> dict[str, str]:
         "segments found": _percent(score.segments_found),
         "delay of the first lasting right guess, median": _seconds(score.median_delay_s),
         "the same, 90 %": _seconds(score.p90_delay_s),
+        "share of a motion seen by then, median": _percent(score.median_seen),
         "delay of the start event, median": _seconds(score.median_event_delay_s),
         "unknown motions: share of their time named": _percent(score.unknown_answered),
         "unknown motions: names begun per minute": _plain(score.false_per_minute),

@@ -17,7 +17,7 @@ from tools.background import BackgroundService
 from tools.console import console
 from tools.expected import AnswerMatcher, expected_answers
 from tools.feed import Cue, Pace
-from tools.ghost import ghost, representative
+from tools.ghost import ghost
 from tools.listener import Listener, answer_in
 
 if TYPE_CHECKING:
@@ -176,9 +176,8 @@ class _Run:
 
 
 def _cues(library: MotionLibrary, rate_hz: float, seconds: float) -> list[Cue]:
-    motion = representative(library, library.classes[0])
     # The ghost swings at another beat than hops fall, so that no two answers are alike.
-    positions = ghost(library, motion, seconds=seconds, frame_rate=rate_hz, rate=0.83).astype(np.float32)
+    positions = ghost(library, library.classes[0], seconds=seconds, frame_rate=rate_hz, rate=0.83).astype(np.float32)
     return [Cue(k / rate_hz, Frame("latency", 1.0 + k / rate_hz, each), k) for k, each in enumerate(positions)]
 
 

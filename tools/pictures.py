@@ -9,6 +9,7 @@ import numpy as np
 try:
     from matplotlib import colormaps
     from matplotlib.figure import Figure
+    from matplotlib.patches import Patch
 except ImportError as error:
     raise ImportError("pictures need matplotlib: pip install kinespace[pictures]") from error
 
@@ -104,6 +105,9 @@ def draw_timelines(path: Path, courses: Sequence[Course], classes: Sequence[str]
         for panel in (bands, curve):
             panel.set_xlim(course.times[0], course.times[-1])
     panels[-1].set_xlabel("seconds")
+    shown = np.unique(np.concatenate([track for each in courses for track in (each.truth, each.published, each.event)]))
+    patches = [Patch(color=colours[index], label=classes[index]) for index in shown if index >= 0]
+    figure.legend(handles=patches, loc="outside lower center", ncols=4, frameon=False)
     figure.savefig(path, dpi=110)
 
 

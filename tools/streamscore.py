@@ -147,6 +147,8 @@ class StreamScore:
         Share of the known segments with a lasting right guess.
     median_delay_s, p90_delay_s
         Seconds from a found segment's start to its first lasting right guess.
+    median_seen
+        How much of a found segment had been seen at its first lasting right guess: share of its seconds.
     median_event_delay_s
         Seconds from a segment's start to the start event of its class, of those that have one.
     false_per_minute
@@ -167,6 +169,7 @@ class StreamScore:
     segments_found: float | None
     median_delay_s: float | None
     p90_delay_s: float | None
+    median_seen: float | None
     median_event_delay_s: float | None
     false_per_minute: float | None
     unknown_answered: float | None
@@ -195,7 +198,7 @@ def score_courses(courses: Sequence[Course], classes: Sequence[str], window: flo
     inside = np.concatenate([_window_inside(each, window) for each in courses])
     unknown = np.concatenate([each.labelled for each in courses]) & (truth == NONE)
     known = truth != NONE
-    delays, sought = _delays(courses)
+    delays, seen, sought = _delays(courses)
     event_delays = _event_delays(courses)
     minutes = sum(_seconds(each) for each in courses) / 60
     return StreamScore(
@@ -205,6 +208,7 @@ def score_courses(courses: Sequence[Course], classes: Sequence[str], window: flo
         segments_found=len(delays) / sought if sought else None,
         median_delay_s=_percentile(delays, 50),
         p90_delay_s=_percentile(delays, 90),
+        median_seen=_percentile(seen, 50),
         median_event_delay_s=_percentile(event_delays, 50),
         false_per_minute=_false_per_minute(courses),
         unknown_answered=_share(published != NONE, unknown),
@@ -237,9 +241,9 @@ def _window_inside(course: Course, window: float) -> NDArray[np.bool_]:
     return inside
 
 
-def _delays(courses: Sequence[Course]) -> tuple[list[float], int]:
-    """Give the delays of the known segments that were found, and how many known segments there are."""
-    delays, sought = list[float](), 0
+def _delays(courses: Sequence[Course]) -> tuple[list[float], list[float], int]:
+    """Give the found known segments' delays, in seconds and as a share, and how many known segments there are."""
+    delays, seen, sought = list[float](), list[float](), 0
     for course in courses:
         for index, segment in enumerate(course.segments):
             frames = np.flatnonzero(course.segment == index)
@@ -250,7 +254,8 @@ def _delays(courses: Sequence[Course]) -> tuple[list[float], int]:
             first = _first_lasting(right, course.times[frames])
             if first is not None:
                 delays.append(float(course.times[frames[first]] - segment.start))
-    return delays, sought
+                seen.append(delays[-1] / (segment.end - segment.start))
+    return delays, seen, sought
 
 
 def _first_lasting(right: NDArray[np.bool_], times: NDArray[np.float64]) -> int | None:
@@ -309,7 +314,9 @@ def _seconds(course: Course) -> float:
 
 
 def _changes(track: NDArray[np.intp]) -> int:
-    return int(np.count_nonzero(np.diff(track)))
+    """Count changes from the first motion on: that one begins within the take is no change from another."""
+    begun = np.flatnonzero(track != NONE)
+    return int(np.count_nonzero(np.diff(track[begun[0] :]))) if begun.size else 0
 
 
 def _share(of: NDArray[np.bool_], among: NDArray[np.bool_]) -> float | None:

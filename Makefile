@@ -8,7 +8,7 @@ MADE := $(VENV)/.made
 export OPENBLAS_NUM_THREADS := 1
 export OMP_NUM_THREADS := 1
 
-.PHONY: setup demo test lint types pytest wheel-check clean
+.PHONY: setup demo test lint types pytest fuzz wheel-check clean
 
 setup: $(MADE)
 
@@ -33,6 +33,11 @@ types: setup
 
 pytest: setup
 	$(BIN)/python -m pytest
+
+# Some two minutes of packets made to break a feed; `make test` sends ten thousand of them.
+PACKETS ?= 1000000
+fuzz: setup
+	$(BIN)/python tests/fuzzfeeds.py --packets $(PACKETS)
 
 # A wheel, installed in an environment of its own, away from the sources, does the main job.
 wheel-check: setup

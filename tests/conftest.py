@@ -1,13 +1,16 @@
-"""What every test may ask for: the recordings, found in one place, and hypothesis made repeatable."""
+"""What every test may ask for: recordings and others' programs, found in one place; hypothesis made repeatable."""
 
 from __future__ import annotations
 
+import importlib
 import os
+import shutil
 from pathlib import Path
 from typing import TYPE_CHECKING, NoReturn
 
 import pytest
 from hypothesis import settings
+from liblotools import LibloTools
 
 from library.motionlibrary import MotionLibrary
 from library.recordings import find_recordings, read_recordings
@@ -15,6 +18,8 @@ from library.windowtable import Comparison
 from tools.bench import recorded
 
 if TYPE_CHECKING:
+    from types import ModuleType
+
     from library.clip import Clip
     from tools.bench.recorded import Recorded
 
@@ -23,17 +28,35 @@ settings.register_profile("kinespace", derandomize=True, deadline=None)
 settings.load_profile("kinespace")
 
 
-def _without_data(reason: str) -> NoReturn:
-    """Skip the asking test, unless this is CI, where missing data would make every such test pass unseen."""
+def _without(reason: str, what: str) -> NoReturn:
+    """Skip the asking test, unless this is CI, where what is missing would make every such test pass unseen."""
     if os.environ.get("CI") == "true":
-        pytest.fail(f"{reason}, and CI runs with the recordings", pytrace=False)
+        pytest.fail(f"{reason}, and CI runs with {what}", pytrace=False)
     pytest.skip(reason)
 
 
 def _folder(path: Path) -> Path:
     if not path.is_dir():
-        _without_data(f"no folder {path}; KINESPACE_DATA may name the one that holds the recordings")
+        _without(f"no folder {path}; KINESPACE_DATA may name the one that holds the recordings", "the recordings")
     return path
+
+
+@pytest.fixture(scope="session")
+def liblo_tools() -> LibloTools:
+    """Give the programs of liblo, an implementation of OSC that is not ours."""
+    found = {name: shutil.which(name) for name in LibloTools._fields}
+    if missing := [name for name, path in found.items() if path is None]:
+        _without(f"no {missing[0]} here; Debian's liblo-tools has it", "liblo-tools")
+    return LibloTools(**{name: Path(path) for name, path in found.items() if path is not None})
+
+
+@pytest.fixture(scope="session")
+def pyliblo() -> ModuleType:
+    """Give liblo's Python module."""
+    try:
+        return importlib.import_module("pyliblo3")
+    except ImportError as error:
+        _without(f"{error}; pip install pyliblo3", "pyliblo3")
 
 
 @pytest.fixture(scope="session")

@@ -260,7 +260,11 @@ class WindowTable:
         if not np.array_equal(np.lexsort((self.actors, self.classes)), indices):
             raise ValueError("actors: expected motions by class and, within a class, by actor")
         all_or_none = np.isfinite(self.thresholds).all() or (self.thresholds == np.inf).all()
-        if self.thresholds.shape != (len(RATES),) or not all_or_none or (self.thresholds[1:] < self.thresholds[:-1]).any():
+        if (
+            self.thresholds.shape != (len(RATES),)
+            or not all_or_none
+            or (self.thresholds[1:] < self.thresholds[:-1]).any()
+        ):
             raise ValueError(f"thresholds: expected {len(RATES)} ascending numbers, got {self.thresholds}")
 
     @classmethod

@@ -10,6 +10,8 @@ import numpy as np
 from library.skeleton import SkeletonMismatchError
 
 if TYPE_CHECKING:
+    from collections.abc import Collection
+
     from numpy.typing import NDArray
 
     from library.skeleton import Skeleton
@@ -99,3 +101,22 @@ class Clip:
                 f"got {', '.join(further[:5])}{' ...' if len(further) > 5 else ''} beside them"
             )
         return replace(self, skeleton=skeleton, positions=self.positions[:, skeleton.order_from(self.skeleton.joints)])
+
+    def restricted_to(self, joints: Collection[str]) -> Clip:
+        """Give the clip as fewer joints show it, in this skeleton's order; rotations, which are not theirs, left out.
+
+        Raises
+        ------
+        SkeletonMismatchError
+            Fewer than two of the joints are this skeleton's.
+        """
+        kept = [index for index, name in enumerate(self.skeleton.joints) if name in joints]
+        if len(kept) < 2:
+            raise SkeletonMismatchError(f"clip {self.name!r}: expected at least 2 of the joints, got {len(kept)}")
+        skeleton = self.skeleton.restricted_to(kept)
+        return replace(
+            self,
+            skeleton=skeleton,
+            positions=self.positions[:, kept],
+            rotations=np.zeros((self.frames, 0)),
+        )

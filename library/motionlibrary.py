@@ -382,6 +382,16 @@ class MotionLibrary:
             attribution=self.attribution,
         )
 
+    def comparison_for(self, skeleton: Skeleton) -> Comparison | None:
+        """Say how windows of a skeleton are compared as this library's are; None when they cannot be.
+
+        Its joints must be this library's or some of them, in this library's order.
+        """
+        if not set(skeleton.joints) <= set(self.skeleton.joints) or len(skeleton.joints) < 2:
+            return None
+        fewer = self.restricted_to(skeleton.joints)
+        return fewer.windows.comparison if fewer.windows and fewer.skeleton.joints == skeleton.joints else None
+
     def _shared(self, joints: Collection[str]) -> list[int]:
         names = self.skeleton.joints
         kept = [index for index, name in enumerate(names) if name in joints]

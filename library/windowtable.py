@@ -47,7 +47,7 @@ RATES = (0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.4)
 #: Squared distance beyond which windows are all as far: products of several stay finite.
 _FARTHEST = 1e9
 _NO_THRESHOLDS = np.full(len(RATES), np.inf, dtype=np.float32)
-#: How many people must agree, where so many perform a class.
+#: The second nearest person is the one who must agree, where two perform a class.
 _PEOPLE = 2
 #: Windows learned from and kept: one in so many seconds of a motion.
 _LEARN_EVERY = 2 / 15
@@ -260,7 +260,11 @@ class WindowTable:
         if not np.array_equal(np.lexsort((self.actors, self.classes)), indices):
             raise ValueError("actors: expected motions by class and, within a class, by actor")
         all_or_none = np.isfinite(self.thresholds).all() or (self.thresholds == np.inf).all()
-        if self.thresholds.shape != (len(RATES),) or not all_or_none or (np.diff(self.thresholds) < 0).any():
+        if (
+            self.thresholds.shape != (len(RATES),)
+            or not all_or_none
+            or (self.thresholds[1:] < self.thresholds[:-1]).any()
+        ):
             raise ValueError(f"thresholds: expected {len(RATES)} ascending numbers, got {self.thresholds}")
 
     @classmethod
@@ -332,7 +336,8 @@ class WindowTable:
             squared *= -2
             squared += squares
             squared += float(asked @ asked) + outside
-            np.clip(squared, 0.0, _FARTHEST, out=squared)
+            np.maximum(squared, 0.0, out=squared)
+            np.minimum(squared, _FARTHEST, out=squared)
             squared += NEAREST
             product *= squared
         return self._people.agreed(np.log(self._people.nearest(product)) / len(self.groups))
@@ -423,9 +428,11 @@ class _People:
 
         Infinite is a block that is not to be counted, and a class that has none.
         """
-        padded = np.concatenate([logs, np.full((*logs.shape[:-1], 1), np.inf)], axis=-1)[..., self.places]
-        least = np.sort(padded, axis=-1)[..., :_PEOPLE].astype(np.float64)
-        agreed: NDArray[np.float64] = np.where(np.isfinite(least), least, least[..., :1]).mean(axis=-1)
+        padded = np.full((*logs.shape[:-1], logs.shape[-1] + 1), np.inf)
+        padded[..., :-1] = logs
+        by_person = np.sort(padded[..., self.places], axis=-1)
+        first, last = by_person[..., 0], by_person[..., min(_PEOPLE, by_person.shape[-1]) - 1]
+        agreed: NDArray[np.float64] = (first + np.where(np.isfinite(last), last, first)) / 2
         return agreed
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, Generic, TypeVar
 
 import numpy as np
@@ -104,17 +105,26 @@ class WindowMeasurer:
         longest = self._distances[self.longest]
         longest.settle()
         deviation, mean = longest.rolling.deviation(), longest.rolling.mean()
-        return float(np.sqrt(np.mean(np.square(deviation)) / np.mean(np.square(mean))))
+        return math.sqrt(float(deviation @ deviation) / float(mean @ mean))
 
     def measures(self) -> dict[Measure, NDArray[np.float64]]:
         """Measure the windows that end with the newest row."""
-        return {measure: self._measured(measure) for measure in self._measures}
+        shapes = self._measured_shapes()
+        return {
+            measure: shapes[measure.seconds] if measure.kind is Kind.SHAPE else self._measured(measure)
+            for measure in self._measures
+        }
+
+    def _measured_shapes(self) -> dict[float, NDArray[np.float64]]:
+        """Measure the shapes of all lengths in one go: to ask for an eigendecomposition costs as much as to make it."""
+        if not self._shapes:
+            return {}
+        for shape in self._shapes.values():
+            shape.settle()
+        covariances = np.stack([shape.rolling.moments().covariance for shape in self._shapes.values()])
+        return dict(zip(self._shapes, shape_of(covariances), strict=True))
 
     def _measured(self, measure: Measure) -> NDArray[np.float64]:
-        if measure.kind is Kind.SHAPE:
-            shape = self._shapes[measure.seconds]
-            shape.settle()
-            return shape_of(shape.rolling.moments().covariance)
         distances = self._distances[measure.seconds]
         distances.settle()
         mean = distances.rolling.mean()

@@ -147,7 +147,7 @@ class ZmqSource:
         if parts is None:
             return None
         self._counts.received += 1
-        if not parts[0].startswith(b"frame/"):
+        if not (parts and parts[0].startswith(b"frame/")):
             if len(parts) == 1:
                 return self._take_one_part(parts[0], arrival)
             self._counts.foreign += 1

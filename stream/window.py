@@ -147,7 +147,11 @@ def _reserved(rows: int, width: int) -> NDArray[np.float64]:
     An array of numpy's own above 4 MB asks for pages of 2 MB on Linux, and for a hundred performers the difference to
     small ones is 70 MB.
     """
-    memory = mmap.mmap(-1, rows * width * np.dtype(np.float64).itemsize)
+    size = rows * width * np.dtype(np.float64).itemsize
+    try:
+        memory = mmap.mmap(-1, size)
+    except (OSError, OverflowError) as error:
+        raise MemoryError(f"expected room for {rows} rows of {width} numbers, {size} bytes") from error
     if hasattr(mmap, "MADV_NOHUGEPAGE"):
         # A kernel built without large pages refuses, and has no need of it.
         with suppress(OSError):

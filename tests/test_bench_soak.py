@@ -42,7 +42,10 @@ def test_a_wrong_eigenvector_is_seen(recordings: Recorded, monkeypatch: pytest.M
     def turned(recognizer: Recognizer) -> LeadingAxis | None:
         axis = last_axis(recognizer)
         assert axis is not None
-        other = axis.vector + 0.01 * axis.block[:, 1]
+        # A direction square to the axis.
+        other = np.roll(axis.vector, 1)
+        other -= (other @ axis.vector) * axis.vector
+        other = axis.vector + 0.01 * other / np.linalg.norm(other)
         return replace(axis, vector=-other / np.linalg.norm(other))
 
     monkeypatch.setattr(soak, "last_axis", turned)

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from tools.background import Transport
     from tools.bench.recorded import Recorded
 
-SETTINGS = Settings(window=0.3)
+SETTINGS = Settings(signature=LiveSignature.EIGENVECTOR, window=0.3)
 NOBODY = Crowd(1, 10, 5, 5, 0, np.full(1000, 0.001), 0.0, (), None)
 
 

@@ -69,7 +69,7 @@ def test_a_feed_is_recognised_and_several_hear_it() -> None:
         assert made, program.output
         assert int(made[1]) >= 70
         assert "malformed 0" in program.output
-        assert program.output.startswith("feed vmc: 22 of the library's 31 joints, compared by the eigenvector\n")
+        assert program.output.startswith("feed vmc: 22 of the library's 31 joints\n")
 
 
 def test_ones_own_preset_and_a_reply_to_the_sender(tmp_path: Path) -> None:

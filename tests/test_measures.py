@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from synthetic import STICK, stick_clip, stick_clips
 
 from library.distances import distance_rows
-from library.measures import BASIS_SIZE, FEWEST_FRAMES, Body, Kind, Measure, learned_basis, measured, shape_of
+from library.measures import BASIS_SIZE, FEWEST_FRAMES, Basis, Body, Kind, Measure, learned_basis, measured, shape_of
 from library.retrieval import turned
 from library.skeleton import Skeleton
 from library.windowtable import MEASURES
@@ -39,8 +39,13 @@ def _random_covariance(generator: np.random.Generator, size: int) -> np.ndarray:
     return np.cov(generator.normal(size=(3 * size, size)) @ generator.normal(size=(size, size)), rowvar=False)
 
 
-def _stick_basis(directions: int = 6) -> np.ndarray:
-    return np.random.default_rng(5).normal(size=(15, directions))
+def _plain(directions: np.ndarray) -> Basis:
+    """Make a basis of directions in which every pair counts as it is."""
+    return Basis(directions, np.ones(len(directions)))
+
+
+def _stick_basis(directions: int = 6) -> Basis:
+    return _plain(np.random.default_rng(5).normal(size=(15, directions)))
 
 
 def _all_measured(clip: Clip, ends: np.ndarray) -> dict[Measure, np.ndarray]:
@@ -116,7 +121,7 @@ def test_real_windows_measure_as_the_loops_say(some_clips: tuple[Clip, ...], kin
         rows, body = _rows(clip), Body.of(clip.skeleton)
         end = min(40, clip.frames)
         (found,) = measured(
-            rows, clip.frame_rate, np.array([end]), Measure(kind, 0.25), body=body, basis=np.zeros((465, 1))
+            rows, clip.frame_rate, np.array([end]), Measure(kind, 0.25), body=body, basis=_plain(np.zeros((465, 1)))
         )
         expected = twin(rows[end - 30 : end], _pairs(clip.skeleton), clip.skeleton.parents)
         np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-10)
@@ -135,7 +140,7 @@ def test_shapes_are_those_of_the_matrix_root(size: int) -> None:
 
 def test_real_windows_have_the_shape_of_their_covariance(some_clips: tuple[Clip, ...]) -> None:
     """The shape of a window of each class is that of its covariance in the basis, found by numpy and a matrix root."""
-    basis = np.random.default_rng(2).normal(size=(465, 7))
+    basis = _plain(np.random.default_rng(2).normal(size=(465, 7)))
     for clip in some_clips:
         rows = _rows(clip)
         end = min(90, clip.frames)
@@ -147,7 +152,7 @@ def test_real_windows_have_the_shape_of_their_covariance(some_clips: tuple[Clip,
             body=Body.of(clip.skeleton),
             basis=basis,
         )
-        covariance = np.cov((rows[max(end - 60, 0) : end] @ basis).T)
+        covariance = np.cov((rows[max(end - 60, 0) : end] @ basis.directions).T)
         np.testing.assert_allclose(found, naive_windows.shape(covariance), atol=1e-5)
 
 
@@ -240,7 +245,7 @@ def test_real_windows_do_not_depend_on_size_and_handedness(some_clips: tuple[Cli
         other = clip.moved_to(clip.positions * [2.0, 2.0, -2.0])
         for kind in OF_DISTANCES:
             first, second = (
-                measured(_rows(each), 120.0, ends, Measure(kind, 0.25), body=body, basis=np.zeros((465, 1)))
+                measured(_rows(each), 120.0, ends, Measure(kind, 0.25), body=body, basis=_plain(np.zeros((465, 1))))
                 for each in (clip, other)
             )
             np.testing.assert_allclose(second, first, atol=1e-9)
@@ -287,7 +292,7 @@ def test_the_basis_is_that_of_the_textbook(hdm05_clips: tuple[Clip, ...]) -> Non
         [float(rows.mean(axis=0)[own].mean()) for rows, own in zip(motions, lengths, strict=False)]
         for motions in by_class.values()
     ]
-    basis = learned_basis(list(by_class.values()), body)
+    basis = learned_basis(list(by_class.values()), body).directions
     expected = naive_windows.basis(list(by_class.values()), sizes, 24)
     assert basis.shape == (465, BASIS_SIZE)
     signs = np.sign((basis * expected).sum(axis=0))
@@ -298,8 +303,10 @@ def test_rigid_pairs_are_not_in_the_basis(some_clips: tuple[Clip, ...]) -> None:
     """The distances of the 30 segments, which do not move, have no part in any direction; others have."""
     body = Body.of(some_clips[0].skeleton)
     basis = learned_basis([[_rows(clip)] for clip in some_clips], body)
-    assert not basis[body.segments].any()
-    assert (np.abs(basis).sum(axis=1) > 0).sum() > 300
+    assert not basis.directions[body.segments].any()
+    assert not basis.weights[body.segments].any()
+    assert (np.abs(basis.directions).sum(axis=1) > 0).sum() > 300
+    assert np.array_equal(basis.weights > 0, basis.directions.any(axis=1))
 
 
 def test_a_class_counts_once_and_a_body_by_its_own_measure() -> None:
@@ -307,9 +314,9 @@ def test_a_class_counts_once_and_a_body_by_its_own_measure() -> None:
     clips = stick_clips(takes=1)
     rows = [[_rows(clip) for clip in clips if clip.class_name == name] for name in ("bow", "jump", "wave")]
     body = Body.of(STICK)
-    plain = np.abs(learned_basis(rows, body))
-    twice = np.abs(learned_basis([rows[0] * 2, *rows[1:]], body))
-    scaled = np.abs(learned_basis([[2.5 * each for each in rows[0]], *rows[1:]], body))
+    plain = np.abs(learned_basis(rows, body).directions)
+    twice = np.abs(learned_basis([rows[0] * 2, *rows[1:]], body).directions)
+    scaled = np.abs(learned_basis([[2.5 * each for each in rows[0]], *rows[1:]], body).directions)
     np.testing.assert_allclose(twice, plain, atol=1e-6 * plain.max())
     np.testing.assert_allclose(scaled, plain, atol=1e-6 * plain.max())
-    assert np.abs(np.abs(learned_basis(rows[1:], body)) - plain).max() > 0.01 * plain.max()
+    assert np.abs(np.abs(learned_basis(rows[1:], body).directions) - plain).max() > 0.01 * plain.max()

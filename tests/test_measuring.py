@@ -9,7 +9,7 @@ import pytest
 from naive_live import last_rows
 
 from library.distances import distance_rows
-from library.measures import FEWEST_FRAMES, Body, Kind, Measure, measured
+from library.measures import FEWEST_FRAMES, Basis, Body, Kind, Measure, measured
 from library.motionlibrary import MotionLibrary
 from library.windowtable import MEASURES
 from stream.measuring import WindowMeasurer
@@ -25,7 +25,7 @@ HOPS = {120: 12, 60: 6, 30: 3}
 
 
 @pytest.fixture(scope="module")
-def basis() -> np.ndarray:
+def basis() -> Basis:
     windows = MotionLibrary.builtin().windows
     assert windows is not None
     return windows.comparison.basis
@@ -38,7 +38,7 @@ def _fed(clips: Sequence[Clip], rate: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _assert_at_rest(
-    measurer: WindowMeasurer, skeleton: Skeleton, basis: np.ndarray, times: np.ndarray, rows: np.ndarray
+    measurer: WindowMeasurer, skeleton: Skeleton, basis: Basis, times: np.ndarray, rows: np.ndarray
 ) -> None:
     """Hold every measure against the library's, of just the rows that are in its window."""
     body = Body.of(skeleton)
@@ -53,12 +53,10 @@ def _assert_at_rest(
 
 
 @pytest.mark.parametrize("rate", [120, 60, 30])
-def test_at_every_hop_and_rate_they_are_those_at_rest(
-    some_clips: tuple[Clip, ...], basis: np.ndarray, rate: int
-) -> None:
+def test_at_every_hop_and_rate_they_are_those_at_rest(some_clips: tuple[Clip, ...], basis: Basis, rate: int) -> None:
     """Over real clips, one after another, each measure is the library's of the same frames, from the first on."""
     times, rows = _fed(some_clips[2:6], rate)
-    measurer = WindowMeasurer(some_clips[0].skeleton, MEASURES, basis)
+    measurer = WindowMeasurer(MEASURES, Body.of(some_clips[0].skeleton), basis)
     hops = 0
     for index, (time, row) in enumerate(zip(times.tolist(), rows, strict=True), start=1):
         measurer.push(time, row)
@@ -68,12 +66,12 @@ def test_at_every_hop_and_rate_they_are_those_at_rest(
     assert hops > 40
 
 
-def test_lost_frames_leave_what_is_there(some_clips: tuple[Clip, ...], basis: np.ndarray) -> None:
+def test_lost_frames_leave_what_is_there(some_clips: tuple[Clip, ...], basis: Basis) -> None:
     """With a third of the frames lost, measures are those of the frames that came, by their times."""
     times, rows = _fed(some_clips[5:8], 120)
     kept = np.random.default_rng(12).random(len(times)) > 1 / 3
     times, rows = times[kept], rows[kept]
-    measurer = WindowMeasurer(some_clips[0].skeleton, MEASURES, basis)
+    measurer = WindowMeasurer(MEASURES, Body.of(some_clips[0].skeleton), basis)
     for index, (time, row) in enumerate(zip(times.tolist(), rows, strict=True), start=1):
         measurer.push(time, row)
         if index % 20 == 0:
@@ -81,19 +79,19 @@ def test_lost_frames_leave_what_is_there(some_clips: tuple[Clip, ...], basis: np
 
 
 @pytest.mark.parametrize("frames", [200, 300])
-def test_hops_far_apart_change_nothing(some_clips: tuple[Clip, ...], basis: np.ndarray, frames: int) -> None:
+def test_hops_far_apart_change_nothing(some_clips: tuple[Clip, ...], basis: Basis, frames: int) -> None:
     """When hundreds of frames come before the first question, the answer is the same."""
     times, rows = _fed(some_clips[:3], 120)
-    measurer = WindowMeasurer(some_clips[0].skeleton, MEASURES, basis)
+    measurer = WindowMeasurer(MEASURES, Body.of(some_clips[0].skeleton), basis)
     for time, row in zip(times[:frames].tolist(), rows, strict=False):
         measurer.push(time, row)
     _assert_at_rest(measurer, some_clips[0].skeleton, basis, times[:frames], rows[:frames])
 
 
-def test_a_start_is_measured_as_far_as_it_reaches(some_clips: tuple[Clip, ...], basis: np.ndarray) -> None:
+def test_a_start_is_measured_as_far_as_it_reaches(some_clips: tuple[Clip, ...], basis: Basis) -> None:
     """As soon as there are frames enough it is ready, and every window is all there is, as of a recording's start."""
     times, rows = _fed(some_clips[:1], 120)
-    measurer = WindowMeasurer(some_clips[0].skeleton, MEASURES, basis)
+    measurer = WindowMeasurer(MEASURES, Body.of(some_clips[0].skeleton), basis)
     for index in range(FEWEST_FRAMES):
         assert not measurer.ready
         measurer.push(float(times[index]), rows[index])
@@ -104,10 +102,10 @@ def test_a_start_is_measured_as_far_as_it_reaches(some_clips: tuple[Clip, ...], 
         assert numbers == pytest.approx(exact, abs=2e-5), measure.name
 
 
-def test_after_clear_nothing_is_left(some_clips: tuple[Clip, ...], basis: np.ndarray) -> None:
+def test_after_clear_nothing_is_left(some_clips: tuple[Clip, ...], basis: Basis) -> None:
     """Cleared, it is not ready, may be given earlier times, and measures what comes next number for number as new."""
     times, rows = _fed(some_clips[:4], 120)
-    used, fresh = (WindowMeasurer(some_clips[0].skeleton, MEASURES, basis) for _ in range(2))
+    used, fresh = (WindowMeasurer(MEASURES, Body.of(some_clips[0].skeleton), basis) for _ in range(2))
     for time, row in zip(times.tolist(), rows, strict=True):
         used.push(1000.0 + time, row)
     before = used.measures()
@@ -122,10 +120,10 @@ def test_after_clear_nothing_is_left(some_clips: tuple[Clip, ...], basis: np.nda
         assert not np.allclose(after[measure], before[measure], atol=1e-3)
 
 
-def test_movement_is_the_deviation_over_the_longest_window(some_clips: tuple[Clip, ...], basis: np.ndarray) -> None:
+def test_movement_is_the_deviation_over_the_longest_window(some_clips: tuple[Clip, ...], basis: Basis) -> None:
     """Movement is the root mean square deviation of the last second, relative to the body's root mean square."""
     times, rows = _fed(some_clips[:3], 120)
-    measurer = WindowMeasurer(some_clips[0].skeleton, MEASURES, basis)
+    measurer = WindowMeasurer(MEASURES, Body.of(some_clips[0].skeleton), basis)
     assert measurer.longest == 1.0
     for time, row in zip(times.tolist(), rows, strict=True):
         measurer.push(time, row)
@@ -135,11 +133,11 @@ def test_movement_is_the_deviation_over_the_longest_window(some_clips: tuple[Cli
     assert exact > 0.01
 
 
-def test_only_what_is_asked_is_measured(some_clips: tuple[Clip, ...], basis: np.ndarray) -> None:
+def test_only_what_is_asked_is_measured(some_clips: tuple[Clip, ...], basis: Basis) -> None:
     """A measurer of one measure gives that one, of its own length."""
     times, rows = _fed(some_clips[:2], 120)
     measure = Measure(Kind.SPREAD, 0.5)
-    measurer = WindowMeasurer(some_clips[0].skeleton, [measure], basis)
+    measurer = WindowMeasurer([measure], Body.of(some_clips[0].skeleton), basis)
     for time, row in zip(times.tolist(), rows, strict=True):
         measurer.push(time, row)
     (numbers,) = measurer.measures().values()

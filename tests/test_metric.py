@@ -28,8 +28,10 @@ class _Windows:
         ]
         self.measures[:, 2:4] += generator.normal(scale=1.0, size=(3, 2))[self.classes]
 
-    def metric(self, *, shrinkage: float = 0.3, kept: int = 9) -> Metric:
-        return learned_metric(self.measures, self.classes, self.actors, shrinkage=shrinkage, kept=kept)
+    def metric(self, *, shrinkage: float = 0.3, kept: int = 9, together: bool = False) -> Metric:
+        return learned_metric(
+            self.measures, self.classes, self.actors, shrinkage=shrinkage, kept=kept, together=together
+        )
 
 
 def _matrix(metric: Metric) -> np.ndarray:
@@ -117,7 +119,9 @@ def test_the_order_of_windows_does_not_matter() -> None:
     windows = _Windows(5)
     order = np.random.default_rng(0).permutation(len(windows.classes))
     names = np.char.add("person ", windows.actors[order])
-    other = learned_metric(windows.measures[order], 7 - windows.classes[order], names, shrinkage=0.3, kept=5)
+    other = learned_metric(
+        windows.measures[order], 7 - windows.classes[order], names, shrinkage=0.3, kept=5, together=False
+    )
     plain = _matrix(windows.metric(kept=5))
     np.testing.assert_allclose(_matrix(other), plain, atol=4 * HALF * np.abs(plain).max())
 
@@ -134,7 +138,7 @@ def test_nobody_doing_the_same_teaches_nothing(actors: list[str]) -> None:
     """One person alone, or two who share no class, are refused."""
     measures = np.random.default_rng(0).normal(size=(4, 3))
     with pytest.raises(ValueError, match="actors: expected a class performed by two people, got none"):
-        learned_metric(measures, np.array([0, 0, 1, 1]), np.array(actors), shrinkage=0.3, kept=2)
+        learned_metric(measures, np.array([0, 0, 1, 1]), np.array(actors), shrinkage=0.3, kept=2, together=False)
 
 
 # --- off the axes ------------------------------------------------------------------------------------------------

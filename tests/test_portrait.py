@@ -136,7 +136,7 @@ def _unlike(rows: np.ndarray, index: int, table: WindowTable) -> float:
                     weight,
                 )
                 window = in_space[max(end - round(measure.seconds * 60), 0) : end]
-                measures[-1].append((metric, body.measured(metric.kind, window, table.comparison.basis)))
+                measures[-1].append((metric, body.measured(metric.kind, window, table.comparison.basis.directions)))
         distances = naive_live.log_distances(
             measures,
             [each.astype(float) for each in table.vectors],

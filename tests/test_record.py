@@ -160,7 +160,7 @@ def test_live_keeps_what_it_hears(tmp_path: Path) -> None:
     """With --record a running recogniser keeps every packet and says how many."""
     path = tmp_path / "a.kinerec"
     cues = ghost_cues("squat1Reps", 1.0)
-    with live("--record", path, "--window", 0.5) as stage:
+    with live("--record", path) as stage:
         stage.play(cues)
         assert stage.answers(1)
         wait_for(path, len(cues))

@@ -131,7 +131,7 @@ def test_the_sender_and_the_source_are_kept(tmp_path: Path) -> None:
     source = OscSource(datagrams)
     with RawWriter(tmp_path / "a.kinerec", [described(source)]) as writer:
         tap = TappedSource(source, writer, 0)
-        assert datagrams.sender == ""
+        assert datagrams.sender is None
         sender.send(b"rubbish")
         until = time.monotonic() + PATIENCE
         while tap.take(4.5) is None and time.monotonic() < until:

@@ -80,7 +80,7 @@ def _matcher(
     library: MotionLibrary, *, sensitivity: float = SENSITIVITY, stillness: float = STILLNESS
 ) -> WindowMatcher:
     assert library.windows is not None
-    return WindowMatcher(library.skeleton, library.windows, stillness=stillness, sensitivity=sensitivity)
+    return WindowMatcher(library.windows, stillness=stillness, sensitivity=sensitivity)
 
 
 def _hops(matcher: WindowMatcher, feed: Feed, every: int = 2) -> list[Hop]:
@@ -129,7 +129,7 @@ def _twin_distances(library: MotionLibrary, feed: Feed, asked: Sequence[float]) 
                     body.measured(
                         metric.kind,
                         naive_live.last_rows(feed.times, feed.rows, now, metric.seconds),
-                        table.comparison.basis,
+                        table.comparison.basis.directions,
                     ),
                 )
                 for metric in group

@@ -84,16 +84,14 @@ def run(
 def _comparison(clips: Sequence[Clip]) -> Comparison | None:
     """Choose how windows are compared: as several people's clips teach, else as the built-in library does.
 
-    Several people teach when there are three of them and two share a class. A skeleton of other joints than the
-    built-in library's, performed by too few, leaves whole motions only.
+    Several people teach when there are three of them and two share a class. A skeleton with joints that the built-in
+    library's has not, performed by too few, leaves whole motions only.
     """
     people = {clip.actor for clip in clips if clip.actor}
     performed = {(clip.class_name, clip.actor) for clip in clips if clip.actor}
     if len(people) >= _TEACHERS and len(performed) > len({class_name for class_name, _ in performed}):
         return Comparison.learned(clips)
-    builtin = MotionLibrary.builtin()
-    same = clips[0].skeleton.joints == builtin.skeleton.joints
-    return builtin.windows.comparison if same and builtin.windows else None
+    return MotionLibrary.builtin().comparison_for(clips[0].skeleton)
 
 
 def _require_place_for(output: Path) -> None:

@@ -347,6 +347,13 @@ def _add_evaluate(programs: Programs[argparse.ArgumentParser]) -> None:
     retrieval.add_argument("--space", choices=("distances", "positions", "rotations"), help="default: all")
     retrieval.add_argument("--signature", choices=("eigenvector", "spread"), help="default: both, for distances")
     retrieval.add_argument("--protocol", choices=("leave-one-out", "actor-held-out", "split"), help="default: all")
+    retrieval.add_argument(
+        "--skeleton",
+        nargs="+",
+        default=[],
+        metavar="NAME",
+        help="what these products' joints keep of it, like kinectv2",
+    )
     retrieval.add_argument("--turned", action="store_true", help="first turn and shift every clip by chance")
     retrieval.add_argument("--seed", type=int, default=0, help="of --turned (default %(default)s)")
     retrieval.add_argument(
@@ -392,6 +399,7 @@ def _add_evaluate_stream(kinds: Programs[argparse.ArgumentParser]) -> None:
     stream.add_argument(
         "--map", nargs="+", action="extend", type=_mapping, default=[], metavar="LABEL=CLASS", help="rename labels"
     )
+    stream.add_argument("--skeleton", metavar="NAME", help="with the joints of this product alone, like kinectv2")
     _add_settings(stream)
     stream.add_argument("--timeline", type=Path, metavar="FILE", help="draw what was performed and answered over time")
     stream.add_argument("--confusion", type=Path, metavar="FILE", help="draw what was answered to what")
@@ -409,6 +417,7 @@ def _run_evaluate_stream(parsed: argparse.Namespace) -> int:
         library=parsed.library,
         leave_one_out=parsed.protocol == "leave-one-take-out",
         names=dict(parsed.map),
+        skeleton=parsed.skeleton,
         settings=_settings(parsed),
         timeline=parsed.timeline,
         confusion_file=parsed.confusion,
@@ -425,6 +434,7 @@ def _run_retrieval(parsed: argparse.Namespace) -> int:
         space=parsed.space,
         signature=parsed.signature,
         protocol=parsed.protocol,
+        skeletons=parsed.skeleton,
         turned_by=parsed.seed if parsed.turned else None,
         picture=parsed.picture,
         as_json=parsed.json,

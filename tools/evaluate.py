@@ -26,6 +26,7 @@ from library.retrieval import (
     turned,
 )
 from tools.console import console, progress
+from tools.jointsets import joints_of
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -45,6 +46,7 @@ def run_retrieval(
     space: str | None,
     signature: str | None,
     protocol: str | None,
+    skeletons: Sequence[str],
     turned_by: int | None,
     picture: Path | None,
     as_json: bool,
@@ -59,6 +61,8 @@ def run_retrieval(
         How they are read.
     space, signature, protocol
         One of each, or None for all that the recordings allow.
+    skeletons
+        Names of joint sets to restrict the clips to, each for itself; as recorded when there is none.
     turned_by
         Seed with which clips are first turned and shifted; None to take them as recorded.
     picture
@@ -74,6 +78,8 @@ def run_retrieval(
     clips = _clips(places, reading, turned_by)
     protocols = [Protocol(protocol)] if protocol else _protocols(clips)
     _require_actors(clips, protocols)
+    if skeletons:
+        return _run_by_skeleton(clips, skeletons, protocols, as_json=as_json)
     # The picture compares the paper's three spaces, whatever is printed.
     spaces = list(Space) if picture or all(clip.rotations.size for clip in clips) else _WITHOUT_ROTATIONS
     wanted = [Space(space)] if space and not picture else spaces
@@ -90,6 +96,34 @@ def run_retrieval(
         print(json.dumps(_as_json(*chosen, result)))
     else:
         _print_table(shown, turned_by)
+    return 0
+
+
+def _run_by_skeleton(
+    clips: Sequence[Clip], skeletons: Sequence[str], protocols: Sequence[Protocol], *, as_json: bool
+) -> int:
+    """Say what each set of joints keeps of the distances' figures, by both signatures."""
+    found = dict[str, tuple[int, Results]]()
+    for name in skeletons:
+        fewer = [clip.restricted_to(joints_of(name)) for clip in clips]
+        results = _retrieve(fewer, [Space.DISTANCES], protocols) | _retrieve_by_spread(fewer, protocols)
+        found[name] = len(fewer[0].skeleton.joints), results
+    if as_json:
+        told = [
+            {"skeleton": name, "joints": joints} | _as_json(*key, result)
+            for name, (joints, results) in found.items()
+            for key, result in results.items()
+        ]
+        print(json.dumps(told))
+        return 0
+    table = Table(title="Of how many motions is the nearest neighbour of their class?", title_justify="left")
+    for heading in ("skeleton", "joints", "signature", *protocols):
+        table.add_column(heading, justify="left" if heading in ("skeleton", "signature") else "right")
+    for name, (joints, results) in found.items():
+        for signature in SignatureKind:
+            shares = [f"{results[Space.DISTANCES, signature, protocol].nearest:.1%}" for protocol in protocols]
+            table.add_row(name, f"{joints}", signature, *shares)
+    console.print(table)
     return 0
 
 

@@ -14,6 +14,7 @@ from stream.frame import Frame
 from stream.recognition import Recognition
 from stream.recognizer import Recognizer, Settings
 from tools.console import console, progress
+from tools.jointsets import joints_of
 from tools.streamscore import Course, StreamScore, confusion, course_of, score_courses
 
 if TYPE_CHECKING:
@@ -36,6 +37,7 @@ def run(
     library: Path | None,
     leave_one_out: bool,
     names: Mapping[str, str],
+    skeleton: str | None,
     settings: Settings,
     timeline: Path | None,
     confusion_file: Path | None,
@@ -57,6 +59,8 @@ def run(
         Recognise each take with a library built from the segments of the others instead.
     names
         Class name of labels that the library calls otherwise.
+    skeleton
+        Name of a joint set that takes and libraries are restricted to; as recorded when not given.
     settings
         Of the recogniser.
     timeline, confusion_file
@@ -65,10 +69,13 @@ def run(
         Print one JSON object and nothing else.
     """
     takes = _labelled_takes(places, reading, labels, names)
+    if skeleton:
+        takes = [(take.restricted_to(joints_of(skeleton)), segments) for take, segments in takes]
     if leave_one_out:
         libraries = [_library_of_others(takes, index) for index in range(len(takes))]
     else:
-        libraries = [MotionLibrary.load(library) if library else MotionLibrary.builtin()] * len(takes)
+        whole = MotionLibrary.load(library) if library else MotionLibrary.builtin()
+        libraries = [whole.restricted_to(joints_of(skeleton)) if skeleton else whole] * len(takes)
     classes = tuple(sorted({name for each in libraries for name in each.classes}))
     pairs = list(zip(takes, libraries, strict=True))
     courses = [
@@ -140,13 +147,8 @@ def _library_of_others(takes: Sequence[LabelledTake], held_out: int) -> MotionLi
     others = [each for index, each in enumerate(takes) if index != held_out]
     if not others:
         raise ValueError("--protocol leave-one-take-out: expected at least two takes, got one")
-    builtin = MotionLibrary.builtin()
-    skeleton = takes[0][0].skeleton
-    same = skeleton.joints == builtin.skeleton.joints
-    return MotionLibrary.of_clips(
-        (clip for take, segments in others for clip in cut(take.as_of(skeleton), segments)),
-        comparison=builtin.windows.comparison if same and builtin.windows else None,
-    )
+    clips = [clip for take, segments in others for clip in cut(take, segments)]
+    return MotionLibrary.of_clips(clips, comparison=MotionLibrary.builtin().comparison_for(clips[0].skeleton))
 
 
 def _draw(

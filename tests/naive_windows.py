@@ -261,3 +261,77 @@ def thresholds(
 def frames_within(frames: int, frame_rate: float, start: float, end: float) -> list[int]:
     """Say which frames' middles lie within a stretch of time."""
     return [frame for frame in range(frames) if start <= (frame + 0.5) / frame_rate < end]
+
+
+# --- fewer joints ------------------------------------------------------------------------------------------------
+
+
+def sizes_and_stretches(
+    means: Sequence[Mapping[tuple[int, int], float]],
+    parents: Sequence[int],
+    fewer_parents: Sequence[int],
+    joints: Sequence[int],
+) -> tuple[float, dict[tuple[int, int], float]]:
+    """Say by how much a body is larger than its fewer joints show, and its paths longer, in the mean over some people.
+
+    Parameters
+    ----------
+    means
+        For each person the distance of each pair of joints.
+    parents, fewer_parents
+        Of each joint, and of each of the fewer.
+    joints
+        Which joints the fewer are, in order.
+    """
+    sizes, stretches = [], dict[tuple[int, int], list[float]]()
+    for whole in means:
+        places = range(len(joints))
+        seen = {(a, b): whole[joints[a], joints[b]] for a in places for b in places if a < b}
+        sizes.append(body_size(whole, parents) / body_size(seen, fewer_parents))
+        for first, second in seen:
+            long = math.fsum(whole[each] for each in path_between(joints[first], joints[second], parents))
+            short = math.fsum(seen[each] for each in path_between(first, second, fewer_parents))
+            stretches.setdefault((first, second), []).append(long / short)
+    return mean(sizes), {pair: mean(found) for pair, found in stretches.items()}
+
+
+def course_seen(row: Matrix, directions: Matrix, weights: Matrix, seen: Sequence[int], clear: float) -> Matrix:
+    """Find where a row of fewer distances stands along directions, by least squares over what shows clearly in them.
+
+    Weighted rows are directions (orthonormal ones) times a course, and what is across them. The normal equations are
+    solved along those of their eigenvectors that show at least `clear` times as much as the one that shows most.
+    """
+    whole = [[d / w if w > 0 else 0.0 for d in line] for line, w in zip(directions.tolist(), weights, strict=True)]
+    orthonormal = np.array([whole[pair] for pair in seen])
+    swung = np.array([row[place] * weights[pair] for place, pair in enumerate(seen)])
+    values, vectors = scipy.linalg.eigh(orthonormal.T @ orthonormal)
+    course = np.zeros(directions.shape[1])
+    for value, vector in zip(values.tolist(), vectors.T, strict=True):
+        if math.sqrt(max(value, 0.0)) > clear * math.sqrt(values.max()):
+            course += vector * float(vector @ orthonormal.T @ swung) / value
+    return course
+
+
+def vector_seen(  # noqa: PLR0913 - the measure, what was learned, and which of its numbers are seen
+    measure: Matrix,
+    *,
+    origin: Matrix,
+    axes: Matrix,
+    together: Matrix,
+    spare: Matrix,
+    seen: Sequence[int],
+    level_removed: float,
+) -> Matrix:
+    """Estimate a vector from fewer numbers of a measure: E[z | x] of normally distributed z and x.
+
+    Cov(z, x) (Cov x)⁻¹ (x - origin), the covariance of the numbers seen being what the vectors tell and the spare. The
+    mean of which a share was taken away is first put back, in the measure as in what was learned.
+    """
+
+    def whole(numbers: Matrix) -> Matrix:
+        return np.asarray(numbers + level_removed / (1 - level_removed) * numbers.mean(axis=-1, keepdims=True))
+
+    prior = (together @ axes + (together @ axes).T) / 2
+    decoder = whole(np.linalg.inv(prior) @ together)[:, seen]
+    covariance = decoder.T @ prior @ decoder + np.diag(spare[seen])
+    return np.asarray(prior @ decoder @ np.linalg.inv(covariance) @ (whole(measure) - whole(origin)[seen]))

@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 
 #: Seconds of recorded time between two looks for performers who fell silent, as the service looks.
 _SILENCE_EVERY = 1.0
+#: Seconds after the last packet at which frames that are still open are closed: longer than any waits for a joint.
+_AFTERWARDS = 1.0
 
 
 class Decoded(NamedTuple):
@@ -32,20 +34,31 @@ class Decoded(NamedTuple):
 def decoded(header: RawHeader, packets: Iterable[RawPacket], preset: Preset | None = None) -> Iterator[Decoded]:
     """Decode packets as the live sources do, by those sources; what they count as malformed or foreign holds nothing.
 
+    After the last packet comes what was still open then, if anything was.
+
     Parameters
     ----------
     header, packets
         Of a raw recording.
     preset
         Another product's feed that the packets are read as; None for what the header says of each source.
+
+    Raises
+    ------
+    ValueError
+        The header names a feed that is not built in: it was somebody's own preset, which must be given.
     """
     plays = [_Played() for _ in header.sources]
     sources = [_source(told, played, preset) for told, played in zip(header.sources, plays, strict=True)]
+    ended = 0.0
     for packet in packets:
+        ended = packet.arrival + _AFTERWARDS
         source = sources[packet.source]
         early = source.tend(packet.arrival) if isinstance(source, TendedSource) else ()
         plays[packet.source].play(packet)
         yield Decoded(packet.arrival, (*early, *(source.take(packet.arrival) or ())))
+    if late := [event for source in sources if isinstance(source, TendedSource) for event in source.tend(ended)]:
+        yield Decoded(ended, late)
 
 
 def _source(told: str, played: _Played, preset: Preset | None) -> OscSource | ZmqSource | FeedSource:

@@ -12,11 +12,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
+from golden import LAYOUTS, Moment
 from programs import LOOPBACK, PATIENCE, Publisher, ghost_cues, live, started
 from recorded import JOINTS, TWO_ARMS, two_arms_frames, write_take
 from synthetic import amc_text
 
 from library import read_recordings
+from library.hdm05 import SKELETON
 from stream import Announcement, Frame, osc, zeromq
 from stream.rawfile import RawFile, RawHeader, RawPacket, encode_header, encode_packet
 from tools.cli import main
@@ -357,3 +359,57 @@ def test_what_cannot_be_converted_is_said_in_one_line(
     assert message in error
     assert error.count("\n") == 1
     assert [each.name for each in tmp_path.iterdir()] == ["a.kinerec"]
+
+
+# --- other products' packets -------------------------------------------------------------------------------------
+
+
+def an_osceleton(path: Path, *, told: str = "osc here") -> tuple[Path, np.ndarray]:
+    """Write what `kinespace record` would keep of ten of OSCeleton's frames; what was sent, (10, 31, 3), metres."""
+    cues = ghost_cues("squat1Reps", 0.5)[:40:4]
+    packets = []
+    for number, cue in enumerate(cues):
+        places = dict(zip(SKELETON.joints, cue.frame.positions, strict=True))
+        arrival = 7.0 + number / 30
+        packets += [
+            RawPacket(arrival, 0, "x:1", (each,)) for each in LAYOUTS["osceleton"][1](Moment(places, arrival, number))
+        ]
+    return written(path, *packets, sources=(told,)), np.array([cue.frame.positions for cue in cues])
+
+
+def test_a_feeds_recording_is_told_and_converted(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Read as what they are, by a preset's name or a file of one's own, packets are frames; unread they are none."""
+    path, positions = an_osceleton(tmp_path / "a.kinerec")
+    assert main(["info", str(path)]) == 0
+    assert "performer" not in capsys.readouterr().out
+    mine = tmp_path / "mine.toml"
+    assert main(["feeds", "osceleton"]) == 0
+    mine.write_text(capsys.readouterr().out, encoding="utf-8")
+    for feed in ("osceleton", str(mine)):
+        assert main(["info", str(path), "--feed", feed]) == 0
+        assert "performer 1: 10 frames" in capsys.readouterr().out
+        assert main(["convert", str(path), "--feed", feed, "-o", str(tmp_path / "a.npz")]) == 0
+        assert "10 frames of 15 joints" in capsys.readouterr().out
+        with np.load(tmp_path / "a.npz") as arrays:
+            order = [SKELETON.joints.index(joint) for joint in arrays["joints"]]
+            moved = arrays["positions"] - positions[:, order]
+            np.testing.assert_allclose(arrays["time"], 7.0 + np.arange(10) / 30)
+        # Where its camera stands is not in the messages.
+        np.testing.assert_allclose(moved, np.broadcast_to(moved[0, 0], moved.shape), atol=1e-6)
+
+
+def test_a_feeds_recording_says_what_it_is(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """What `kinespace live --feed --record` kept needs no telling; by a preset of one's own it needs the file."""
+    path, _ = an_osceleton(tmp_path / "a.kinerec", told="osc here feed osceleton")
+    assert main(["info", str(path)]) == 0
+    assert "performer 1: 10 frames" in capsys.readouterr().out
+    path, _ = an_osceleton(tmp_path / "b.kinerec", told="osc here feed mine")
+    assert main(["info", str(path)]) == 2
+    assert "feed: expected a .toml file or one of native, " in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("command", [["info"], ["info", "a.bvh"], ["convert", "a.bvh", "-o", "a.npz"]], ids=" ".join)
+def test_a_feed_is_for_raw_recordings(command: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    """Motion files and libraries hold no packets to be read as a feed, and that is said in a line."""
+    assert main([*command, "--feed", "vmc"]) == 2
+    assert "--feed: expected a .kinerec file with it, got" in capsys.readouterr().err

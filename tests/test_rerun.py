@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import socket
 import time
 from contextlib import ExitStack
 from typing import TYPE_CHECKING
@@ -10,11 +11,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 import zmq
+from golden import LAYOUTS, Moment
+from programs import ghost_cues
 from synthetic import STICK, STICK_CLASSES, stick_clip, stick_clips
 
 from library import MotionLibrary
+from library.hdm05 import SKELETON
 from library.windowtable import Comparison
 from stream import Announcement, Frame, Performers, Settings, osc, zeromq
+from stream.feeds import builtin_preset
+from stream.feeds.source import FeedSource
 from stream.rawfile import RawFile, RawHeader, RawPacket, RawWriter
 from stream.recognizer import LiveSignature
 from stream.rerun import decoded, recognitions
@@ -122,6 +128,69 @@ def test_a_recording_is_answered_as_the_feed_was(tmp_path: Path, signature: Live
     assert {answer.performer for answer in sink.recognitions} == {"ann", "bob", "eve"}
     assert_same(again[0], sink.recognitions)
     assert_same(again[0], again[1])
+
+
+def packets_of(layout: str) -> list[tuple[bytes, float]]:
+    """Send a ghost as a product would, at 30 frames a second: datagrams, and when they come."""
+    packets = []
+    for number, cue in enumerate(ghost_cues("kickLFront1Reps", 2.0)[::4]):
+        places = dict(zip(SKELETON.joints, cue.frame.positions, strict=True))
+        arrival = 5.0 + number / 30
+        datagrams = LAYOUTS[layout][1](Moment(places, arrival, number))
+        packets += [(datagram, arrival + place * 1e-6) for place, datagram in enumerate(datagrams)]
+    return packets
+
+
+@pytest.mark.parametrize("name", ["osceleton", "vmc", "synapse"])
+def test_a_recorded_feed_is_answered_as_it_was(tmp_path: Path, name: str) -> None:
+    """Another product's packets, recorded on their way, are put together and answered again, number for number."""
+    preset = builtin_preset(name)
+    library = MotionLibrary.builtin().restricted_to(preset.joints)
+    path, sink, now = tmp_path / "a.kinerec", Kept(), [5.0]
+    performers = Performers(library, Settings(hop=1 / 15))
+    with ExitStack() as opened:
+        source = FeedSource(osc.OscReceiver(LOOPBACK, 0), preset)
+        writer = opened.enter_context(RawWriter(path, [described(source)]))
+        tap = TappedSource(source, writer, 0)
+        service = opened.enter_context(Service(performers, [tap], [sink], clock=lambda: now[0]))
+        sender = opened.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM))
+        for datagram, arrival in packets_of(name):
+            now[0], received = arrival, source.counts.received
+            sender.sendto(datagram, source.receiver.address)
+            until = time.monotonic() + PATIENCE
+            while source.counts.received == received and time.monotonic() < until:
+                service.step(0.05)
+        now[0] += 0.5
+        service.step(0.0)
+        made, port = source.assembler.counts.frames, source.receiver.address[1]
+    recording = RawFile(path)
+    assert recording.header.sources == (f"osc {LOOPBACK}:{port} feed {name}",)
+    again = Performers(library, Settings(hop=1 / 15))
+    answers = list(recognitions(again, decoded(recording.header, recording.packets())))
+    assert_same(answers, sink.recognitions)
+    assert again.counts == performers.counts
+    assert again.counts.recognizers.frames == made == 60
+    assert "kickLFront1Reps" in [answer.label for answer in answers]
+
+
+@pytest.mark.parametrize("told", ["osc here", "zmq there", "osc here feed nimate", "zmq there feed nimate"])
+def test_packets_are_read_as_they_are_said_to_be(told: str) -> None:
+    """By datagram or ZeroMQ, a preset that is given goes before the one in the header; the last frame comes too."""
+    packets = [RawPacket(arrival, 0, "10.0.0.7:9", (datagram,)) for datagram, arrival in packets_of("osceleton")]
+    header = RawHeader("", (told,))
+    assert not any(each.events for each in decoded(header, packets))
+    events = [event for each in decoded(header, packets, builtin_preset("osceleton")) for event in each.events]
+    assert len([event for event in events if isinstance(event, Frame)]) == 60
+    assert [event for event in events if isinstance(event, Announcement)] == [
+        Announcement("1", builtin_preset("osceleton").joints)
+    ]
+
+
+def test_somebodys_own_preset_must_be_given() -> None:
+    """What was recorded by a preset that is not built in cannot be read without it, and that is said."""
+    header = RawHeader("", ("osc here feed mine",))
+    with pytest.raises(ValueError, match=r"feed: expected a \.toml file or one of .*, got 'mine'"):
+        list(decoded(header, []))
 
 
 def test_the_sender_and_the_source_are_kept(tmp_path: Path) -> None:

@@ -240,6 +240,7 @@ def _add_convert(programs: Programs[argparse.ArgumentParser]) -> None:
     convert.add_argument("source", type=Path, metavar="FILE", help="a .kinerec or a motion file")
     convert.add_argument("-o", "--output", type=Path, required=True, metavar="FILE", help="ending in .npz or .csv")
     convert.add_argument("--performer", help="whose frames, where there are several performers")
+    _add_recorded_feed(convert)
     _add_reading(convert)
     convert.set_defaults(run=_run_convert)
 
@@ -247,7 +248,17 @@ def _add_convert(programs: Programs[argparse.ArgumentParser]) -> None:
 def _run_convert(parsed: argparse.Namespace) -> int:
     from tools import convert  # noqa: PLC0415 - as above
 
-    return convert.run(parsed.source, parsed.output, performer=parsed.performer, reading=_reading(parsed))
+    return convert.run(
+        parsed.source, parsed.output, performer=parsed.performer, feed=parsed.feed, reading=_reading(parsed)
+    )
+
+
+def _add_recorded_feed(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--feed",
+        metavar="NAME",
+        help="read a .kinerec as this product's, see kinespace feeds; or FILE.toml (default: what it says of itself)",
+    )
 
 
 def _add_latency(programs: Programs[argparse.ArgumentParser]) -> None:
@@ -322,6 +333,7 @@ def _add_info(programs: Programs[argparse.ArgumentParser]) -> None:
     info.add_argument(
         "file", nargs="?", type=Path, metavar="FILE", help="a library, a recording or a folder (default: built-in)"
     )
+    _add_recorded_feed(info)
     _add_reading(info)
     info.set_defaults(run=_run_info)
 
@@ -329,7 +341,7 @@ def _add_info(programs: Programs[argparse.ArgumentParser]) -> None:
 def _run_info(parsed: argparse.Namespace) -> int:
     from tools import info  # noqa: PLC0415 - as above
 
-    return info.run(parsed.file, _reading(parsed))
+    return info.run(parsed.file, _reading(parsed), feed=parsed.feed)
 
 
 def _add_evaluate(programs: Programs[argparse.ArgumentParser]) -> None:

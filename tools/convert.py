@@ -19,6 +19,7 @@ from stream.frame import Announcement
 from stream.rawfile import ENDING, RawFile
 from stream.rerun import decoded
 from tools.console import console, printable, progress
+from tools.feeds import preset_named
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from library import Reading
+    from stream.feeds import Preset
     from stream.frame import Frame
 
 #: A frame's time in seconds and its positions, (joints, 3), metres.
@@ -51,7 +53,7 @@ class _Seen:
     sizes: dict[int, int] = field(default_factory=dict)
 
 
-def run(source: Path, output: Path, *, performer: str | None, reading: Reading) -> int:
+def run(source: Path, output: Path, *, performer: str | None, feed: str | None, reading: Reading) -> int:
     """Convert one file, frame by frame.
 
     Parameters
@@ -64,6 +66,8 @@ def run(source: Path, output: Path, *, performer: str | None, reading: Reading) 
         each joint).
     performer
         Whose frames, where a raw recording has several performers.
+    feed
+        Name or file of the preset that a raw recording's packets are read by; None for what it says of itself.
     reading
         How a motion file is read.
     """
@@ -72,8 +76,10 @@ def run(source: Path, output: Path, *, performer: str | None, reading: Reading) 
     damage = ""
     if source.suffix.lower() == ENDING:
         recording = RawFile(source)
-        motion, refused = _of_raw(recording, performer)
+        motion, refused = _of_raw(recording, performer, preset_named(feed) if feed else None)
         damage = recording.damage()
+    elif feed:
+        raise ValueError(f"--feed: expected a {ENDING} file with it, got {source}")
     else:
         motion, refused = _of_file(source, reading), 0
     motion.postures = progress(motion.postures, "Writing", motion.frames)
@@ -93,10 +99,10 @@ def _of_file(source: Path, reading: Reading) -> _Motion:
     return _Motion(clip.skeleton, clip.actor, clip.frames, zip(clip.times.tolist(), clip.positions, strict=True))
 
 
-def _of_raw(recording: RawFile, performer: str | None) -> tuple[_Motion, int]:
+def _of_raw(recording: RawFile, performer: str | None, preset: Preset | None) -> tuple[_Motion, int]:
     """Look through a recording once for who is in it, then give one performer's frames; how many are left out."""
     seen: dict[str, _Seen] = {}
-    for event in progress(_events(recording), "Looking", None):
+    for event in progress(_events(recording, preset), "Looking", None):
         each = seen.setdefault(event.performer, _Seen())
         if isinstance(event, Announcement):
             each.joints = each.joints or event.joints
@@ -110,10 +116,10 @@ def _of_raw(recording: RawFile, performer: str | None) -> tuple[_Motion, int]:
     if chosen not in performing:
         raise ValueError(f"{recording.path}: no frame of {chosen or 'anybody'!r} in it")
     skeleton = _skeleton(seen[chosen])
-    frames = sum(1 for _ in _postures(recording, chosen, skeleton))
+    frames = sum(1 for _ in _postures(recording, preset, chosen, skeleton))
     if not frames:
         raise ValueError(f"{recording.path}: no frame of {chosen!r} has the {len(skeleton.joints)} announced joints")
-    motion = _Motion(skeleton, chosen, frames, _postures(recording, chosen, skeleton))
+    motion = _Motion(skeleton, chosen, frames, _postures(recording, preset, chosen, skeleton))
     return motion, seen[chosen].frames - frames
 
 
@@ -127,14 +133,14 @@ def _skeleton(seen: _Seen) -> Skeleton:
     return Skeleton(tuple(f"joint{number}" for number in range(1, size + 1)))
 
 
-def _events(recording: RawFile) -> Iterator[Frame | Announcement]:
-    return chain.from_iterable(each.events for each in decoded(recording.header, recording.packets()))
+def _events(recording: RawFile, preset: Preset | None) -> Iterator[Frame | Announcement]:
+    return chain.from_iterable(each.events for each in decoded(recording.header, recording.packets(), preset))
 
 
-def _postures(recording: RawFile, performer: str, skeleton: Skeleton) -> Iterator[_Posture]:
+def _postures(recording: RawFile, preset: Preset | None, performer: str, skeleton: Skeleton) -> Iterator[_Posture]:
     order: NDArray[np.intp] | None = np.arange(len(skeleton.joints))
     size = len(skeleton.joints)
-    for event in _events(recording):
+    for event in _events(recording, preset):
         if event.performer != performer:
             continue
         if isinstance(event, Announcement):

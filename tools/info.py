@@ -15,25 +15,39 @@ from stream.frame import Frame
 from stream.rawfile import ENDING, RawFile
 from stream.rerun import decoded
 from tools.console import console, printable, progress
+from tools.feeds import preset_named
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
     from library import Reading
+    from stream.feeds import Preset
     from stream.rawfile import RawPacket
 
 
-def run(file: Path | None, reading: Reading) -> int:
-    """Say what a file holds, or a folder's recordings."""
+def run(file: Path | None, reading: Reading, *, feed: str | None = None) -> int:
+    """Say what a file holds, or a folder's recordings.
+
+    Parameters
+    ----------
+    file
+        A library, a recording or a folder; None for the built-in library.
+    reading
+        How motion files are read.
+    feed
+        Name or file of the preset that a raw recording's packets are read by; None for what it says of itself.
+    """
+    if feed and not (file and file.suffix.lower() == ENDING):
+        raise ValueError(f"--feed: expected a {ENDING} file with it, got {file or 'none'}")
     if file and (is_recording(file) or (file.is_dir() and file.suffix != ".npz")):
         return _tell_recordings(file, reading)
     if file and file.suffix.lower() == ENDING:
-        return _tell_raw(file)
+        return _tell_raw(file, preset_named(feed) if feed else None)
     return _tell_library(file)
 
 
-def _tell_raw(file: Path) -> int:
+def _tell_raw(file: Path, preset: Preset | None) -> int:
     """Print what a raw recording holds and, if it is cut off, where."""
     recording = RawFile(file)
     senders, performers = Counter[str](), Counter[str]()
@@ -46,7 +60,7 @@ def _tell_raw(file: Path) -> int:
             arrivals[1 if arrivals else 0 :] = [packet.arrival]
             yield packet
 
-    for each in decoded(recording.header, noting()):
+    for each in decoded(recording.header, noting(), preset):
         performers.update(event.performer for event in each.events if isinstance(event, Frame))
     console.print(f"{file}: recorded {recording.header.began}, {arrivals[-1] - arrivals[0] if arrivals else 0:.1f} s")
     for sender, count in senders.items():

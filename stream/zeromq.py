@@ -35,6 +35,10 @@ _TYPES: dict[str, np.dtype[np.floating]] = {name: np.dtype(name) for name in ("<
 _MOST_JOINTS = 4096
 #: Messages waiting in a socket: eight seconds of a 120 Hz feed, then ZeroMQ itself begins to throw away.
 _HIGH_WATER_MARK = 1000
+#: Seconds of silence after which the system asks whether the other machine is still there, seconds between two more
+#: questions, and how many go unanswered before the connection is made anew. A sender switched off or a cable pulled
+#: says nothing, and ZeroMQ would wait for it for hours. Not ZeroMQ's own heartbeats: older peers know nothing of them.
+_ASK_AFTER, _ASK_EVERY, _ASK_TIMES = 5, 1, 5
 #: How far behind the newest a number may be and still be a late frame, not a new beginning.
 _LATEST = 16
 _MOST_PERFORMERS = 1024
@@ -285,6 +289,10 @@ class Endpoint(NamedTuple):
         opened.linger = 0
         opened.set_hwm(_HIGH_WATER_MARK)
         opened.setsockopt(zmq.MAXMSGSIZE, LARGEST_MESSAGE)
+        opened.setsockopt(zmq.TCP_KEEPALIVE, 1)
+        opened.setsockopt(zmq.TCP_KEEPALIVE_IDLE, _ASK_AFTER)
+        opened.setsockopt(zmq.TCP_KEEPALIVE_INTVL, _ASK_EVERY)
+        opened.setsockopt(zmq.TCP_KEEPALIVE_CNT, _ASK_TIMES)
         try:
             if self.bind:
                 opened.bind(self.address)

@@ -447,6 +447,26 @@ def test_over_zeromq_frames_go_in_and_answers_come_out(
     assert (status.inputs.malformed, status.inputs.missing) == (0, 0)
 
 
+def test_after_a_stall_all_that_waits_is_taken_in(library: MotionLibrary, opened: ExitStack) -> None:
+    """For a slow reader ZeroMQ keeps the oldest: they are all taken in at the next turns, and none waits any more."""
+    publisher = opened.enter_context(closing(zmq.Context.instance().socket(zmq.XPUB)))
+    publisher.linger = 0
+    publisher.bind("inproc://a-stall")
+    source, sink = ZmqSource(zeromq.ZmqReceiver(Endpoint("inproc://a-stall", bind=False))), FakeSink()
+    service = opened.enter_context(Service(Performers(library), [source], [sink]))
+    assert publisher.poll(int(PATIENCE * 1000))
+    assert publisher.recv() == b"\x01"
+    frames = _frames("wave", frames=600)
+    for seq, frame in enumerate(frames):
+        if seq not in (100, 101, 102):
+            publisher.send_multipart(zeromq.encode_frame(frame, seq))
+    for _ in range(3):
+        service.step(0.0)
+    assert source.receiver.receive() is None
+    assert (source.counts.received, source.counts.missing) == (597, 3)
+    assert sink.recognitions[-1].time == _expected(library, frames[:100] + frames[103:])[-1].time > frames[-6].time
+
+
 def test_sources_of_both_kinds_are_one_service(library: MotionLibrary, opened: ExitStack) -> None:
     """Frames by OSC and by ZeroMQ are each recognised, and the counts of both are added."""
     osc_source = OscSource(osc.OscReceiver(LOOPBACK, 0))

@@ -4,7 +4,11 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import os
 import pickle
+import sys
+import time
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -28,6 +32,8 @@ if TYPE_CHECKING:
 ANY_PORT = "tcp://127.0.0.1:*"
 #: Milliseconds a test waits for a message that must come, before it gives up.
 PATIENCE_MS = 20_000
+#: How Linux's table of connections writes one that is open, and the timer that asks whether the other end is there.
+ESTABLISHED, KEEPALIVE = "01", 2
 NAMED = Recognition(
     performer="Ada",
     time=4.0,
@@ -661,6 +667,24 @@ def test_a_closed_sender_counts_its_failures(wire: Wire) -> None:
     sender.close()
     sender.send([b"class/p/", b"{}"])
     assert sender.failed == 1
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="only Linux tells of each connection which timer runs")
+def test_a_sender_that_was_switched_off_is_asked_for(wire: Wire) -> None:
+    """While nothing comes, the system asks on both ends' connections whether the other is there, within seconds."""
+    receiver = wire.receiver()
+    sender = wire.sender(receiver.address, bind=False)
+    _greet(sender, receiver)
+    port = f":{int(receiver.address.rpartition(':')[2]):04X}"
+    until, timers = time.monotonic() + PATIENCE_MS / 1000, list[tuple[int, float]]()
+    # What was sent last is acknowledged first.
+    while [kind for kind, _ in timers] != [KEEPALIVE, KEEPALIVE] and time.monotonic() < until:
+        rows = [line.split() for line in Path("/proc/net/tcp").read_text().splitlines()[1:]]
+        ends = [row[5].split(":") for row in rows if row[3] == ESTABLISHED and port in row[1] + row[2]]
+        timers = [(int(kind, 16), int(ticks, 16) / os.sysconf("SC_CLK_TCK")) for kind, ticks in ends]
+        time.sleep(0.01)
+    assert [kind for kind, _ in timers] == [KEEPALIVE, KEEPALIVE]
+    assert max(seconds for _, seconds in timers) <= 6.0
 
 
 def test_messages_never_come_in_halves(wire: Wire) -> None:

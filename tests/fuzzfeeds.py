@@ -17,9 +17,11 @@ import numpy as np
 from golden import LAYOUTS, Moment, bundle, message
 
 from library.hdm05 import SKELETON
+from stream import onepart, zeromq
 from stream.feeds import builtin_names, builtin_preset
 from stream.feeds.source import FeedSource
 from stream.frame import Announcement, Frame
+from stream.service import ZmqSource
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -145,16 +147,69 @@ def run(preset: Preset, packets: int, seed: int) -> FeedSource:
     return source
 
 
+class NoSubscription:
+    """Stands in a ZeroMQ receiver's place and gives what it is told to."""
+
+    def __init__(self) -> None:
+        self.parts: list[bytes] | None = None
+        self.address = "tcp://127.0.0.1:7000"
+        self.socket = self
+
+    def receive(self) -> list[bytes] | None:
+        """Give the message once."""
+        parts, self.parts = self.parts, None
+        return parts
+
+    def close(self) -> None:
+        """Nothing to close."""
+
+
+def golden_messages() -> list[list[bytes]]:
+    """Give our ZeroMQ messages, of three parts and of one, and OSC packets as they are."""
+    generator = np.random.default_rng(2)
+    frames = [Frame("jan", 1.0 + number / 30, generator.normal(size=(31, 3))) for number in range(3)]
+    made = [zeromq.encode_frame(frame, number, SKELETON.joints) for number, frame in enumerate(frames)]
+    made += [[onepart.encode(frame, number, SKELETON.joints)] for number, frame in enumerate(frames)]
+    return made + [[packet] for packet in golden_packets("native")]
+
+
+def run_messages(messages: int, seed: int) -> ZmqSource:
+    """Push so many broken ZeroMQ messages through our source; the source as it is afterwards."""
+    generator = np.random.default_rng(seed)
+    receiver = NoSubscription()
+    source = ZmqSource(receiver)
+    golden = golden_messages()
+    streams = [broken([each[place] for each in golden if place < len(each)], generator) for place in range(3)]
+    for number in range(messages):
+        good = golden[generator.integers(len(golden))]
+        # One part broken, or each, or parts missing, repeated and in another order.
+        parts = [next(streams[place]) if generator.integers(2) else part for place, part in enumerate(good)]
+        if not generator.integers(4):
+            parts = [parts[place] for place in generator.integers(len(parts), size=generator.integers(1, 5))]
+        receiver.parts = parts
+        try:
+            events = source.take(number / 100)
+            assert events is not None
+            assert source.counts.received == number + 1
+            for event in events:
+                assert isinstance(event, Announcement) or np.isfinite(event.positions).all()
+        except BaseException:
+            print(f"ZeroMQ, seed {seed}: {parts!r}", file=sys.stderr)  # noqa: T201 - what a person is to look at
+            raise
+    return source
+
+
 def main() -> int:
-    """Push packets through every preset in turn."""
+    """Push packets through every preset in turn, and as many messages through ZeroMQ's source."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--packets", type=int, default=1_000_000, help="in all (default %(default)s)")
     parser.add_argument("--seed", type=int, default=0, help="of the first preset (default %(default)s)")
     parsed = parser.parse_args()
-    each = -(-parsed.packets // len(builtin_names()))
+    each = -(-parsed.packets // (len(builtin_names()) + 1))
     for place, name in enumerate(builtin_names()):
         counts = run(builtin_preset(name), each, parsed.seed + place).counts
         print(f"{name}: {counts}")  # noqa: T201 - a program's output
+    print(f"ZeroMQ: {run_messages(each, parsed.seed).counts}")  # noqa: T201 - as above
     return 0
 
 

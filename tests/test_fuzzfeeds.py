@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from fuzzfeeds import NoSocket, check, run
+from fuzzfeeds import NoSocket, check, run, run_messages
 from golden import bundle, message
 from hypothesis import given
 from hypothesis import strategies as st
@@ -12,7 +12,7 @@ from stream.feeds import builtin_names, builtin_preset
 from stream.feeds.source import FeedSource
 from stream.feeds.survey import Survey
 
-#: Of each of the 15 presets.
+#: Of each of the 15 presets, and of ZeroMQ.
 PACKETS = 700
 PRESETS = [builtin_preset(name) for name in builtin_names()]
 ADDRESSES = sorted({rule.address for preset in PRESETS for rule in preset.messages})
@@ -27,6 +27,14 @@ def test_no_packet_raises_and_all_are_counted(name: str) -> None:
     assert counts.received == PACKETS
     assert counts.malformed > 0
     assert made.frames + made.incomplete + made.late > 0
+
+
+def test_no_message_raises_and_all_are_counted() -> None:
+    """ZeroMQ messages with broken parts, parts missing, repeated and swapped: nothing raises, every one is counted."""
+    counts = run_messages(PACKETS, seed=len(builtin_names())).counts
+    assert counts.received == PACKETS
+    assert min(counts.malformed, counts.foreign) > 0
+    assert counts.malformed + counts.foreign < PACKETS
 
 
 _ARGUMENTS = st.one_of(

@@ -10,8 +10,19 @@ from io import TextIOWrapper
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from library.recordings import ActorIn, Reading
-from stream.recognizer import LiveSignature, Settings
+from stream.recognizer import LiveSignature
+from tools.arguments import (
+    add_actor_in,
+    add_reading,
+    add_settings,
+    count,
+    mapping,
+    not_negative,
+    positive,
+    reading_of,
+    settings_of,
+    share,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -19,8 +30,6 @@ if TYPE_CHECKING:
 #: Where a feed is expected and answers go when nothing else is said: ports that none of the usual senders use.
 OSC_IN = "127.0.0.1:9310"
 OSC_OUT = "127.0.0.1:9311"
-
-_DEFAULTS = Settings()
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -93,7 +102,7 @@ def _add_demo(programs: Programs[argparse.ArgumentParser]) -> None:
         description="Plays a ghost of every class of the built-in library, made from the library itself, over "
         "loopback into a recogniser in another process, and shows what it answers.",
     )
-    demo.add_argument("--seconds", type=_positive, default=44.0, help="how long in all (default %(default)s)")
+    demo.add_argument("--seconds", type=positive, default=44.0, help="how long in all (default %(default)s)")
     demo.add_argument("--transport", choices=("osc", "zmq"), default="osc")
     demo.add_argument("--picture", type=Path, metavar="SVG", help="write the final table as a picture")
     demo.add_argument("--json", action="store_true", help="print one JSON object and nothing else")
@@ -127,7 +136,7 @@ def _add_live(programs: Programs[argparse.ArgumentParser]) -> None:
         help="answer as touchdesigner, max, wekinator, vmc-thru, vrchat or native hear it; sender:PORT replies",
     )
     live.add_argument("--library", type=Path, metavar="FILE", help="a motion library (default: the built-in one)")
-    _add_settings(live)
+    add_settings(live)
     live.add_argument("--performers", type=int, default=32, help="how many at once, at most (default %(default)s)")
     live.add_argument("--record", type=Path, metavar="FILE", help="keep every packet that comes, for replay")
     live.add_argument("--plain", action="store_true", help="print a line per change instead of a table")
@@ -149,7 +158,7 @@ def _run_live(parsed: argparse.Namespace) -> int:
     return live.run(
         addresses,
         library=parsed.library,
-        settings=_settings(parsed),
+        settings=settings_of(parsed),
         most=parsed.performers,
         plain=parsed.plain,
         record=parsed.record,
@@ -167,21 +176,21 @@ def _add_replay(programs: Programs[argparse.ArgumentParser]) -> None:
     replay.add_argument(
         "clips", nargs="+", type=Path, metavar="CLIP", help="recordings, or folders of them, or one .kinerec"
     )
-    _add_reading(replay)
+    add_reading(replay)
     replay.add_argument("--osc", metavar="HOST:PORT", help=f"send OSC there (default {OSC_IN})")
     replay.add_argument(
         "--zmq", metavar="ENDPOINT", help="publish on ZeroMQ instead; connects, put @ before it to bind"
     )
     replay.add_argument("--listen", metavar="ADDRESS", help="HOST:PORT or ZeroMQ endpoint where the answers come")
     replay.add_argument("--performer", default="replay", help="who performs (default %(default)s)")
-    replay.add_argument("--speed", type=_positive, default=1.0, help="times as fast as recorded (default %(default)s)")
-    replay.add_argument("--pause", type=_not_negative, default=1.0, help="seconds between clips (default %(default)s)")
-    replay.add_argument("--from", type=_not_negative, default=0.0, dest="begin", metavar="S", help="begin there")
-    replay.add_argument("--to", type=_positive, dest="end", metavar="S", help="end there, seconds of each recording")
+    replay.add_argument("--speed", type=positive, default=1.0, help="times as fast as recorded (default %(default)s)")
+    replay.add_argument("--pause", type=not_negative, default=1.0, help="seconds between clips (default %(default)s)")
+    replay.add_argument("--from", type=not_negative, default=0.0, dest="begin", metavar="S", help="begin there")
+    replay.add_argument("--to", type=positive, dest="end", metavar="S", help="end there, seconds of each recording")
     replay.add_argument("--loop", action="store_true", help="begin again after the last clip, until Ctrl-C")
-    replay.add_argument("--drop", type=_share, default=0.0, metavar="SHARE", help="lose this share of frames")
-    replay.add_argument("--jitter-ms", type=_not_negative, default=0.0, metavar="MS", help="be late by up to this")
-    replay.add_argument("--reorder", type=_share, default=0.0, metavar="SHARE", help="swap this share with the next")
+    replay.add_argument("--drop", type=share, default=0.0, metavar="SHARE", help="lose this share of frames")
+    replay.add_argument("--jitter-ms", type=not_negative, default=0.0, metavar="MS", help="be late by up to this")
+    replay.add_argument("--reorder", type=share, default=0.0, metavar="SHARE", help="swap this share with the next")
     replay.add_argument("--seed", type=int, default=0, help="of the faults (default %(default)s)")
     replay.add_argument("--json", action="store_true", help="print one JSON object and nothing else")
     replay.set_defaults(run=_run_replay)
@@ -193,7 +202,7 @@ def _run_replay(parsed: argparse.Namespace) -> int:
     faults = replay.Faults(drop=parsed.drop, jitter=parsed.jitter_ms / 1000, reorder=parsed.reorder, seed=parsed.seed)
     return replay.run(
         parsed.clips,
-        reading=_reading(parsed),
+        reading=reading_of(parsed),
         osc_to=parsed.osc or (None if parsed.zmq else OSC_IN),
         zmq_to=parsed.zmq,
         listen=parsed.listen,
@@ -220,7 +229,7 @@ def _add_record(programs: Programs[argparse.ArgumentParser]) -> None:
     record.add_argument("output", type=Path, metavar="FILE", help="to make, like tonight.kinerec")
     record.add_argument("--osc-in", metavar="HOST:PORT", help=f"listen for OSC here (default {OSC_IN})")
     record.add_argument("--zmq-in", metavar="ENDPOINT", help="subscribe to ZeroMQ, like tcp://127.0.0.1:9320")
-    record.add_argument("--seconds", type=_positive, help="how long (default: until Ctrl-C)")
+    record.add_argument("--seconds", type=positive, help="how long (default: until Ctrl-C)")
     record.set_defaults(run=_run_record)
 
 
@@ -241,7 +250,7 @@ def _add_convert(programs: Programs[argparse.ArgumentParser]) -> None:
     convert.add_argument("-o", "--output", type=Path, required=True, metavar="FILE", help="ending in .npz or .csv")
     convert.add_argument("--performer", help="whose frames, where there are several performers")
     _add_recorded_feed(convert)
-    _add_reading(convert)
+    add_reading(convert)
     convert.set_defaults(run=_run_convert)
 
 
@@ -249,7 +258,7 @@ def _run_convert(parsed: argparse.Namespace) -> int:
     from tools import convert  # noqa: PLC0415 - as above
 
     return convert.run(
-        parsed.source, parsed.output, performer=parsed.performer, feed=parsed.feed, reading=_reading(parsed)
+        parsed.source, parsed.output, performer=parsed.performer, feed=parsed.feed, reading=reading_of(parsed)
     )
 
 
@@ -269,9 +278,9 @@ def _add_latency(programs: Programs[argparse.ArgumentParser]) -> None:
         "to a bare echo in the same run.",
     )
     latency.add_argument("--transport", choices=("osc", "zmq", "both"), default="both")
-    latency.add_argument("--rate", type=_positive, default=120.0, help="frames per second (default %(default)s)")
-    latency.add_argument("--seconds", type=_positive, default=20.0, help="of each run (default %(default)s)")
-    _add_settings(latency)
+    latency.add_argument("--rate", type=positive, default=120.0, help="frames per second (default %(default)s)")
+    latency.add_argument("--seconds", type=positive, default=20.0, help="of each run (default %(default)s)")
+    add_settings(latency)
     latency.add_argument("--json", action="store_true", help="print one JSON object; needs one --transport")
     latency.set_defaults(run=_run_latency)
 
@@ -285,7 +294,7 @@ def _run_latency(parsed: argparse.Namespace) -> int:
         ("osc", "zmq") if parsed.transport == "both" else (parsed.transport,),
         rate_hz=parsed.rate,
         seconds=parsed.seconds,
-        settings=_settings(parsed),
+        settings=settings_of(parsed),
         as_json=parsed.json,
     )
 
@@ -308,8 +317,8 @@ def _add_build(programs: Programs[argparse.ArgumentParser]) -> None:
         metavar="CSV",
         help="start_s,end_s,label for each recording, in order: cut it into these motions",
     )
-    _add_reading(build)
-    _add_actor_in(build)
+    add_reading(build)
+    add_actor_in(build)
     build.add_argument("--licence", help="terms of the numbers (default: HDM05's, when all clips are named so)")
     build.add_argument("--attribution", help="whom to name (default: HDM05's, when all clips are named so)")
     build.set_defaults(run=_run_build)
@@ -322,7 +331,7 @@ def _run_build(parsed: argparse.Namespace) -> int:
         parsed.sources,
         parsed.output,
         labels=parsed.labels,
-        reading=_reading(parsed),
+        reading=reading_of(parsed),
         licence=parsed.licence,
         attribution=parsed.attribution,
     )
@@ -334,14 +343,14 @@ def _add_info(programs: Programs[argparse.ArgumentParser]) -> None:
         "file", nargs="?", type=Path, metavar="FILE", help="a library, a recording or a folder (default: built-in)"
     )
     _add_recorded_feed(info)
-    _add_reading(info)
+    add_reading(info)
     info.set_defaults(run=_run_info)
 
 
 def _run_info(parsed: argparse.Namespace) -> int:
     from tools import info  # noqa: PLC0415 - as above
 
-    return info.run(parsed.file, _reading(parsed), feed=parsed.feed)
+    return info.run(parsed.file, reading_of(parsed), feed=parsed.feed)
 
 
 def _add_evaluate(programs: Programs[argparse.ArgumentParser]) -> None:
@@ -354,8 +363,8 @@ def _add_evaluate(programs: Programs[argparse.ArgumentParser]) -> None:
         "nearest is, in the spaces of joint distances, joint positions and joint rotations.",
     )
     retrieval.add_argument("folder", nargs="+", type=Path, metavar="FOLDER", help="recordings, or folders of them")
-    _add_reading(retrieval)
-    _add_actor_in(retrieval)
+    add_reading(retrieval)
+    add_actor_in(retrieval)
     retrieval.add_argument("--space", choices=("distances", "positions", "rotations"), help="default: all")
     retrieval.add_argument("--signature", choices=("eigenvector", "spread"), help="default: both, for distances")
     retrieval.add_argument("--protocol", choices=("leave-one-out", "actor-held-out", "split"), help="default: all")
@@ -391,7 +400,7 @@ def _add_evaluate_stream(kinds: Programs[argparse.ArgumentParser]) -> None:
         "sockets, and compares what was published at each moment with what was performed at that moment.",
     )
     stream.add_argument("takes", nargs="+", type=Path, metavar="TAKE", help="recordings, or folders of them")
-    _add_reading(stream)
+    add_reading(stream)
     stream.add_argument(
         "--labels",
         nargs="+",
@@ -409,10 +418,10 @@ def _add_evaluate_stream(kinds: Programs[argparse.ArgumentParser]) -> None:
         help="recognise with the library, or each take with what is cut from the others",
     )
     stream.add_argument(
-        "--map", nargs="+", action="extend", type=_mapping, default=[], metavar="LABEL=CLASS", help="rename labels"
+        "--map", nargs="+", action="extend", type=mapping, default=[], metavar="LABEL=CLASS", help="rename labels"
     )
     stream.add_argument("--skeleton", metavar="NAME", help="with the joints of this product alone, like kinectv2")
-    _add_settings(stream)
+    add_settings(stream)
     stream.add_argument("--timeline", type=Path, metavar="FILE", help="draw what was performed and answered over time")
     stream.add_argument("--confusion", type=Path, metavar="FILE", help="draw what was answered to what")
     stream.add_argument("--json", action="store_true", help="print one JSON object and nothing else")
@@ -424,13 +433,13 @@ def _run_evaluate_stream(parsed: argparse.Namespace) -> int:
 
     return evaluate_stream.run(
         parsed.takes,
-        reading=_reading(parsed),
+        reading=reading_of(parsed),
         labels=parsed.labels,
         library=parsed.library,
         leave_one_out=parsed.protocol == "leave-one-take-out",
         names=dict(parsed.map),
         skeleton=parsed.skeleton,
-        settings=_settings(parsed),
+        settings=settings_of(parsed),
         timeline=parsed.timeline,
         confusion_file=parsed.confusion,
         as_json=parsed.json,
@@ -442,7 +451,7 @@ def _run_retrieval(parsed: argparse.Namespace) -> int:
 
     return evaluate.run_retrieval(
         parsed.folder,
-        reading=_reading(parsed),
+        reading=reading_of(parsed),
         space=parsed.space,
         signature=parsed.signature,
         protocol=parsed.protocol,
@@ -474,11 +483,11 @@ def _add_bench(programs: Programs[argparse.ArgumentParser]) -> None:
         choices=("eigenvector", "windows"),
         help="of which the figures of --json and sockets tell (default: the recogniser's own)",
     )
-    bench.add_argument("--rounds", type=_count, default=9, help="medians are of so many (default %(default)s)")
-    bench.add_argument("--seconds", type=_positive, default=20.0, help="of a latency run (default %(default)s)")
-    bench.add_argument("--frames", type=_count, default=24 * 3600 * 120, help="of soak (default: a day, %(default)s)")
+    bench.add_argument("--rounds", type=count, default=9, help="medians are of so many (default %(default)s)")
+    bench.add_argument("--seconds", type=positive, default=20.0, help="of a latency run (default %(default)s)")
+    bench.add_argument("--frames", type=count, default=24 * 3600 * 120, help="of soak (default: a day, %(default)s)")
     bench.add_argument(
-        "--minutes", type=_not_negative, default=10.0, help="of soak over sockets, 0 for none (default %(default)s)"
+        "--minutes", type=not_negative, default=10.0, help="of soak over sockets, 0 for none (default %(default)s)"
     )
     bench.add_argument("--picture", type=Path, metavar="FILE", help="draw what was found")
     bench.add_argument("--json", action="store_true", help="print one JSON object and nothing else")
@@ -495,36 +504,6 @@ def _run_bench(parsed: argparse.Namespace) -> int:
         effort=run.Effort(rounds=parsed.rounds, seconds=parsed.seconds, frames=parsed.frames, minutes=parsed.minutes),
         picture=parsed.picture,
         as_json=parsed.json,
-    )
-
-
-def _add_reading(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--asf", type=Path, help="skeleton of AMC files (default: found by name)")
-    parser.add_argument("--frame-rate", type=_positive, metavar="HZ", help="of all recordings (default: as they say)")
-    parser.add_argument(
-        "--unit", default="", help="of BVH, C3D and TRC: m, cm, mm, in, ft or metres (default: as they say, or by size)"
-    )
-    parser.add_argument(
-        "--joints", type=_names, default=(), metavar="A,B,...", help="only these joints or markers; * and ? fit any"
-    )
-
-
-def _add_actor_in(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "--actor-in",
-        choices=[each.value for each in ActorIn],
-        default=ActorIn.NOWHERE.value,
-        help="who performs: the file's name up to the first underscore, or the folder above its class's",
-    )
-
-
-def _reading(parsed: argparse.Namespace) -> Reading:
-    return Reading(
-        asf=parsed.asf,
-        frame_rate=parsed.frame_rate,
-        unit=parsed.unit,
-        joints=parsed.joints,
-        actor_in=ActorIn(getattr(parsed, "actor_in", ActorIn.NOWHERE)),
     )
 
 
@@ -550,7 +529,7 @@ def _add_listen(programs: Programs[argparse.ArgumentParser]) -> None:
     listen.add_argument("port", nargs="?", metavar="[HOST:]PORT", help=f"default: the feed's port, else {OSC_IN}")
     listen.add_argument("--feed", metavar="NAME", help="look at it as this feed, and ask for it where it must be asked")
     listen.add_argument("--sender", metavar="HOST", default="127.0.0.1", help="whom to ask, where a feed asks")
-    listen.add_argument("--seconds", type=_positive, default=5.0, help="how long (default %(default)s)")
+    listen.add_argument("--seconds", type=positive, default=5.0, help="how long (default %(default)s)")
     listen.add_argument("--json", action="store_true", help="print one JSON object and nothing else")
     listen.set_defaults(run=_run_listen)
 
@@ -560,87 +539,3 @@ def _run_listen(parsed: argparse.Namespace) -> int:
 
     address = parsed.port or (None if parsed.feed else OSC_IN)
     return listen.run(address, feed=parsed.feed, sender=parsed.sender, seconds=parsed.seconds, as_json=parsed.json)
-
-
-def _add_settings(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "--signature",
-        choices=[str(signature) for signature in LiveSignature],
-        help="compare several measures of several windows, or leading eigenvectors as the paper does (default: windows "
-        "where the library keeps them)",
-    )
-    parser.add_argument(
-        "--sensitivity",
-        type=_share,
-        default=_DEFAULTS.sensitivity,
-        help="share of unknown motions that may be answered, as the library can tell (default %(default)s)",
-    )
-    parser.add_argument(
-        "--window",
-        type=_positive,
-        help=f"seconds the eigenvector looks back (default {_DEFAULTS.window:g})",
-    )
-    parser.add_argument(
-        "--hop", type=_not_negative, default=_DEFAULTS.hop, help="seconds between answers (default 1/30)"
-    )
-
-
-def _settings(parsed: argparse.Namespace) -> Settings:
-    signature = LiveSignature(parsed.signature) if parsed.signature else None
-    if parsed.window and signature is not LiveSignature.EIGENVECTOR:
-        raise ValueError("--window: expected --signature eigenvector with it; windows have lengths of their own")
-    return Settings(
-        signature=signature,
-        window=parsed.window or _DEFAULTS.window,
-        hop=parsed.hop,
-        sensitivity=parsed.sensitivity,
-    )
-
-
-def _number(text: str) -> float:
-    try:
-        return float(text)
-    except ValueError:
-        raise argparse.ArgumentTypeError(f"expected a number, got {text!r}") from None
-
-
-def _names(text: str) -> tuple[str, ...]:
-    names = tuple(name.strip() for name in text.split(",") if name.strip())
-    if not names:
-        raise argparse.ArgumentTypeError(f"expected names with commas between, got {text!r}")
-    return names
-
-
-def _count(text: str) -> int:
-    number = _number(text)
-    if number < 1 or number != int(number):
-        raise argparse.ArgumentTypeError(f"expected a whole number above 0, got {text}")
-    return int(number)
-
-
-def _mapping(text: str) -> tuple[str, str]:
-    label, equals, class_name = text.partition("=")
-    if not (label and equals and class_name):
-        raise argparse.ArgumentTypeError(f"expected LABEL=CLASS, got {text!r}")
-    return label, class_name
-
-
-def _positive(text: str) -> float:
-    number = _number(text)
-    if not 0 < number < float("inf"):
-        raise argparse.ArgumentTypeError(f"expected a positive number, got {text}")
-    return number
-
-
-def _not_negative(text: str) -> float:
-    number = _number(text)
-    if not 0 <= number < float("inf"):
-        raise argparse.ArgumentTypeError(f"expected a number not below 0, got {text}")
-    return number
-
-
-def _share(text: str) -> float:
-    number = _number(text)
-    if not 0 <= number <= 1:
-        raise argparse.ArgumentTypeError(f"expected a share from 0 to 1, got {text}")
-    return number

@@ -1,0 +1,136 @@
+"""What the programs' arguments have in common: numbers and names as they are typed, and groups that several take."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from library.recordings import ActorIn, Reading
+from stream.recognizer import LiveSignature, Settings
+
+_DEFAULTS = Settings()
+
+
+def add_reading(parser: argparse.ArgumentParser) -> None:
+    """Let recordings be read as a person says."""
+    parser.add_argument("--asf", type=Path, help="skeleton of AMC files (default: found by name)")
+    parser.add_argument("--frame-rate", type=positive, metavar="HZ", help="of all recordings (default: as they say)")
+    parser.add_argument(
+        "--unit", default="", help="of BVH, C3D and TRC: m, cm, mm, in, ft or metres (default: as they say, or by size)"
+    )
+    parser.add_argument(
+        "--joints", type=names, default=(), metavar="A,B,...", help="only these joints or markers; * and ? fit any"
+    )
+
+
+def add_actor_in(parser: argparse.ArgumentParser) -> None:
+    """Let a person say where it stands who performs."""
+    parser.add_argument(
+        "--actor-in",
+        choices=[each.value for each in ActorIn],
+        default=ActorIn.NOWHERE.value,
+        help="who performs: the file's name up to the first underscore, or the folder above its class's",
+    )
+
+
+def reading_of(parsed: argparse.Namespace) -> Reading:
+    """Give how recordings are to be read."""
+    return Reading(
+        asf=parsed.asf,
+        frame_rate=parsed.frame_rate,
+        unit=parsed.unit,
+        joints=parsed.joints,
+        actor_in=ActorIn(getattr(parsed, "actor_in", ActorIn.NOWHERE)),
+    )
+
+
+def add_settings(parser: argparse.ArgumentParser) -> None:
+    """Let a person set how a feed is recognised."""
+    parser.add_argument(
+        "--signature",
+        choices=[str(signature) for signature in LiveSignature],
+        help="compare several measures of several windows, or leading eigenvectors as the paper does (default: windows "
+        "where the library keeps them)",
+    )
+    parser.add_argument(
+        "--sensitivity",
+        type=share,
+        default=_DEFAULTS.sensitivity,
+        help="share of unknown motions that may be answered, as the library can tell (default %(default)s)",
+    )
+    parser.add_argument(
+        "--window",
+        type=positive,
+        help=f"seconds the eigenvector looks back (default {_DEFAULTS.window:g})",
+    )
+    parser.add_argument(
+        "--hop", type=not_negative, default=_DEFAULTS.hop, help="seconds between answers (default 1/30)"
+    )
+
+
+def settings_of(parsed: argparse.Namespace) -> Settings:
+    """Give how a feed is to be recognised; a window's length only with the signature that has one."""
+    signature = LiveSignature(parsed.signature) if parsed.signature else None
+    if parsed.window and signature is not LiveSignature.EIGENVECTOR:
+        raise ValueError("--window: expected --signature eigenvector with it; windows have lengths of their own")
+    return Settings(
+        signature=signature,
+        window=parsed.window or _DEFAULTS.window,
+        hop=parsed.hop,
+        sensitivity=parsed.sensitivity,
+    )
+
+
+def _number(text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"expected a number, got {text!r}") from None
+
+
+def names(text: str) -> tuple[str, ...]:
+    """Read names with commas between."""
+    names = tuple(name.strip() for name in text.split(",") if name.strip())
+    if not names:
+        raise argparse.ArgumentTypeError(f"expected names with commas between, got {text!r}")
+    return names
+
+
+def count(text: str) -> int:
+    """Read a whole number above 0."""
+    number = _number(text)
+    if number < 1 or number != int(number):
+        raise argparse.ArgumentTypeError(f"expected a whole number above 0, got {text}")
+    return int(number)
+
+
+def mapping(text: str) -> tuple[str, str]:
+    """Read LABEL=CLASS."""
+    label, equals, class_name = text.partition("=")
+    if not (label and equals and class_name):
+        raise argparse.ArgumentTypeError(f"expected LABEL=CLASS, got {text!r}")
+    return label, class_name
+
+
+def positive(text: str) -> float:
+    """Read a number above 0."""
+    number = _number(text)
+    if not 0 < number < float("inf"):
+        raise argparse.ArgumentTypeError(f"expected a positive number, got {text}")
+    return number
+
+
+def not_negative(text: str) -> float:
+    """Read a number not below 0."""
+    number = _number(text)
+    if not 0 <= number < float("inf"):
+        raise argparse.ArgumentTypeError(f"expected a number not below 0, got {text}")
+    return number
+
+
+def share(text: str) -> float:
+    """Read a share, 0 to 1."""
+    number = _number(text)
+    if not 0 <= number <= 1:
+        raise argparse.ArgumentTypeError(f"expected a share from 0 to 1, got {text}")
+    return number

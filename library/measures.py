@@ -79,17 +79,29 @@ class Body:
         By how much the mean segment of the body that measures were learned on is longer; 1 for that body itself.
     stretches
         By how much that body's paths are longer, shape (pairs,).
+    parents
+        The skeleton's.
 
     Raises
     ------
     ValueError
-        The skeleton's parents are not known or do not make one tree, or it leaves its segments out.
+        The skeleton's parents are not known or do not make one tree, or it leaves its segments out; or a scale or
+        stretch is not a positive number.
     """
 
     segments: NDArray[np.intp] = field(repr=False)
     paths: NDArray[np.float64] = field(repr=False)
     scale: float
     stretches: NDArray[np.float64] = field(repr=False)
+    parents: tuple[int, ...] = field(repr=False)
+
+    def __post_init__(self) -> None:
+        if not 0 < self.scale < np.inf:
+            raise ValueError(f"scale: expected a positive number, got {self.scale}")
+        if self.stretches.shape != (len(self.paths),):
+            raise ValueError(f"stretches: expected one for each of {len(self.paths)} pairs, got {self.stretches.shape}")
+        if not (np.isfinite(self.stretches) & (self.stretches > 0)).all():
+            raise ValueError("stretches: expected positive numbers")
 
     @classmethod
     def of(cls, skeleton: Skeleton, scale: float = 1.0, stretches: NDArray[np.float64] | None = None) -> Body:
@@ -109,7 +121,8 @@ class Body:
                 raise ValueError(f"skeleton: expected parents that make one tree, got {skeleton.parents}")
         first, second = skeleton.pairs.T
         paths = (above[first] ^ above[second]).astype(np.float64)
-        return cls(np.array(segments), paths, scale, np.ones(len(paths)) if stretches is None else stretches)
+        stretches = np.ones(len(paths)) if stretches is None else stretches
+        return cls(np.array(segments), paths, scale, stretches, skeleton.parents)
 
     def restricted_to(self, skeleton: Skeleton, pairs: NDArray[np.intp], rows: NDArray[np.floating]) -> Body:
         """Give the body as fewer joints show it: what its segments lack in length is made up for.
@@ -126,7 +139,9 @@ class Body:
         fewer = Body.of(skeleton)
         scale = float(np.mean(self.size(rows) / fewer.size(rows[:, pairs])))
         stretches = self.lengths(rows)[:, pairs] / fewer.lengths(rows[:, pairs])
-        return Body(fewer.segments, fewer.paths, scale, stretches.mean(axis=0))
+        # Rounded as files keep them, so that saving and loading changes nothing.
+        kept = stretches.mean(axis=0).astype(np.float32).astype(np.float64)
+        return Body(fewer.segments, fewer.paths, scale, kept, fewer.parents)
 
     def size(self, rows: NDArray[np.floating]) -> NDArray[np.float64]:
         """Mean length of the segments in distance rows (..., pairs), metres: shape (...)."""
@@ -196,7 +211,7 @@ class Basis:
     def __post_init__(self) -> None:
         if self.directions.ndim != 2 or not np.isfinite(self.directions).all():
             raise ValueError(f"basis: expected finite (pairs, directions), got {self.directions.shape}")
-        if self.weights.shape != (len(self.directions),) or not np.isfinite(self.weights).all():
+        if self.weights.shape != (len(self.directions),) or not (np.isfinite(self.weights) & (self.weights >= 0)).all():
             raise ValueError(
                 f"weights: expected one for each of {len(self.directions)} pairs, got {self.weights.shape}"
             )

@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 _ROUNDS = 2
 #: Variance below which half precision keeps nothing.
 _LEAST_SPARE = 1e-5
+#: Share of the most that vectors vary below which what is left of it is rounding.
+_LEAST_VARYING = 1e-3
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -74,11 +76,12 @@ class Metric:
         together, lift = self.together.astype(np.float64), level_removed / (1 - level_removed)
         prior = together @ self.axes
         prior = (prior + prior.T) / 2
-        decoder = np.linalg.solve(prior, together)
+        # A measure may have numbers that never vary, and axes along them: a segment's posture is always 1.
+        decoder = np.linalg.pinv(prior, rcond=_LEAST_VARYING, hermitian=True) @ together
         decoder += lift * decoder.mean(axis=1, keepdims=True)
         origin = (self.origin + lift * self.origin.mean())[numbers]
         seen = decoder[:, numbers] / self.spare[numbers]
-        axes = np.linalg.solve(seen @ decoder[:, numbers].T + np.linalg.inv(prior), seen).T
+        axes = np.linalg.solve(np.eye(len(prior)) + prior @ seen @ decoder[:, numbers].T, prior @ seen).T
         # What follows takes the mean of the fewer numbers back in: x + lift * mean(x).
         mean = lift / (1 + lift) * origin.mean()
         return Metric(

@@ -145,6 +145,8 @@ class MotionLibrary:
                 raise ValueError(f"{name}: expected finite numbers, got NaN or infinity")
         if self.windows is not None and (len(self.windows.classes), self.windows.comparison.pairs) != expected:
             raise ValueError(f"windows: expected those of {expected[0]} motions and {expected[1]} pairs")
+        if self.windows is not None and self.windows.comparison.body.parents != self.skeleton.parents:
+            raise ValueError(f"windows: expected those of a body with parents {self.skeleton.parents}")
         order = _in_order(self.motions)
         if not np.array_equal(order, np.arange(len(order))):
             self._sort(order)
@@ -215,13 +217,15 @@ class MotionLibrary:
             )
         if skeleton is None:
             raise ValueError("clips: expected at least one, got none")
+        windows = WindowTable.of_clips(ordered, comparison) if comparison else None
         return cls(
-            skeleton=skeleton,
+            # Joints hang together as in the body that windows are measured by, whatever the recordings say.
+            skeleton=Skeleton(skeleton.joints, comparison.body.parents) if comparison else skeleton,
             motions=tuple(motions),
             means=np.array([signature.mean for signature in signatures], dtype=np.float32),
             axes=np.array([signature.axis.vector for signature in signatures], dtype=np.float32),
             deviations=np.array([signature.deviation for signature in signatures], dtype=np.float32),
-            windows=WindowTable.of_clips(ordered, comparison) if comparison else None,
+            windows=windows,
             licence=licence,
             attribution=attribution,
         )

@@ -92,6 +92,11 @@ class Comparison:
                 raise ValueError(f"{measure.name}: expected {numbers} numbers, got {metric.axes.shape}")
             if not (_finite(metric.origin, metric.axes) and 0 <= metric.outside < np.inf):
                 raise ValueError(f"{measure.name}: expected finite numbers, got NaN or infinity")
+            if metric.together.size or metric.spare.size:
+                if metric.together.shape != metric.axes.T.shape or metric.spare.shape != (numbers,):
+                    raise ValueError(f"{measure.name}: expected what varies together of {numbers} numbers")
+                if not (_finite(metric.together, metric.spare) and (metric.spare > 0).all()):
+                    raise ValueError(f"{measure.name}: expected finite variances above 0")
 
     @property
     def pairs(self) -> int:
@@ -138,7 +143,7 @@ class Comparison:
         levels = {Kind.SPREAD: LEVEL_REMOVED, Kind.POSTURE: 0.0}
         return Comparison(
             body=self.body.restricted_to(skeleton, pairs, rows),
-            basis=self.basis.restricted_to(pairs),
+            basis=_kept(self.basis.restricted_to(pairs)),
             metrics={
                 measure: metric if measure.kind is Kind.SHAPE else metric.restricted_to(pairs, levels[measure.kind])
                 for measure, metric in self.metrics.items()
@@ -178,8 +183,12 @@ class Comparison:
                 kept=_KEPT_AXES[measure.kind],
                 together=measure.kind is not Kind.SHAPE,
             )
-        kept = Basis(halved(basis.directions).astype(np.float64), halved(basis.weights).astype(np.float64))
-        return cls(body, kept, metrics)
+        return cls(body, _kept(basis), metrics)
+
+
+def _kept(basis: Basis) -> Basis:
+    """Round as files keep it, so that saving and loading changes nothing."""
+    return Basis(halved(basis.directions).astype(np.float64), halved(basis.weights).astype(np.float64))
 
 
 def _finite(*arrays: NDArray[np.floating]) -> bool:

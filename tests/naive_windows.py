@@ -255,6 +255,41 @@ def thresholds(
     return [mean([quantile(found, rate) for found in by_class]) if by_class else math.inf for rate in rates]
 
 
+def conditional_mean(  # noqa: PLR0913 - what is learned from, what is seen, and of whom
+    measures: Matrix, vectors: Matrix, seen: Sequence[int], asked: Matrix, *, level: float, least: float
+) -> Matrix:
+    """Give the mean of jointly normal vectors when some of a measure's numbers are seen, from the whole covariance.
+
+    Numbers are what the vectors tell of them in a straight line, and noise of their own; they are tied together as they
+    were before a share of their mean was taken out.
+
+    Parameters
+    ----------
+    measures, vectors
+        What is learned from, window by window.
+    seen
+        Which numbers are seen.
+    asked
+        Those numbers of the asking windows, freed of their own mean.
+    level
+        Share of the mean that was taken out.
+    least
+        Least variance of the noise.
+    """
+    count, kept = measures.shape[1], vectors.shape[1]
+    centred = measures - measures.mean(axis=0)
+    told, *_ = scipy.linalg.lstsq(vectors, centred)
+    noise = [max(mean([far**2 for far in column]), least) for column in (centred - vectors @ told).T.tolist()]
+    back = np.linalg.inv(np.eye(count) - level / count * np.ones((count, count)))
+    varying = np.block([np.eye(kept), told @ back])
+    joint = varying.T @ (vectors.T @ vectors / len(vectors)) @ varying
+    joint[kept:, kept:] += np.diag(noise)
+    places = [kept + number for number in seen]
+    fewer = np.linalg.inv(np.eye(len(seen)) - level / len(seen) * np.ones((len(seen), len(seen))))
+    beyond = asked @ fewer - (measures.mean(axis=0) @ back)[list(seen)]
+    return beyond @ np.linalg.inv(joint[np.ix_(places, places)]) @ joint[np.ix_(places, range(kept))]
+
+
 # --- labels ------------------------------------------------------------------------------------------------------
 
 

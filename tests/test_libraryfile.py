@@ -485,24 +485,46 @@ def _not_finite(array: np.ndarray, number: float = np.nan) -> np.ndarray:
     return changed
 
 
+def _partly_infinite(array: np.ndarray) -> np.ndarray:
+    return np.append(array[:-1], np.float32(np.inf))
+
+
+LEARNED = ("spread250", "spread1000", "posture125")
 WINDOW_ARRAYS = (
-    *("window_motions", "basis", "window_vectors0", "window_vectors1", "window_vectors2"),
+    *("window_motions", "basis", "basis_weights", "body_stretches"),
+    *("window_vectors0", "window_vectors1", "window_vectors2"),
     *(
         f"{name}_{part}"
         for name in ("spread250", "spread1000", "shape2000", "posture125")
         for part in ("origin", "axes")
     ),
 )
+#: What only a comparison has that was learned, not made for fewer joints.
+LEARNED_ARRAYS = tuple(f"{name}_{part}" for name in LEARNED for part in ("together", "spare"))
 
 
 def test_windows_are_kept_in_half_precision(windowed_library: MotionLibrary, tmp_path: Path) -> None:
     """A file with windows holds their arrays as float16 and the motions' as float32, and nothing else."""
     windowed_library.save(tmp_path / "library.npz")
     _, arrays = libraryfile.read(tmp_path / "library.npz")
-    assert set(arrays) == {*NAMES, *WINDOW_ARRAYS, "window_thresholds", "shape1000_origin", "shape1000_axes"}
-    single = {*NAMES, "window_motions", "window_thresholds"}
+    expected = {*NAMES, *WINDOW_ARRAYS, *LEARNED_ARRAYS, "window_thresholds", "shape1000_origin", "shape1000_axes"}
+    assert set(arrays) == expected
+    single = {*NAMES, "window_motions", "window_thresholds", "body_stretches"}
     assert {name for name, array in arrays.items() if array.dtype == "<f4"} == single
     assert {name for name, array in arrays.items() if array.dtype == "<f2"} == set(arrays) - single
+
+
+def test_a_restricted_library_keeps_nothing_learned_together(windowed_library: MotionLibrary, tmp_path: Path) -> None:
+    """A library restricted to fewer joints has the same arrays but for what varies together, and loads."""
+    restricted = windowed_library.restricted_to(["root", "head", "left", "right", "foot"])
+    restricted.save(tmp_path / "library.npz")
+    header, arrays = libraryfile.read(tmp_path / "library.npz")
+    assert set(arrays) == {*NAMES, *WINDOW_ARRAYS, "window_thresholds", "shape1000_origin", "shape1000_axes"}
+    assert header["windows"]["body_scale"] != 1.0
+    assert not (arrays["body_stretches"] == 1.0).all()
+    loaded = MotionLibrary.load(tmp_path / "library.npz").windows
+    assert loaded is not None
+    assert not loaded.comparison.can_be_restricted
 
 
 def test_a_library_without_windows_is_one(small_library: MotionLibrary, tmp_path: Path) -> None:
@@ -527,6 +549,22 @@ def test_a_library_without_windows_is_one(small_library: MotionLibrary, tmp_path
             pytest.param(_array(name, lambda array: _not_finite(array, -np.inf)), id=f"{name} infinite")
             for name in WINDOW_ARRAYS
         ),
+        *(pytest.param(_array(name, lambda array: array[:-1]), id=f"{name} shorter") for name in LEARNED_ARRAYS),
+        *(pytest.param(_array(name, lambda array: array[..., None]), id=f"{name} deeper") for name in LEARNED_ARRAYS),
+        *(pytest.param(_array(name, _not_finite), id=f"{name} NaN") for name in LEARNED_ARRAYS),
+        *(pytest.param(_without_array(f"{name}_spare"), id=f"no {name}_spare") for name in LEARNED),
+        *(pytest.param(_array(f"{name}_spare", np.zeros_like), id=f"{name}_spare zero") for name in LEARNED),
+        pytest.param(_array("spread250_together", lambda array: array[:, 1:]), id="together of fewer numbers"),
+        pytest.param(_array("basis_weights", lambda weights: -weights), id="pairs weighing less than nothing"),
+        pytest.param(_array("body_stretches", np.zeros_like), id="a body without ways"),
+        pytest.param(_array("body_stretches", lambda stretches: -stretches), id="ways shorter than nothing"),
+        pytest.param(_without("windows", "body_scale"), id="no body's size"),
+        *(
+            pytest.param(_setting("windows", "body_scale", to=scale), id=f"a body's size {scale}")
+            for scale in (0, -1.0, float("nan"), float("inf"), "large", None, [1.0])
+        ),
+        pytest.param(_array("window_thresholds", lambda array: array[::-1]), id="thresholds descending"),
+        pytest.param(_array("window_thresholds", _partly_infinite), id="a threshold infinite"),
         pytest.param(_without_array("window_thresholds"), id="no thresholds"),
         pytest.param(_array("window_thresholds", lambda array: array[:-1]), id="a threshold missing"),
         pytest.param(_array("window_thresholds", lambda array: array[..., None]), id="thresholds deeper"),

@@ -14,9 +14,11 @@ from synthetic import STICK, stick_clip, stick_clips
 
 from library.distances import distance_rows
 from library.measures import BASIS_SIZE, FEWEST_FRAMES, Basis, Body, Kind, Measure, learned_basis, measured, shape_of
+from library.motionlibrary import MotionLibrary
 from library.retrieval import turned
 from library.skeleton import Skeleton
 from library.windowtable import MEASURES
+from stream.feeds import builtin_preset
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -25,6 +27,8 @@ if TYPE_CHECKING:
 
 #: Measures that need no basis.
 OF_DISTANCES = (Kind.SPREAD, Kind.POSTURE)
+#: Relative error of a number that is kept in single precision.
+SINGLE = 2.0**-23
 
 
 def _rows(clip: Clip) -> np.ndarray:
@@ -108,6 +112,72 @@ def test_parents_that_make_no_tree_are_refused(parents: tuple[int, ...]) -> None
     """Joints in two pieces, or going round in a circle, are refused and not walked for ever."""
     with pytest.raises(ValueError, match="skeleton: expected parents that make one tree"):
         Body.of(Skeleton(STICK.joints, parents))
+
+
+# --- the body of fewer joints ------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def kinect() -> Skeleton:
+    """Give the joints that a Kinect has of the built-in skeleton's."""
+    skeleton = MotionLibrary.builtin().restricted_to(builtin_preset("kinectv2").joints).skeleton
+    assert 15 < len(skeleton.joints) < 31
+    return skeleton
+
+
+def _kept(skeleton: Skeleton, fewer: Skeleton) -> np.ndarray:
+    """Find the fewer joints' pairs among all by their names."""
+    names = [(skeleton.joints[a], skeleton.joints[b]) for a, b in skeleton.pairs]
+    return np.array([names.index((fewer.joints[a], fewer.joints[b])) for a, b in fewer.pairs])
+
+
+def test_fewer_joints_have_the_whole_bodys_size(some_clips: tuple[Clip, ...], kinect: Skeleton) -> None:
+    """On the rows learned from, sizes and ways through the body are in the mean the whole body's, and always near."""
+    skeleton = some_clips[0].skeleton
+    whole, pairs = Body.of(skeleton), _kept(skeleton, kinect)
+    rows = np.array([_rows(clip).mean(axis=0) for clip in some_clips])
+    fewer = whole.restricted_to(kinect, pairs, rows)
+    sizes = whole.size(rows) / fewer.size(rows[:, pairs])
+    lengths = whole.lengths(rows)[:, pairs] / fewer.lengths(rows[:, pairs])
+    assert sizes.mean() == pytest.approx(1.0, rel=1e-12)
+    np.testing.assert_allclose(lengths.mean(axis=0), 1.0, rtol=SINGLE)
+    np.testing.assert_allclose(sizes, 1.0, atol=0.02)
+    assert Body.of(kinect).size(rows[:, pairs]) != pytest.approx(whole.size(rows), rel=0.02)
+
+
+def test_one_row_is_measured_as_by_the_whole_body() -> None:
+    """Learned from one person's row, postures are the whole body's to the last pair, and so is the twin's way."""
+    row = _rows(stick_clip("bow"))[:1]
+    whole, skeleton = Body.of(STICK), STICK.restricted_to([0, 2, 3, 4])
+    pairs = _kept(STICK, skeleton)
+    fewer = whole.restricted_to(skeleton, pairs, row)
+    assert fewer.size(row[:, pairs]) == pytest.approx(whole.size(row), rel=1e-12)
+    np.testing.assert_allclose(fewer.posture(row[:, pairs]), whole.posture(row)[:, pairs], rtol=SINGLE)
+    means = dict(zip(_pairs(STICK), row[0].tolist(), strict=True))
+    for length, pair in zip(fewer.lengths(row[:, pairs])[0], pairs, strict=True):
+        way = naive_windows.path_between(*_pairs(STICK)[pair], STICK.parents)
+        assert length == pytest.approx(sum(means[segment] for segment in way), rel=SINGLE)
+
+
+def test_a_larger_body_of_fewer_joints_measures_the_same(some_clips: tuple[Clip, ...], kinect: Skeleton) -> None:
+    """Somebody half as large again has the same spread and posture, with fewer joints too."""
+    skeleton = some_clips[0].skeleton
+    pairs = _kept(skeleton, kinect)
+    rows = _rows(some_clips[0])[:, pairs]
+    fewer = Body.of(skeleton).restricted_to(kinect, pairs, _rows(some_clips[1]))
+    means, deviations = rows.mean(axis=0), rows.std(axis=0, ddof=1)
+    np.testing.assert_allclose(fewer.posture(1.5 * means), fewer.posture(means), rtol=1e-12)
+    np.testing.assert_allclose(fewer.spread(1.5 * means, 1.5 * deviations), fewer.spread(means, deviations), atol=1e-12)
+
+
+def test_all_joints_are_the_body_itself() -> None:
+    """A body restricted to all of its joints has scale 1 and stretches nothing; without parents there is none."""
+    rows = _rows(stick_clip("wave"))
+    same = Body.of(STICK).restricted_to(STICK, np.arange(15), rows)
+    assert same.scale == 1.0
+    assert (same.stretches == 1.0).all()
+    with pytest.raises(ValueError, match="skeleton: expected parents and segments among the pairs"):
+        Body.of(STICK).restricted_to(Skeleton(STICK.joints[:4]), np.arange(6), rows)
 
 
 # --- against the slow twin ---------------------------------------------------------------------------------------
@@ -320,3 +390,86 @@ def test_a_class_counts_once_and_a_body_by_its_own_measure() -> None:
     np.testing.assert_allclose(twice, plain, atol=1e-6 * plain.max())
     np.testing.assert_allclose(scaled, plain, atol=1e-6 * plain.max())
     assert np.abs(np.abs(learned_basis(rows[1:], body).directions) - plain).max() > 0.01 * plain.max()
+
+
+# --- the basis of fewer pairs ------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def real_basis(hdm05_clips: tuple[Clip, ...]) -> Basis:
+    body = Body.of(hdm05_clips[0].skeleton)
+    return learned_basis([[_rows(clip)] for clip in hdm05_clips[::26]], body)
+
+
+def _in_the_span(basis: Basis, courses: np.ndarray) -> np.ndarray:
+    """Make the rows whose course in the basis is told: where pairs count nothing they are anything."""
+    counting = basis.weights > 0
+    rows = np.random.default_rng(3).normal(size=(len(courses), len(basis.weights)))
+    orthonormal = basis.directions[counting] / basis.weights[counting, None]
+    rows[:, counting] = courses @ orthonormal.T / basis.weights[counting]
+    return rows
+
+
+def test_directions_over_weights_are_orthonormal(real_basis: Basis) -> None:
+    """Divided by what makes pairs swing alike, the 24 directions are orthonormal, so that courses can be told back."""
+    counting = real_basis.weights > 0
+    orthonormal = real_basis.directions[counting] / real_basis.weights[counting, None]
+    np.testing.assert_allclose(orthonormal.T @ orthonormal, np.eye(BASIS_SIZE), atol=1e-10)
+    courses = np.random.default_rng(1).normal(size=(5, BASIS_SIZE))
+    np.testing.assert_allclose(_in_the_span(real_basis, courses) @ real_basis.directions, courses, atol=1e-9)
+
+
+def test_the_course_of_fewer_pairs_is_that_of_least_squares(real_basis: Basis, kinect: Skeleton) -> None:
+    """From a Kinect's pairs, rows in the span have the course that least squares finds: their own."""
+    pairs = _kept(MotionLibrary.builtin().skeleton, kinect)
+    courses = np.random.default_rng(2).normal(size=(7, BASIS_SIZE))
+    rows = _in_the_span(real_basis, courses)[:, pairs]
+    fewer = real_basis.restricted_to(pairs)
+    counting = fewer.weights > 0
+    assert 0 < (~counting).sum() < counting.sum()
+    orthonormal = real_basis.directions[pairs][counting] / fewer.weights[counting, None]
+    expected, *_ = np.linalg.lstsq(orthonormal, (rows[:, counting] * fewer.weights[counting]).T, rcond=None)
+    np.testing.assert_allclose(rows @ fewer.directions, expected.T, atol=1e-8)
+    np.testing.assert_allclose(rows @ fewer.directions, courses, atol=1e-8)
+    assert np.array_equal(fewer.weights, real_basis.weights[pairs])
+
+
+def test_rows_off_the_span_have_the_course_of_least_squares(real_basis: Basis, some_clips: tuple[Clip, ...]) -> None:
+    """Real rows of a dozen joints have the course that least squares finds among what those joints clearly show."""
+    skeleton = some_clips[0].skeleton
+    few = skeleton.restricted_to(range(0, 31, 3))
+    pairs = _kept(skeleton, few)
+    fewer = real_basis.restricted_to(pairs)
+    orthonormal = real_basis.directions[pairs] / np.where(fewer.weights > 0, fewer.weights, 1.0)[:, None]
+    singular = np.linalg.svd(orthonormal, compute_uv=False)
+    assert (singular < 0.2 * singular[0]).any()
+    rows = _rows(some_clips[3])[:, pairs]
+    expected, *_ = np.linalg.lstsq(orthonormal, (rows * fewer.weights).T, rcond=0.2)
+    np.testing.assert_allclose(rows @ fewer.directions, expected.T, atol=1e-8)
+
+
+def test_directions_that_hardly_show_are_not_measured() -> None:
+    """A direction of which the fewer pairs show too little is left out rather than blown up; all pairs keep all."""
+    angle = np.arcsin(0.1)
+    directions = np.array([[1.0, 0.0], [0.0, np.sin(angle)], [0.0, np.cos(angle)]])
+    basis = Basis(directions, np.ones(3))
+    np.testing.assert_allclose(basis.restricted_to(np.arange(3)).directions, directions, atol=1e-12)
+    np.testing.assert_allclose(basis.restricted_to(np.array([0, 1])).directions, [[1, 0], [0, 0]], atol=1e-12)
+    clearer = Basis(np.array([[1.0, 0.0], [0.0, 0.3], [0.0, np.sqrt(0.91)]]), np.ones(3))
+    np.testing.assert_allclose(clearer.restricted_to(np.array([0, 1])).directions, [[1, 0], [0, 1 / 0.3]], atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("directions", "weights", "message"),
+    [
+        pytest.param(np.zeros(15), np.ones(15), r"basis: expected finite \(pairs, directions\)", id="flat"),
+        pytest.param(np.full((15, 2), np.nan), np.ones(15), "basis: expected finite", id="no numbers"),
+        pytest.param(np.zeros((15, 2)), np.ones(14), "weights: expected one for each of 15 pairs, got", id="fewer"),
+        pytest.param(np.zeros((15, 2)), np.ones((15, 1)), "weights: expected one for each of 15 pairs", id="deeper"),
+        pytest.param(np.zeros((15, 2)), np.full(15, np.inf), "weights: expected one for each", id="infinite"),
+    ],
+)
+def test_a_basis_that_does_not_fit_is_refused(directions: np.ndarray, weights: np.ndarray, message: str) -> None:
+    """Directions of another shape, weights of another number, and numbers that are not finite are refused by name."""
+    with pytest.raises(ValueError, match=message):
+        Basis(directions, weights)

@@ -2,16 +2,32 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import naive_windows
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from library.distances import distance_rows
+from library.measures import LEVEL_REMOVED, Kind, Measure, measured
 from library.metric import Metric, halved, learned_metric, squared_distances
+from library.motionlibrary import MotionLibrary
+from library.windowtable import MEASURES, Comparison
+from stream.feeds import builtin_preset
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from library.clip import Clip
 
 #: Relative error of a number rounded to half precision.
 HALF = 2.0**-11
+#: Variance of a number below which its noise does not fall.
+LEAST = 1e-5
+#: Share of their mean that measures are freed from, by kind.
+LEVELS = {Kind.SPREAD: LEVEL_REMOVED, Kind.POSTURE: 0.0}
 
 
 class _Windows:
@@ -181,3 +197,219 @@ def test_a_whitened_metric_drops_what_is_off_its_axes() -> None:
     far = np.full(9, 1000.0)
     assert metric.outside == 0.0
     assert metric.residual(far, metric.embedded(far)) == 0.0
+
+
+# --- fewer numbers -----------------------------------------------------------------------------------------------
+
+
+def _freed(raw: np.ndarray, level: float) -> np.ndarray:
+    """Take a share of their mean out of the numbers of each row."""
+    return np.array([[number - level * naive_windows.mean(row) for number in row] for row in raw.tolist()])
+
+
+def _seen_of(measures: np.ndarray, seen: Sequence[int], level: float) -> np.ndarray:
+    """Give what is measured when some numbers are seen: the mean put back in, and that of the fewer taken out."""
+    count = measures.shape[1]
+    raw = measures @ np.linalg.inv(np.eye(count) - level / count * np.ones((count, count)))
+    return _freed(raw[:, list(seen)], level)
+
+
+def _exact_vectors(measures: np.ndarray, metric: Metric) -> np.ndarray:
+    return (measures - measures.mean(axis=0)) @ metric.axes.astype(np.float64)
+
+
+def _mean_squared(vectors: np.ndarray) -> float:
+    return float(np.square(vectors).sum(axis=1).mean())
+
+
+@pytest.mark.parametrize("seen", [(0, 1, 2, 3), (8, 2, 5, 3, 0), (4,), tuple(range(9))], ids=len)
+@pytest.mark.parametrize("level", [0.0, 0.5])
+@pytest.mark.parametrize("kept", [2, 4])
+def test_vectors_of_fewer_numbers_are_the_conditional_mean(seen: tuple[int, ...], level: float, kept: int) -> None:
+    """Estimated vectors are the mean, given what is seen, of one normal distribution over all, mean freed or not."""
+    windows = _Windows(7, each=30)
+    windows.measures = _freed(windows.measures, level)
+    metric = windows.metric(kept=kept, together=True)
+    asked = _seen_of(windows.measures[::5], seen, level)
+    estimated = metric.restricted_to(np.array(seen), level).embedded(asked)
+    expected = naive_windows.conditional_mean(
+        windows.measures, _exact_vectors(windows.measures, metric), seen, asked, level=level, least=LEAST
+    )
+    assert estimated.shape == (len(asked), kept)
+    np.testing.assert_allclose(estimated, expected, atol=0.01 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize("level", [0.0, 0.5])
+def test_no_straight_line_estimates_much_better(level: float) -> None:
+    """Least squares of the true vectors on the numbers seen, on these very windows, leaves little less of an error."""
+    windows = _Windows(8, each=60)
+    windows.measures = _freed(windows.measures, level)
+    metric = windows.metric(kept=4, together=True)
+    true, seen = metric.embedded(windows.measures), [0, 2, 3, 5, 6, 8]
+    asked = _seen_of(windows.measures, seen, level)
+    error = _mean_squared(metric.restricted_to(np.array(seen), level).embedded(asked) - true)
+    known = np.column_stack([asked, np.ones(len(asked))])
+    best = _mean_squared(known @ np.linalg.lstsq(known, true, rcond=None)[0] - true)
+    unknown = _mean_squared(true - true.mean(axis=0))
+    assert best <= error * (1 + 1e-3)
+    assert error - best < 0.05 * (unknown - best)
+
+
+@pytest.mark.parametrize("level", [0.0, 0.5])
+def test_all_numbers_are_as_good_as_the_measure(level: float) -> None:
+    """With every number seen the vectors are nearly those of the measure, and the order of numbers does not matter."""
+    windows = _Windows(9, each=30)
+    windows.measures = _freed(windows.measures, level)
+    metric = windows.metric(kept=4, together=True)
+    true, order = metric.embedded(windows.measures), np.random.default_rng(0).permutation(9)
+    estimated = metric.restricted_to(np.arange(9), level).embedded(windows.measures)
+    assert _mean_squared(estimated - true) < 0.02 * _mean_squared(true)
+    shuffled = metric.restricted_to(order, level).embedded(windows.measures[:, order])
+    np.testing.assert_allclose(shuffled, estimated, atol=0.01 * np.abs(true).max())
+
+
+def test_numbers_that_never_vary_can_be_seen() -> None:
+    """A number that is the same in every window, as a segment's posture is, tells nothing and does no harm."""
+    windows = _Windows(10, each=30)
+    windows.measures[:, 7:] = 1.0
+    metric = windows.metric(kept=9, together=True)
+    true = metric.embedded(windows.measures)
+    for seen in ([*range(9)], [*range(8)], [0, 1, 2, 3, 4, 5, 6]):
+        estimated = metric.restricted_to(np.array(seen), 0.0).embedded(windows.measures[:, seen])
+        assert _mean_squared(estimated - true) < 0.02 * _mean_squared(true)
+
+
+def test_a_restricted_metric_keeps_what_a_file_keeps() -> None:
+    """Origin and axes of fewer numbers are of half precision, nothing is off the axes, nothing more is known."""
+    fewer = _Windows().metric(kept=4, together=True).restricted_to(np.array([1, 2, 5]), 0.5)
+    assert fewer.axes.shape == (3, 4)
+    assert np.array_equal(halved(fewer.origin), fewer.origin)
+    assert np.array_equal(halved(fewer.axes), fewer.axes)
+    assert (fewer.outside, fewer.together.size, fewer.spare.size) == (0.0, 0, 0)
+
+
+def test_what_was_not_learned_together_is_not_restricted() -> None:
+    """A metric learned without what varies together, or restricted before, is refused."""
+    windows = _Windows()
+    alone = windows.metric(kept=4)
+    assert (alone.together.shape, alone.spare.shape) == ((0, 0), (0,))
+    once = windows.metric(kept=4, together=True).restricted_to(np.arange(5), 0.5)
+    for metric in (alone, once):
+        with pytest.raises(ValueError, match="metric: expected one learned with what varies together, got one without"):
+            metric.restricted_to(np.arange(3), 0.5)
+
+
+def test_what_varies_together_changes_no_vector() -> None:
+    """Learning it leaves origin, axes and weight as they are, and is the covariance and the noise of the twin."""
+    windows = _Windows(11, each=20)
+    plain, metric = windows.metric(kept=4), windows.metric(kept=4, together=True)
+    assert np.array_equal(plain.origin, metric.origin)
+    assert np.array_equal(plain.axes, metric.axes)
+    vectors = _exact_vectors(windows.measures, metric)
+    both = np.cov(np.column_stack([vectors, windows.measures]).T, bias=True)
+    np.testing.assert_allclose(metric.together, both[:4, 4:], atol=4 * HALF * np.abs(both[:4, 4:]).max())
+    noise = both[4:, 4:] - both[4:, :4] @ np.linalg.inv(both[:4, :4]) @ both[:4, 4:]
+    np.testing.assert_allclose(metric.spare, np.maximum(noise.diagonal(), LEAST), rtol=2 * HALF, atol=1e-6)
+
+
+# --- real windows of fewer joints --------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def whole() -> Comparison:
+    windows = MotionLibrary.builtin().windows
+    assert windows is not None
+    return windows.comparison
+
+
+@pytest.fixture(scope="module")
+def fewer() -> Comparison:
+    """Give the built-in comparison as the joints of a Kinect show it."""
+    windows = MotionLibrary.builtin().restricted_to(builtin_preset("kinectv2").joints).windows
+    assert windows is not None
+    return windows.comparison
+
+
+def _kinect_pairs() -> np.ndarray:
+    builtin = MotionLibrary.builtin()
+    kept = builtin.restricted_to(builtin_preset("kinectv2").joints).skeleton
+    places = [builtin.skeleton.joints.index(joint) for joint in kept.joints]
+    assert 15 < len(places) < 31
+    return np.array([place for place, (a, b) in enumerate(builtin.skeleton.pairs) if a in places and b in places])
+
+
+def _measures(clips: Sequence[Clip], comparison: Comparison, measure: Measure, pairs: np.ndarray) -> np.ndarray:
+    """Measure a window every fifth of a second from the first half second on."""
+    return np.concatenate(
+        [
+            measured(
+                distance_rows(clip.positions, clip.skeleton)[:, pairs],
+                clip.frame_rate,
+                np.arange(min(60, clip.frames), clip.frames + 1, 24),
+                measure,
+                body=comparison.body,
+                basis=comparison.basis,
+            )
+            for clip in clips
+        ]
+    )
+
+
+def _vectors(clips: Sequence[Clip], comparison: Comparison, measure: Measure, pairs: np.ndarray) -> np.ndarray:
+    metric = comparison.metrics[measure]
+    return metric.embedded(_measures(clips, comparison, measure, pairs)).astype(np.float64)
+
+
+@pytest.mark.parametrize("measure", MEASURES, ids=lambda measure: measure.name)
+def test_real_vectors_of_fewer_joints_are_nearer_than_anybody_else(
+    measure: Measure,
+    whole: Comparison,
+    fewer: Comparison,
+    some_clips: tuple[Clip, ...],
+    hdm05_clips: tuple[Clip, ...],
+) -> None:
+    """From a Kinect's joints a window's vector is found half as far off as the nearest window of somebody else."""
+    every = np.arange(whole.pairs)
+    others = [clip for clip in hdm05_clips if clip.actor != some_clips[0].actor][::5]
+    true = _vectors(some_clips, whole, measure, every)
+    nearest = np.sqrt(squared_distances(true, _vectors(others, whole, measure, every)).min(axis=1))
+    off = np.linalg.norm(_vectors(some_clips, fewer, measure, _kinect_pairs()) - true, axis=1)
+    assert len(true) > 60
+    assert np.median(off) < 0.5 * np.median(nearest)
+    assert np.mean(off < nearest) > 0.95
+    assert np.median(off) > 0.01
+
+
+@pytest.mark.parametrize("kind", LEVELS)
+def test_real_vectors_are_the_conditional_mean(kind: Kind, whole: Comparison, hdm05_clips: tuple[Clip, ...]) -> None:
+    """Of a metric learned from real windows, vectors estimated from a Kinect's pairs are those of dense matrices."""
+    clips, level, pairs = hdm05_clips[::9], LEVELS[kind], _kinect_pairs()
+    measures = [_measures([clip], whole, Measure(kind, 0.5), np.arange(whole.pairs)) for clip in clips]
+    classes = np.repeat([index for index, _ in _labels(clips)], [len(each) for each in measures])
+    actors = np.repeat([actor for _, actor in _labels(clips)], [len(each) for each in measures])
+    numbers = np.concatenate(measures)
+    metric = learned_metric(numbers, classes, actors, shrinkage=0.3, kept=24, together=True)
+    asked = _seen_of(numbers[::7], pairs.tolist(), level)
+    estimated = metric.restricted_to(pairs, level).embedded(asked)
+    expected = naive_windows.conditional_mean(
+        numbers, _exact_vectors(numbers, metric), pairs.tolist(), asked, level=level, least=LEAST
+    )
+    assert _mean_squared(estimated - expected) < 1e-3 * _mean_squared(expected)
+
+
+def _labels(clips: Sequence[Clip]) -> list[tuple[int, str]]:
+    names = sorted({clip.class_name for clip in clips})
+    return [(names.index(clip.class_name), clip.actor) for clip in clips]
+
+
+@pytest.mark.parametrize("measure", [each for each in MEASURES if each.kind in LEVELS], ids=lambda each: each.name)
+def test_real_vectors_of_all_numbers_are_nearly_the_same(
+    measure: Measure, whole: Comparison, some_clips: tuple[Clip, ...]
+) -> None:
+    """Estimated from all 465 numbers, real windows' vectors are off by less than a quarter of their length."""
+    metric = whole.metrics[measure]
+    measures = _measures(some_clips, whole, measure, np.arange(whole.pairs))
+    true = metric.embedded(measures)
+    again = metric.restricted_to(np.arange(whole.pairs), LEVELS[measure.kind]).embedded(measures)
+    off = np.linalg.norm(again - true, axis=1) / np.linalg.norm(true, axis=1)
+    assert np.median(off) < 0.25

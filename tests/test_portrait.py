@@ -250,6 +250,27 @@ def test_the_built_in_portraits_are_those_of_the_clips(
         np.testing.assert_allclose(built.rows(cycles), kept.rows(cycles), atol=5e-3)
 
 
+def test_fewer_pairs_show_the_same_portrait(library: MotionLibrary) -> None:
+    """Restricted to some pairs, in any order, a portrait moves in them as the whole one does."""
+    pairs, cycles = np.array([9, 0, 4, 13]), np.linspace(-0.5, 2.0, 40)
+    for portrait in library.portraits:
+        fewer = portrait.restricted_to(pairs)
+        assert (fewer.mean.shape, fewer.axes.shape) == ((4,), (AXES, 4))
+        np.testing.assert_allclose(fewer.rows(cycles), portrait.rows(cycles)[:, pairs], atol=1e-9)
+
+
+def test_a_library_of_fewer_joints_is_portrayed_by_their_pairs() -> None:
+    """The built-in library restricted to a dozen joints has all portraits, each of the distances between those."""
+    builtin = MotionLibrary.builtin()
+    restricted = builtin.restricted_to(builtin.skeleton.joints[::3])
+    kept = set(restricted.skeleton.joints)
+    names = builtin.skeleton.joints
+    pairs = [k for k, (a, b) in enumerate(builtin.skeleton.pairs) if names[a] in kept and names[b] in kept]
+    assert len(restricted.portraits) == 11
+    for fewer, portrait in zip(restricted.portraits, builtin.portraits, strict=True):
+        assert _is_same(fewer, portrait.restricted_to(np.array(pairs)))
+
+
 # --- kept --------------------------------------------------------------------------------------------------------
 
 

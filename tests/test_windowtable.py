@@ -12,7 +12,7 @@ import pytest
 from synthetic import STICK, STICK_CLASSES, stick_clip, stick_clips
 
 from library.distances import distance_rows
-from library.measures import FEWEST_FRAMES, Body, Kind, Measure, measured
+from library.measures import FEWEST_FRAMES, Basis, Body, Kind, Measure, measured
 from library.metric import squared_distances
 from library.motionlibrary import MotionLibrary
 from library.skeleton import Skeleton, SkeletonMismatchError
@@ -25,6 +25,7 @@ from library.windowtable import (
     Comparison,
     WindowTable,
 )
+from stream.feeds import builtin_preset
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -339,14 +340,34 @@ def test_two_people_who_do_different_things_teach_nothing() -> None:
 
 @pytest.mark.parametrize("skeleton", [Skeleton(STICK.joints), STICK.without_segments()])
 def test_without_segments_nothing_is_compared(comparison: Comparison, skeleton: Skeleton) -> None:
-    """Clips of a skeleton without parents or segments teach nothing and have no windows, though they have motions."""
+    """Clips of a skeleton without parents or segments teach nothing, though they have motions."""
     clips = stick_clips(takes=1)
     clips = [dataclasses.replace(clip, skeleton=skeleton) for clip in clips]
     with pytest.raises(ValueError, match="skeleton: expected parents and segments"):
         Comparison.learned(clips)
-    with pytest.raises(ValueError, match=r"skeleton: expected parents|comparison: expected one of 10 pairs, got 15"):
-        MotionLibrary.of_clips(clips, comparison=comparison)
+    if len(skeleton.pairs) < 15:
+        with pytest.raises(SkeletonMismatchError, match="comparison: expected one of 10 pairs, got 15"):
+            MotionLibrary.of_clips(clips, comparison=comparison)
     assert MotionLibrary.of_clips(clips).windows is None
+
+
+#: The stick body's joints, hanging together as nobody knows or otherwise than in the comparison.
+OTHERWISE = [
+    pytest.param(Skeleton(STICK.joints), id="no parents"),
+    pytest.param(Skeleton(STICK.joints, (-1, 0, 1, 2, 3, 0)), id="other parents"),
+]
+
+
+@pytest.mark.parametrize("skeleton", OTHERWISE)
+def test_windows_are_measured_by_the_comparisons_body(
+    comparison: Comparison, anybody: MotionLibrary, skeleton: Skeleton, tmp_path: Path
+) -> None:
+    """How recordings say joints hang together does not matter: windows are the comparison's, and stay so in a file."""
+    clips = [dataclasses.replace(clip, skeleton=skeleton) for clip in _long_clips()]
+    library = MotionLibrary.of_clips(clips, comparison=comparison)
+    _assert_equal(_table(library), _table(anybody))
+    library.save(tmp_path / "library.npz")
+    _assert_equal(_table(MotionLibrary.load(tmp_path / "library.npz")), _table(anybody))
 
 
 def test_another_body_is_not_compared() -> None:
@@ -366,8 +387,176 @@ def test_a_comparison_is_the_same_when_every_number_is(comparison: Comparison) -
         dataclasses.replace(metric, axes=-metric.axes),
         dataclasses.replace(metric, outside=metric.outside + 1),
     ):
-        assert not comparison.is_same(Comparison(comparison.basis, {**comparison.metrics, measure: other}))
-    assert not comparison.is_same(Comparison(comparison.basis[:, ::-1], comparison.metrics))
+        metrics = {**comparison.metrics, measure: other}
+        assert not comparison.is_same(dataclasses.replace(comparison, metrics=metrics))
+    body, basis = comparison.body, comparison.basis
+    for turned in (
+        dataclasses.replace(comparison, basis=dataclasses.replace(basis, directions=basis.directions[:, ::-1])),
+        dataclasses.replace(comparison, body=dataclasses.replace(body, scale=1.01)),
+        dataclasses.replace(comparison, body=dataclasses.replace(body, stretches=1.01 * body.stretches)),
+        dataclasses.replace(comparison, body=Body.of(Skeleton(STICK.joints, (-1, 0, 1, 2, 3, 0)))),
+    ):
+        assert not comparison.is_same(turned)
+
+
+@pytest.mark.parametrize(
+    ("part", "value", "message"),
+    [
+        pytest.param(
+            "body", Body.of(STICK.restricted_to(range(5))), "body: expected one of 15 pairs, got 10", id="body"
+        ),
+        pytest.param(
+            "basis", Basis(np.zeros((10, 24)), np.ones(10)), "body: expected one of 10 pairs, got 15", id="basis"
+        ),
+        pytest.param(
+            "basis", Basis(np.zeros((15, 3)), np.ones(15)), "shape1000: expected 6 numbers, got", id="directions"
+        ),
+    ],
+)
+def test_a_comparison_of_parts_of_another_is_refused(
+    comparison: Comparison, part: str, value: object, message: str
+) -> None:
+    """A body of other pairs, a basis of other pairs and one of fewer directions are refused, with the numbers."""
+    with pytest.raises(ValueError, match=message):
+        dataclasses.replace(comparison, **{part: value})
+
+
+# --- fewer joints ------------------------------------------------------------------------------------------------
+
+
+FEWER = ("root", "head", "left", "right", "foot")
+
+
+@pytest.mark.parametrize("name", ["anybody", "one_person"])
+@pytest.mark.parametrize("joints", [FEWER, FEWER[:4], FEWER[:3], FEWER[:2], FEWER[1:]], ids=" ".join)
+def test_a_restricted_library_comes_back_bit_for_bit(
+    name: str, joints: tuple[str, ...], tmp_path: Path, request: pytest.FixtureRequest
+) -> None:
+    """Restricted to some joints, even to two, windows say something of theirs, and the same when saved and loaded."""
+    library = request.getfixturevalue(name).restricted_to(joints)
+    clip = stick_clip("wave", seed=90, frames=150)
+    kept = [STICK.joints.index(joint) for joint in joints]
+    asked = _asked_with(
+        dataclasses.replace(clip, skeleton=library.skeleton, positions=clip.positions[:, kept]), library
+    )
+    assert np.isfinite(_table(library).log_distances(asked)).all()
+    library.save(tmp_path / "library.npz")
+    loaded = MotionLibrary.load(tmp_path / "library.npz")
+    _assert_equal(_table(loaded), _table(library))
+    np.testing.assert_allclose(_table(loaded).log_distances(asked), _table(library).log_distances(asked), atol=1e-5)
+    assert not _table(loaded).comparison.can_be_restricted
+
+
+def _asked_with(clip: Clip, library: MotionLibrary) -> dict[Measure, np.ndarray]:
+    """Measure a clip's end as a library's comparison does."""
+    comparison, rows = _table(library).comparison, distance_rows(clip.positions, clip.skeleton)
+    ends = np.array([clip.frames])
+    return {
+        measure: measured(rows, clip.frame_rate, ends, measure, body=comparison.body, basis=comparison.basis)[0]
+        for measure in MEASURES
+    }
+
+
+def test_a_real_restricted_library_comes_back_bit_for_bit(tmp_path: Path) -> None:
+    """The built-in library as a Kinect's joints show it is the same when saved and loaded."""
+    library = MotionLibrary.builtin().restricted_to(builtin_preset("kinectv2").joints)
+    library.save(tmp_path / "library.npz")
+    _assert_equal(_table(MotionLibrary.load(tmp_path / "library.npz")), _table(library))
+
+
+def test_fewer_joints_are_the_same_windows(anybody: MotionLibrary) -> None:
+    """Restricting a library changes how live windows are compared, not the windows it keeps."""
+    restricted = _table(anybody.restricted_to(FEWER))
+    assert (_table(anybody).comparison.pairs, restricted.comparison.pairs) == (15, 10)
+    assert all(map(np.array_equal, restricted.vectors, _table(anybody).vectors))
+    assert np.array_equal(restricted.thresholds, _table(anybody).thresholds)
+    assert not restricted.comparison.is_same(_table(anybody).comparison)
+
+
+def test_each_kind_of_measure_is_restricted_in_its_way() -> None:
+    """Of fewer joints spreads are freed of half their own mean, postures of none; shapes are compared as before."""
+    builtin = MotionLibrary.builtin()
+    comparison, fewer = _table(builtin).comparison, builtin.restricted_to(builtin_preset("kinectv2").joints)
+    pairs = builtin.skeleton.places_of(fewer.skeleton)
+    for measure, metric in _table(fewer).comparison.metrics.items():
+        expected = comparison.metrics[measure]
+        if measure.kind is not Kind.SHAPE:
+            expected = expected.restricted_to(pairs, 0.5 if measure.kind is Kind.SPREAD else 0.0)
+        assert np.array_equal(metric.origin, expected.origin)
+        assert np.array_equal(metric.axes, expected.axes)
+        assert metric.outside == expected.outside
+
+
+def test_a_restricted_comparison_is_not_restricted_again(anybody: MotionLibrary) -> None:
+    """What was made from another comparison is refused a second time, and such a library then has no windows."""
+    comparison = _table(anybody).comparison
+    assert comparison.can_be_restricted
+    once = anybody.restricted_to(FEWER)
+    fewer = _table(once).comparison
+    assert not fewer.can_be_restricted
+    assert {metric.together.size for metric in fewer.metrics.values() if metric.origin.shape == (10,)} == {0}
+    skeleton = once.skeleton.restricted_to(range(4))
+    with pytest.raises(ValueError, match="metric: expected one learned with what varies together, got one without"):
+        fewer.restricted_to(skeleton, once.skeleton.places_of(skeleton), once.means.astype(np.float64))
+    twice = once.restricted_to(FEWER[:4])
+    assert twice.windows is None
+    assert len(twice) == len(anybody)
+
+
+def test_a_library_says_how_windows_of_its_joints_are_compared(anybody: MotionLibrary) -> None:
+    """All of a library's joints are compared as it does, some as it does restricted, others not at all."""
+    comparison = _table(anybody).comparison
+    assert anybody.comparison_for(STICK) is comparison
+    some = Skeleton.of_joints(FEWER)
+    for skeleton in (some, STICK.restricted_to([STICK.joints.index(joint) for joint in FEWER])):
+        found = anybody.comparison_for(skeleton)
+        assert found is not None
+        assert found.is_same(_table(anybody.restricted_to(FEWER)).comparison)
+
+
+@pytest.mark.parametrize(
+    "joints",
+    [
+        pytest.param((*STICK.joints, "tail"), id="one more"),
+        pytest.param(("root", "chest", "tail"), id="another"),
+        pytest.param(("nose", "tail"), id="none of its own"),
+        pytest.param((*STICK.joints[1:], "root"), id="all in another order"),
+        pytest.param(("head", "root", "left"), id="some in another order"),
+    ],
+)
+def test_joints_a_library_has_not_are_not_compared(anybody: MotionLibrary, joints: tuple[str, ...]) -> None:
+    """A skeleton with any other joint, or the same in another order, has no comparison."""
+    assert anybody.comparison_for(Skeleton.of_joints(joints)) is None
+
+
+def test_without_windows_nothing_is_compared(anybody: MotionLibrary) -> None:
+    """A library without windows has no comparison; one restricted has its own, and none for fewer joints still."""
+    assert MotionLibrary.of_clips(_long_clips()).comparison_for(STICK) is None
+    once = anybody.restricted_to(FEWER)
+    assert once.comparison_for(once.skeleton) is _table(once).comparison
+    assert once.comparison_for(Skeleton.of_joints(FEWER[:3])) is None
+
+
+def test_a_library_of_fewer_joints_is_built_with_the_comparison_for_them(hdm05_clips: tuple[Clip, ...]) -> None:
+    """One person's clips of a Kinect's joints, compared as the built-in library says, find themselves and are right."""
+    builtin = MotionLibrary.builtin()
+    joints = builtin_preset("kinectv2").joints
+    kept = [index for index, name in enumerate(builtin.skeleton.joints) if name in joints]
+    skeleton = builtin.skeleton.restricted_to(kept)
+    clips = [
+        dataclasses.replace(clip, skeleton=skeleton, positions=clip.positions[:, kept])
+        for clip in hdm05_clips
+        if clip.actor == "bk"
+    ][::4]
+    library = MotionLibrary.of_clips(clips, comparison=builtin.comparison_for(skeleton))
+    assert _table(library).groups == FOR_ONE_PERSON
+    for clip in clips:
+        end = _ends(clip.frames, 120.0, several=False)[-1]
+        asked = _asked_with(dataclasses.replace(clip, positions=clip.positions[:end]), library)
+        distances = _table(library).log_distances(asked)
+        own = library.classes.index(clip.class_name)
+        assert distances[own] == pytest.approx(NO_DISTANCE, abs=0.05)
+        assert int(distances.argmin()) == own
 
 
 # --- saving ------------------------------------------------------------------------------------------------------
@@ -448,11 +637,11 @@ def test_windows_measured_differently_are_not_merged(anybody: MotionLibrary, one
 
 
 def test_windows_of_another_library_are_refused(anybody: MotionLibrary, one_person: MotionLibrary) -> None:
-    """A library takes no windows of another number of motions, of other pairs or of a body it does not know."""
+    """A library takes no windows of another number of motions or of other pairs."""
     with pytest.raises(ValueError, match="windows: expected those of 12 motions and 15 pairs"):
         dataclasses.replace(anybody, windows=one_person.windows)
-    with pytest.raises(ValueError, match="skeleton: expected parents"):
-        dataclasses.replace(anybody, skeleton=Skeleton(STICK.joints))
+    with pytest.raises(ValueError, match="windows: expected those of 12 motions and 15 pairs"):
+        dataclasses.replace(anybody, windows=anybody.restricted_to(FEWER).windows)
 
 
 @pytest.mark.parametrize(
@@ -467,9 +656,19 @@ def test_windows_of_another_library_are_refused(anybody: MotionLibrary, one_pers
         pytest.param("motions", 12, "motions: expected indices", id="beyond"),
         pytest.param("motions", 0, "motions: expected windows of every class", id="classes without"),
         pytest.param("actors", "backwards", "actors: expected motions by class and, within", id="actors backwards"),
-        pytest.param("thresholds", np.zeros(6, np.float32), "thresholds: expected 7 numbers", id="a rate missing"),
-        pytest.param("thresholds", np.zeros((7, 3), np.float32), "thresholds: expected 7 numbers", id="by class"),
-        pytest.param("thresholds", np.full(7, np.nan, np.float32), "thresholds: expected 7 numbers", id="no number"),
+        pytest.param("thresholds", np.zeros(6, np.float32), "thresholds: expected 7 ascending", id="a rate missing"),
+        pytest.param("thresholds", np.zeros((7, 3), np.float32), "thresholds: expected 7 ascending", id="by class"),
+        *(
+            pytest.param("thresholds", np.array(numbers, np.float32), "thresholds: expected 7 ascending", id=name)
+            for name, numbers in {
+                "no number": [np.nan] * 7,
+                "one no number": [0, 1, 2, np.nan, 4, 5, 6],
+                "descending": [0, 1, 2, 3, 4, 6, 5],
+                "the last infinite": [0, 1, 2, 3, 4, 5, np.inf],
+                "the first infinite": [-np.inf, 1, 2, 3, 4, 5, 6],
+                "all below everything": [-np.inf] * 7,
+            }.items()
+        ),
     ],
 )
 def test_parts_that_do_not_fit_are_refused(anybody: MotionLibrary, field: str, value: object, message: str) -> None:

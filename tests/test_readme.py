@@ -18,7 +18,10 @@ if TYPE_CHECKING:
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 FENCED = re.findall(r"^```(\w*)\n(.*?)^```", README, re.MULTILINE | re.DOTALL)
 PYTHON = [code for language, code in FENCED if language == "python"]
-PROGRAMS = {"demo", "live", "replay", "latency", "build", "info", "evaluate"}
+PROGRAMS = {
+    *("demo", "live", "replay", "record", "convert", "feeds", "listen"),
+    *("latency", "build", "info", "evaluate", "bench"),
+}
 #: Code spans and fenced blocks: where commands stand.
 PROSE = re.sub(r"^```.*?^```", "", README, flags=re.MULTILINE | re.DOTALL)
 CODE = [code for _, code in FENCED] + re.findall(r"`([^`\n]+)`", PROSE)

@@ -172,6 +172,11 @@ class Performers:
         self._ended = []
         return ended
 
+    def end(self) -> list[Event]:
+        """Give the ends of all motions going on, because nothing more will come."""
+        ended, self._ended = self._ended, []
+        return [*ended, *(event for each in self._performers.values() if (event := each.recognizer.end()))]
+
     def _performer(self, name: str, arrival: float) -> _Performer | None:
         performer = self._performers.get(name)
         if performer is None:

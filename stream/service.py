@@ -308,11 +308,14 @@ class Service:
         self._stopped = True
 
     def run(self) -> None:
-        """Go on until stopped; what has arrived by then is still answered."""
+        """Go on until stopped; what has arrived by then is still answered, and every motion going on is ended."""
         while not self._stopped:
             self.step(_LONGEST_SLEEP)
         for _ in range(_LAST_STEPS):
             self.step(0.0)
+        for ended in self.performers.end():
+            for sink in self.sinks:
+                sink.publish_event(ended)
 
     def step(self, longest: float) -> None:
         """Wait at most `longest` seconds for something to come, and deal with all that has."""

@@ -245,6 +245,23 @@ def test_the_silent_are_dropped_and_their_counts_kept(library: MotionLibrary) ->
     assert performers.counts.recognizers.frames == 3
 
 
+def test_at_the_end_all_that_goes_on_is_ended_once(library: MotionLibrary) -> None:
+    """Whoever is in the middle of a motion ends it, with the last frame's time; who is not has nothing to end."""
+    performers = Performers(library)
+    for name, class_name in (("a", "bow"), ("b", "wave")):
+        positions = stick_clip(class_name, seed=81, frames=240).positions
+        for index, each in enumerate(positions):
+            performers.push(Frame(name, 1.0 + index / 120, each), index / 120)
+    performers.push(Frame("c", 1.0, POSE), 2.0)
+    ended = performers.end()
+    assert [(event.performer, str(event.kind), event.label) for event in ended] == [
+        ("a", "end", "bow"),
+        ("b", "end", "wave"),
+    ]
+    assert [event.time for event in ended] == pytest.approx([1.0 + 239 / 120] * 2)
+    assert performers.end() == []
+
+
 @pytest.mark.parametrize("heard", ["frames", "announcements", "bad frames"])
 def test_who_goes_on_is_not_dropped(library: MotionLibrary, heard: str) -> None:
     """Anything that comes of a performer, used or not, breaks the silence."""

@@ -103,6 +103,7 @@ class FakeSink:
         self.recognitions: list[Recognition] = []
         self.classes: list[tuple[str, ...]] = []
         self.statuses: list[Status] = []
+        self.events: list[Event] = []
         self.closed = False
 
     def publish(self, recognition: Recognition) -> None:
@@ -110,7 +111,8 @@ class FakeSink:
         self.recognitions.append(recognition)
 
     def publish_event(self, event: Event) -> None:
-        """Pass over events."""
+        """Keep an event."""
+        self.events.append(event)
 
     def publish_classes(self, classes: Sequence[str]) -> None:
         """Keep the classes."""
@@ -270,6 +272,15 @@ def test_who_falls_silent_is_dropped(library: MotionLibrary, source: FakeSource)
     assert [len(status.performers) for status in bench.sink.statuses] == [0, 1, 1, 1, 0, 0]
     assert bench.sink.statuses[-1].outcomes.dropped == 1
     assert bench.sink.statuses[-1].outcomes.recognizers.frames == 30
+
+
+def test_stopped_it_ends_what_goes_on(bench: Bench) -> None:
+    """A motion that goes on when the service is stopped ends for every sink, after its last answer."""
+    (source,) = bench.sources
+    source.waiting.extend([frame] for frame in _frames("jump", frames=240))
+    bench.service.stop()
+    bench.service.run()
+    assert [(str(event.kind), event.label) for event in bench.sink.events] == [("start", "jump"), ("end", "jump")]
 
 
 def test_waiting_ends_in_time_for_the_status(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -373,7 +373,10 @@ class WindowTable:
             The other's windows are measured or compared differently.
         """
         if self.groups != other.groups or not self.comparison.is_same(other.comparison):
-            raise ValueError("windows: expected them measured alike; build the libraries from recordings together")
+            raise ValueError(
+                "windows: expected them measured alike, for one person both or for several, by one comparison; "
+                "build one library from all recordings instead"
+            )
         kept = np.isin(other.motions, new)
         count = len(self.classes)
         renumbered = count + np.searchsorted(np.asarray(new, dtype=np.intp), other.motions[kept])

@@ -31,7 +31,7 @@ def test_an_address_is_a_host_and_a_port(text: str, expected: tuple[str, int]) -
 )
 def test_what_has_no_port_is_refused(text: str) -> None:
     """Text without a port of 0 to 65535 raises an error that says what was expected and what was got."""
-    with pytest.raises(ValueError, match=r"address: expected HOST:PORT, got '"):
+    with pytest.raises(ValueError, match=r"address: expected HOST:PORT, the port from 0 to 65535, got '"):
         host_and_port(text)
 
 

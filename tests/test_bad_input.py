@@ -274,8 +274,11 @@ def test_a_busy_zmq_endpoint_is_named(
 @pytest.mark.parametrize(
     ("arguments", "expected"),
     [
-        (("live", "--osc-in", "here"), "address: expected HOST:PORT, got 'here'"),
-        (("live", "--osc-in", f"{LOOPBACK}:0", "--osc-out", "x:99999"), "address: expected HOST:PORT, got 'x:99999'"),
+        (("live", "--osc-in", "here"), "address: expected HOST:PORT, the port from 0 to 65535, got 'here'"),
+        (
+            ("live", "--osc-in", f"{LOOPBACK}:0", "--osc-out", "x:99999"),
+            "address: expected HOST:PORT, the port from 0 to 65535, got 'x:99999'",
+        ),
         (("live", "--zmq-in", "here"), "endpoint: expected an address like tcp://127.0.0.1:5556, got 'here'"),
         (("live", "--zmq-in", "pigeon://here"), "pigeon://here: Protocol not supported"),
         (("live", "--zmq-in", "tcp://"), "tcp://: Invalid argument"),

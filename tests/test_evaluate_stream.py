@@ -236,6 +236,29 @@ def test_takes_of_another_body_are_refused(folder: Path, capsys: pytest.CaptureF
     assert "joint" in _refused(capsys, folder)
 
 
+@pytest.mark.parametrize(
+    ("mapped", "message"),
+    [
+        ("clap=fly", "--map: expected one of "),
+        ("fly=clap", "got 'fly'"),
+    ],
+)
+def test_a_mapping_that_maps_nothing_is_refused(
+    folder: Path, library: Path, mapped: str, message: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A class the library has not, or a label no take has, is named: else every figure would silently be another."""
+    assert message in _refused(capsys, folder / "puppet_02.amc", "--library", library, "--map", mapped)
+
+
+def test_a_take_without_labels_is_told_how_to_get_them(
+    folder: Path, library: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """When no labels lie beside a take, the line says where they were looked for and which option names others."""
+    (tmp_path / "alone.amc").write_bytes((folder / "puppet_02.amc").read_bytes())
+    told = _refused(capsys, tmp_path / "alone.amc", "--library", library)
+    assert "alone.csv: no labels for alone.amc; --labels says where they are" in told
+
+
 def test_settings_reach_the_recogniser(folder: Path, library: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """A shorter window answers sooner, and windows that the library does not keep are refused."""
     take = folder / "puppet_02.amc"

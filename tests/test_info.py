@@ -28,11 +28,15 @@ def test_the_built_in_library_is_told(capsys: pytest.CaptureFixture[str]) -> Non
     assert "the built-in library" in printed
     for class_name in library.classes:
         motions = [motion for motion in library.motions if motion.class_name == class_name]
-        (row,) = [line for line in printed.splitlines() if class_name in line]
+        (row,) = [line for line in printed.splitlines() if "│" in line and class_name in line]
         cells = [cell.strip() for cell in row.split("│")[1:-1]]
         assert cells[:3] == [class_name, str(len(motions)), str(len({motion.actor for motion in motions}))]
         assert float(cells[3]) == round(sum(motion.frames / motion.frame_rate for motion in motions), 1)
         assert cells[4] == "120"
+    (indices,) = [line for line in printed.splitlines() if line.startswith("index of each class: ")]
+    assert indices.removeprefix("index of each class: ").split(", ") == [
+        f"{index} {class_name}" for index, class_name in enumerate(library.classes)
+    ]
     assert "288 motions of 31 joints, 465 pairs measured" in printed
     assert f"licence: {hdm05.LICENCE}\n" in printed
     assert f"attribution: {hdm05.ATTRIBUTION}\n" in printed
@@ -56,7 +60,7 @@ def test_what_is_not_stated_is_said_so(tmp_path: Path, capsys: pytest.CaptureFix
     MotionLibrary.of_clips(stick_clips(takes=1, actors=("",))).save(path)
     assert main(["info", str(path)]) == 0
     printed = capsys.readouterr().out
-    (row,) = [line for line in printed.splitlines() if "wave" in line]
+    (row,) = [line for line in printed.splitlines() if "│" in line and "wave" in line]
     assert [cell.strip() for cell in row.split("│")[1:4]] == ["wave", "1", "?"]
     assert "licence: not stated\n" in printed
     assert "attribution: none\n" in printed

@@ -15,7 +15,7 @@ from recorded import write_takes
 
 from library import MotionLibrary, read_recordings
 from stream import Announcement, LiveSignature, Settings, osc, zeromq
-from tools.cli import main
+from tools.cli import OSC_OUT, main
 from tools.expected import expected_answers
 from tools.feed import clip_cues
 
@@ -51,10 +51,10 @@ def test_it_says_where_it_listens_and_answers() -> None:
         assert re.fullmatch(rf"{listening}; answering to OSC {address}, ZeroMQ tcp://{address}; Ctrl-C ends", line)
 
 
-def test_without_an_output_it_answers_to_nobody() -> None:
-    """With an input alone it runs, and says that nobody is answered."""
+def test_without_an_output_it_answers_to_the_usual_port() -> None:
+    """With an input alone answers go where they always go, and the line says so."""
     with started("live", "--plain", "--osc-in", f"{LOOPBACK}:0") as program:
-        program.expect("answering to nobody; Ctrl-C ends\n")
+        program.expect(f"answering to OSC {OSC_OUT}; Ctrl-C ends\n")
         assert (program.interrupt(), program.errors) == (0, "")
 
 

@@ -119,7 +119,10 @@ def test_hands_are_shaken_with_qualisys(tmp_path: Path) -> None:
         (("--feed", "kinect"), "feed: expected a .toml file or one of native, "),
         (("--feed", "nowhere.toml"), "nowhere.toml: No such file or directory"),
         (("--osc-in", f"{LOOPBACK}:0", "--out", "unity"), "--out: expected one of native, touchdesigner, max, "),
-        (("--osc-in", f"{LOOPBACK}:0", "--out", "max=there"), "address: expected HOST:PORT, got 'there'"),
+        (
+            ("--osc-in", f"{LOOPBACK}:0", "--out", "max=there"),
+            "address: expected HOST:PORT, the port from 0 to 65535, got 'there'",
+        ),
         (
             ("--zmq-in", f"tcp://{LOOPBACK}:*", "--out", "max=sender"),
             "--out: expected an OSC feed to reply to, got none",

@@ -15,5 +15,5 @@ def host_and_port(text: str) -> tuple[str, int]:
     """
     host, _, port = text.rpartition(":")
     if not re.fullmatch("[0-9]{1,5}", port) or int(port) > 65535:
-        raise ValueError(f"address: expected HOST:PORT, got {text!r}")
+        raise ValueError(f"address: expected HOST:PORT, the port from 0 to 65535, got {text!r}")
     return host.strip("[]") or "127.0.0.1", int(port)

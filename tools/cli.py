@@ -119,7 +119,7 @@ def _add_live(programs: Programs[argparse.ArgumentParser]) -> None:
     live = programs.add_parser(
         "live",
         help="recognise a feed",
-        description=f"Recognises frames and publishes answers until Ctrl-C. Without any address: OSC in on {OSC_IN}, "
+        description=f"Recognises frames and publishes answers until Ctrl-C. Unless told otherwise: OSC in on {OSC_IN}, "
         f"out to {OSC_OUT}. A ZeroMQ endpoint is bound; put > before it to connect instead.",
     )
     live.add_argument("--osc-in", metavar="HOST:PORT", help="listen for OSC frames here")
@@ -147,7 +147,7 @@ def _run_live(parsed: argparse.Namespace) -> int:
     from tools import live  # noqa: PLC0415 - as above
 
     none_given = not any((parsed.osc_in, parsed.osc_out, parsed.zmq_in, parsed.zmq_out))
-    usual_out = none_given and not parsed.out
+    usual_out = not (parsed.osc_out or parsed.zmq_out or parsed.out)
     usual_in = none_given and not parsed.feed
     addresses = live.Addresses(
         osc_in=OSC_IN if usual_in else parsed.osc_in,

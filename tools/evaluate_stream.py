@@ -77,6 +77,9 @@ def run(
         whole = MotionLibrary.load(library) if library else MotionLibrary.builtin()
         libraries = [whole.restricted_to(joints_of(skeleton)) if skeleton else whole] * len(takes)
     classes = tuple(sorted({name for each in libraries for name in each.classes}))
+    for (take, _), each in zip(takes, libraries, strict=True):
+        each.skeleton.require_same(take.skeleton)
+    _require_classes(takes, names, classes)
     pairs = list(zip(takes, libraries, strict=True))
     courses = [
         replay(take, segments, library=each, classes=classes, settings=settings)
@@ -139,8 +142,29 @@ def _labelled_takes(
     if labels and len(labels) != len(paths):
         raise ValueError(f"--labels: expected one for each of {len(paths)} takes, got {len(labels)}")
     files = labels or [path.with_suffix(".csv") for path in paths]
-    segments = [renamed(read_labels(file), names) for file in files]
+    for path, file in zip(paths, files, strict=True):
+        if not file.is_file():
+            raise FileNotFoundError(f"{file}: no labels for {path.name}; --labels says where they are")
+    performed = [read_labels(file) for file in files]
+    labels_there = {segment.label for each in performed for segment in each}
+    for label in names:
+        if label not in labels_there:
+            raise ValueError(f"--map: expected a label of the takes, {', '.join(sorted(labels_there))}, got {label!r}")
+    segments = [renamed(each, names) for each in performed]
     return list(zip(progress(read_recordings(paths, reading), "Reading", len(paths)), segments, strict=True))
+
+
+def _require_classes(takes: Sequence[LabelledTake], names: Mapping[str, str], classes: Sequence[str]) -> None:
+    """Refuse names that are no class: nobody would see that nothing is known."""
+    labels = {segment.label for _, segments in takes for segment in segments}
+    for class_name in names.values():
+        if class_name not in classes:
+            raise ValueError(f"--map: expected one of {', '.join(classes)}, got {class_name!r}")
+    if not labels & set(classes):
+        raise ValueError(
+            f"expected a label that is a class of the library, got {', '.join(sorted(labels))}; --map LABEL=CLASS "
+            f"renames them, to one of {', '.join(classes)}"
+        )
 
 
 def _library_of_others(takes: Sequence[LabelledTake], held_out: int) -> MotionLibrary:

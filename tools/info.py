@@ -114,6 +114,8 @@ def _tell_library(file: Path | None) -> int:
             f"{sum(motion.share for motion in motions) / len(motions):.0%}",
         )
     console.print(table)
+    indices = ", ".join(f"{index} {printable(class_name)}" for index, class_name in enumerate(library.classes))
+    console.print(f"index of each class: {indices}", soft_wrap=True)
     skeleton = library.skeleton
     console.print(f"{len(library)} motions of {len(skeleton.joints)} joints, {len(skeleton.pairs)} pairs measured")
     console.print(f"licence: {library.licence or 'not stated'}", soft_wrap=True)

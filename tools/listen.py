@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import time
 from typing import TYPE_CHECKING
@@ -33,7 +34,14 @@ def run(address: str | None, *, feed: str | None, sender: str, seconds: float, a
     """Listen for some seconds and say what came: 0 when it can be recognised, 1 when not."""
     preset = preset_named(feed) if feed else None
     host, port = host_and_port(address) if address else ("127.0.0.1", preset.port if preset else 0)
-    receiver = OscReceiver(host, port)
+    try:
+        receiver = OscReceiver(host, port)
+    except OSError as error:
+        if error.errno == errno.EADDRINUSE:
+            raise OSError(
+                f"{host}:{port}: something listens there already, perhaps kinespace live: end it first"
+            ) from error
+        raise
     try:
         if not as_json:
             host, port = receiver.address

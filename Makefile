@@ -31,8 +31,9 @@ lint: setup
 types: setup
 	$(BIN)/mypy
 
+# On every core, each file's tests together: what a file prepares, it prepares once.
 pytest: setup
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest -n auto --dist loadfile
 
 # Some two minutes of packets made to break a feed; `make test` sends ten thousand of them.
 PACKETS ?= 1000000

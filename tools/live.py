@@ -93,7 +93,7 @@ def run(
     shown: PlainLines | LiveTable = PlainLines() if plain or not console.is_terminal else LiveTable(motions.classes)
     sources, sinks = _open(addresses, feed, preset)
     feeds = [source for source in sources if isinstance(source, FeedSource)]
-    kept = _recorded(sources, record) if record else None
+    kept = _recorded(sources, sinks, record) if record else None
     with kept or nullcontext(), Service(performers, sources, [*sinks, shown]) as service:
         _announce(sources, sinks)
         for number in (signal.SIGINT, signal.SIGTERM):
@@ -113,14 +113,16 @@ def run(
     return 0
 
 
-def _recorded(sources: list[Source], record: Path) -> RawWriter:
-    """Let every source's packets be kept on their way; the sources are closed again if they cannot be."""
+def _recorded(sources: list[Source], sinks: Sequence[Sink], record: Path) -> RawWriter:
+    """Let every source's packets be kept on their way; all that is open is closed again if they cannot be."""
     taps = [source for source in sources if isinstance(source, (OscSource, ZmqSource, FeedSource))]
     try:
         writer = RawWriter(record, [described(source) for source in taps])
     except OSError:
         for source in sources:
             source.close()
+        for sink in sinks:
+            sink.close()
         raise
     sources[:] = [TappedSource(source, writer, index) for index, source in enumerate(taps)]
     return writer

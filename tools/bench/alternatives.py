@@ -6,6 +6,7 @@ axes compared by one product. What differs is the computation at a hop.
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections import deque
 from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any, ClassVar, Protocol
@@ -58,7 +59,7 @@ class _BestOfClass:
         return best
 
 
-class AxisAlternative:
+class AxisAlternative(ABC):
     """The paper's comparison of leading axes, whoever computes the axis."""
 
     needs: ClassVar[str] = ""
@@ -74,7 +75,7 @@ class AxisAlternative:
             self.learn(self._window.take_change().entered)
         self._window.push(frame.time, distance_rows(frame.positions, self._library.skeleton))
 
-    def learn(self, rows: NDArray[np.float64]) -> None:
+    def learn(self, rows: NDArray[np.float64]) -> None:  # noqa: B027 - most keep no state and have nothing to learn
         """Take in rows that are new, shape (rows, pairs); for those that keep a state."""
 
     def read(self) -> NDArray[np.floating]:
@@ -82,9 +83,9 @@ class AxisAlternative:
         axis = self.axis().astype(np.float32)
         return self._best.of(similarity(self._library.axes, axis))
 
+    @abstractmethod
     def axis(self) -> NDArray[np.float64]:
         """Give the leading axis, shape (pairs,), unit length."""
-        raise NotImplementedError
 
 
 class SvdOfWindow(AxisAlternative):
@@ -241,7 +242,7 @@ def makers(
         Of the feed, frames per second.
     """
     frames = round(window * frame_rate)
-    axes = {
+    axes: dict[str, type[SvdOfWindow | CovarianceAndEigh | Arpack | IncrementalPca]] = {
         "SVD of the window": SvdOfWindow,
         "np.cov + eigh": CovarianceAndEigh,
         "ARPACK eigsh": Arpack,
@@ -249,7 +250,7 @@ def makers(
     }
     bands = {"DTW": None, f"DTW, {_BAND:.0%} band": round(_BAND * frames)}
 
-    def of_axis(kind: type[AxisAlternative]) -> Callable[[], Alternative]:
+    def of_axis(kind: Callable[[MotionLibrary, float], Alternative]) -> Callable[[], Alternative]:
         return lambda: kind(library, window)
 
     def of_band(band: int | None) -> Callable[[], Alternative]:

@@ -44,7 +44,7 @@ FOR_ONE_PERSON: tuple[Group, ...] = (((SPREAD_QUARTER, 1.0), (POSTURE, 2.0)),)
 NEAREST = 0.01
 #: False-acceptance rates at which a library keeps thresholds.
 RATES = (0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.4)
-#: Squared distance beyond which windows are all as far: products of several stay finite.
+#: Squared distance beyond which windows are all as far: products of three stay finite.
 _FARTHEST = 1e9
 _NO_THRESHOLDS = np.full(len(RATES), np.inf, dtype=np.float32)
 #: The second nearest person is the one who must agree, where two perform a class.
@@ -245,13 +245,13 @@ class WindowTable:
     vectors: tuple[NDArray[np.float32], ...] = field(repr=False)
     thresholds: NDArray[np.float32] = field(repr=False)
     _people: _People = field(init=False, repr=False)
-    _squares: tuple[NDArray[np.float32], ...] = field(init=False, repr=False)
+    _factors: tuple[NDArray[np.float32], ...] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         self._check()
         people = _People.of(self.classes[self.motions], self.actors[self.motions])
         object.__setattr__(self, "_people", people)
-        object.__setattr__(self, "_squares", tuple(np.square(each).sum(axis=1) for each in self.vectors))
+        object.__setattr__(self, "_factors", tuple(_factor(each) for each in self.vectors))
 
     def _check(self) -> None:
         if self.groups not in (FOR_ANYBODY, FOR_ONE_PERSON):
@@ -338,17 +338,12 @@ class WindowTable:
         For each class the logarithm of the squared distance, mean over the groups, to the window nearest in all of
         them, mean over the two nearest people: shape (classes,).
         """
-        product = np.ones(len(self), dtype=np.float32)
-        for group, vectors, squares in zip(self.groups, self.vectors, self._squares, strict=True):
-            asked, outside = _embedded_live(measures, group, self.comparison)
-            squared: NDArray[np.float32] = vectors @ asked
-            squared *= -2
-            squared += squares
-            squared += float(asked @ asked) + outside
-            np.maximum(squared, 0.0, out=squared)
-            np.minimum(squared, _FARTHEST, out=squared)
-            squared += NEAREST
-            product *= squared
+        product: NDArray[np.float32] | None = None
+        for group, factor in zip(self.groups, self._factors, strict=True):
+            squared = factor @ _asking(*_embedded_live(measures, group, self.comparison))
+            np.maximum(squared, NEAREST, out=squared)
+            product = squared if product is None else np.multiply(product, squared, out=product)
+        assert product is not None
         return self._people.agreed(np.log(self._people.nearest(product)) / len(self.groups))
 
     def merged_with(
@@ -446,6 +441,22 @@ class _People:
         first, last = by_person[..., 0], by_person[..., min(_PEOPLE, by_person.shape[-1]) - 1]
         agreed: NDArray[np.float64] = (first + np.where(np.isfinite(last), last, first)) / 2
         return agreed
+
+
+def _factor(vectors: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Make of vectors b, (n, axes), what gives |a - b|² + NEAREST when multiplied by `_asking(a)`, (n, axes + 2)."""
+    squares = np.square(vectors).sum(axis=1, keepdims=True)
+    return np.hstack([-2 * vectors, squares + np.float32(NEAREST), np.ones_like(squares)])
+
+
+def _asking(vector: NDArray[np.float32], outside: float) -> NDArray[np.float32]:
+    """Make of a vector a, (axes,), what a `_factor` is multiplied by; too far away, it is as far from all."""
+    square = float(vector @ vector) + outside
+    near = square <= _FARTHEST
+    asking = np.empty(len(vector) + 2, dtype=np.float32)
+    asking[:-2] = vector if near else 0.0
+    asking[-2:] = 1.0, square if near else _FARTHEST
+    return asking
 
 
 def _embedded(

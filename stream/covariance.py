@@ -10,6 +10,8 @@ moves that happens every ten seconds or so, right after a stop at once.
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg.blas import dgemm, dger
@@ -23,6 +25,14 @@ DRIFT_TOLERANCE = 1e-11
 #: Movement, relative to the body's size, below which lost digits are of no interest to anyone.
 _NO_MOVEMENT = 1e-7
 _EPSILON = float(np.finfo(np.float64).eps)
+
+
+@lru_cache(256)
+def signs(entered: int, left: int) -> Rows:
+    """Give 1 for each row that entered and then -1 for each that left, shape (entered + left,)."""
+    weights = np.repeat((1.0, -1.0), (entered, left))
+    weights.flags.writeable = False
+    return weights
 
 
 class RollingCovariance:
@@ -78,18 +88,17 @@ class RollingCovariance:
             self._refresh(window)
             return
         self._count = count
-        self._add(entered, 1.0)
-        self._add(left, -1.0)
+        self._add(np.concatenate([entered, left]), signs(len(entered), len(left)))
         self._rounding += _EPSILON * (len(entered) + len(left)) * float(self._products.trace())
         if self._rounding > DRIFT_TOLERANCE * max(self._scatter(), self._no_scatter()):
             self._refresh(window)
 
-    def _add(self, rows: Rows, sign: float) -> None:
-        if len(rows):
-            relative = rows - self._reference
-            self._sum += sign * relative.sum(axis=0)
-            # dgemm takes its operands column by column: the transposed views are that without a copy.
-            dgemm(sign, relative.T, relative.T, beta=1.0, c=self._products, trans_b=True, overwrite_c=True)
+    def _add(self, rows: Rows, weights: Rows) -> None:
+        """Add rows (rows, width) times their weights (rows,); the rows are overwritten."""
+        rows -= self._reference
+        self._sum += weights @ rows
+        # dgemm takes its operands column by column: the transposed views are that without a copy.
+        dgemm(1.0, (rows * weights[:, None]).T, rows.T, beta=1.0, c=self._products, trans_b=True, overwrite_c=True)
 
     def _refresh(self, window: Rows) -> None:
         """Compute everything from the window's rows, relative to their own mean."""
@@ -99,7 +108,7 @@ class RollingCovariance:
         np.mean(window, axis=0, out=self._reference)
         self._sum[:] = 0.0
         self._products[:] = 0.0
-        self._add(window, 1.0)
+        self._add(window.copy(), np.ones(self._count))
         self._rounding = _EPSILON * self._count * float(self._products.trace())
         self.refreshes += 1
 

@@ -13,15 +13,11 @@ from stream.variance import RollingVariance
 from stream.window import MOST_PENDING, SlidingWindow
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Iterable, Sequence
 
     from numpy.typing import NDArray
 
     from library.measures import Basis, Body
-
-#: Frames taken in at once when hops are further apart.
-_BATCH = MOST_PENDING // 4
-
 
 _Rolling = TypeVar("_Rolling", RollingVariance, RollingCovariance)
 
@@ -33,10 +29,10 @@ class _Length(Generic[_Rolling]):
         self._window = SlidingWindow(seconds, width)
         self.rolling: _Rolling = rolling
 
-    def push(self, time: float, row: NDArray[np.float64]) -> None:
-        self._window.push(time, row)
-        if self._window.pending >= _BATCH:
+    def push(self, times: Sequence[float], rows: NDArray[np.float64]) -> None:
+        if self._window.pending + len(times) > MOST_PENDING:
             self.settle()
+        self._window.push(times, rows)
 
     def settle(self) -> None:
         if self._window.pending:
@@ -79,15 +75,15 @@ class WindowMeasurer:
             shape.clear()
         self._frames = 0
 
-    def push(self, time: float, row: NDArray[np.float64]) -> None:
-        """Take in one distance row, shape (pairs,), metres."""
-        self._frames += 1
+    def push(self, times: Sequence[float], rows: NDArray[np.float64]) -> None:
+        """Take in distance rows, shape (frames, pairs), metres; `MOST_PENDING` at most."""
+        self._frames += len(times)
         for distances in self._distances.values():
-            distances.push(time, row)
+            distances.push(times, rows)
         if self._shapes:
-            seen = row @ self._directions
+            seen = rows @ self._directions
             for shape in self._shapes.values():
-                shape.push(time, seen)
+                shape.push(times, seen)
 
     @property
     def ready(self) -> bool:

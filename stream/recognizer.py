@@ -185,8 +185,7 @@ class Recognizer:
     def _measure(self) -> None:
         """Measure the frames that came since the last hop, all in one go: that halves their cost."""
         rows = distance_rows(self._positions[: len(self._times)], self.library.skeleton)
-        for time, row in zip(self._times, rows, strict=True):
-            self._matcher.push(time, row)
+        self._matcher.push(self._times, rows)
         self._times.clear()
 
     def _in_time(self, time: float) -> bool:

@@ -18,6 +18,8 @@ from stream.measuring import WindowMeasurer
 from stream.recognition import Outcome
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from numpy.typing import NDArray
 
     from library.windowtable import WindowTable
@@ -68,12 +70,14 @@ class WindowMatcher:
         self._compared = _Average(_COMPARED_OVER)
         self._judged = _Average(_KNOWN_OVER)
 
-    def push(self, time: float, row: NDArray[np.float64]) -> None:
-        """Take in one distance row."""
+    def push(self, times: Sequence[float], rows: NDArray[np.float64]) -> None:
+        """Take in distance rows."""
+        if not len(times):
+            return
         if math.isnan(self._since):
-            self._since = time
-        self._now = time
-        self._measurer.push(time, row)
+            self._since = times[0]
+        self._now = times[-1]
+        self._measurer.push(times, rows)
 
     @property
     def ready(self) -> bool:

@@ -49,7 +49,7 @@ def test_real_windows_hop_by_hop(
         rows = distance_rows(clip.positions[:240], clip.skeleton)[:, ::9]
         window, rolling = SlidingWindow(seconds, rows.shape[1]), form(rows.shape[1])
         for index, row in enumerate(rows, start=1):
-            window.push(index / 120, row)
+            window.push([index / 120], row[None])
             if index % hop == 0:
                 rolling.update(*window.take_change(), window.rows)
                 if len(window) > 5:

@@ -54,9 +54,11 @@ class RollingCovariance:
         self._sum = np.zeros(width)
         # Column-major, because BLAS then adds to it in place.
         self._products = np.zeros((width, width), order="F")
+        self._diagonal = self._products.ravel(order="K")[:: width + 1]
         self._covariance = np.zeros((width, width), order="F")
         self._count = 0
         self._rounding = 0.0
+        self._still = True
         self.refreshes = 0
 
     def __len__(self) -> int:
@@ -89,9 +91,13 @@ class RollingCovariance:
             return
         self._count = count
         self._add(np.concatenate([entered, left]), signs(len(entered), len(left)))
-        self._rounding += _EPSILON * (len(entered) + len(left)) * float(self._products.trace())
-        if self._rounding > DRIFT_TOLERANCE * max(self._scatter(), self._no_scatter()):
+        squares, still = self._trace(), self._no_scatter()
+        scatter = squares - float(self._sum @ self._sum) / count
+        self._rounding += _EPSILON * (len(entered) + len(left)) * squares
+        if self._rounding > DRIFT_TOLERANCE * max(scatter, still):
             self._refresh(window)
+        else:
+            self._still = scatter <= still
 
     def _add(self, rows: Rows, weights: Rows) -> None:
         """Add rows (rows, width) times their weights (rows,); the rows are overwritten."""
@@ -109,12 +115,14 @@ class RollingCovariance:
         self._sum[:] = 0.0
         self._products[:] = 0.0
         self._add(window.copy(), np.ones(self._count))
-        self._rounding = _EPSILON * self._count * float(self._products.trace())
+        squares = self._trace()
+        self._rounding = _EPSILON * self._count * squares
+        scatter = squares - float(self._sum @ self._sum) / self._count
+        self._still = scatter <= self._no_scatter()
         self.refreshes += 1
 
-    def _scatter(self) -> float:
-        """Total scatter about the mean."""
-        return float(self._products.trace()) - float(self._sum @ self._sum) / self._count
+    def _trace(self) -> float:
+        return float(self._diagonal.sum())
 
     def _no_scatter(self) -> float:
         """Total scatter of a body that does not move."""
@@ -141,7 +149,7 @@ class RollingCovariance:
         """
         if not self._count:
             raise ValueError("moments: expected at least one row, got none")
-        if self._scatter() <= self._no_scatter():
+        if self._still:
             self._covariance[:] = 0.0
         else:
             weight = 1.0 / max(self._count - 1, 1)

@@ -85,5 +85,9 @@ class RollingVariance:
 
     def deviation(self) -> Rows:
         """Sample standard deviation of each distance, shape (width,), metres; needs a row, 0 for a single one."""
-        scatter = self._squares - np.square(self._sum) / self._count
-        return np.sqrt(np.maximum(scatter, 0.0) / max(self._count - 1, 1))
+        scatter = self._sum * self._sum
+        scatter /= -self._count
+        scatter += self._squares
+        np.maximum(scatter, 0.0, out=scatter)
+        scatter /= max(self._count - 1, 1)
+        return np.sqrt(scatter, out=scatter)

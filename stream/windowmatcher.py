@@ -86,18 +86,18 @@ class WindowMatcher:
 
     def read(self) -> Reading:
         """Compare the windows that end with the newest row."""
-        newest = self._table.log_distances(self._measurer.measures())
+        measured = self._measurer.read()
+        newest = self._table.log_distances(measured.numbers)
         elapsed = _SECONDS_PER_LEAD if math.isnan(self._read_at) else self._now - self._read_at
         self._read_at = self._now
         distances = self._compared.after(newest, elapsed)
         self._follow(distances, elapsed)
         judged = self._judged.after(distances, elapsed)
         self._known = self._is_known(float(judged[self._guess]), float(distances[self._guess]))
-        movement = self._measurer.movement
         outcome = Outcome.NAMED if self._known else Outcome.UNKNOWN
-        if movement < self._stillness:
+        if measured.movement < self._stillness:
             outcome = Outcome.STILL
-        return Reading(outcome, 1 / (1 + np.exp(distances)), self._guess, movement)
+        return Reading(outcome, 1 / (1 + np.exp(distances)), self._guess, measured.movement)
 
     def _is_known(self, judged: float, newest: float) -> bool:
         """Judge by the longer average, unless the newest distance is clearly near: then a motion is known at once."""

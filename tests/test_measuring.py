@@ -43,7 +43,7 @@ def _assert_at_rest(
 ) -> None:
     """Hold every measure against the library's, of just the rows that are in its window."""
     body = Body.of(skeleton)
-    live = measurer.measures()
+    live = measurer.read().numbers
     assert set(live) == set(MEASURES)
     for measure, numbers in live.items():
         window = last_rows(times, rows, times[-1], measure.seconds)
@@ -115,7 +115,7 @@ def test_a_start_is_measured_as_far_as_it_reaches(some_clips: tuple[Clip, ...], 
         measurer.push([float(times[index])], rows[index : index + 1])
     assert measurer.ready
     body, ends = Body.of(some_clips[0].skeleton), np.array([FEWEST_FRAMES])
-    for measure, numbers in measurer.measures().items():
+    for measure, numbers in measurer.read().numbers.items():
         exact = measured(rows, 120.0, ends, measure, body=body, basis=basis)[0]
         assert numbers == pytest.approx(exact, abs=2e-5), measure.name
 
@@ -126,13 +126,13 @@ def test_after_clear_nothing_is_left(some_clips: tuple[Clip, ...], basis: Basis)
     used, fresh = (WindowMeasurer(MEASURES, Body.of(some_clips[0].skeleton), basis) for _ in range(2))
     for time, row in zip(times.tolist(), rows, strict=True):
         used.push([1000.0 + time], row[None])
-    before = used.measures()
+    before = used.read().numbers
     used.clear()
     assert not used.ready
     for measurer in (used, fresh):
         for time, row in zip(times[:90].tolist(), rows, strict=False):
             measurer.push([time], row[None])
-    after, new = used.measures(), fresh.measures()
+    after, new = used.read().numbers, fresh.read().numbers
     for measure in MEASURES:
         assert np.array_equal(after[measure], new[measure])
         assert not np.allclose(after[measure], before[measure], atol=1e-3)
@@ -147,7 +147,7 @@ def test_movement_is_the_deviation_over_the_longest_window(some_clips: tuple[Cli
         measurer.push([time], row[None])
     window = last_rows(times, rows, float(times[-1]), 1.0)
     exact = np.sqrt(np.var(window, axis=0, ddof=1).mean() / np.square(window.mean(axis=0)).mean())
-    assert measurer.movement == pytest.approx(exact, rel=1e-9)
+    assert measurer.read().movement == pytest.approx(exact, rel=1e-9)
     assert exact > 0.01
 
 
@@ -158,7 +158,7 @@ def test_only_what_is_asked_is_measured(some_clips: tuple[Clip, ...], basis: Bas
     measurer = WindowMeasurer([measure], Body.of(some_clips[0].skeleton), basis)
     for time, row in zip(times.tolist(), rows, strict=True):
         measurer.push([time], row[None])
-    (numbers,) = measurer.measures().values()
+    (numbers,) = measurer.read().numbers.values()
     body = Body.of(some_clips[0].skeleton)
     exact = measured(rows, 120.0, np.array([len(rows)]), measure, body=body, basis=basis)[0]
     assert numbers == pytest.approx(exact, abs=1e-6)

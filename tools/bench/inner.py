@@ -101,7 +101,7 @@ class WindowSteps:
         return self._measurer.ready
 
     def _measure(self) -> None:
-        self._measures = self._measurer.measures()
+        self._measures = self._measurer.read().numbers
 
     def _match(self) -> None:
         self.distances = self._table.log_distances(self._measures)

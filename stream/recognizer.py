@@ -137,7 +137,10 @@ class Recognizer:
         self._positions = np.empty((_MOST_WAITING, *self._shape))
         self._rows = np.empty((_MOST_WAITING, len(library.skeleton.pairs)))
         self._times: list[float] = []
-        self._newest = -math.inf
+        self._shortest_gap = min(self.settings.longest_gap, self.settings.window)
+        self._early = _EARLY * self.settings.hop
+        # Of no frame at all none is older, and none comes after a gap: nothing compares with a NaN.
+        self._newest = math.nan
         self._last = -math.inf
         self._due = -math.inf
         self._late_in_a_row = 0
@@ -146,7 +149,7 @@ class Recognizer:
         """Forget the window, as when the feed begins; the counts stay, and what is going on till something ends it."""
         self._matcher.clear()
         self._times.clear()
-        self._newest = self._due = -math.inf
+        self._newest, self._due = math.nan, -math.inf
         self._late_in_a_row = 0
 
     def push(self, frame: Frame) -> Recognition | None:
@@ -176,7 +179,7 @@ class Recognizer:
         self._times.append(time)
         self._newest = self._last = time
         self.counts.frames += 1
-        due = time >= self._due - _EARLY * self.settings.hop
+        due = time >= self._due - self._early
         if due or len(self._times) == _MOST_WAITING:
             self._measure()
         if not (due and self._matcher.ready):
@@ -194,7 +197,7 @@ class Recognizer:
     def _in_time(self, time: float) -> bool:
         """Sort out frames that come late; start anew after a gap or when the sender's clock began again."""
         behind = self._newest - time
-        if behind < -min(self.settings.longest_gap, self.settings.window) and math.isfinite(self._newest):
+        if behind < -self._shortest_gap:
             self._restart()
         elif behind >= 0:
             self._late_in_a_row += 1

@@ -62,8 +62,8 @@ class Settings:
     lead
         How clear a lead, added up over time, a class needs before a start event: more is later and surer.
     longest_gap
-        Seconds without a frame after which the window starts anew, because what happened in between is not known. A
-        gap as long as the window always does: nothing would be left in it.
+        Seconds without a frame after which the window starts anew, because what happened in between is not known.
+        With a gap as long as the longest window it always does: nothing would be left in it.
     stillness
         Movement, relative to the body's size, below which a window is still. The default, 1 %, is about 8 mm for an
         adult: a tenth of the quietest motion of the built-in library, twenty times a markers' noise.
@@ -71,7 +71,7 @@ class Settings:
         (λ₁ − λ₂) / λ₁ below which the leading eigenvector is too arbitrary to be compared.
     patience
         How many frames in a row may be older than the newest before the sender is taken to have started anew. One
-        older than the whole window says so at once.
+        older than the longest window says so at once.
 
     Raises
     ------
@@ -137,7 +137,7 @@ class Recognizer:
         self._positions = np.empty((_MOST_WAITING, *self._shape))
         self._rows = np.empty((_MOST_WAITING, len(library.skeleton.pairs)))
         self._times: list[float] = []
-        self._shortest_gap = min(self.settings.longest_gap, self.settings.window)
+        self._longest_gap = min(self.settings.longest_gap, self._matcher.longest)
         self._early = _EARLY * self.settings.hop
         # Of no frame at all none is older, and none comes after a gap: nothing compares with a NaN.
         self._newest = math.nan
@@ -197,11 +197,11 @@ class Recognizer:
     def _in_time(self, time: float) -> bool:
         """Sort out frames that come late; start anew after a gap or when the sender's clock began again."""
         behind = self._newest - time
-        if behind < -self._shortest_gap:
+        if behind < -self._longest_gap:
             self._restart()
         elif behind >= 0:
             self._late_in_a_row += 1
-            if behind <= self.settings.window and self._late_in_a_row <= self.settings.patience:
+            if behind <= self._matcher.longest and self._late_in_a_row <= self.settings.patience:
                 self.counts.out_of_order += 1
                 return False
             self._restart()

@@ -3,7 +3,7 @@
 Three kinds of numbers, each compared by inner products:
 
 - spread: how far each distance swings (the covariance's diagonal), in logarithms relative to the body's size;
-- shape: in which directions the distances swing together. The covariance is taken in a fixed basis of some 24
+- shape: in which directions the distances swing together. The covariance is taken in a fixed basis of some 20
   directions, divided by its trace, and its Cholesky factor written as a vector. The distance of two such vectors is the
   Cholesky distance of the covariances (Dryden, Koloydenko and Zhou, Annals of Applied Statistics 2009, section 3.2):
   a comparison of the subspaces in which they swing, without signs or near-equal eigenvalues to trouble it, and a tenth
@@ -38,7 +38,7 @@ LEVEL_REMOVED = 0.5
 #: Added to the variance in each direction, relative to the sum of all: what swings less is noise.
 SHAPE_FLOOR = 1e-3
 #: Directions in which shapes are measured.
-BASIS_SIZE = 24
+BASIS_SIZE = 20
 #: A pair whose variance is below this share of the mean pair's is rigid: what it shows is noise.
 _RIGID = 1e-3
 #: How much of a direction, relative to the clearest, fewer pairs must show for it to be measured by them.
@@ -179,21 +179,22 @@ def shape_of(covariance: NDArray[np.float64]) -> NDArray[np.float64]:
     has the zero vector.
     """
     size = covariance.shape[-1]
-    total = np.trace(covariance, axis1=-2, axis2=-1)[..., None]
+    identity, lower = _square(size)
+    total = covariance.trace(axis1=-2, axis2=-1)[..., None]
     moves = total > 0
-    relative = covariance / np.where(moves, total, 1.0)[..., None]
-    relative += SHAPE_FLOOR * np.eye(size)
-    factor = np.linalg.cholesky(relative)
-    shape: NDArray[np.float64] = factor.reshape(*factor.shape[:-2], size * size).take(_lower(size), axis=-1)
+    relative: NDArray[np.float64] = covariance / np.where(moves, total, 1.0)[..., None]
+    relative += SHAPE_FLOOR * identity
+    factor = np.asarray(np.linalg.cholesky(relative), dtype=np.float64)
+    shape: NDArray[np.float64] = factor.reshape(*factor.shape[:-2], size * size).take(lower, axis=-1)
     shape *= moves
     return shape
 
 
 @cache
-def _lower(size: int) -> NDArray[np.intp]:
-    """Index a square matrix's lower triangle, row by row, in the matrix written as a vector."""
+def _square(size: int) -> tuple[NDArray[np.float64], NDArray[np.intp]]:
+    """Give a square matrix's identity, and index its lower triangle, row by row, as it lies in memory."""
     rows, columns = np.tril_indices(size)
-    return rows * size + columns
+    return np.eye(size), rows * size + columns
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -179,11 +179,11 @@ def shape_of(covariance: NDArray[np.float64]) -> NDArray[np.float64]:
     has the zero vector.
     """
     size = covariance.shape[-1]
-    identity, lower = _square(size)
+    floor, lower = _square(size)
     total = covariance.trace(axis1=-2, axis2=-1)[..., None]
     moves = total > 0
     relative: NDArray[np.float64] = covariance / np.where(moves, total, 1.0)[..., None]
-    relative += SHAPE_FLOOR * identity
+    relative += floor
     factor = np.asarray(np.linalg.cholesky(relative), dtype=np.float64)
     shape: NDArray[np.float64] = factor.reshape(*factor.shape[:-2], size * size).take(lower, axis=-1)
     shape *= moves
@@ -192,9 +192,9 @@ def shape_of(covariance: NDArray[np.float64]) -> NDArray[np.float64]:
 
 @cache
 def _square(size: int) -> tuple[NDArray[np.float64], NDArray[np.intp]]:
-    """Give a square matrix's identity, and index its lower triangle, row by row, as it lies in memory."""
+    """Give what is added to a square matrix, and where its lower triangle, row by row, lies in memory."""
     rows, columns = np.tril_indices(size)
-    return np.eye(size), rows * size + columns
+    return SHAPE_FLOOR * np.eye(size), rows * size + columns
 
 
 @dataclass(frozen=True, slots=True, eq=False)

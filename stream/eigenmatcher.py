@@ -57,9 +57,9 @@ class EigenvectorMatcher:
 
     def read(self) -> Reading:
         """Compare the window that ends with the newest row."""
-        mean, axis = self._axis.leading(self._window.rows)
+        body_size, axis = self._axis.leading(self._window.rows)
         scores = self._library.class_scores(axis.vector)
-        movement = movement_of(mean, axis.total)
+        movement = movement_of(body_size, axis.total, len(axis.vector))
         return Reading(
             outcome=self._outcome(movement, axis.gap),
             scores=scores,

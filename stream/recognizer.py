@@ -133,7 +133,9 @@ class Recognizer:
         self.counts = RecognizerCounts()
         self._matcher = _matcher(library, self.settings)
         self._detector = EventDetector(self.settings.lead)
-        self._positions = np.empty((_MOST_WAITING, len(library.skeleton.joints), 3))
+        self._shape = (len(library.skeleton.joints), 3)
+        self._positions = np.empty((_MOST_WAITING, *self._shape))
+        self._rows = np.empty((_MOST_WAITING, len(library.skeleton.pairs)))
         self._times: list[float] = []
         self._newest = -math.inf
         self._last = -math.inf
@@ -165,12 +167,12 @@ class Recognizer:
         ValueError
             The frame has another number of joints than the library's skeleton.
         """
-        if frame.positions.shape != self._positions.shape[1:]:
-            raise ValueError(f"positions: expected {self._positions.shape[1:]}, got {frame.positions.shape}")
-        time = frame.time
+        positions, time = frame.positions, frame.time
+        if positions.shape != self._shape:
+            raise ValueError(f"positions: expected {self._shape}, got {positions.shape}")
         if not self._in_time(time):
             return None
-        self._positions[len(self._times)] = frame.positions
+        self._positions[len(self._times)] = positions
         self._times.append(time)
         self._newest = self._last = time
         self.counts.frames += 1
@@ -184,7 +186,8 @@ class Recognizer:
 
     def _measure(self) -> None:
         """Measure the frames that came since the last hop, all in one go: that halves their cost."""
-        rows = distance_rows(self._positions[: len(self._times)], self.library.skeleton)
+        count = len(self._times)
+        rows = distance_rows(self._positions[:count], self.library.skeleton, out=self._rows[:count])
         self._matcher.push(self._times, rows)
         self._times.clear()
 

@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from library.aligned import numbers_per_row
+
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
@@ -37,7 +39,7 @@ class SlidingWindow:
     """Distance rows of the last seconds, ending with the newest frame.
 
     A row at time t is in the window while the newest time is less than t + seconds; the newest always is. Rows lie
-    side by side in time order in memory allocated once. Before they reach its end they move back to the front, one
+    one after another in time order in memory allocated once. Before they reach its end they move back to the front, one
     row's copy per row on average, which is what makes every read a plain slice.
 
     Parameters
@@ -141,7 +143,10 @@ class SlidingWindow:
 
     @property
     def rows(self) -> NDArray[np.float64]:
-        """The rows in the window, shape (rows, width), oldest first; a view, good until the next push."""
+        """The rows in the window, shape (rows, width), oldest first; a view, good until the next push.
+
+        Each row is contiguous and begins with a cache line.
+        """
         return self._rows[self._start : self._end]
 
     @property
@@ -164,7 +169,8 @@ def _reserved(rows: int, width: int) -> NDArray[np.float64]:
     An array of numpy's own above 4 MB asks for pages of 2 MB on Linux, and for a hundred performers the difference to
     small ones is 70 MB.
     """
-    size = rows * width * np.dtype(np.float64).itemsize
+    stride = numbers_per_row(width)
+    size = rows * stride * np.dtype(np.float64).itemsize
     try:
         memory = mmap.mmap(-1, size)
     except (OSError, OverflowError) as error:
@@ -173,4 +179,5 @@ def _reserved(rows: int, width: int) -> NDArray[np.float64]:
         # A kernel built without large pages refuses, and has no need of it.
         with suppress(OSError):
             memory.madvise(mmap.MADV_NOHUGEPAGE)
-    return np.frombuffer(memory, dtype=np.float64).reshape(rows, width)
+    # Memory of the system's begins with a page, so that every row begins with a cache line.
+    return np.frombuffer(memory, dtype=np.float64).reshape(rows, stride)[:, :width]

@@ -179,21 +179,22 @@ def shape_of(covariance: NDArray[np.float64]) -> NDArray[np.float64]:
     has the zero vector.
     """
     size = covariance.shape[-1]
-    total = np.trace(covariance, axis1=-2, axis2=-1)[..., None]
+    floor, lower = _square(size)
+    total = covariance.trace(axis1=-2, axis2=-1)[..., None]
     moves = total > 0
-    relative = covariance / np.where(moves, total, 1.0)[..., None]
-    relative += SHAPE_FLOOR * np.eye(size)
-    factor = np.linalg.cholesky(relative)
-    shape: NDArray[np.float64] = factor.reshape(*factor.shape[:-2], size * size).take(_lower(size), axis=-1)
+    relative: NDArray[np.float64] = covariance / np.where(moves, total, 1.0)[..., None]
+    relative += floor
+    factor = np.asarray(np.linalg.cholesky(relative), dtype=np.float64)
+    shape: NDArray[np.float64] = factor.reshape(*factor.shape[:-2], size * size).take(lower, axis=-1)
     shape *= moves
     return shape
 
 
 @cache
-def _lower(size: int) -> NDArray[np.intp]:
-    """Index a square matrix's lower triangle, row by row, in the matrix written as a vector."""
+def _square(size: int) -> tuple[NDArray[np.float64], NDArray[np.intp]]:
+    """Give what is added to a square matrix, and where its lower triangle, row by row, lies in memory."""
     rows, columns = np.tril_indices(size)
-    return rows * size + columns
+    return SHAPE_FLOOR * np.eye(size), rows * size + columns
 
 
 @dataclass(frozen=True, slots=True, eq=False)

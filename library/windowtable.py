@@ -53,8 +53,8 @@ _PEOPLE = 2
 _LEARN_EVERY = 2 / 15
 #: Frames from a short clip's end at which its first window ends, so that it has one.
 _SPARE_FRAMES = 3
-_KEEP_EVERY_ANYBODY, _KEEP_EVERY_ONE_PERSON = 0.2, 1 / 30
-_KEPT_AXES = {Kind.SPREAD: 64, Kind.POSTURE: 64, Kind.SHAPE: 128}
+_KEEP_EVERY_ANYBODY, _KEEP_EVERY_ONE_PERSON = 0.4, 1 / 30
+_KEPT_AXES = {Kind.SPREAD: 64, Kind.POSTURE: 64, Kind.SHAPE: 96}
 #: Whitening carries over between laboratories for spread and posture, and not for shape.
 _SHRINKAGE = {Kind.SPREAD: 0.3, Kind.POSTURE: 0.3, Kind.SHAPE: 1.0}
 
@@ -338,12 +338,13 @@ class WindowTable:
         For each class the logarithm of the squared distance, mean over the groups, to the window nearest in all of
         them, mean over the two nearest people: shape (classes,).
         """
-        product: NDArray[np.float32] | None = None
-        for group, factor in zip(self.groups, self._factors, strict=True):
-            squared = factor @ _asking(*_embedded_live(measures, group, self.comparison))
-            np.maximum(squared, NEAREST, out=squared)
-            product = squared if product is None else np.multiply(product, squared, out=product)
-        assert product is not None
+        squared = [
+            factor @ _asking(measures, group, self.comparison)
+            for group, factor in zip(self.groups, self._factors, strict=True)
+        ]
+        product = np.maximum(squared[0], NEAREST, out=squared[0])
+        for other in squared[1:]:
+            product *= np.maximum(other, NEAREST, out=other)
         return self._people.agreed(np.log(self._people.nearest(product)) / len(self.groups))
 
     def merged_with(
@@ -449,14 +450,18 @@ def _factor(vectors: NDArray[np.float32]) -> NDArray[np.float32]:
     return np.hstack([-2 * vectors, squares + np.float32(NEAREST), np.ones_like(squares)])
 
 
-def _asking(vector: NDArray[np.float32], outside: float) -> NDArray[np.float32]:
-    """Make of a vector a, (axes,), what a `_factor` is multiplied by; too far away, it is as far from all."""
-    square = float(vector @ vector) + outside
-    near = square <= _FARTHEST
-    asking = np.empty(len(vector) + 2, dtype=np.float32)
-    asking[:-2] = vector if near else 0.0
-    asking[-2:] = 1.0, square if near else _FARTHEST
-    return asking
+def _asking(
+    measures: Mapping[Measure, NDArray[np.float64]], group: Group, comparison: Comparison
+) -> NDArray[np.float32]:
+    """Make of a live window's vector a, (axes,), what a `_factor` is multiplied by; far off, it is as far from all."""
+    parts, square = [], 0.0
+    for measure, weight in group:
+        vector, outside = comparison.metrics[measure].placed(measures[measure])
+        parts.append(vector * np.float32(np.sqrt(weight)))
+        square += weight * (float(vector @ vector) + outside)
+    if square <= _FARTHEST:
+        return np.concatenate([*parts, (1.0, square)], dtype=np.float32)
+    return np.concatenate([np.zeros(sum(map(len, parts))), (1.0, _FARTHEST)], dtype=np.float32)
 
 
 def _embedded(
@@ -471,18 +476,6 @@ def _embedded(
         ]
         parts.append(np.concatenate(vectors) * np.float32(np.sqrt(weight)))
     return np.concatenate(parts, axis=1)
-
-
-def _embedded_live(
-    measures: Mapping[Measure, NDArray[np.float64]], group: Group, comparison: Comparison
-) -> tuple[NDArray[np.float32], float]:
-    parts, outside = [], 0.0
-    for measure, weight in group:
-        metric = comparison.metrics[measure]
-        vector = metric.embedded(measures[measure])
-        outside += weight * metric.residual(measures[measure], vector)
-        parts.append(vector * np.float32(np.sqrt(weight)))
-    return np.concatenate(parts), outside
 
 
 def _thresholds(vectors: Sequence[NDArray[np.float32]], people: _People) -> NDArray[np.float32]:

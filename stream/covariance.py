@@ -10,6 +10,7 @@ moves that happens every ten seconds or so, right after a stop at once.
 
 from __future__ import annotations
 
+import math
 from functools import lru_cache
 
 import numpy as np
@@ -55,10 +56,10 @@ class RollingCovariance:
         # Column-major, because BLAS then adds to it in place.
         self._products = np.zeros((width, width), order="F")
         self._diagonal = self._products.ravel(order="K")[:: width + 1]
-        self._covariance = np.zeros((width, width), order="F")
+        self._covariance = np.zeros((width, width))
         self._count = 0
         self._rounding = 0.0
-        self._still = True
+        self._length = 0.0
         self.refreshes = 0
 
     def __len__(self) -> int:
@@ -91,13 +92,9 @@ class RollingCovariance:
             return
         self._count = count
         self._add(np.concatenate([entered, left]), signs(len(entered), len(left)))
-        squares, still = self._trace(), self._no_scatter()
-        scatter = squares - float(self._sum @ self._sum) / count
-        self._rounding += _EPSILON * (len(entered) + len(left)) * squares
-        if self._rounding > DRIFT_TOLERANCE * max(scatter, still):
+        self._rounding += _EPSILON * (len(entered) + len(left)) * self._trace()
+        if self._rounding > DRIFT_TOLERANCE * max(self._scatter(), self._no_scatter()):
             self._refresh(window)
-        else:
-            self._still = scatter <= still
 
     def _add(self, rows: Rows, weights: Rows) -> None:
         """Add rows (rows, width) times their weights (rows,); the rows are overwritten."""
@@ -115,19 +112,21 @@ class RollingCovariance:
         self._sum[:] = 0.0
         self._products[:] = 0.0
         self._add(window.copy(), np.ones(self._count))
-        squares = self._trace()
-        self._rounding = _EPSILON * self._count * squares
-        scatter = squares - float(self._sum @ self._sum) / self._count
-        self._still = scatter <= self._no_scatter()
+        self._length = math.sqrt(float(self._reference @ self._reference))
+        self._rounding = _EPSILON * self._count * self._trace()
         self.refreshes += 1
 
     def _trace(self) -> float:
         return float(self._diagonal.sum())
 
+    def _scatter(self) -> float:
+        """Total scatter about the mean."""
+        return self._trace() - float(self._sum @ self._sum) / self._count
+
     def _no_scatter(self) -> float:
-        """Total scatter of a body that does not move."""
-        mean = self._mean()
-        return self._count * float(mean @ mean) * _NO_MOVEMENT**2
+        """Total scatter of a body that does not move, at most: its mean row is no longer than its two parts."""
+        length = self._length + math.sqrt(float(self._sum @ self._sum)) / self._count
+        return self._count * (length * _NO_MOVEMENT) ** 2
 
     def _mean(self) -> NDArray[np.float64]:
         return self._reference + self._sum / self._count
@@ -149,11 +148,15 @@ class RollingCovariance:
         """
         if not self._count:
             raise ValueError("moments: expected at least one row, got none")
-        if self._still:
-            self._covariance[:] = 0.0
-        else:
-            weight = 1.0 / max(self._count - 1, 1)
-            np.multiply(self._products, weight, out=self._covariance)
-            dger(-weight / self._count, self._sum, self._sum, a=self._covariance, overwrite_a=True)
-        # Symmetric, so its transpose is itself: row by row, as numpy reads it fastest.
-        return Moments(self._count, self._mean(), self._covariance.T)
+        return Moments(self._count, self._mean(), self.written_to(self._covariance))
+
+    def written_to(self, covariance: Rows) -> Rows:
+        """Write the covariance of one row or more over a matrix, (width, width), and give that; see `moments`."""
+        if self._scatter() <= self._no_scatter():
+            covariance[:] = 0.0
+            return covariance
+        weight = 1.0 / max(self._count - 1, 1)
+        # Symmetric, so that its transpose, which BLAS writes to in place, is itself.
+        np.multiply(self._products.T, weight, out=covariance)
+        dger(-weight / self._count, self._sum, self._sum, a=covariance.T, overwrite_a=True)
+        return covariance

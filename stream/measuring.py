@@ -87,6 +87,7 @@ class WindowMeasurer:
         self.longest = max(others)
         self._distances = {seconds: _Length(seconds, pairs, RollingVariance(pairs)) for seconds in others}
         self._shapes = {shape: _Length(shape.seconds, directions, RollingCovariance(directions)) for shape in shapes}
+        self._covariances = np.zeros((len(shapes), directions, directions))
         self._frames = 0
 
     def clear(self) -> None:
@@ -131,5 +132,6 @@ class WindowMeasurer:
         """Measure the shapes of all lengths in one go: to ask for a decomposition costs as much as to make it."""
         if not self._shapes:
             return {}
-        covariances = np.stack([shape.settled().moments().covariance for shape in self._shapes.values()])
-        return dict(zip(self._shapes, shape_of(covariances), strict=True))
+        for shape, covariance in zip(self._shapes.values(), self._covariances, strict=True):
+            shape.settled().written_to(covariance)
+        return dict(zip(self._shapes, shape_of(self._covariances), strict=True))

@@ -77,7 +77,7 @@ def posture(rows: Matrix, pairs: Sequence[tuple[int, int]], parents: Sequence[in
 
 
 def shape(covariance: Matrix) -> list[float]:
-    """Write the lower factor L of a covariance of trace 1 plus a thousandth, L Lᵀ, row by row: found number by number."""
+    """Write the lower factor L of a covariance of trace 1 plus a thousandth, L Lᵀ, row by row, number by number."""
     size = len(covariance)
     total = math.fsum(covariance[i, i] for i in range(size))
     factor = [[0.0] * size for _ in range(size)]

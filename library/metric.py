@@ -92,13 +92,15 @@ class Metric:
             spare=np.zeros(0, dtype=np.float32),
         )
 
-    def placed(self, measure: NDArray[np.float64]) -> tuple[NDArray[np.float32], float]:
-        """Map one measure, (numbers,), to its vector, (kept,), and give its squared distance from the kept axes."""
-        difference = (measure - self.origin).astype(np.float32)
-        vector: NDArray[np.float32] = difference @ self.axes
-        if not self.outside:
-            return vector, 0.0
-        return vector, max(self.outside * float(difference @ difference) - float(vector @ vector), 0.0)
+    def place(self, measure: NDArray[np.float64], vector: NDArray[np.float32]) -> float:
+        """Map one measure, (numbers,), and write its vector, (kept,); give its squared distance from the origin.
+
+        That is the vector's squared length and, where it counts, what lies outside the kept axes.
+        """
+        difference = np.subtract(measure, self.origin, dtype=np.float32)
+        np.dot(difference, self.axes, out=vector)
+        square = float(vector @ vector)
+        return max(self.outside * float(difference @ difference), square) if self.outside else square
 
 
 def learned_metric(  # noqa: PLR0913 - windows, who made them, and how they are learned from

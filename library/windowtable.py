@@ -11,11 +11,13 @@ those who perform it: what only one of them does that way is theirs, not the mot
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from library.aligned import aligned
 from library.distances import distance_rows
 from library.measures import FEWEST_FRAMES, LEVEL_REMOVED, Basis, Body, Kind, Measure, learned_basis, measured
 from library.metric import Metric, halved, learned_metric, squared_distances
@@ -339,8 +341,8 @@ class WindowTable:
         them, mean over the two nearest people: shape (classes,).
         """
         squared = [
-            factor @ _asking(measures, group, self.comparison)
-            for group, factor in zip(self.groups, self._factors, strict=True)
+            factor @ _asking(measures, group, self.comparison, vectors.shape[1])
+            for group, vectors, factor in zip(self.groups, self.vectors, self._factors, strict=True)
         ]
         product = np.maximum(squared[0], NEAREST, out=squared[0])
         for other in squared[1:]:
@@ -434,34 +436,46 @@ class _People:
     def agreed(self, logs: NDArray[np.floating]) -> NDArray[np.float64]:
         """Take the mean of the two least of each class's blocks, (..., blocks) to (..., classes).
 
-        Infinite is a block that is not to be counted, and a class that has none.
+        NaN is a block that is not to be counted, and a class that has none.
         """
-        padded = np.full((*logs.shape[:-1], logs.shape[-1] + 1), np.inf)
+        padded = np.empty((*logs.shape[:-1], logs.shape[-1] + 1))
         padded[..., :-1] = logs
-        by_person = np.sort(padded[..., self.places], axis=-1)
+        padded[..., -1] = np.nan
+        by_person = padded.take(self.places, axis=-1)
+        # NaN comes last, and of it and a number fmax takes the number.
+        by_person.sort(axis=-1)
         first, last = by_person[..., 0], by_person[..., min(_PEOPLE, by_person.shape[-1]) - 1]
-        agreed: NDArray[np.float64] = (first + np.where(np.isfinite(last), last, first)) / 2
+        agreed: NDArray[np.float64] = np.fmax(first, last)
+        agreed += first
+        agreed /= 2
         return agreed
 
 
 def _factor(vectors: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Make of vectors b, (n, axes), what gives |a - b|² + NEAREST when multiplied by `_asking(a)`, (n, axes + 2)."""
-    squares = np.square(vectors).sum(axis=1, keepdims=True)
-    return np.hstack([-2 * vectors, squares + np.float32(NEAREST), np.ones_like(squares)])
+    """Make of vectors b, (n, axes), what gives |a - b|² + NEAREST when multiplied by `_asking(a)`, (n, axes + 2).
+
+    Column by column, each beginning with a cache line: so the product costs two thirds of what it costs row by row.
+    """
+    squares = np.square(vectors).sum(axis=1)
+    return aligned(np.vstack([-2 * vectors.T, squares + np.float32(NEAREST), np.ones_like(squares)])).T
 
 
 def _asking(
-    measures: Mapping[Measure, NDArray[np.float64]], group: Group, comparison: Comparison
+    measures: Mapping[Measure, NDArray[np.float64]], group: Group, comparison: Comparison, axes: int
 ) -> NDArray[np.float32]:
     """Make of a live window's vector a, (axes,), what a `_factor` is multiplied by; far off, it is as far from all."""
-    parts, square = [], 0.0
+    asking = np.empty(axes + 2, dtype=np.float32)
+    begin, square = 0, 0.0
     for measure, weight in group:
-        vector, outside = comparison.metrics[measure].placed(measures[measure])
-        parts.append(vector * np.float32(np.sqrt(weight)))
-        square += weight * (float(vector @ vector) + outside)
-    if square <= _FARTHEST:
-        return np.concatenate([*parts, (1.0, square)], dtype=np.float32)
-    return np.concatenate([np.zeros(sum(map(len, parts))), (1.0, _FARTHEST)], dtype=np.float32)
+        metric = comparison.metrics[measure]
+        vector = asking[begin : begin + metric.axes.shape[1]]
+        square += weight * metric.place(measures[measure], vector)
+        vector *= math.sqrt(weight)
+        begin += len(vector)
+    asking[-2], asking[-1] = 1.0, square
+    if not square <= _FARTHEST:
+        asking[:-2], asking[-1] = 0.0, _FARTHEST
+    return asking
 
 
 def _embedded(
@@ -493,10 +507,10 @@ def _thresholds(vectors: Sequence[NDArray[np.float32]], people: _People) -> NDAr
         for each in vectors:
             product *= np.minimum(squared_distances(each[start:end], each), _FARTHEST).astype(np.float32) + NEAREST
         logs = np.log(people.nearest(product)) / len(vectors)
-        logs[:, people.classes == index] = np.inf
+        logs[:, people.classes == index] = np.nan
         if several:
-            logs[:, people.actors == actor] = np.inf
-        nearest = people.agreed(logs).min(axis=1)
+            logs[:, people.actors == actor] = np.nan
+        nearest = np.fmin.reduce(people.agreed(logs), axis=1)
         found.setdefault(int(index), []).append(nearest[np.isfinite(nearest)])
     impostors = [np.concatenate(each) for each in found.values()]
     impostors = [each for each in impostors if each.size]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import threading
 import time
 from contextlib import contextmanager
@@ -134,6 +135,44 @@ def test_folders_are_replayed_clip_by_clip(stage: osc.OscReceiver, tmp_path: Pat
     steps = np.diff([frame.time for frame in frames])
     assert np.flatnonzero(steps > 0.1).tolist() == [29, 59]
     assert steps[29] == pytest.approx(0.25 + 1 / 120)
+
+
+def test_recordings_are_read_while_others_play(
+    stage: osc.OscReceiver, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The first recording is sent before the fourth is read; one that is read too late moves the rest, unhurried."""
+    paths = write_takes(tmp_path, actors=("bd",), takes=2, frames=30)
+    clips, sent_before = list(read_recordings(paths)), list[int]()
+
+    def slowly(*_: object) -> Iterator[Clip]:
+        for index, clip in enumerate(clips):
+            if index == 3:
+                time.sleep(1.0)
+            sent_before.append(len(frames_in(heard(stage))))
+            yield clip
+
+    monkeypatch.setattr("tools.replay.read_recordings", slowly)
+    begun = time.perf_counter()
+    assert replay(tmp_path, "--osc", target(stage), "--pause", 0) == 0
+    assert time.perf_counter() - begun >= 1.0 + (3 * 30 - 1) / 120 / SPEED
+    assert sent_before[0] == 0
+    # Two are kept ready or being read while one plays.
+    assert sum(sent_before[:4]) > 0
+    assert sum(sent_before) + len(frames_in(heard(stage))) == 6 * 30
+    assert re.search(r"180 frames sent, .*\nthe feed stood still for [01]\.\d s", capsys.readouterr().out)
+
+
+def test_a_recording_that_cannot_be_read_ends_the_feed(
+    stage: osc.OscReceiver, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """What stood before it has been sent and is reported; then one line says what is wrong, and the status is 2."""
+    paths = write_takes(tmp_path, actors=("bd",), takes=1, frames=30)
+    paths[-1].write_text("no motion", encoding="utf-8")
+    assert replay(tmp_path, "--osc", target(stage), "--json") == 2
+    printed = capsys.readouterr()
+    assert json.loads(printed.out)["sent"] == len(frames_in(heard(stage))) == 60
+    assert printed.err.startswith(f"kinespace: {paths[-1]}")
+    assert printed.err.count("\n") == 1
 
 
 def test_a_given_skeleton_is_used(stage: osc.OscReceiver, take: Path) -> None:

@@ -195,6 +195,11 @@ class Pace:
         """Give the `time.perf_counter` reading at which something due so many seconds from the start is due."""
         return self._start + due
 
+    def put_off(self, seconds: float) -> float:
+        """Let all that is not yet due be due so much later; give the seconds."""
+        self._start += seconds
+        return seconds
+
     def wait_for(self, due: float) -> None:
         """Sleep until it is due; return at once when it is late."""
         remaining = self.moment(due) - time.perf_counter()

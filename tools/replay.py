@@ -7,7 +7,7 @@ import time
 from collections import Counter
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass, field, replace
-from itertools import cycle
+from itertools import chain
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -20,7 +20,7 @@ from stream.frame import Announcement
 from stream.rawfile import ENDING
 from tools import replayraw
 from tools.address import host_and_port
-from tools.console import console, progress
+from tools.console import console, progress, progress_console
 from tools.feed import (
     ANNOUNCE_EVERY,
     OscFrameSender,
@@ -32,12 +32,14 @@ from tools.feed import (
     with_reordering,
 )
 from tools.listener import Listener, answer_in
+from tools.readahead import ReadAhead
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
     from pathlib import Path
 
     from library import Clip, Reading
+    from library.skeleton import Skeleton
     from tools.feed import Cue, FrameSender
     from tools.listener import Heard
 
@@ -45,6 +47,8 @@ if TYPE_CHECKING:
 _LINGER = 0.3
 #: Seconds ZeroMQ peers get to meet before the first frame; what is sent before is lost to whoever is not there yet.
 _MEETING = 0.5
+#: Seconds a feed may stand still that nobody notices.
+_NOTICED = 0.05
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,30 +128,36 @@ def run(
     raw = [place for place in places if place.suffix.lower() == ENDING]
     if raw:
         return _run_raw(places, osc_to=osc_to, zmq_to=zmq_to, listen=listen, course=course, faults=faults, json=as_json)
-    paths = find_recordings(places)
-    read = list(progress(read_recordings(paths, reading), "Reading", len(paths)))
-    clips = [
-        labelled(_cut(clip.as_of(read[0].skeleton), course.begin, course.end), path)
-        for clip, path in zip(read, paths, strict=True)
-    ]
-    announcement = Announcement(course.performer, clips[0].skeleton.joints)
-    source = cycle(clips) if course.loop else clips
-    cues = faults.applied(clip_cues(source, course.performer, speed=course.speed, pause=course.pause))
-    total = None if course.loop else sum(clip.frames for clip in clips)
     with ExitStack() as opened:
+        clips = opened.enter_context(ReadAhead(_clips(find_recordings(places), reading, course)))
+        with progress_console.status("Reading"):
+            first = next(iter(clips))
+        announcement = Announcement(course.performer, first.skeleton.joints)
+        played = clip_cues(chain([first], clips), course.performer, speed=course.speed, pause=course.pause)
         listener = _listener(listen) if listen else None
         if listener:
             opened.callback(listener.close)
         sender = _sender(osc_to, zmq_to)
         opened.callback(sender.close)
         replaying = _Replay(sender, listener, announcement)
-        # Ctrl-C ends the feed, not the report.
+        # Neither Ctrl-C nor a recording that cannot be read ends the report.
+        opened.callback(replaying.report, as_json=as_json)
         with suppress(KeyboardInterrupt):
             if zmq_to:
                 time.sleep(_MEETING)
-            replaying.play(progress(cues, "Sending", total))
-    replaying.report(as_json=as_json)
+            replaying.play(progress(faults.applied(played), "Sending", None), clips)
     return 0
+
+
+def _clips(paths: Sequence[Path], reading: Reading, course: Course) -> Iterator[Clip]:
+    """Read what is to be played, one recording after the other, in a loop for ever; all with the first one's joints."""
+    skeleton: Skeleton | None = None
+    while True:
+        for clip, path in zip(read_recordings(paths, reading), paths, strict=True):
+            skeleton = skeleton or clip.skeleton
+            yield labelled(_cut(clip.as_of(skeleton), course.begin, course.end), path)
+        if not course.loop:
+            return
 
 
 def _run_raw(
@@ -196,12 +206,21 @@ class _Replay:
         self._names = {announcement.performer, osc.address_part(announcement.performer)}
         self._score = Score()
         self._sent = 0
+        self._stood_still = 0.0
         self._performed = ""
 
-    def play(self, cues: Iterable[Cue]) -> None:
-        """Send every frame when it is due, the skeleton before the first and every second."""
-        pace, next_announcement = Pace(), 0.0
+    def play(self, cues: Iterable[Cue], clips: ReadAhead[Clip]) -> None:
+        """Send every frame when it is due, the skeleton before the first and every second.
+
+        When a recording is not read in time the feed stands still, and goes on from there at its own pace: frames
+        that were all sent at once to make up for it would be no feed.
+        """
+        pace, next_announcement, waited = Pace(), 0.0, clips.waited
         for cue in cues:
+            if clips.waited > waited:
+                late = min(time.perf_counter() - pace.moment(cue.due), clips.waited - waited)
+                waited = clips.waited
+                self._stood_still += pace.put_off(max(late, 0.0))
             if cue.due >= next_announcement:
                 self._sender.announce(self._announcement)
                 next_announcement = cue.due + ANNOUNCE_EVERY
@@ -234,6 +253,8 @@ class _Replay:
             print(json.dumps({**figures, "right": None if share is None else round(share, 4)}))
             return
         console.print(f"{self._sent} frames sent, {self._sender.failed} the system would not take")
+        if self._stood_still > _NOTICED:
+            console.print(f"the feed stood still for {self._stood_still:.1f} s: a recording took longer to be read")
         if self._listener and not score.answers:
             console.print("no answers heard: is a recogniser running, and does it send its answers here?")
         elif self._listener:

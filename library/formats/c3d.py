@@ -209,7 +209,7 @@ def _unit(said: dict[str, list[Any]], positions: NDArray[np.float64]) -> float:
         raise ValueError(f"expected POINT:UNITS like mm or m, got {named!r}")
     if metres is not None:
         return metres
-    seen = positions[np.isfinite(positions).all(axis=2).any(axis=1)]
+    seen = positions[~np.isnan(positions).all(axis=(1, 2))]
     if not len(seen):
         raise ValueError("no point is ever in sight")
     extent = np.nanmax(seen, axis=1) - np.nanmin(seen, axis=1)

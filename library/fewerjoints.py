@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from library.measures import LEVELS_REMOVED, Basis, Kind, covariance_of, shape_of
-from library.metric import principal_metric
+from library.metric import halved, principal_metric
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -89,7 +89,7 @@ def shown_by(  # noqa: PLR0913 - windows, how they were made, and how they are s
                 metrics[measure] = estimating[measure]
                 part = whole[measure].shown_by(parts[measure], pairs, LEVELS_REMOVED[measure.kind])
             found.append(part * np.sqrt(weight))
-        shown.append(np.concatenate(found, axis=1).astype(np.float32))
+        shown.append(halved(np.concatenate(found, axis=1)))
     return Shown(tuple(shown), metrics, directions)
 
 
@@ -115,8 +115,9 @@ def _shown_directions(
     """Choose orthonormal directions among those shown, where windows swing most first: the order matters to shapes."""
     mean = np.mean([each.mean(axis=0) for each in covariances], axis=0) if covariances else np.eye(len(projector))
     _, principal = np.linalg.eigh(projector @ mean @ projector)
-    directions: NDArray[np.float64] = principal[:, ::-1][:, : round(float(projector.trace()))]
-    return directions
+    directions = principal[:, ::-1][:, : round(float(projector.trace()))]
+    # Rounded as files keep them, so that saving and loading changes nothing.
+    return directions.astype(np.float32).astype(np.float64)
 
 
 def turned(shapes: NDArray[np.float64], directions: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -185,8 +185,8 @@ def principal_metric(measures: NDArray[np.float64], weight: float, kept: int) ->
     origin = measures.mean(axis=0)
     _, principal = np.linalg.eigh((measures - origin).T @ (measures - origin))
     return Metric(
-        origin=origin.astype(np.float32),
-        axes=(principal[:, ::-1][:, :kept] * np.sqrt(weight)).astype(np.float32),
+        origin=halved(origin),
+        axes=halved(principal[:, ::-1][:, :kept] * np.sqrt(weight)),
         outside=weight,
         together=np.zeros((0, 0), dtype=np.float32),
         spare=np.zeros(0, dtype=np.float32),

@@ -52,6 +52,8 @@ RATES = (0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.4)
 #: Squared distance beyond which windows are all as far: products of three stay finite.
 _FARTHEST = 1e9
 _NO_THRESHOLDS = np.full(len(RATES), np.inf, dtype=np.float32)
+#: What names of arrays begin with that are of what fewer joints show.
+_SHOWN = "shown_"
 #: The second nearest person is the one who must agree, where two perform a class.
 _PEOPLE = 2
 #: Windows learned from and kept: one in so many seconds of a motion.
@@ -293,6 +295,18 @@ class WindowTable:
             raise ValueError(f"thresholds: expected {len(RATES)} ascending numbers, got {self.thresholds}")
         if not 0 <= self.further < np.inf:
             raise ValueError(f"further: expected a number not below 0, got {self.further}")
+        self._check_shown()
+
+    def _check_shown(self) -> None:
+        if self.shown is None and self.directions_shown is None:
+            return
+        if self.shown is None or self.directions_shown is None:
+            raise ValueError("shown: expected it with the directions shown, or neither")
+        sizes = tuple(each.basis.directions.shape[1] for each in (self.comparison, self.shown.comparison))
+        if self.directions_shown.shape != sizes or not _finite(self.directions_shown):
+            raise ValueError(f"directions_shown: expected {sizes} finite numbers, got {self.directions_shown.shape}")
+        if self.shown.groups != self.groups or not np.array_equal(self.shown.motions, self.motions):
+            raise ValueError("shown: expected the same windows, compared by the same measures")
 
     @classmethod
     def of_clips(cls, clips: Sequence[Clip], comparison: Comparison) -> WindowTable:
@@ -379,7 +393,7 @@ class WindowTable:
         shown = WindowTable._with_thresholds(
             comparison=Comparison(
                 body=comparison.body,
-                basis=Basis(comparison.basis.directions @ directions, comparison.basis.weights),
+                basis=_kept(Basis(comparison.basis.directions @ directions, comparison.basis.weights)),
                 metrics=metrics,
             ),
             groups=self.groups,
@@ -667,12 +681,15 @@ def _asked(
 
 def described(table: WindowTable) -> dict[str, object]:
     """Say what a file's header must hold of a table, beside `arrays_of`."""
-    return {
+    header: dict[str, object] = {
         "groups": [[[measure.kind, measure.seconds, weight] for measure, weight in group] for group in table.groups],
         "body_scale": table.comparison.body.scale,
         "outside": {measure.name: metric.outside for measure, metric in table.comparison.metrics.items()},
         "further": table.further,
     }
+    if table.shown is not None:
+        header["shown"] = described(table.shown)
+    return header
 
 
 def arrays_of(table: WindowTable) -> dict[str, NDArray[np.floating]]:
@@ -692,15 +709,20 @@ def arrays_of(table: WindowTable) -> dict[str, NDArray[np.floating]]:
         arrays[f"{measure.name}_axes"] = metric.axes.astype(np.float16)
     for index, vectors in enumerate(table.vectors):
         arrays[f"window_vectors{index}"] = vectors.astype(np.float16)
+    if table.shown is not None and table.directions_shown is not None:
+        arrays |= {f"{_SHOWN}{name}": array for name, array in arrays_of(table.shown).items()}
+        arrays["directions_shown"] = table.directions_shown.astype(np.float32)
     return arrays
 
 
-def restored(
+def restored(  # noqa: PLR0913 - the parts of a file, and which part of a table they are
     header: Mapping[str, Any],
     arrays: Mapping[str, NDArray[np.floating]],
     skeleton: Skeleton,
     classes: NDArray[np.intp],
     actors: NDArray[np.str_],
+    *,
+    whole: bool = True,
 ) -> WindowTable:
     """Make a table of what `described` and `arrays_of` gave; else raise KeyError, TypeError or ValueError."""
     groups = tuple(
@@ -710,8 +732,11 @@ def restored(
     motions = arrays["window_motions"]
     if not (_finite(motions) and np.array_equal(motions, np.rint(motions))):
         raise ValueError("window_motions: expected indices")
+    shown = {name.removeprefix(_SHOWN): array for name, array in arrays.items() if name.startswith(_SHOWN)}
+    # What is shown is measured only as it is compared.
+    measures = MEASURES if whole else [measure for group in groups for measure, _ in group]
     return WindowTable(
-        comparison=_restored_comparison(header, arrays, skeleton),
+        comparison=_restored_comparison(header, arrays, skeleton, measures),
         groups=groups,
         motions=motions.astype(np.intp),
         classes=classes,
@@ -719,11 +744,16 @@ def restored(
         vectors=tuple(arrays[f"window_vectors{index}"].astype(np.float32) for index in range(len(groups))),
         thresholds=arrays["window_thresholds"].astype(np.float32),
         further=float(header["further"]),
+        shown=restored(header["shown"], shown, skeleton, classes, actors, whole=False) if "shown" in header else None,
+        directions_shown=arrays["directions_shown"].astype(np.float64) if "shown" in header else None,
     )
 
 
 def _restored_comparison(
-    header: Mapping[str, Any], arrays: Mapping[str, NDArray[np.floating]], skeleton: Skeleton
+    header: Mapping[str, Any],
+    arrays: Mapping[str, NDArray[np.floating]],
+    skeleton: Skeleton,
+    measures: Sequence[Measure],
 ) -> Comparison:
     nothing = {"together": np.zeros((0, 0)), "spare": np.zeros(0)}
     return Comparison(
@@ -739,6 +769,6 @@ def _restored_comparison(
                     for name, empty in nothing.items()
                 },
             )
-            for measure in MEASURES
+            for measure in measures
         },
     )

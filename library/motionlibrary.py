@@ -351,7 +351,7 @@ class MotionLibrary:
 
         What is kept are the pairs of joints that both have. An axis is cut to them and made a unit vector again: near
         to the leading eigenvector of the fewer distances, but not the same. Windows stay what they are: a live window's
-        vectors are estimated from the fewer distances.
+        vectors are estimated from the fewer distances. Whether it is known is judged by what those show of the library.
 
         Parameters
         ----------

@@ -4,6 +4,9 @@ The class with the nearest window changes back and forth at a change of motion. 
 a tenth of a second, and the guess stays with a class until another has led without a break for long enough: the lead,
 in the logarithm of the distance, is added up hop by hop. A clear lead changes the guess at once, a doubtful one takes
 a moment.
+
+With fewer joints than the library's a motion is named by one distance and known by another. Scores then rank classes
+by the first, and the guess's score is that of the second.
 """
 
 from __future__ import annotations

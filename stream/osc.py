@@ -27,7 +27,7 @@ import numpy as np
 from pythonosc.osc_message_builder import OscMessageBuilder
 
 from stream.answer import Answer
-from stream.frame import Announcement, Frame
+from stream.frame import LONGEST_PERFORMER, Announcement, Frame
 from stream.oscpacket import Message, PacketError, decode_packet
 
 if TYPE_CHECKING:
@@ -149,6 +149,8 @@ class _Layouts:
         try:
             layout = _Layout(datagram[start:end].decode(), floats, place, len(datagram))
         except UnicodeDecodeError:
+            return None
+        if len(layout.performer) > LONGEST_PERFORMER:
             return None
         if len(self.known) >= _MOST_LAYOUTS:
             self.known.clear()  # only somebody who makes up names gets here

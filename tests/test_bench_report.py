@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import matplotlib as mpl
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
 KEYS = (
     *("us_per_frame", "frames_per_second", "ratio_svd", "ratio_eigh", "ratio_incremental_pca", "ratio_dtw_band"),
     *("osc_decode_us", "osc_decode_python_osc_us", "latency_p99_ms", "echo_p99_ms", "lost_360", "performers_at_120hz"),
+    "floor_performers_at_120hz",
     *("pairs_exponent", "match_200k_ms", "rss_mb", "rss_100_mb", "startup_s", "max_eigenvector_error"),
 )
 
@@ -50,6 +52,7 @@ def made_up(signature: LiveSignature = LiveSignature.EIGENVECTOR) -> Report:
         for rate in (120.0, 360.0)
     )
     crowd = Crowd(64, 1000, 250, 250, 0, seconds, 0.0, (80.0, 81.0, 82.0), None)
+    floor = replace(crowd, performers=320)
     return Report(
         signature,
         stages={
@@ -61,7 +64,9 @@ def made_up(signature: LiveSignature = LiveSignature.EIGENVECTOR) -> Report:
             Growth("joints", "a frame", ("15", "31"), (105.0, 465.0), (10.0, 40.0), 0.93),
             Growth("library", "a match", ("288", "200000"), (288.0, 200000.0), (20.0, 1900.0), 0.7),
         ),
-        sockets=Sockets(latencies, {"osc": crowd, "zmq": None}, Running(0.75, 100.0, None)),
+        sockets=Sockets(
+            latencies, {"osc": crowd, "zmq": None}, {"osc": floor, "zmq": crowd}, Running(0.75, 100.0, None)
+        ),
         soak=Soak(
             Day(1000, 2.0, (90.0, 91.0, 92.0), 7, 3e-7, 250, RecognizerCounts(frames=1000, hops=250)),
             crowd,
@@ -86,6 +91,7 @@ def test_the_standard_figures_are_those_of_the_results() -> None:
         "echo_p99_ms": 0.099,
         "lost_360": 3,
         "performers_at_120hz": 64,
+        "floor_performers_at_120hz": 320,
         "pairs_exponent": 0.93,
         "match_200k_ms": 1.9,
         "rss_mb": 100.0,
@@ -107,8 +113,9 @@ def test_what_was_not_run_is_null() -> None:
     report = Report(LiveSignature.EIGENVECTOR)
     assert report.figures() == dict.fromkeys(KEYS)
     assert list(report.tables()) == []
-    report.sockets = Sockets((), {"osc": None, "zmq": None}, Running(0.5, None, None))
+    report.sockets = Sockets((), {"osc": None, "zmq": None}, {"osc": None, "zmq": None}, Running(0.5, None, None))
     assert report.figures()["performers_at_120hz"] == 0
+    assert report.figures()["floor_performers_at_120hz"] == 0
     assert report.figures()["latency_p99_ms"] is None
     assert report.figures()["lost_360"] is None
 
@@ -122,7 +129,14 @@ def test_the_tables_name_everything(capsys: pytest.CaptureFixture[str], monkeypa
     told = (
         *("From packet to answer, windows", "25,000 frames/s", "ours, eigenvector", "needs dtaidistance"),
         *("200000", "0.93", "zmq echo", "360", "first answer", "0.75 s", "100.0 MB", "90.0 MB, 91.0 MB, 92.0 MB"),
-        *("3.00e-07 in 7 hops", ": consistent", "over UDP, 64 performers", "80.0 MB, 81.0 MB, 82.0 MB"),
+        *(
+            "a loop that recognises nothing",
+            "320",
+            "3.00e-07 in 7 hops",
+            ": consistent",
+            "over UDP, 64 performers",
+            "80.0 MB, 81.0 MB, 82.0 MB",
+        ),
     )
     for text in told:
         assert text in printed

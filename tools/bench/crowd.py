@@ -15,6 +15,7 @@ from library import MotionLibrary
 from stream import zeromq
 from stream.frame import Frame
 from tools.background import BackgroundService
+from tools.bench.floor import EmptyRecognizer, answer_to
 from tools.bench.memory import resident_mb
 from tools.bench.recorded import FRAME_RATE
 from tools.expected import expected_answers
@@ -70,7 +71,7 @@ class Crowd:
     resident_mb
         Memory of the recogniser's process during the run, some samples from its start to its end.
     status
-        The recogniser's counters at its end.
+        The recogniser's counters at its end; None where nothing was recognised.
     """
 
     performers: int
@@ -94,7 +95,9 @@ class Crowd:
         return in_time and not self.lost and self.behind <= _BEHIND
 
 
-def play(transport: Transport, performers: int, positions: NDArray[np.float32], settings: Settings) -> Crowd:
+def play(
+    transport: Transport, performers: int, positions: NDArray[np.float32], settings: Settings, *, empty: bool = False
+) -> Crowd:
     """Let so many performers do the same, each at a moment of their own, 120 times a second.
 
     A performer's frames are sent at an even share of the frame time after the performer's before, and performers enter
@@ -110,11 +113,14 @@ def play(transport: Transport, performers: int, positions: NDArray[np.float32], 
         What each of them does, shape (frames, joints, 3), metres.
     settings
         Of the recogniser.
+    empty
+        Recognise nothing: answer the same frames with an answer made beforehand.
     """
     hop = max(1, round(settings.hop * FRAME_RATE))
     cues = [Cue(k / FRAME_RATE, Frame("p", 1.0 + k / FRAME_RATE, each), k) for k, each in enumerate(positions)]
     due = [each.cue for each in expected_answers(cues, MotionLibrary.builtin(), settings)]
-    with BackgroundService(transport, settings=settings, performers=performers) as service:
+    stand_in = EmptyRecognizer(due, answer_to(positions, settings), positions.shape[1]) if empty else None
+    with BackgroundService(transport, settings=settings, performers=performers, stand_in=stand_in) as service:
         greeter, receiver = service.connect()
         with closing(greeter), closing(Listener(receiver)) as listener:
             request = _Request(service.frames_to, performers, positions, hop)
@@ -122,7 +128,10 @@ def play(transport: Transport, performers: int, positions: NDArray[np.float32], 
     status = service.status
     latencies, answered = _latencies(heard, sent, due)
     expected = performers * len(due)
-    missing = status.lost + status.unsent + sent.size - status.outcomes.recognizers.frames if status else sent.size
+    if status:
+        missing = status.lost + status.unsent + sent.size - status.outcomes.recognizers.frames
+    else:
+        missing = 0 if empty else sent.size
     return Crowd(
         performers=performers,
         sent=sent.size,
@@ -229,7 +238,7 @@ def _send(connection: Connection, request: _Request) -> None:
 
 
 def most_performers(
-    transport: Transport, positions: NDArray[np.float32], settings: Settings, *, most: int = 1024
+    transport: Transport, positions: NDArray[np.float32], settings: Settings, *, most: int = 1024, empty: bool = False
 ) -> Crowd | None:
     """Find the largest crowd that one core holds: nothing lost, p99 within a frame's time.
 
@@ -239,7 +248,7 @@ def most_performers(
     held: Crowd | None = None
     low, high, trying = 0, most + 1, 8
     while trying > low and trying < high and (low == 0 or high / low > _RESOLUTION):
-        crowds = (play(transport, trying, positions, settings) for _ in range(_TRIES))
+        crowds = (play(transport, trying, positions, settings, empty=empty) for _ in range(_TRIES))
         found = next((crowd for crowd in crowds if crowd.held), None)
         if found:
             held, low = found, trying

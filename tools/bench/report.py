@@ -78,12 +78,13 @@ class Report:
         sockets = self.sockets
         usual = sockets.latency("osc", 120.0) if sockets else None
         fastest = [each for each in sockets.latencies if each.rate_hz == 360.0] if sockets else []
-        held = sockets.crowds["osc"] if sockets else None
+        held, floor = (sockets.crowds["osc"], sockets.floors["osc"]) if sockets else (None, None)
         return {
             "latency_p99_ms": usual.percentile(99) if usual else None,
             "echo_p99_ms": usual.percentile(99, echo=True) if usual else None,
             "lost_360": sum(each.lost for each in fastest) if fastest else None,
             "performers_at_120hz": (held.performers if held else 0) if sockets else None,
+            "floor_performers_at_120hz": (floor.performers if floor else 0) if sockets else None,
             "rss_mb": sockets.running.resident_mb if sockets else None,
             "rss_100_mb": sockets.running.resident_100_mb if sockets else None,
             "startup_s": sockets.running.startup_s if sockets else None,
@@ -197,6 +198,9 @@ def _outside_table(sockets: Sockets) -> Table:
     for transport, crowd in sockets.crowds.items():
         held = f"{crowd.performers}" if crowd else "0"
         table.add_row(f"performers at 120 Hz on one core, {transport}", held, _of_crowd(crowd) if crowd else "")
+        floor = sockets.floors[transport]
+        told = _of_crowd(floor) if floor else ""
+        table.add_row("... of a loop that recognises nothing", f"{floor.performers}" if floor else "0", told)
     running = sockets.running
     table.add_row("start of `kinespace live` to its first answer", f"{running.startup_s:.2f} s", "")
     table.add_row("resident memory, one performer", _megabytes(running.resident_mb), "")

@@ -355,7 +355,7 @@ class Service:
             self._deal_with([(event, started) for event in source.tend(self._clock())])
 
     def _deal_with(self, taken: Sequence[tuple[Frame | Announcement, float]]) -> None:
-        """Recognise what was taken in, in order, and tell the sinks; given with each is when it was begun to be read."""
+        """Recognise what was taken in, in order, and tell the sinks; with each comes when it was begun to be read."""
         now = self._clock()
         answers: list[tuple[Recognition, float]] = []
         for event, started in taken:

@@ -67,11 +67,13 @@ class Report:
 
     def _of_growth(self) -> dict[str, float | None]:
         found = {each.of: each for each in self.growth or ()}
-        joints, library = found.get("joints"), found.get("library")
-        at_200k = dict(zip(library.sizes, library.us, strict=True)).get(200_000) if library else None
+        joints, library, together = found.get("joints"), found.get("library"), found.get("library, 8 together")
+        at_200k, together_at_200k = (_at(each, 200_000) for each in (library, together))
         return {
             "pairs_exponent": joints.exponent if joints else None,
             "match_200k_ms": at_200k / 1000 if at_200k else None,
+            "match_200k_together_ms": together_at_200k / 1000 if together_at_200k else None,
+            "match_200k_recall": library.recall if library and at_200k else None,
         }
 
     def _of_sockets(self) -> dict[str, float | None]:
@@ -113,6 +115,11 @@ class Report:
         missing = self.peers.missing if self.peers else {}
         asks = [f"{name}: not measured, needs {needs}: pip install kinespace[bench]" for name, needs in missing.items()]
         return [*self.notes, *asks]
+
+
+def _at(growth: Growth | None, size: float) -> float | None:
+    """Give the cost at a size, microseconds; None when it was not measured."""
+    return dict(zip(growth.sizes, growth.us, strict=True)).get(size) if growth else None
 
 
 def _rounded(value: float | None) -> float | int | None:
@@ -172,12 +179,13 @@ def _peers_table(peers: Peers) -> Table:
 
 
 def _growth_table(growth: Sequence[Growth]) -> Table:
-    table = _table("What it costs to grow, one core", ("of", "size", "cost of"), ("µs", "exponent"))
+    table = _table("What it costs to grow, one core", ("of", "size", "cost of"), ("µs", "exponent", "recall"))
     for each in growth:
         last = each.labels[-1]
         for label, us in zip(each.labels, each.us, strict=True):
             told = f"{each.exponent:.2f}" if label == last else ""
-            table.add_row(each.of, label, each.cost, f"{us:,.1f}", told, end_section=label == last)
+            found = f"{each.recall:.4f}" if label == last and each.recall is not None else ""
+            table.add_row(each.of, label, each.cost, f"{us:,.1f}", told, found, end_section=label == last)
     return table
 
 

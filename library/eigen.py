@@ -176,19 +176,19 @@ def _solved(matrix: SymmetricMatrix, columns: int) -> LeadingAxis:
 def _iterated(matrix: SymmetricMatrix, rows: NDArray[np.float64]) -> LeadingAxis | None:
     """Iterate from the last block, its vectors as rows; None when no step brought the proof."""
     before = math.inf
+    image = matrix.times(rows)
     for step in range(1, STEPS + 1):
         # Two products for one orthonormal basis: the block nearly leads already, so its vectors stay apart.
-        rows = _orthonormal(matrix.times(matrix.times(rows)))
+        rows = _orthonormal(matrix.times(image))
         image = matrix.times(rows)
-        ascending, turn, _ = dsyev(image @ rows.T)
+        ascending, turn, _ = dsyev(image.dot(rows.T))
         values, turn = ascending[::-1], turn.T[::-1]
         value = float(values[0])
         if value <= 0:
             return None
-        rows = turn @ rows
-        outside = turn @ image
-        outside -= values[:, None] * rows
-        residual = math.sqrt(outside[0] @ outside[0]) / value
+        rows, image = turn.dot(rows), turn.dot(image)
+        outside = image - values[:, None] * rows
+        residual = math.sqrt(outside[0].dot(outside[0])) / value
         if residual <= RESIDUAL_TOLERANCE:
             runner_up, certain = _proven_runner_up(matrix, values.tolist(), outside)
             if certain and runner_up < value:
@@ -219,7 +219,7 @@ def _proven_runner_up(matrix: SymmetricMatrix, values: list[float], outside: NDA
     """
     second = max(values[1], 0.0) if len(values) > 1 else 0.0
     others = outside[1:].reshape(-1)
-    beside = float(others @ others)
+    beside = float(others.dot(others))
     coupling = math.sqrt(beside)
     rest = max(matrix.total - math.fsum(values), 0.0)
     if rest > second:

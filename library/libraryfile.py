@@ -19,7 +19,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 FORMAT = "kinespace motion library"
-VERSION = 1
+#: 2: shapes are Cholesky factors; before, they were matrix roots.
+VERSION = 2
 
 
 class LibraryFileError(ValueError):

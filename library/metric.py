@@ -92,12 +92,13 @@ class Metric:
             spare=np.zeros(0, dtype=np.float32),
         )
 
-    def residual(self, measure: NDArray[np.float64], vector: NDArray[np.float32]) -> float:
-        """Give the squared distance of one measure from the kept axes, (numbers,) and its vector (kept,)."""
+    def placed(self, measure: NDArray[np.float64]) -> tuple[NDArray[np.float32], float]:
+        """Map one measure, (numbers,), to its vector, (kept,), and give its squared distance from the kept axes."""
+        difference = (measure - self.origin).astype(np.float32)
+        vector: NDArray[np.float32] = difference @ self.axes
         if not self.outside:
-            return 0.0
-        difference = measure - self.origin
-        return max(self.outside * float(difference @ difference) - float(vector @ vector), 0.0)
+            return vector, 0.0
+        return vector, max(self.outside * float(difference @ difference) - float(vector @ vector), 0.0)
 
 
 def learned_metric(  # noqa: PLR0913 - windows, who made them, and how they are learned from

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from library import libraryfile, windowtable
+from library.aligned import aligned
 from library.distances import distance_rows
 from library.portrait import Portrait, portraits_of
 from library.shortlist import FEWEST_MOTIONS, Shortlist
@@ -156,6 +157,9 @@ class MotionLibrary:
         object.__setattr__(self, "classes", tuple(classes.tolist()))
         object.__setattr__(self, "_class_starts", starts)
         large = len(self) >= FEWEST_MOTIONS
+        if not large:
+            # Every answer of the eigenvector's reads all of them.
+            object.__setattr__(self, "axes", aligned(self.axes))
         object.__setattr__(self, "_shortlist", Shortlist(self.axes, starts) if large else None)
 
     def _sort(self, order: NDArray[np.intp]) -> None:

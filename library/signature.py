@@ -74,7 +74,7 @@ class Signature:
     @property
     def movement(self) -> float:
         """Root mean square deviation of a distance in units of the body's size; 0 for a statue."""
-        return movement_of(self.mean, self.axis.total)
+        return movement_of(self.body_size, self.axis.total, len(self.mean))
 
 
 def body_size_of(mean: NDArray[np.float64]) -> float:
@@ -82,18 +82,19 @@ def body_size_of(mean: NDArray[np.float64]) -> float:
     return math.sqrt(float(mean @ mean) / len(mean))
 
 
-def movement_of(mean: NDArray[np.float64], total: float) -> float:
+def movement_of(body_size: float, total: float, pairs: int) -> float:
     """Root mean square deviation of a distance in units of the body's size.
 
     Parameters
     ----------
-    mean
-        Mean distance row, shape (pairs,), metres.
+    body_size
+        Root mean square of the mean distances, metres.
     total
         Sum of all distances' variances, square metres.
+    pairs
+        How many distances.
     """
-    size = body_size_of(mean)
-    return math.sqrt(total / len(mean)) / size if size > 0 else 0.0
+    return math.sqrt(total / pairs) / body_size if body_size > 0 else 0.0
 
 
 def signature_of(moments: Moments, start: LeadingAxis | None = None) -> Signature:

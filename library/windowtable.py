@@ -44,7 +44,7 @@ FOR_ONE_PERSON: tuple[Group, ...] = (((SPREAD_QUARTER, 1.0), (POSTURE, 2.0)),)
 NEAREST = 0.01
 #: False-acceptance rates at which a library keeps thresholds.
 RATES = (0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.4)
-#: Squared distance beyond which windows are all as far: products of several stay finite.
+#: Squared distance beyond which windows are all as far: products of three stay finite.
 _FARTHEST = 1e9
 _NO_THRESHOLDS = np.full(len(RATES), np.inf, dtype=np.float32)
 #: The second nearest person is the one who must agree, where two perform a class.
@@ -53,8 +53,8 @@ _PEOPLE = 2
 _LEARN_EVERY = 2 / 15
 #: Frames from a short clip's end at which its first window ends, so that it has one.
 _SPARE_FRAMES = 3
-_KEEP_EVERY_ANYBODY, _KEEP_EVERY_ONE_PERSON = 0.2, 1 / 30
-_KEPT_AXES = {Kind.SPREAD: 64, Kind.POSTURE: 64, Kind.SHAPE: 128}
+_KEEP_EVERY_ANYBODY, _KEEP_EVERY_ONE_PERSON = 0.4, 1 / 30
+_KEPT_AXES = {Kind.SPREAD: 64, Kind.POSTURE: 64, Kind.SHAPE: 80}
 #: Whitening carries over between laboratories for spread and posture, and not for shape.
 _SHRINKAGE = {Kind.SPREAD: 0.3, Kind.POSTURE: 0.3, Kind.SHAPE: 1.0}
 
@@ -245,13 +245,13 @@ class WindowTable:
     vectors: tuple[NDArray[np.float32], ...] = field(repr=False)
     thresholds: NDArray[np.float32] = field(repr=False)
     _people: _People = field(init=False, repr=False)
-    _squares: tuple[NDArray[np.float32], ...] = field(init=False, repr=False)
+    _factors: tuple[NDArray[np.float32], ...] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         self._check()
         people = _People.of(self.classes[self.motions], self.actors[self.motions])
         object.__setattr__(self, "_people", people)
-        object.__setattr__(self, "_squares", tuple(np.square(each).sum(axis=1) for each in self.vectors))
+        object.__setattr__(self, "_factors", tuple(_factor(each) for each in self.vectors))
 
     def _check(self) -> None:
         if self.groups not in (FOR_ANYBODY, FOR_ONE_PERSON):
@@ -338,17 +338,13 @@ class WindowTable:
         For each class the logarithm of the squared distance, mean over the groups, to the window nearest in all of
         them, mean over the two nearest people: shape (classes,).
         """
-        product = np.ones(len(self), dtype=np.float32)
-        for group, vectors, squares in zip(self.groups, self.vectors, self._squares, strict=True):
-            asked, outside = _embedded_live(measures, group, self.comparison)
-            squared: NDArray[np.float32] = vectors @ asked
-            squared *= -2
-            squared += squares
-            squared += float(asked @ asked) + outside
-            np.maximum(squared, 0.0, out=squared)
-            np.minimum(squared, _FARTHEST, out=squared)
-            squared += NEAREST
-            product *= squared
+        squared = [
+            factor @ _asking(measures, group, self.comparison)
+            for group, factor in zip(self.groups, self._factors, strict=True)
+        ]
+        product = np.maximum(squared[0], NEAREST, out=squared[0])
+        for other in squared[1:]:
+            product *= np.maximum(other, NEAREST, out=other)
         return self._people.agreed(np.log(self._people.nearest(product)) / len(self.groups))
 
     def merged_with(
@@ -448,6 +444,26 @@ class _People:
         return agreed
 
 
+def _factor(vectors: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Make of vectors b, (n, axes), what gives |a - b|² + NEAREST when multiplied by `_asking(a)`, (n, axes + 2)."""
+    squares = np.square(vectors).sum(axis=1, keepdims=True)
+    return np.hstack([-2 * vectors, squares + np.float32(NEAREST), np.ones_like(squares)])
+
+
+def _asking(
+    measures: Mapping[Measure, NDArray[np.float64]], group: Group, comparison: Comparison
+) -> NDArray[np.float32]:
+    """Make of a live window's vector a, (axes,), what a `_factor` is multiplied by; far off, it is as far from all."""
+    parts, square = [], 0.0
+    for measure, weight in group:
+        vector, outside = comparison.metrics[measure].placed(measures[measure])
+        parts.append(vector * np.float32(np.sqrt(weight)))
+        square += weight * (float(vector @ vector) + outside)
+    if square <= _FARTHEST:
+        return np.concatenate([*parts, (1.0, square)], dtype=np.float32)
+    return np.concatenate([np.zeros(sum(map(len, parts))), (1.0, _FARTHEST)], dtype=np.float32)
+
+
 def _embedded(
     clips: Sequence[Clip], windows: Sequence[NDArray[np.intp]], group: Group, comparison: Comparison
 ) -> NDArray[np.float32]:
@@ -460,18 +476,6 @@ def _embedded(
         ]
         parts.append(np.concatenate(vectors) * np.float32(np.sqrt(weight)))
     return np.concatenate(parts, axis=1)
-
-
-def _embedded_live(
-    measures: Mapping[Measure, NDArray[np.float64]], group: Group, comparison: Comparison
-) -> tuple[NDArray[np.float32], float]:
-    parts, outside = [], 0.0
-    for measure, weight in group:
-        metric = comparison.metrics[measure]
-        vector = metric.embedded(measures[measure])
-        outside += weight * metric.residual(measures[measure], vector)
-        parts.append(vector * np.float32(np.sqrt(weight)))
-    return np.concatenate(parts), outside
 
 
 def _thresholds(vectors: Sequence[NDArray[np.float32]], people: _People) -> NDArray[np.float32]:

@@ -10,6 +10,9 @@ moves that happens every ten seconds or so, right after a stop at once.
 
 from __future__ import annotations
 
+import math
+from functools import lru_cache
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg.blas import dgemm, dger
@@ -23,6 +26,14 @@ DRIFT_TOLERANCE = 1e-11
 #: Movement, relative to the body's size, below which lost digits are of no interest to anyone.
 _NO_MOVEMENT = 1e-7
 _EPSILON = float(np.finfo(np.float64).eps)
+
+
+@lru_cache(256)
+def signs(entered: int, left: int) -> Rows:
+    """Give 1 for each row that entered and then -1 for each that left, shape (entered + left,)."""
+    weights = np.repeat((1.0, -1.0), (entered, left))
+    weights.flags.writeable = False
+    return weights
 
 
 class RollingCovariance:
@@ -44,9 +55,11 @@ class RollingCovariance:
         self._sum = np.zeros(width)
         # Column-major, because BLAS then adds to it in place.
         self._products = np.zeros((width, width), order="F")
-        self._covariance = np.zeros((width, width), order="F")
+        self._diagonal = self._products.ravel(order="K")[:: width + 1]
+        self._covariance = np.zeros((width, width))
         self._count = 0
         self._rounding = 0.0
+        self._length = 0.0
         self.refreshes = 0
 
     def __len__(self) -> int:
@@ -78,18 +91,17 @@ class RollingCovariance:
             self._refresh(window)
             return
         self._count = count
-        self._add(entered, 1.0)
-        self._add(left, -1.0)
-        self._rounding += _EPSILON * (len(entered) + len(left)) * float(self._products.trace())
+        self._add(np.concatenate([entered, left]), signs(len(entered), len(left)))
+        self._rounding += _EPSILON * (len(entered) + len(left)) * self._trace()
         if self._rounding > DRIFT_TOLERANCE * max(self._scatter(), self._no_scatter()):
             self._refresh(window)
 
-    def _add(self, rows: Rows, sign: float) -> None:
-        if len(rows):
-            relative = rows - self._reference
-            self._sum += sign * relative.sum(axis=0)
-            # dgemm takes its operands column by column: the transposed views are that without a copy.
-            dgemm(sign, relative.T, relative.T, beta=1.0, c=self._products, trans_b=True, overwrite_c=True)
+    def _add(self, rows: Rows, weights: Rows) -> None:
+        """Add rows (rows, width) times their weights (rows,); the rows are overwritten."""
+        rows -= self._reference
+        self._sum += weights @ rows
+        # dgemm takes its operands column by column: the transposed views are that without a copy.
+        dgemm(1.0, (rows * weights[:, None]).T, rows.T, beta=1.0, c=self._products, trans_b=True, overwrite_c=True)
 
     def _refresh(self, window: Rows) -> None:
         """Compute everything from the window's rows, relative to their own mean."""
@@ -99,18 +111,22 @@ class RollingCovariance:
         np.mean(window, axis=0, out=self._reference)
         self._sum[:] = 0.0
         self._products[:] = 0.0
-        self._add(window, 1.0)
-        self._rounding = _EPSILON * self._count * float(self._products.trace())
+        self._add(window.copy(), np.ones(self._count))
+        self._length = math.sqrt(float(self._reference @ self._reference))
+        self._rounding = _EPSILON * self._count * self._trace()
         self.refreshes += 1
+
+    def _trace(self) -> float:
+        return float(self._diagonal.sum())
 
     def _scatter(self) -> float:
         """Total scatter about the mean."""
-        return float(self._products.trace()) - float(self._sum @ self._sum) / self._count
+        return self._trace() - float(self._sum @ self._sum) / self._count
 
     def _no_scatter(self) -> float:
-        """Total scatter of a body that does not move."""
-        mean = self._mean()
-        return self._count * float(mean @ mean) * _NO_MOVEMENT**2
+        """Total scatter of a body that does not move, at most: its mean row is no longer than its two parts."""
+        length = self._length + math.sqrt(float(self._sum @ self._sum)) / self._count
+        return self._count * (length * _NO_MOVEMENT) ** 2
 
     def _mean(self) -> NDArray[np.float64]:
         return self._reference + self._sum / self._count
@@ -132,11 +148,15 @@ class RollingCovariance:
         """
         if not self._count:
             raise ValueError("moments: expected at least one row, got none")
+        return Moments(self._count, self._mean(), self.written_to(self._covariance))
+
+    def written_to(self, covariance: Rows) -> Rows:
+        """Write the covariance of one row or more over a matrix, (width, width), and give that; see `moments`."""
         if self._scatter() <= self._no_scatter():
-            self._covariance[:] = 0.0
-        else:
-            weight = 1.0 / max(self._count - 1, 1)
-            np.multiply(self._products, weight, out=self._covariance)
-            dger(-weight / self._count, self._sum, self._sum, a=self._covariance, overwrite_a=True)
-        # Symmetric, so its transpose is itself: row by row, as numpy reads it fastest.
-        return Moments(self._count, self._mean(), self._covariance.T)
+            covariance[:] = 0.0
+            return covariance
+        weight = 1.0 / max(self._count - 1, 1)
+        # Symmetric, so that its transpose, which BLAS writes to in place, is itself.
+        np.multiply(self._products.T, weight, out=covariance)
+        dger(-weight / self._count, self._sum, self._sum, a=covariance.T, overwrite_a=True)
+        return covariance

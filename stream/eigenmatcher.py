@@ -8,16 +8,15 @@ from library.signature import movement_of
 from stream.leading import RollingAxis
 from stream.matcher import Reading
 from stream.recognition import Outcome
-from stream.window import MOST_PENDING, SlidingWindow
+from stream.window import SlidingWindow
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     import numpy as np
     from numpy.typing import NDArray
 
     from library.motionlibrary import MotionLibrary
-
-#: Frames taken in at once when hops are further apart.
-_BATCH = MOST_PENDING // 4
 
 
 class EigenvectorMatcher:
@@ -46,15 +45,10 @@ class EigenvectorMatcher:
         self._window.clear()
         self._axis.clear()
 
-    def push(self, time: float, row: NDArray[np.float64]) -> None:
-        """Take in one distance row."""
-        self._window.push(time, row)
-        if self._window.pending >= _BATCH:
-            self._settle()
-
-    def _settle(self) -> None:
-        if self._window.pending:
-            self._axis.update(*self._window.take_change(), self._window.rows)
+    def push(self, times: Sequence[float], rows: NDArray[np.float64]) -> None:
+        """Take in distance rows."""
+        self._window.push(times, rows)
+        self._axis.update(*self._window.take_change(), self._window.rows)
 
     @property
     def ready(self) -> bool:
@@ -63,10 +57,9 @@ class EigenvectorMatcher:
 
     def read(self) -> Reading:
         """Compare the window that ends with the newest row."""
-        self._settle()
-        mean, axis = self._axis.leading(self._window.rows)
+        body_size, axis = self._axis.leading(self._window.rows)
         scores = self._library.class_scores(axis.vector)
-        movement = movement_of(mean, axis.total)
+        movement = movement_of(body_size, axis.total, len(axis.vector))
         return Reading(
             outcome=self._outcome(movement, axis.gap),
             scores=scores,

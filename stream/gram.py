@@ -14,6 +14,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from library.aligned import aligned_zeros
 from stream.covariance import DRIFT_TOLERANCE
 
 Rows = NDArray[np.float64]
@@ -21,8 +22,8 @@ Rows = NDArray[np.float64]
 #: Movement, relative to the body's size, below which lost digits are of no interest to anyone.
 _NO_MOVEMENT = 1e-7
 _EPSILON = float(np.finfo(np.float64).eps)
-#: Frames there is room for at first.
-_FIRST_ROOM = 64
+#: Frames there is room for at first, in the window and among those that enter at once.
+_FIRST_ROOM, _FIRST_ENTERED = 64, 16
 
 
 class CentredGram:
@@ -31,22 +32,30 @@ class CentredGram:
     Parameters
     ----------
     products
-        Inner products of the rows, relative to any one row, shape (rows, rows).
+        Inner products of the rows, relative to some row, shape (rows, rows).
     weights
         1 / rows for each row.
-    squares
-        The products' trace.
+    square
+        The products' trace / rows.
+    beyond
+        What the squared length of the rows' mean has more than its squared distance from that row.
 
     Attributes
     ----------
     total
         Sum of the squared deviations: the trace.
+    mean_square
+        Squared length of the rows' mean.
     """
 
-    def __init__(self, products: Rows, weights: Rows, squares: float) -> None:
+    def __init__(self, products: Rows, weights: Rows, square: float, beyond: float) -> None:
         self._products = products
         self._weights = weights
-        self.total = squares - len(products) * float(weights @ products @ weights)
+        #: Mean of each row of the products, and of all.
+        self._means = products @ weights
+        self._mean = float(weights.dot(self._means))
+        self.total = len(products) * (square - self._mean)
+        self.mean_square = self._mean + beyond
 
     def __len__(self) -> int:
         return len(self._products)
@@ -55,13 +64,12 @@ class CentredGram:
         """Multiply with vectors whose numbers add up to 0, shape (vectors, rows); others are taken as if they did."""
         # Centred on both sides. What is left of the first centring, once done, is rounding.
         image = rows @ self._products
-        image -= (image @ self._weights)[:, None]
+        image -= image.dot(self._weights)[:, None]
         return image
 
     def dense(self) -> Rows:
         """Write the matrix out, shape (rows, rows)."""
-        means = self._products @ self._weights
-        means -= 0.5 * float(means @ self._weights)
+        means = self._means - 0.5 * self._mean
         centred: Rows = self._products - np.add.outer(means, means)
         return centred
 
@@ -81,11 +89,11 @@ class RollingGram:
     """
 
     def __init__(self, width: int) -> None:
-        self._reference = np.zeros(width)
-        self._still = 0.0
+        self._reference = aligned_zeros(1, width)[0]
+        self._relative = aligned_zeros(_FIRST_ENTERED, width)
+        self._reference_square = self._still = 0.0
         # The window's products are a square on the diagonal, which wanders down and is moved back at the end.
-        self._products = np.empty((_FIRST_ROOM, _FIRST_ROOM))
-        self._squares = np.empty(_FIRST_ROOM)
+        self._allocate(_FIRST_ROOM)
         self._start = self._end = 0
         self._weights = np.empty(0)
         self.refreshes = 0
@@ -125,30 +133,39 @@ class RollingGram:
             self._make_room(count)
         start, end = self._start, self._end
         self._end = end + new
-        relative = entered - self._reference
+        relative = self._relative_to_reference(entered)
         # One factor alone needs to be relative to the reference: what the other has too much is the same for all.
-        across = relative @ window.T
-        across -= (relative @ self._reference)[:, None]
+        across = self._products[end : self._end, start : self._end]
+        np.matmul(relative, window.T, out=across)
+        along = relative @ self._reference
+        across -= along[:, None]
         among = across[:, -new:]
         among += among.T.copy()
         among *= 0.5
-        self._products[end : self._end, start : self._end] = across
-        self._products[start : self._end, end : self._end] = across.T
-        self._squares[end : self._end] = among.diagonal()
+        self._products[start:end, end : self._end] = across[:, :-new].T
+        self._of_each[0, end : self._end] = among.diagonal()
+        self._of_each[1, end : self._end] = along
+
+    def _relative_to_reference(self, rows: Rows) -> Rows:
+        """Give rows less the reference; this object's memory, good until the next call."""
+        if len(rows) > len(self._relative):
+            self._relative = aligned_zeros(2 * len(rows), rows.shape[1])
+        return np.subtract(rows, self._reference, out=self._relative[: len(rows)])
 
     def _make_room(self, count: int) -> None:
         """Move the window's products back to the front, into a larger square if they would soon be at the end again."""
-        held, squares = self._held, self._squares[self._start : self._end].copy()
+        held, of_each = self._held.copy(), self._of_each[:, self._start : self._end].copy()
         size = len(held)
         if 3 * count > 2 * len(self._products):
             self._allocate(2 * count)
-        self._products[:size, :size] = held.copy()
-        self._squares[:size] = squares
+        self._products[:size, :size] = held
+        self._of_each[:, :size] = of_each
         self._start, self._end = 0, size
 
     def _allocate(self, room: int) -> None:
-        self._products = np.empty((room, room))
-        self._squares = np.empty(room)
+        self._products = aligned_zeros(room, room)
+        #: The products of each row with itself and with the reference.
+        self._of_each = np.empty((2, room))
 
     def _refresh(self, window: Rows) -> None:
         """Compute all products, relative to the window's own mean."""
@@ -158,11 +175,13 @@ class RollingGram:
         if len(window) > len(self._products):
             self._allocate(2 * len(window))
         np.mean(window, axis=0, out=self._reference)
-        self._still = float(self._reference @ self._reference) * _NO_MOVEMENT**2
+        self._reference_square = float(self._reference @ self._reference)
+        self._still = self._reference_square * _NO_MOVEMENT**2
         self._end = len(window)
         relative = window - self._reference
         np.matmul(relative, relative.T, out=self._held)
-        self._squares[: self._end] = self._held.diagonal()
+        self._of_each[0, : self._end] = self._held.diagonal()
+        self._of_each[1, : self._end] = relative @ self._reference
         self.refreshes += 1
 
     def centred(self, window: Rows) -> CentredGram:
@@ -184,14 +203,14 @@ class RollingGram:
         ValueError
             There is no row.
         """
-        if not len(self):
+        count = len(self)
+        if not count:
             raise ValueError("centred: expected at least one row, got none")
-        squares, still = self._sum_of_squares(), len(self) * self._still
-        centred = self._centred(squares)
-        if _EPSILON * squares > DRIFT_TOLERANCE * max(centred.total, still):
+        centred, squares = self._centred()
+        if _EPSILON * squares > DRIFT_TOLERANCE * max(centred.total, count * self._still):
             self._refresh(window)
-            centred, still = self._centred(self._sum_of_squares()), len(self) * self._still
-        if centred.total <= still:
+            centred, _ = self._centred()
+        if centred.total <= count * self._still:
             centred.total = 0.0
         return centred
 
@@ -199,11 +218,10 @@ class RollingGram:
     def _held(self) -> Rows:
         return self._products[self._start : self._end, self._start : self._end]
 
-    def _sum_of_squares(self) -> float:
-        # Kept beside, for on the diagonal every number lies in another line of the cache.
-        return float(self._squares[self._start : self._end].sum())
-
-    def _centred(self, squares: float) -> CentredGram:
-        if len(self._weights) != len(self):
-            self._weights = np.full(len(self), 1.0 / len(self))
-        return CentredGram(self._held, self._weights, squares)
+    def _centred(self) -> tuple[CentredGram, float]:
+        """Give the centred products, and the trace they had before."""
+        count = len(self)
+        if len(self._weights) != count:
+            self._weights = np.full(count, 1.0 / count)
+        square, along = (self._of_each[:, self._start : self._end] @ self._weights).tolist()
+        return CentredGram(self._held, self._weights, square, self._reference_square + 2.0 * along), count * square

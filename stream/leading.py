@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from library.eigen import LeadingAxis, leading_axis, leading_axis_from
+from library.signature import body_size_of
 from stream.covariance import RollingCovariance
 from stream.gram import RollingGram
 
@@ -27,9 +28,9 @@ _GRAM_BELOW, _COVARIANCE_ABOVE = 0.85, 1.0
 
 
 class WindowAxis(NamedTuple):
-    """What is asked of a window: its mean row, shape (pairs,), metres, and its leading axis."""
+    """What is asked of a window: the root mean square of its mean row, metres, and its leading axis."""
 
-    mean: Rows
+    body_size: float
     axis: LeadingAxis
 
 
@@ -53,7 +54,7 @@ class CovarianceAxis:
         """Solve the window's covariance; see `RollingAxis.leading`."""
         moments = self._covariance.moments()
         self._last = leading_axis(moments.covariance, self._last)
-        return WindowAxis(moments.mean, self._last)
+        return WindowAxis(body_size_of(moments.mean), self._last)
 
 
 class GramAxis:
@@ -77,16 +78,14 @@ class GramAxis:
 
     def leading(self, window: Rows) -> WindowAxis:
         """Solve the window's Gram matrix; see `RollingAxis.leading`."""
-        count = len(window)
-        found = leading_axis_from(self._gram.centred(window), self._start(count))
+        count, width = window.shape
+        gram = self._gram.centred(window)
+        found = leading_axis_from(gram, self._start(count))
         self._block, self._gone = found.block, 0
-        # One pass over the window for both: the mean of the rows, and the axis as their weighted sum. The weights add
-        # up to nothing, so the rows need not be centred.
-        weights = np.empty((2, count))
-        weights[0], weights[1] = found.vector, 1.0 / count
-        direction, mean = weights @ window
+        # The numbers of the vector add up to nothing, so the rows need not be centred.
+        direction = found.vector @ window
         if found.value > 0:
-            direction /= math.sqrt(direction @ direction)
+            direction /= math.sqrt(direction.dot(direction))
         else:
             direction[:] = 0.0
             direction[-1] = 1.0
@@ -101,14 +100,19 @@ class GramAxis:
             exact=found.exact,
             block=direction[:, None],
         )
-        return WindowAxis(mean, axis)
+        return WindowAxis(math.sqrt(gram.mean_square / width), axis)
 
     def _start(self, count: int) -> Rows | None:
-        """Give the last vectors for the frames now in the window, 0 for new ones; None when no frame is left."""
+        """Give the last vectors for the frames now in the window; None when no frame is left.
+
+        New frames have the number of the last one before: nearer than 0, which took every fifth hop a step more.
+        """
         if self._block is None or self._gone >= len(self._block):
             return None
-        start = np.zeros((self._block.shape[1], count))
-        start[:, : len(self._block) - self._gone] = self._block[self._gone :].T
+        kept = len(self._block) - self._gone
+        start = np.empty((self._block.shape[1], count))
+        start[:, :kept] = self._block[self._gone :].T
+        start[:, kept:] = start[:, kept - 1 : kept]
         return start.T
 
 

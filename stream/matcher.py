@@ -6,6 +6,8 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Protocol
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     import numpy as np
     from numpy.typing import NDArray
 
@@ -27,8 +29,16 @@ class Reading:
 class Matcher(Protocol):
     """Keeps one performer's last seconds and compares them with a library."""
 
-    def push(self, time: float, row: NDArray[np.float64]) -> None:
-        """Take in one distance row, shape (pairs,), metres; later than the one before."""
+    def push(self, times: Sequence[float], rows: NDArray[np.float64]) -> None:
+        """Take in distance rows, as if one by one.
+
+        Parameters
+        ----------
+        times
+            When each was, seconds; every one later than the one before.
+        rows
+            Shape (frames, pairs), metres; `stream.window.MOST_PENDING` frames at most.
+        """
 
     def clear(self) -> None:
         """Forget all rows."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Generic, TypeVar
+from typing import TYPE_CHECKING, Generic, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -13,15 +13,11 @@ from stream.variance import RollingVariance
 from stream.window import MOST_PENDING, SlidingWindow
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Iterable, Sequence
 
     from numpy.typing import NDArray
 
     from library.measures import Basis, Body
-
-#: Frames taken in at once when hops are further apart.
-_BATCH = MOST_PENDING // 4
-
 
 _Rolling = TypeVar("_Rolling", RollingVariance, RollingCovariance)
 
@@ -31,20 +27,40 @@ class _Length(Generic[_Rolling]):
 
     def __init__(self, seconds: float, width: int, rolling: _Rolling) -> None:
         self._window = SlidingWindow(seconds, width)
-        self.rolling: _Rolling = rolling
+        self._rolling: _Rolling = rolling
 
-    def push(self, time: float, row: NDArray[np.float64]) -> None:
-        self._window.push(time, row)
-        if self._window.pending >= _BATCH:
-            self.settle()
+    def push(self, times: Sequence[float], rows: NDArray[np.float64]) -> None:
+        if self._window.pending + len(times) > MOST_PENDING:
+            self._settle()
+        self._window.push(times, rows)
 
-    def settle(self) -> None:
+    def settled(self) -> _Rolling:
+        """Give the statistic of the rows up to the newest."""
+        self._settle()
+        return self._rolling
+
+    def _settle(self) -> None:
         if self._window.pending:
-            self.rolling.update(*self._window.take_change(), self._window.rows)
+            self._rolling.update(*self._window.take_change(), self._window.rows)
 
     def clear(self) -> None:
         self._window.clear()
-        self.rolling.clear()
+        self._rolling.clear()
+
+
+class Measured(NamedTuple):
+    """What is measured of the windows that end with one row.
+
+    Attributes
+    ----------
+    numbers
+        By measure.
+    movement
+        Root mean square deviation of a distance over the longest window, relative to the body's size.
+    """
+
+    numbers: dict[Measure, NDArray[np.float64]]
+    movement: float
 
 
 class WindowMeasurer:
@@ -61,14 +77,17 @@ class WindowMeasurer:
     """
 
     def __init__(self, measures: Iterable[Measure], body: Body, basis: Basis) -> None:
-        self._measures = tuple(measures)
+        self._measures = frozenset(measures)
         self._body = body
         self._directions = basis.directions
         pairs, directions = basis.directions.shape
-        shapes = {measure.seconds for measure in self._measures if measure.kind is Kind.SHAPE}
+        shapes = [measure for measure in self._measures if measure.kind is Kind.SHAPE]
         others = {measure.seconds for measure in self._measures if measure.kind is not Kind.SHAPE}
+        #: Length of the longest window over which distances are measured, seconds.
+        self.longest = max(others)
         self._distances = {seconds: _Length(seconds, pairs, RollingVariance(pairs)) for seconds in others}
-        self._shapes = {seconds: _Length(seconds, directions, RollingCovariance(directions)) for seconds in shapes}
+        self._shapes = {shape: _Length(shape.seconds, directions, RollingCovariance(directions)) for shape in shapes}
+        self._covariances = np.zeros((len(shapes), directions, directions))
         self._frames = 0
 
     def clear(self) -> None:
@@ -79,55 +98,40 @@ class WindowMeasurer:
             shape.clear()
         self._frames = 0
 
-    def push(self, time: float, row: NDArray[np.float64]) -> None:
-        """Take in one distance row, shape (pairs,), metres."""
-        self._frames += 1
+    def push(self, times: Sequence[float], rows: NDArray[np.float64]) -> None:
+        """Take in distance rows, shape (frames, pairs), metres; `MOST_PENDING` at most."""
+        self._frames += len(times)
         for distances in self._distances.values():
-            distances.push(time, row)
+            distances.push(times, rows)
         if self._shapes:
-            seen = row @ self._directions
+            seen = rows @ self._directions
             for shape in self._shapes.values():
-                shape.push(time, seen)
+                shape.push(times, seen)
 
     @property
     def ready(self) -> bool:
         """Whether there are frames enough to measure."""
         return self._frames >= FEWEST_FRAMES
 
-    @property
-    def longest(self) -> float:
-        """Length of the longest window over which distances are measured, seconds."""
-        return max(self._distances)
-
-    @property
-    def movement(self) -> float:
-        """Root mean square deviation of a distance over the longest window, relative to the body's size."""
-        longest = self._distances[self.longest]
-        longest.settle()
-        deviation, mean = longest.rolling.deviation(), longest.rolling.mean()
-        return math.sqrt(float(deviation @ deviation) / float(mean @ mean))
-
-    def measures(self) -> dict[Measure, NDArray[np.float64]]:
+    def read(self) -> Measured:
         """Measure the windows that end with the newest row."""
-        shapes = self._measured_shapes()
-        return {
-            measure: shapes[measure.seconds] if measure.kind is Kind.SHAPE else self._measured(measure)
-            for measure in self._measures
-        }
+        numbers = self._shapes_now()
+        movement = 0.0
+        for seconds, distances in self._distances.items():
+            rolling = distances.settled()
+            mean, deviation = rolling.mean(), rolling.deviation()
+            if seconds == self.longest:
+                movement = math.sqrt(float(deviation @ deviation) / float(mean @ mean))
+            if Measure(Kind.SPREAD, seconds) in self._measures:
+                numbers[Measure(Kind.SPREAD, seconds)] = self._body.spread(mean, deviation)
+            if Measure(Kind.POSTURE, seconds) in self._measures:
+                numbers[Measure(Kind.POSTURE, seconds)] = self._body.posture(mean)
+        return Measured(numbers, movement)
 
-    def _measured_shapes(self) -> dict[float, NDArray[np.float64]]:
-        """Measure the shapes of all lengths in one go: to ask for an eigendecomposition costs as much as to make it."""
+    def _shapes_now(self) -> dict[Measure, NDArray[np.float64]]:
+        """Measure the shapes of all lengths in one go: to ask for a decomposition costs as much as to make it."""
         if not self._shapes:
             return {}
-        for shape in self._shapes.values():
-            shape.settle()
-        covariances = np.stack([shape.rolling.moments().covariance for shape in self._shapes.values()])
-        return dict(zip(self._shapes, shape_of(covariances), strict=True))
-
-    def _measured(self, measure: Measure) -> NDArray[np.float64]:
-        distances = self._distances[measure.seconds]
-        distances.settle()
-        mean = distances.rolling.mean()
-        if measure.kind is Kind.POSTURE:
-            return self._body.posture(mean)
-        return self._body.spread(mean, distances.rolling.deviation())
+        for shape, covariance in zip(self._shapes.values(), self._covariances, strict=True):
+            shape.settled().written_to(covariance)
+        return dict(zip(self._shapes, shape_of(self._covariances), strict=True))

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from stream.covariance import DRIFT_TOLERANCE
+from stream.covariance import DRIFT_TOLERANCE, signs
 
 if TYPE_CHECKING:
     from stream.covariance import Rows
@@ -35,6 +35,7 @@ class RollingVariance:
         self._squares = np.zeros(width)
         self._count = 0
         self._rounding = 0.0
+        self._no_movement = 0.0
 
     def __len__(self) -> int:
         return self._count
@@ -52,33 +53,30 @@ class RollingVariance:
             self._refresh(window)
             return
         self._count = count
-        self._add(entered)
-        self._remove(left)
+        self._add(np.concatenate([entered, left]), signs(len(entered), len(left)))
         # The largest sum bounds the rounding of all: one distance that stood still while others moved must not be lost.
-        self._rounding += _EPSILON * (len(entered) + len(left)) * float(self._squares.max())
-        scatter = float(self._squares.max() - np.square(self._sum[self._squares.argmax()]) / count)
-        floor = count * (_NO_MOVEMENT * float(self._reference.mean())) ** 2
-        if self._rounding > DRIFT_TOLERANCE * max(scatter, floor):
+        largest = int(self._squares.argmax())
+        squares, total = self._squares.item(largest), self._sum.item(largest)
+        self._rounding += _EPSILON * (len(entered) + len(left)) * squares
+        if self._rounding > DRIFT_TOLERANCE * max(squares - total * total / count, count * self._no_movement):
             self._refresh(window)
 
-    def _add(self, rows: Rows) -> None:
-        relative = rows - self._reference
-        self._sum += relative.sum(axis=0)
-        self._squares += np.einsum("ij,ij->j", relative, relative)
-
-    def _remove(self, rows: Rows) -> None:
-        relative = rows - self._reference
-        self._sum -= relative.sum(axis=0)
-        self._squares -= np.einsum("ij,ij->j", relative, relative)
+    def _add(self, rows: Rows, weights: Rows) -> None:
+        """Add rows (rows, width) times their weights (rows,); the rows are overwritten."""
+        rows -= self._reference
+        self._sum += weights @ rows
+        rows *= rows
+        self._squares += weights @ rows
 
     def _refresh(self, window: Rows) -> None:
         self._count = len(window)
         if not self._count:
             return
         np.mean(window, axis=0, out=self._reference)
+        self._no_movement = (_NO_MOVEMENT * float(self._reference.mean())) ** 2
         self._sum[:] = 0.0
         self._squares[:] = 0.0
-        self._add(window)
+        self._add(window.copy(), np.ones(self._count))
         self._rounding = _EPSILON * self._count * float(self._squares.max())
 
     def mean(self) -> Rows:
@@ -87,5 +85,9 @@ class RollingVariance:
 
     def deviation(self) -> Rows:
         """Sample standard deviation of each distance, shape (width,), metres; needs a row, 0 for a single one."""
-        scatter = self._squares - np.square(self._sum) / self._count
-        return np.sqrt(np.maximum(scatter, 0.0) / max(self._count - 1, 1))
+        scatter = self._sum * self._sum
+        scatter /= -self._count
+        scatter += self._squares
+        np.maximum(scatter, 0.0, out=scatter)
+        scatter /= max(self._count - 1, 1)
+        return np.sqrt(scatter, out=scatter)

@@ -9,7 +9,11 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from library.aligned import numbers_per_row
+
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from numpy.typing import NDArray
 
 #: Frames per second up to which a window holds all its seconds. A faster feed shortens the window.
@@ -35,8 +39,8 @@ class SlidingWindow:
     """Distance rows of the last seconds, ending with the newest frame.
 
     A row at time t is in the window while the newest time is less than t + seconds; the newest always is. Rows lie
-    side by side in time order in memory allocated once. Before they reach its end they move back to the front, one
-    row's copy per push on average, which is what makes every read a plain slice.
+    one after another in time order in memory allocated once. Before they reach its end they move back to the front, one
+    row's copy per row on average, which is what makes every read a plain slice.
 
     Parameters
     ----------
@@ -74,29 +78,44 @@ class SlidingWindow:
         self._since = self._oldest = math.nan
         self._newest = -math.inf
 
-    def push(self, time: float, row: NDArray[np.float64]) -> None:
-        """Take in one row and let go of those that are `seconds` old.
+    def push(self, times: Sequence[float], rows: NDArray[np.float64]) -> None:
+        """Take in rows, all at once as if one by one, and let go of those that are `seconds` old.
+
+        Parameters
+        ----------
+        times
+            When each was, seconds; every one later than the one before.
+        rows
+            Shape (rows, width).
 
         Raises
         ------
         ValueError
-            The time is not later than the last one's.
+            A time is not later than the one before, or there are more rows or fewer than times. None is taken in.
         RuntimeError
-            `MOST_PENDING` rows have entered since `take_change` was last called.
+            More than `MOST_PENDING` rows would have entered since `take_change` was last called. None is taken in.
         """
-        if time <= self._newest:
-            raise ValueError(f"time: expected later than {self._newest}, got {time}")
-        if self._end - self._fresh >= MOST_PENDING:
-            raise RuntimeError(f"take_change() must be called at least once in {MOST_PENDING} pushes")
+        count = len(times)
+        if len(rows) != count:
+            raise ValueError(f"rows: expected {count}, as many as times, got {len(rows)}")
+        newest = self._newest
+        for time in times:
+            if time <= newest:
+                raise ValueError(f"time: expected later than {newest}, got {time}")
+            newest = time
+        if self._end - self._fresh + count > MOST_PENDING:
+            raise RuntimeError(f"take_change() must be called at least once in {MOST_PENDING} rows")
+        if not count:
+            return
         if self._kept >= self._end - self._kept + MOST_PENDING:
             self._move_back()
-        last = self._end
-        if last == self._start:
-            self._since = self._oldest = time
-        self._rows[last] = row
-        self._times[last] = self._newest = time
-        self._end = last + 1
-        too_old = time - (self.seconds - _TIE)
+        begin, self._end = self._end, self._end + count
+        if begin == self._start:
+            self._since = self._oldest = times[0]
+        self._rows[begin : self._end] = rows
+        self._times[begin : self._end] = times
+        self._newest = newest
+        last, too_old = self._end - 1, newest - (self.seconds - _TIE)
         # Times in other units may be so large that even the newest is not above `too_old`.
         while self._start < last and (self._oldest <= too_old or last - self._start >= self._most):
             self._start += 1
@@ -124,7 +143,10 @@ class SlidingWindow:
 
     @property
     def rows(self) -> NDArray[np.float64]:
-        """The rows in the window, shape (rows, width), oldest first; a view, good until the next push."""
+        """The rows in the window, shape (rows, width), oldest first; a view, good until the next push.
+
+        Each row is contiguous and begins with a cache line.
+        """
         return self._rows[self._start : self._end]
 
     @property
@@ -147,7 +169,8 @@ def _reserved(rows: int, width: int) -> NDArray[np.float64]:
     An array of numpy's own above 4 MB asks for pages of 2 MB on Linux, and for a hundred performers the difference to
     small ones is 70 MB.
     """
-    size = rows * width * np.dtype(np.float64).itemsize
+    stride = numbers_per_row(width)
+    size = rows * stride * np.dtype(np.float64).itemsize
     try:
         memory = mmap.mmap(-1, size)
     except (OSError, OverflowError) as error:
@@ -156,4 +179,5 @@ def _reserved(rows: int, width: int) -> NDArray[np.float64]:
         # A kernel built without large pages refuses, and has no need of it.
         with suppress(OSError):
             memory.madvise(mmap.MADV_NOHUGEPAGE)
-    return np.frombuffer(memory, dtype=np.float64).reshape(rows, width)
+    # Memory of the system's begins with a page, so that every row begins with a cache line.
+    return np.frombuffer(memory, dtype=np.float64).reshape(rows, stride)[:, :width]

@@ -18,6 +18,8 @@ from stream.measuring import WindowMeasurer
 from stream.recognition import Outcome
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from numpy.typing import NDArray
 
     from library.windowtable import WindowTable
@@ -68,12 +70,14 @@ class WindowMatcher:
         self._compared = _Average(_COMPARED_OVER)
         self._judged = _Average(_KNOWN_OVER)
 
-    def push(self, time: float, row: NDArray[np.float64]) -> None:
-        """Take in one distance row."""
+    def push(self, times: Sequence[float], rows: NDArray[np.float64]) -> None:
+        """Take in distance rows."""
+        if not len(times):
+            return
         if math.isnan(self._since):
-            self._since = time
-        self._now = time
-        self._measurer.push(time, row)
+            self._since = times[0]
+        self._now = times[-1]
+        self._measurer.push(times, rows)
 
     @property
     def ready(self) -> bool:
@@ -82,18 +86,18 @@ class WindowMatcher:
 
     def read(self) -> Reading:
         """Compare the windows that end with the newest row."""
-        newest = self._table.log_distances(self._measurer.measures())
+        measured = self._measurer.read()
+        newest = self._table.log_distances(measured.numbers)
         elapsed = _SECONDS_PER_LEAD if math.isnan(self._read_at) else self._now - self._read_at
         self._read_at = self._now
         distances = self._compared.after(newest, elapsed)
         self._follow(distances, elapsed)
         judged = self._judged.after(distances, elapsed)
         self._known = self._is_known(float(judged[self._guess]), float(distances[self._guess]))
-        movement = self._measurer.movement
         outcome = Outcome.NAMED if self._known else Outcome.UNKNOWN
-        if movement < self._stillness:
+        if measured.movement < self._stillness:
             outcome = Outcome.STILL
-        return Reading(outcome, 1 / (1 + np.exp(distances)), self._guess, movement)
+        return Reading(outcome, 1 / (1 + np.exp(distances)), self._guess, measured.movement)
 
     def _is_known(self, judged: float, newest: float) -> bool:
         """Judge by the longer average, unless the newest distance is clearly near: then a motion is known at once."""

@@ -61,14 +61,14 @@ class NaiveBody:
 
 
 def _shape(seen: Matrix) -> Matrix:
-    """Write the square root of the covariance, of trace 1, as its upper triangle, by singular values of the rows."""
-    _, singular, axes = np.linalg.svd(seen - seen.mean(axis=0), full_matrices=False)
-    total = math.sqrt(float(np.sum(singular**2)))
+    """Write the triangle that rows of trace 1 with a thousandth in every direction reduce to, as a vector."""
+    centred, size = seen - seen.mean(axis=0), seen.shape[1]
+    total = math.sqrt(float(np.sum(centred**2)))
     if total < 1e-7 * math.sqrt(float(np.sum(seen**2))):
-        singular, total = np.zeros_like(singular), 1.0  # nothing moves: no shape
-    root = axes.T @ np.diag(singular / total) @ axes
-    size = len(root)
-    return np.array([root[i, j] * (1.0 if i == j else math.sqrt(2.0)) for i in range(size) for j in range(i, size)])
+        return np.zeros(size * (size + 1) // 2)  # nothing moves: no shape
+    triangle = np.linalg.qr(np.vstack([centred / total, math.sqrt(0.001) * np.eye(size)]), mode="r")
+    lower = (triangle * np.sign(np.diagonal(triangle))[:, None]).T
+    return np.array([lower[i, j] for i in range(size) for j in range(i + 1)])
 
 
 @dataclass(frozen=True)

@@ -77,10 +77,16 @@ def posture(rows: Matrix, pairs: Sequence[tuple[int, int]], parents: Sequence[in
 
 
 def shape(covariance: Matrix) -> list[float]:
-    """Write the square root of a covariance of trace 1 as its upper triangle, off the diagonal times √2."""
-    root = scipy.linalg.sqrtm(covariance / np.trace(covariance)).real
+    """Write the lower factor L of a covariance of trace 1 plus a thousandth, L Lᵀ, row by row, number by number."""
     size = len(covariance)
-    return [root[i, j] * (1.0 if i == j else math.sqrt(2.0)) for i in range(size) for j in range(i, size)]
+    total = math.fsum(covariance[i, i] for i in range(size))
+    factor = [[0.0] * size for _ in range(size)]
+    for i in range(size):
+        for j in range(i + 1):
+            left = covariance[i, j] / total + (0.001 if i == j else 0.0)
+            left -= math.fsum(factor[i][k] * factor[j][k] for k in range(j))
+            factor[i][j] = math.sqrt(left) if i == j else left / factor[j][j]
+    return [factor[i][j] for i in range(size) for j in range(i + 1)]
 
 
 def basis(classes: Sequence[Sequence[Matrix]], sizes: Sequence[Sequence[float]], directions: int) -> Matrix:

@@ -77,7 +77,7 @@ def test_the_steps_are_what_the_recogniser_does(signature: LiveSignature, record
     for _ in range(300):
         frame = feed.next()
         recognition = recognizer.push(frame)
-        steps.push(frame.time, distance_rows(frame.positions, library.skeleton))
+        steps.push([frame.time], distance_rows(frame.positions[None], library.skeleton))
         if recognition is None:
             continue
         assert steps.ready

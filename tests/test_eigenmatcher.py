@@ -13,6 +13,7 @@ from synthetic import STICK_CLASSES, stick_clip, stick_clips
 from library.motionlibrary import MotionLibrary
 from stream.eigenmatcher import EigenvectorMatcher
 from stream.recognition import Outcome
+from stream.window import MOST_PENDING
 
 if TYPE_CHECKING:
     from stream.matcher import Reading
@@ -39,7 +40,7 @@ def _readings(matcher: EigenvectorMatcher, rows: np.ndarray, start: float = 0.0,
     """Push rows at 120 frames per second; readings by the index of their newest row."""
     readings = {}
     for index, row in enumerate(rows):
-        matcher.push(start + index / 120, row)
+        matcher.push([start + index / 120], row[None])
         if matcher.ready and index % every == 0:
             readings[index] = matcher.read()
     return readings
@@ -63,6 +64,29 @@ def test_every_reading_is_the_textbooks(library: MotionLibrary, every: int) -> N
         assert reading.movement == pytest.approx(np.sqrt(np.trace(matrix) / 15) / size, rel=1e-6)
         assert reading.axis is not None
         assert reading.axis.share == pytest.approx(value / np.trace(matrix), rel=1e-6)
+
+
+@pytest.mark.parametrize("every", [2, 7, 60, MOST_PENDING])
+def test_frames_that_come_together_are_read_as_if_one_by_one(library: MotionLibrary, every: int) -> None:
+    """Pushed in batches, as many frames as the window holds or more among them, readings are those of single frames."""
+    rows = np.concatenate([_rows(name, 150) for name in STICK_CLASSES])
+    # A gap in the middle of some batch.
+    times = np.arange(len(rows)) / 120 + 0.3 * (np.arange(len(rows)) > 301)
+    single, batched, read = _matcher(library), _matcher(library), 0
+    for begin in range(0, len(rows), every):
+        some = slice(begin, begin + every)
+        for time, row in zip(times[some].tolist(), rows[some], strict=True):
+            single.push([time], row[None])
+        batched.push(times[some].tolist(), rows[some])
+        assert batched.ready == single.ready
+        if not single.ready:
+            continue
+        one, other = single.read(), batched.read()
+        assert other.scores == pytest.approx(one.scores, abs=1e-5)
+        assert (other.best, other.outcome) == (one.best, one.outcome)
+        assert other.movement == pytest.approx(one.movement, rel=1e-9)
+        read += 1
+    assert read > 4
 
 
 @pytest.mark.parametrize("window", [0.25, 1.0])

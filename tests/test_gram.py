@@ -87,7 +87,7 @@ def test_real_clips_after_every_hop(some_clips: tuple[Clip, ...]) -> None:
         rows = distance_rows(clip.positions, clip.skeleton) * unit
         window, rolling = SlidingWindow(0.5, rows.shape[1]), RollingGram(rows.shape[1])
         for end, row in enumerate(rows, start=1):
-            window.push(end / 120, row)
+            window.push([end / 120], row[None])
             if end % 12 == 0:
                 rolling.update(*window.take_change(), window.rows)
                 centred = window.rows - window.rows.mean(axis=0)

@@ -8,12 +8,24 @@ from typing import TYPE_CHECKING
 import naive_windows
 import numpy as np
 import pytest
+import scipy.linalg
 from hypothesis import given
 from hypothesis import strategies as st
 from synthetic import STICK, stick_clip, stick_clips
 
 from library.distances import distance_rows
-from library.measures import BASIS_SIZE, FEWEST_FRAMES, Basis, Body, Kind, Measure, learned_basis, measured, shape_of
+from library.measures import (
+    BASIS_SIZE,
+    FEWEST_FRAMES,
+    SHAPE_FLOOR,
+    Basis,
+    Body,
+    Kind,
+    Measure,
+    learned_basis,
+    measured,
+    shape_of,
+)
 from library.motionlibrary import MotionLibrary
 from library.retrieval import turned
 from library.skeleton import Skeleton
@@ -198,18 +210,18 @@ def test_real_windows_measure_as_the_loops_say(some_clips: tuple[Clip, ...], kin
 
 
 @pytest.mark.parametrize("size", [1, 2, 7, 24])
-def test_shapes_are_those_of_the_matrix_root(size: int) -> None:
-    """A shape holds the upper triangle of the root of the covariance over its trace, one at a time or many at once."""
+def test_shapes_are_those_of_the_triangular_factor(size: int) -> None:
+    """A shape holds the Cholesky factor of the covariance over its trace, one at a time or many at once."""
     generator = np.random.default_rng(size)
     covariances = np.array([_random_covariance(generator, size).reshape(size, size) for _ in range(5)])
     shapes = shape_of(covariances)
     for covariance, shape in zip(covariances, shapes, strict=True):
-        np.testing.assert_allclose(shape, naive_windows.shape(covariance), atol=1e-6)
+        np.testing.assert_allclose(shape, naive_windows.shape(covariance), atol=1e-12)
         np.testing.assert_allclose(shape_of(covariance), shape, atol=1e-12)
 
 
 def test_real_windows_have_the_shape_of_their_covariance(some_clips: tuple[Clip, ...]) -> None:
-    """The shape of a window of each class is that of its covariance in the basis, found by numpy and a matrix root."""
+    """The shape of a window of each class is that of its covariance in the basis, found by numpy and loops."""
     basis = _plain(np.random.default_rng(2).normal(size=(465, 7)))
     for clip in some_clips:
         rows = _rows(clip)
@@ -223,27 +235,20 @@ def test_real_windows_have_the_shape_of_their_covariance(some_clips: tuple[Clip,
             basis=basis,
         )
         covariance = np.cov((rows[max(end - 60, 0) : end] @ basis.directions).T)
-        np.testing.assert_allclose(found, naive_windows.shape(covariance), atol=1e-5)
+        np.testing.assert_allclose(found, naive_windows.shape(covariance), atol=1e-9)
 
 
 @given(st.integers(0, 2**32 - 1), st.integers(1, 8), st.integers(1, 8))
-def test_shapes_multiply_as_weighted_subspaces(seed: int, size: int, frames: int) -> None:
-    """The inner product of two shapes is the sum of √(λᵢ μⱼ) (uᵢ · vⱼ)², few frames or many, and 1 with itself."""
+def test_shapes_lie_as_far_apart_as_cholesky_factors(seed: int, size: int, frames: int) -> None:
+    """The distance of two shapes is the Cholesky distance of covariances of trace 1 and a floor, few frames or many."""
     generator = np.random.default_rng(seed)
-    covariances = [_random_covariance(generator, size).reshape(size, size) for _ in range(2)]
     few = generator.normal(size=(frames, size))
-    covariances.append(few.T @ few / frames)
-    systems = [np.linalg.eigh(covariance / np.trace(covariance)) for covariance in covariances]
-    shapes = shape_of(np.array(covariances))
-    for first, (values, axes) in zip(shapes, systems, strict=True):
-        for second, (others, other_axes) in zip(shapes, systems, strict=True):
-            expected = sum(
-                np.sqrt(max(values[i], 0.0) * max(others[j], 0.0)) * (axes[:, i] @ other_axes[:, j]) ** 2
-                for i in range(size)
-                for j in range(size)
-            )
-            assert first @ second == pytest.approx(expected, abs=1e-7)
-        assert first @ first == pytest.approx(1.0)
+    covariances = [_random_covariance(generator, size).reshape(size, size), few.T @ few / frames]
+    floor = SHAPE_FLOOR * np.eye(size)
+    factors = [scipy.linalg.cholesky(each / np.trace(each) + floor, lower=True) for each in covariances]
+    first, second = shape_of(np.array(covariances))
+    assert np.linalg.norm(first - second) == pytest.approx(np.linalg.norm(factors[0] - factors[1]), abs=1e-9)
+    assert first @ first == pytest.approx(1.0 + size * SHAPE_FLOOR)
 
 
 def test_a_window_without_movement_has_no_shape() -> None:
@@ -264,7 +269,7 @@ def test_a_window_is_the_frames_before_its_end(measure: Measure) -> None:
     for end, numbers in zip(ends.tolist(), found, strict=True):
         start = max(0, end - round(measure.seconds * 120))
         alone = clip.moved_to(clip.positions[start:end])
-        assert np.array_equal(numbers, _all_measured(alone, np.array([end - start]))[measure][0])
+        np.testing.assert_allclose(numbers, _all_measured(alone, np.array([end - start]))[measure][0], rtol=1e-12)
         if end < clip.frames:
             assert not np.array_equal(numbers, _all_measured(clip, np.array([end + 1]))[measure][0])
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -42,7 +43,7 @@ def _assert_at_rest(
 ) -> None:
     """Hold every measure against the library's, of just the rows that are in its window."""
     body = Body.of(skeleton)
-    live = measurer.measures()
+    live = measurer.read().numbers
     assert set(live) == set(MEASURES)
     for measure, numbers in live.items():
         window = last_rows(times, rows, times[-1], measure.seconds)
@@ -59,7 +60,7 @@ def test_at_every_hop_and_rate_they_are_those_at_rest(some_clips: tuple[Clip, ..
     measurer = WindowMeasurer(MEASURES, Body.of(some_clips[0].skeleton), basis)
     hops = 0
     for index, (time, row) in enumerate(zip(times.tolist(), rows, strict=True), start=1):
-        measurer.push(time, row)
+        measurer.push([time], row[None])
         if measurer.ready and index % HOPS[rate] == 0:
             _assert_at_rest(measurer, some_clips[0].skeleton, basis, times[:index], rows[:index])
             hops += 1
@@ -73,7 +74,7 @@ def test_lost_frames_leave_what_is_there(some_clips: tuple[Clip, ...], basis: Ba
     times, rows = times[kept], rows[kept]
     measurer = WindowMeasurer(MEASURES, Body.of(some_clips[0].skeleton), basis)
     for index, (time, row) in enumerate(zip(times.tolist(), rows, strict=True), start=1):
-        measurer.push(time, row)
+        measurer.push([time], row[None])
         if index % 20 == 0:
             _assert_at_rest(measurer, some_clips[0].skeleton, basis, times[:index], rows[:index])
 
@@ -84,8 +85,25 @@ def test_hops_far_apart_change_nothing(some_clips: tuple[Clip, ...], basis: Basi
     times, rows = _fed(some_clips[:3], 120)
     measurer = WindowMeasurer(MEASURES, Body.of(some_clips[0].skeleton), basis)
     for time, row in zip(times[:frames].tolist(), rows, strict=False):
-        measurer.push(time, row)
+        measurer.push([time], row[None])
     _assert_at_rest(measurer, some_clips[0].skeleton, basis, times[:frames], rows[:frames])
+
+
+@pytest.mark.parametrize("most", [3, 40, 64])
+def test_frames_that_come_together_are_measured_as_if_one_by_one(
+    some_clips: tuple[Clip, ...], basis: Basis, most: int
+) -> None:
+    """In batches longer and shorter than the windows, gaps inside them, measures are those of the frames at rest."""
+    times, rows = _fed(some_clips[3:6], 120)
+    generator = np.random.default_rng(most)
+    times = times + np.cumsum(0.08 * (generator.random(len(times)) < 0.01))
+    measurer = WindowMeasurer(MEASURES, Body.of(some_clips[0].skeleton), basis)
+    ends = np.minimum(np.cumsum(generator.integers(0, most + 1, size=40)), len(times)).tolist()
+    for begin, end in pairwise([0, *ends]):
+        measurer.push(times[begin:end].tolist(), rows[begin:end])
+        if measurer.ready:
+            _assert_at_rest(measurer, some_clips[0].skeleton, basis, times[:end], rows[:end])
+    assert measurer.ready
 
 
 def test_a_start_is_measured_as_far_as_it_reaches(some_clips: tuple[Clip, ...], basis: Basis) -> None:
@@ -94,10 +112,10 @@ def test_a_start_is_measured_as_far_as_it_reaches(some_clips: tuple[Clip, ...], 
     measurer = WindowMeasurer(MEASURES, Body.of(some_clips[0].skeleton), basis)
     for index in range(FEWEST_FRAMES):
         assert not measurer.ready
-        measurer.push(float(times[index]), rows[index])
+        measurer.push([float(times[index])], rows[index : index + 1])
     assert measurer.ready
     body, ends = Body.of(some_clips[0].skeleton), np.array([FEWEST_FRAMES])
-    for measure, numbers in measurer.measures().items():
+    for measure, numbers in measurer.read().numbers.items():
         exact = measured(rows, 120.0, ends, measure, body=body, basis=basis)[0]
         assert numbers == pytest.approx(exact, abs=2e-5), measure.name
 
@@ -107,14 +125,14 @@ def test_after_clear_nothing_is_left(some_clips: tuple[Clip, ...], basis: Basis)
     times, rows = _fed(some_clips[:4], 120)
     used, fresh = (WindowMeasurer(MEASURES, Body.of(some_clips[0].skeleton), basis) for _ in range(2))
     for time, row in zip(times.tolist(), rows, strict=True):
-        used.push(1000.0 + time, row)
-    before = used.measures()
+        used.push([1000.0 + time], row[None])
+    before = used.read().numbers
     used.clear()
     assert not used.ready
     for measurer in (used, fresh):
         for time, row in zip(times[:90].tolist(), rows, strict=False):
-            measurer.push(time, row)
-    after, new = used.measures(), fresh.measures()
+            measurer.push([time], row[None])
+    after, new = used.read().numbers, fresh.read().numbers
     for measure in MEASURES:
         assert np.array_equal(after[measure], new[measure])
         assert not np.allclose(after[measure], before[measure], atol=1e-3)
@@ -126,10 +144,10 @@ def test_movement_is_the_deviation_over_the_longest_window(some_clips: tuple[Cli
     measurer = WindowMeasurer(MEASURES, Body.of(some_clips[0].skeleton), basis)
     assert measurer.longest == 1.0
     for time, row in zip(times.tolist(), rows, strict=True):
-        measurer.push(time, row)
+        measurer.push([time], row[None])
     window = last_rows(times, rows, float(times[-1]), 1.0)
     exact = np.sqrt(np.var(window, axis=0, ddof=1).mean() / np.square(window.mean(axis=0)).mean())
-    assert measurer.movement == pytest.approx(exact, rel=1e-9)
+    assert measurer.read().movement == pytest.approx(exact, rel=1e-9)
     assert exact > 0.01
 
 
@@ -139,8 +157,8 @@ def test_only_what_is_asked_is_measured(some_clips: tuple[Clip, ...], basis: Bas
     measure = Measure(Kind.SPREAD, 0.5)
     measurer = WindowMeasurer([measure], Body.of(some_clips[0].skeleton), basis)
     for time, row in zip(times.tolist(), rows, strict=True):
-        measurer.push(time, row)
-    (numbers,) = measurer.measures().values()
+        measurer.push([time], row[None])
+    (numbers,) = measurer.read().numbers.values()
     body = Body.of(some_clips[0].skeleton)
     exact = measured(rows, 120.0, np.array([len(rows)]), measure, body=body, basis=basis)[0]
     assert numbers == pytest.approx(exact, abs=1e-6)

@@ -182,8 +182,8 @@ def test_vector_and_residual_are_the_whole_distance(kept: int) -> None:
     metric = windows.metric(shrinkage=1.0, kept=kept)
     assert metric.outside > 0
     for measure in windows.measures:
-        vector = metric.embedded(measure)
-        residual = metric.residual(measure, vector)
+        vector, residual = metric.placed(measure)
+        np.testing.assert_allclose(vector, metric.embedded(measure), rtol=1e-5)
         whole = metric.outside * naive_windows.squared_distance(measure.tolist(), metric.origin.tolist())
         assert residual >= 0.0
         assert residual + float(vector @ vector) == pytest.approx(whole, rel=1e-2)
@@ -196,7 +196,7 @@ def test_a_whitened_metric_drops_what_is_off_its_axes() -> None:
     metric = _Windows().metric(shrinkage=0.3, kept=2)
     far = np.full(9, 1000.0)
     assert metric.outside == 0.0
-    assert metric.residual(far, metric.embedded(far)) == 0.0
+    assert metric.placed(far)[1] == 0.0
 
 
 # --- fewer numbers -----------------------------------------------------------------------------------------------

@@ -54,7 +54,7 @@ def _streamed(rows: np.ndarray, *, hop: int, truth: np.ndarray | None = None) ->
     window, rolling = SlidingWindow(0.5, rows.shape[1]), RollingCovariance(rows.shape[1])
     worst, hops = 0.0, 0
     for end, row in enumerate(rows, start=1):
-        window.push(end / 120, row)
+        window.push([end / 120], row[None])
         if end % hop == 0:
             rolling.update(*window.take_change(), window.rows)
             worst = max(worst, _relative_error(rolling, truth[max(0, end - 60) : end]))

@@ -19,8 +19,8 @@ if TYPE_CHECKING:
 TICKS = 960
 
 
-def _row(mark: float) -> np.ndarray:
-    return np.array([mark, -mark])
+def _rows(*marks: float) -> np.ndarray:
+    return np.array([[mark, -mark] for mark in marks])
 
 
 def _assert_alike(window: SlidingWindow, twin: NaiveWindow) -> None:
@@ -40,7 +40,7 @@ def _assert_change_alike(window: SlidingWindow, twin: NaiveWindow) -> None:
 
 def _push(window: SlidingWindow, times: Iterable[float]) -> None:
     for time in times:
-        window.push(time, _row(time))
+        window.push([time], _rows(time))
         window.take_change()
 
 
@@ -62,13 +62,46 @@ def test_always_what_a_plain_list_holds(
     time = int(generator.integers(-1000, 1000))
     for index in range(700):
         time += int(generator.integers(1, largest_step + 1))
-        window.push(time / TICKS, _row(index))
+        window.push([time / TICKS], _rows(index))
         twin.push(time, index)
         _assert_alike(window, twin)
         assert window.pending == index % taken_every + 1
         if index % taken_every == taken_every - 1:
             _assert_change_alike(window, twin)
             assert window.pending == 0
+
+
+@given(
+    seed=st.integers(0, 2**32 - 1),
+    ticks=st.integers(1, 2 * TICKS),
+    largest_step=st.sampled_from([1, 8, 40, 3 * TICKS]),
+    fastest=st.sampled_from([1.0, 20.0, 960.0]),
+    largest_batch=st.sampled_from([2, 5, MOST_PENDING]),
+)
+@settings(max_examples=60)
+def test_rows_that_come_together_are_as_if_one_by_one(
+    seed: int, ticks: int, largest_step: int, fastest: float, largest_batch: int
+) -> None:
+    """In batches of any size, longer than the window or with gaps inside, the window is a plain list's row by row."""
+    generator = np.random.default_rng(seed)
+    window = SlidingWindow(ticks / TICKS, 2, fastest)
+    twin = NaiveWindow(ticks, max(2, int(np.ceil(ticks / TICKS * fastest))))
+    time = mark = 0
+    while mark < 1200:
+        count = int(generator.integers(0, largest_batch + 1))
+        steps = generator.integers(1, largest_step + 1, size=count)
+        # Now and then a gap far longer than the window, wherever it falls in the batch.
+        steps[generator.random(count) < 0.03] += 5 * TICKS
+        times, marks = (time + steps.cumsum()).tolist(), range(mark, mark + count)
+        if window.pending + count > MOST_PENDING:
+            _assert_change_alike(window, twin)
+        window.push([each / TICKS for each in times], _rows(*marks).reshape(count, 2))
+        for each, index in zip(times, marks, strict=True):
+            twin.push(each, index)
+        time, mark = [time, *times][-1], mark + count
+        if mark:
+            _assert_alike(window, twin)
+    _assert_change_alike(window, twin)
 
 
 @given(seed=st.integers(0, 2**32 - 1))
@@ -80,7 +113,7 @@ def test_clearing_at_any_moment_is_a_new_beginning(seed: int) -> None:
     time = 0
     for index in range(400):
         time += int(generator.integers(1, 20))
-        window.push(time / TICKS, _row(index))
+        window.push([time / TICKS], _rows(index))
         twin.push(time, index)
         if generator.random() < 0.1:
             _assert_change_alike(window, twin)
@@ -101,7 +134,7 @@ def test_every_rate_fills_the_same_seconds(rate: int, seconds: float, start: flo
     window = SlidingWindow(seconds, 2)
     frames = round(seconds * rate)
     for index in range(3 * frames):
-        window.push(start + index / rate, _row(index))
+        window.push([start + index / rate], _rows(index))
         window.take_change()
         assert window.full == (index >= frames)
         assert window.rows[:, 0].tolist() == list(range(max(0, index - frames + 1), index + 1))
@@ -112,7 +145,7 @@ def test_dropped_frames_leave_the_seconds_alone() -> None:
     kept = np.flatnonzero(np.random.default_rng(1).random(600) < 0.5)
     window = SlidingWindow(1.0, 2)
     for index in kept.tolist():
-        window.push(index / 120, _row(index))
+        window.push([index / 120], _rows(index))
         window.take_change()
         expected = kept[(kept <= index) & (kept > index - 120)]
         assert window.rows[:, 0].tolist() == expected.tolist()
@@ -123,8 +156,8 @@ def test_a_gap_longer_than_the_window_leaves_the_newest_row() -> None:
     """After a gap only the newest row is in the window, and what had entered and gone meanwhile is in no change."""
     window = SlidingWindow(1.0, 2)
     _push(window, [0.0, 0.1, 0.2])
-    window.push(0.3, _row(0.3))
-    window.push(9.0, _row(9.0))
+    window.push([0.3], _rows(0.3))
+    window.push([9.0], _rows(9.0))
     assert window.times.tolist() == [9.0]
     entered, left = window.take_change()
     assert entered[:, 0].tolist() == [9.0]
@@ -148,7 +181,8 @@ def test_the_memory_is_allocated_once() -> None:
     for index in range(1, 5000):
         _push(window, [index / 240])
         assert window.rows.base is memory
-    assert window.rows.flags.c_contiguous
+    assert window.rows.strides[1] == window.rows.itemsize
+    assert window.rows.ctypes.data % 64 == window.rows.strides[0] % 64 == 0
     assert np.all(np.diff(window.times) > 0)
 
 
@@ -156,12 +190,14 @@ def test_changes_must_be_taken_in_time() -> None:
     """One row more than may be pending raises, what was pending is still there, and taking it makes room again."""
     window = SlidingWindow(10.0, 2)
     for index in range(MOST_PENDING):
-        window.push(float(index) / 100, _row(index))
-    with pytest.raises(RuntimeError, match=f"at least once in {MOST_PENDING} pushes"):
-        window.push(1.0, _row(99))
-    assert len(window) == MOST_PENDING
+        window.push([float(index) / 100], _rows(index))
+    with pytest.raises(RuntimeError, match=f"at least once in {MOST_PENDING} rows"):
+        window.push([1.0], _rows(99))
+    with pytest.raises(RuntimeError, match=f"at least once in {MOST_PENDING} rows"):
+        window.push([1.0, 1.1], _rows(99, 100))
+    assert len(window) == window.pending == MOST_PENDING
     assert window.take_change().entered[:, 0].tolist() == list(range(MOST_PENDING))
-    window.push(1.0, _row(99))
+    window.push([1.0], _rows(99))
     assert window.take_change().entered[:, 0].tolist() == [99]
 
 
@@ -171,9 +207,32 @@ def test_time_runs_forward(time: float) -> None:
     window = SlidingWindow(1.0, 2)
     _push(window, [0.5, 1.0])
     with pytest.raises(ValueError, match=r"time: expected later than 1\.0"):
-        window.push(time, _row(7))
+        window.push([time], _rows(7))
     assert window.times.tolist() == [0.5, 1.0]
     assert window.pending == 0
+
+
+@pytest.mark.parametrize("times", [[1.1, 1.2, 1.2], [1.1, 1.3, 1.2], [1.0, 1.1], [0.9, 1.1]])
+def test_a_batch_is_taken_in_whole_or_not_at_all(times: list[float]) -> None:
+    """Time standing still or running back anywhere in a batch leaves the window as it was."""
+    window = SlidingWindow(1.0, 2)
+    _push(window, [0.5, 1.0])
+    with pytest.raises(ValueError, match="time: expected later than"):
+        window.push(times, _rows(*times))
+    assert window.times.tolist() == window.rows[:, 0].tolist() == [0.5, 1.0]
+    assert window.pending == 0
+    window.push([1.05], _rows(1.05))
+    assert window.times.tolist() == [0.5, 1.0, 1.05]
+
+
+@pytest.mark.parametrize("count", [0, 1, 3])
+def test_every_row_has_its_time(count: int) -> None:
+    """Rows and times of different numbers are refused, and the window stays as it was."""
+    window = SlidingWindow(1.0, 2)
+    _push(window, [0.5])
+    with pytest.raises(ValueError, match=f"rows: expected 2, as many as times, got {count}"):
+        window.push([1.0, 1.1], np.zeros((count, 2)))
+    assert window.times.tolist() == [0.5]
 
 
 @pytest.mark.parametrize("start", [1.7e18, -1.7e18, 1e300])
@@ -182,7 +241,7 @@ def test_the_newest_row_always_stays(start: float) -> None:
     window = SlidingWindow(1.0, 2)
     for index in range(300):
         time = start + index * abs(start) * 1e-6
-        window.push(time, _row(index))
+        window.push([time], _rows(index))
         window.take_change()
         assert window.times.tolist() == [time]
         assert window.rows[:, 0].tolist() == [index]

@@ -87,7 +87,7 @@ def _hops(matcher: WindowMatcher, feed: Feed, every: int = 2) -> list[Hop]:
     """Push a feed, and ask at every so many frames."""
     hops = []
     for index, (time, row) in enumerate(zip(feed.times.tolist(), feed.rows, strict=True)):
-        matcher.push(time, row)
+        matcher.push([time], row[None])
         if matcher.ready and index % every == 0:
             hops.append(Hop(time, matcher.read()))
     return hops
@@ -296,7 +296,7 @@ def test_the_first_answer_comes_early(name: str, seconds: float, feed: Feed, req
     matcher = _matcher(request.getfixturevalue(name))
     ready = []
     for time, row in zip(feed.times.tolist(), feed.rows[:60], strict=False):
-        matcher.push(time, row)
+        matcher.push([time], row[None])
         ready.append(matcher.ready)
     assert ready.index(True) / RATE == pytest.approx(seconds, abs=0.6 / RATE)
     assert all(ready[ready.index(True) :])

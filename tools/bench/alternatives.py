@@ -73,7 +73,7 @@ class AxisAlternative(ABC):
         """Measure the frame's distances and put them into the window."""
         if self._window.pending >= MOST_PENDING:
             self.learn(self._window.take_change().entered)
-        self._window.push(frame.time, distance_rows(frame.positions, self._library.skeleton))
+        self._window.push([frame.time], distance_rows(frame.positions[None], self._library.skeleton))
 
     def learn(self, rows: NDArray[np.float64]) -> None:  # noqa: B027 - most keep no state and have nothing to learn
         """Take in rows that are new, shape (rows, pairs); for those that keep a state."""

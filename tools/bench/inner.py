@@ -15,7 +15,7 @@ from stream.recognizer import LiveSignature
 from stream.window import MOST_PENDING, SlidingWindow
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
 
     import numpy as np
     from numpy.typing import NDArray
@@ -49,11 +49,11 @@ class EigenvectorSteps:
             "match": self._match,
         }
 
-    def push(self, time: float, row: NDArray[np.float64]) -> None:
-        """Take in one distance row."""
-        self._window.push(time, row)
-        if self._window.pending >= MOST_PENDING // 4:
+    def push(self, times: Sequence[float], rows: NDArray[np.float64]) -> None:
+        """Take in distance rows."""
+        if self._window.pending + len(times) > MOST_PENDING:
             self._update()
+        self._window.push(times, rows)
 
     @property
     def ready(self) -> bool:
@@ -91,9 +91,9 @@ class WindowSteps:
         self.distances: NDArray[np.float64] | None = None
         self.steps: dict[str, Callable[[], object]] = {"covariance": self._measure, "match": self._match}
 
-    def push(self, time: float, row: NDArray[np.float64]) -> None:
-        """Take in one distance row."""
-        self._measurer.push(time, row)
+    def push(self, times: Sequence[float], rows: NDArray[np.float64]) -> None:
+        """Take in distance rows."""
+        self._measurer.push(times, rows)
 
     @property
     def ready(self) -> bool:
@@ -101,7 +101,7 @@ class WindowSteps:
         return self._measurer.ready
 
     def _measure(self) -> None:
-        self._measures = self._measurer.measures()
+        self._measures = self._measurer.read().numbers
 
     def _match(self) -> None:
         self.distances = self._table.log_distances(self._measures)

@@ -170,7 +170,7 @@ def _shared(costs: Mapping[str, float], frames_per_hop: float) -> list[Stage]:
     }
     stages = []
     for name, us in per_frame.items():
-        per: Per = "frame" if name.startswith(("decode", "dist", "window", "recog")) else "hop"
+        per: Per = "frame" if name.startswith(("decode", "recog")) else "hop"
         share = us / whole["ZeroMQ" if "ZeroMQ" in name else "OSC"]
         stages.append(Stage(name, per, us if per == "frame" else us * frames_per_hop, us, share))
     return stages
@@ -193,7 +193,6 @@ def _transports(
         "decode OSC": each(lambda: [osc.decode(datagram, 0.0) for datagram in datagrams], _ROUND),
         "decode OSC, python-osc": each(lambda: [OscPacket(datagram).messages for datagram in datagrams], _ROUND),
         "decode ZeroMQ": each(lambda: [zeromq.decode(message, 0.0) for message in messages], _ROUND),
-        "distances": each(lambda: [distance_rows(frame.positions, library.skeleton) for frame in frames], len(frames)),
         "encode OSC": each(lambda: [osc.encode_recognition(one) for one in recognitions], len(recognitions) * hops),
         "encode ZeroMQ": each(
             lambda: [zeromq.encode_recognition(one) for one in recognitions], len(recognitions) * hops
@@ -233,8 +232,8 @@ class _Stepping:
         self._skeleton = library.skeleton
         self._feed = Feed(positions)
         self._steps = steps_of(library, settings)
-        self.names = ("window", *self._steps.steps)
-        self._frames_per_hop = round(settings.hop * FRAME_RATE)
+        self.names = ("distances", "window", *self._steps.steps)
+        self._frames_per_hop = max(round(settings.hop * FRAME_RATE), 1)
         self._costs: Mapping[str, float] = {}
         self._run(WARM_UP)
 
@@ -248,12 +247,16 @@ class _Stepping:
 
     def _run(self, count: int) -> dict[str, float]:
         seconds: dict[str, float] = defaultdict(float)
-        for index, frame in enumerate(self._feed.take(count)):
-            row = distance_rows(frame.positions, self._skeleton)
+        for _ in range(0, count, self._frames_per_hop):
+            frames = self._feed.take(self._frames_per_hop)
+            times, positions = [frame.time for frame in frames], np.array([frame.positions for frame in frames])
             start = clock()
-            self._steps.push(frame.time, row)
+            rows = distance_rows(positions, self._skeleton)
+            seconds["distances"] += clock() - start
+            start = clock()
+            self._steps.push(times, rows)
             seconds["window"] += clock() - start
-            if index % self._frames_per_hop or not self._steps.ready:
+            if not self._steps.ready:
                 continue
             for name, step in self._steps.steps.items():
                 start = clock()

@@ -100,6 +100,15 @@ class Metric:
             return vector, 0.0
         return vector, max(self.outside * float(difference @ difference) - float(vector @ vector), 0.0)
 
+    def placed_each(self, measures: NDArray[np.float64]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """Do the same for several measures at once, (hops, numbers): vectors, (hops, kept), and distances, (hops,)."""
+        differences = (measures - self.origin).astype(np.float32)
+        vectors: NDArray[np.float32] = differences @ self.axes
+        if not self.outside:
+            return vectors, np.zeros(len(vectors), dtype=np.float32)
+        beyond: NDArray[np.float32] = self.outside * squared_lengths(differences) - squared_lengths(vectors)
+        return vectors, np.maximum(beyond, 0.0)
+
 
 def learned_metric(  # noqa: PLR0913 - windows, who made them, and how they are learned from
     measures: NDArray[np.float64],
@@ -202,6 +211,12 @@ def halved(numbers: NDArray[np.floating]) -> NDArray[np.float32]:
     """Round to half precision, as files keep these numbers, so that saving and loading changes nothing."""
     rounded: NDArray[np.float32] = numbers.astype(np.float16).astype(np.float32)
     return rounded
+
+
+def squared_lengths(vectors: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Take |a|² of all rows of a matrix, (n, numbers): shape (n,)."""
+    lengths: NDArray[np.float32] = np.square(vectors).sum(axis=1)
+    return lengths
 
 
 def squared_distances(first: NDArray[np.floating], second: NDArray[np.floating]) -> NDArray[np.floating]:

@@ -337,7 +337,8 @@ class Service:
 
     def _deal_with_waiting(self, source: Source) -> bool:
         """Take in some packets, recognise, answer; whether there may be more."""
-        taken: list[tuple[Frame | Announcement, float]] = []
+        taken: list[Frame | Announcement] = []
+        begun: list[float] = []
         more = True
         for _ in range(_AT_ONCE):
             started = time.perf_counter()
@@ -345,28 +346,28 @@ class Service:
             if events is None:
                 more = False
                 break
-            taken.extend((event, started) for event in events)
-        self._deal_with(taken)
+            taken += events
+            begun += [started] * len(events)
+        self._deal_with(taken, begun)
         return more
 
     def _tend(self) -> None:
         for source in self._tended:
             started = time.perf_counter()
-            self._deal_with([(event, started) for event in source.tend(self._clock())])
+            events = source.tend(self._clock())
+            self._deal_with(events, [started] * len(events))
 
-    def _deal_with(self, taken: Sequence[tuple[Frame | Announcement, float]]) -> None:
-        """Recognise what was taken in, in order, and tell the sinks; with each comes when it was begun to be read."""
-        now = self._clock()
-        answers: list[tuple[Recognition, float]] = []
-        for event, started in taken:
-            if isinstance(event, Announcement):
-                self.performers.announce(event, now)
+    def _deal_with(self, events: Sequence[Frame | Announcement], begun: Sequence[float]) -> None:
+        """Recognise what was taken in and tell the sinks; `begun` says of each when its packet was first looked at."""
+        if not events:
+            return
+        for event in events:
+            if isinstance(event, Frame):
+                self._rates.count(event.performer)
+        answers = self.performers.push_all(events, self._clock())
+        for recognition, started in zip(answers, begun, strict=True):
+            if recognition is None:
                 continue
-            self._rates.count(event.performer)
-            recognition = self.performers.push(event, now)
-            if recognition is not None:
-                answers.append((recognition, started))
-        for recognition, started in answers:
             for sink in self.sinks:
                 sink.publish(recognition)
                 for happened in recognition.events:

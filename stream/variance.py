@@ -13,6 +13,8 @@ import numpy as np
 from stream.covariance import DRIFT_TOLERANCE, signs
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from stream.covariance import Rows
 
 #: Movement, relative to the distance, below which lost digits are of no interest to anyone.
@@ -27,12 +29,17 @@ class RollingVariance:
     ----------
     width
         Numbers in a row.
+
+    Attributes
+    ----------
+    sums
+        The reference row, and of the rows relative to it the sum and the sum of squares, shape (3, width): side by
+        side, so that those of several windows are gathered in one copy each.
     """
 
     def __init__(self, width: int) -> None:
-        self._reference = np.zeros(width)
-        self._sum = np.zeros(width)
-        self._squares = np.zeros(width)
+        self.sums = np.zeros((3, width))
+        self._reference, self._sum, self._squares = self.sums
         self._count = 0
         self._rounding = 0.0
         self._no_movement = 0.0
@@ -91,3 +98,16 @@ class RollingVariance:
         np.maximum(scatter, 0.0, out=scatter)
         scatter /= max(self._count - 1, 1)
         return np.sqrt(scatter, out=scatter)
+
+
+def means_and_deviations(windows: Sequence[RollingVariance]) -> tuple[Rows, Rows]:
+    """Give mean and deviation of several windows at once, both (windows, width), metres; each needs a row."""
+    reference, total, squares = np.array([each.sums for each in windows]).transpose(1, 0, 2)
+    counts = np.array([[len(each)] for each in windows], dtype=np.float64)
+    mean = total / counts
+    total *= mean
+    squares -= total
+    np.maximum(squares, 0.0, out=squares)
+    squares /= np.maximum(counts - 1, 1)
+    mean += reference
+    return mean, np.sqrt(squares)

@@ -183,6 +183,9 @@ def test_vector_and_residual_are_the_whole_distance(kept: int) -> None:
     assert metric.outside > 0
     for measure in windows.measures:
         vector, residual = metric.placed(measure)
+        several, residuals = metric.placed_each(np.array([measure, measure + 1.0]))
+        np.testing.assert_allclose(several[0], vector, rtol=1e-4, atol=1e-6)
+        assert residuals[0] == pytest.approx(residual, rel=1e-4, abs=1e-5)
         np.testing.assert_allclose(vector, metric.embedded(measure), rtol=1e-5)
         whole = metric.outside * naive_windows.squared_distance(measure.tolist(), metric.origin.tolist())
         assert residual >= 0.0
@@ -197,6 +200,7 @@ def test_a_whitened_metric_drops_what_is_off_its_axes() -> None:
     far = np.full(9, 1000.0)
     assert metric.outside == 0.0
     assert metric.placed(far)[1] == 0.0
+    assert metric.placed_each(far[None])[1].tolist() == [0.0]
 
 
 # --- fewer numbers -----------------------------------------------------------------------------------------------

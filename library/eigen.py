@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 import numpy as np
 from scipy.linalg import eigh
@@ -101,7 +101,19 @@ def leading_axis(covariance: NDArray[np.float64], start: LeadingAxis | None = No
         raise ValueError(f"covariance: expected a square matrix, got {covariance.shape}")
     if start is not None and len(start.vector) != size:
         raise ValueError(f"start: expected a vector of {size}, got {len(start.vector)}")
-    return leading_axis_from(DenseMatrix(covariance), None if start is None else start.block)
+    return LeadingAxis(*leading_axis_from(DenseMatrix(covariance), None if start is None else start.block))
+
+
+class Leading(NamedTuple):
+    """What `leading_axis_from` finds of any symmetric matrix: the fields are `LeadingAxis`'s."""
+
+    vector: NDArray[np.float64]
+    value: float
+    runner_up: float
+    total: float
+    residual: float
+    exact: bool
+    block: NDArray[np.float64]
 
 
 class SymmetricMatrix(Protocol):
@@ -143,7 +155,7 @@ class DenseMatrix:
         return self._matrix
 
 
-def leading_axis_from(matrix: SymmetricMatrix, block: NDArray[np.float64] | None) -> LeadingAxis:
+def leading_axis_from(matrix: SymmetricMatrix, block: NDArray[np.float64] | None) -> Leading:
     """Find the leading eigenvector as `leading_axis` does, from any vectors thought to be near the leading ones.
 
     Parameters
@@ -158,22 +170,22 @@ def leading_axis_from(matrix: SymmetricMatrix, block: NDArray[np.float64] | None
     if matrix.total <= 0:
         # Nothing to solve: every direction is an eigenvector, and the last as good as any.
         block = np.eye(len(matrix), columns, columns - len(matrix))[:, ::-1]
-        return LeadingAxis(block[:, 0], 0.0, 0.0, matrix.total, 0.0, exact=False, block=block)
+        return Leading(block[:, 0], 0.0, 0.0, matrix.total, 0.0, exact=False, block=block)
     warm = _iterated(matrix, block.T) if block is not None and block.shape[1] == columns else None
     return warm or _solved(matrix, columns)
 
 
-def _solved(matrix: SymmetricMatrix, columns: int) -> LeadingAxis:
+def _solved(matrix: SymmetricMatrix, columns: int) -> Leading:
     covariance = matrix.dense()
     size = len(covariance)
     values, vectors = eigh(covariance, subset_by_index=(size - columns, size - 1), check_finite=False)
     vector, value = np.ascontiguousarray(vectors[:, -1]), max(float(values[-1]), 0.0)
     residual = float(np.linalg.norm(covariance @ vector - value * vector)) / value if value > 0 else 0.0
     runner_up = max(float(values[-2]), 0.0) if columns > 1 else 0.0
-    return LeadingAxis(vector, value, runner_up, matrix.total, residual, exact=True, block=vectors[:, ::-1])
+    return Leading(vector, value, runner_up, matrix.total, residual, exact=True, block=vectors[:, ::-1])
 
 
-def _iterated(matrix: SymmetricMatrix, rows: NDArray[np.float64]) -> LeadingAxis | None:
+def _iterated(matrix: SymmetricMatrix, rows: NDArray[np.float64]) -> Leading | None:
     """Iterate from the last block, its vectors as rows; None when no step brought the proof."""
     before = math.inf
     image = matrix.times(rows)
@@ -192,7 +204,7 @@ def _iterated(matrix: SymmetricMatrix, rows: NDArray[np.float64]) -> LeadingAxis
         if residual <= RESIDUAL_TOLERANCE:
             runner_up, certain = _proven_runner_up(matrix, values.tolist(), outside)
             if certain and runner_up < value:
-                return LeadingAxis(rows[0], value, runner_up, matrix.total, residual, exact=False, block=rows.T)
+                return Leading(rows[0], value, runner_up, matrix.total, residual, exact=False, block=rows.T)
             if certain:
                 return None
         elif residual * (residual / before) ** (STEPS - step) > RESIDUAL_TOLERANCE:
@@ -202,7 +214,7 @@ def _iterated(matrix: SymmetricMatrix, rows: NDArray[np.float64]) -> LeadingAxis
 
 
 def _orthonormal(rows: NDArray[np.float64]) -> NDArray[np.float64]:
-    reflectors, scales, _, _ = dgeqrf(rows.T)
+    reflectors, scales, _, _ = dgeqrf(rows.T, overwrite_a=True)
     basis, _, _ = dorgqr(reflectors, scales, overwrite_a=True)
     orthonormal: NDArray[np.float64] = basis.T
     return orthonormal

@@ -3,7 +3,7 @@
 Three kinds of numbers, each compared by inner products:
 
 - spread: how far each distance swings (the covariance's diagonal), in logarithms relative to the body's size;
-- shape: in which directions the distances swing together. The covariance is taken in a fixed basis of some 20
+- shape: in which directions the distances swing together. The covariance is taken in a fixed basis of some 24
   directions, divided by its trace, and its Cholesky factor written as a vector. The distance of two such vectors is the
   Cholesky distance of the covariances (Dryden, Koloydenko and Zhou, Annals of Applied Statistics 2009, section 3.2):
   a comparison of the subspaces in which they swing, without signs or near-equal eigenvalues to trouble it, and a tenth
@@ -38,7 +38,7 @@ LEVEL_REMOVED = 0.5
 #: Added to the variance in each direction, relative to the sum of all: what swings less is noise.
 SHAPE_FLOOR = 1e-3
 #: Directions in which shapes are measured.
-BASIS_SIZE = 20
+BASIS_SIZE = 24
 #: A pair whose variance is below this share of the mean pair's is rigid: what it shows is noise.
 _RIGID = 1e-3
 #: How much of a direction, relative to the clearest, fewer pairs must show for it to be measured by them.

@@ -133,6 +133,23 @@ class MotionLibrary:
     _shortlist: Shortlist | None = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
+        self._check()
+        order = _in_order(self.motions)
+        if not np.array_equal(order, np.arange(len(order))):
+            self._sort(order)
+        classes, starts = np.unique([motion.class_name for motion in self.motions], return_index=True)
+        pairs = len(self.skeleton.pairs)
+        if self.portraits and [len(each.mean) for each in self.portraits] != [pairs] * len(classes):
+            raise ValueError(f"portraits: expected one of {pairs} pairs for each of {len(classes)} classes")
+        object.__setattr__(self, "classes", tuple(classes.tolist()))
+        object.__setattr__(self, "_class_starts", starts)
+        large = len(self) >= FEWEST_MOTIONS
+        if not large:
+            # Every answer of the eigenvector's reads all of them.
+            object.__setattr__(self, "axes", aligned(self.axes))
+        object.__setattr__(self, "_shortlist", Shortlist(self.axes, starts) if large else None)
+
+    def _check(self) -> None:
         if not self.motions:
             raise ValueError("motions: expected at least one, got none")
         if not (isinstance(self.licence, str) and isinstance(self.attribution, str)):
@@ -148,19 +165,6 @@ class MotionLibrary:
             raise ValueError(f"windows: expected those of {expected[0]} motions and {expected[1]} pairs")
         if self.windows is not None and self.windows.comparison.body.parents != self.skeleton.parents:
             raise ValueError(f"windows: expected those of a body with parents {self.skeleton.parents}")
-        order = _in_order(self.motions)
-        if not np.array_equal(order, np.arange(len(order))):
-            self._sort(order)
-        classes, starts = np.unique([motion.class_name for motion in self.motions], return_index=True)
-        if self.portraits and [len(each.mean) for each in self.portraits] != [expected[1]] * len(classes):
-            raise ValueError(f"portraits: expected one of {expected[1]} pairs for each of {len(classes)} classes")
-        object.__setattr__(self, "classes", tuple(classes.tolist()))
-        object.__setattr__(self, "_class_starts", starts)
-        large = len(self) >= FEWEST_MOTIONS
-        if not large:
-            # Every answer of the eigenvector's reads all of them.
-            object.__setattr__(self, "axes", aligned(self.axes))
-        object.__setattr__(self, "_shortlist", Shortlist(self.axes, starts) if large else None)
 
     def _sort(self, order: NDArray[np.intp]) -> None:
         object.__setattr__(self, "motions", tuple(self.motions[index] for index in order))

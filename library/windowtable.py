@@ -54,7 +54,7 @@ _LEARN_EVERY = 2 / 15
 #: Frames from a short clip's end at which its first window ends, so that it has one.
 _SPARE_FRAMES = 3
 _KEEP_EVERY_ANYBODY, _KEEP_EVERY_ONE_PERSON = 0.4, 1 / 30
-_KEPT_AXES = {Kind.SPREAD: 64, Kind.POSTURE: 64, Kind.SHAPE: 80}
+_KEPT_AXES = {Kind.SPREAD: 64, Kind.POSTURE: 64, Kind.SHAPE: 96}
 #: Whitening carries over between laboratories for spread and posture, and not for shape.
 _SHRINKAGE = {Kind.SPREAD: 0.3, Kind.POSTURE: 0.3, Kind.SHAPE: 1.0}
 

@@ -38,6 +38,7 @@ class EigenvectorMatcher:
         self._library = library
         self._stillness = stillness
         self._smallest_gap = smallest_gap
+        self.longest = window
         width = len(library.skeleton.pairs)
         self._window = SlidingWindow(window, width)
         self._axis = RollingAxis(width)

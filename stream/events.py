@@ -98,7 +98,7 @@ class EventDetector:
         leader = recognition.class_index
         if leader != self._leader:
             self._leader, self._lead = leader, 0.0
-        self._lead += self._gained(recognition) * elapsed
+        self._lead += self._gained(recognition, leader) * elapsed
         current = self._active.index if self._active else -1
         return self._changed(recognition) if leader != current and self._lead >= self._needed else ()
 
@@ -108,17 +108,16 @@ class EventDetector:
         self._leader, self._lead, self._last = -1, 0.0, math.nan
         return replace(begun, kind=EventKind.END, time=time) if begun else None
 
-    def _gained(self, recognition: Recognition) -> float:
-        """Say how much lead a second like this one gathers."""
-        if recognition.class_index < 0:
+    def _gained(self, recognition: Recognition, named: int) -> float:
+        """Say how much lead a second like this one, with this class named, gathers."""
+        if named < 0:
             return self._needed / _ENDED_AFTER[recognition.outcome]
+        others = recognition.scores.tolist()
         # A library's only class has no other to lead: it starts at the pace at which stillness ends it.
-        if len(recognition.scores) == 1:
+        if len(others) == 1:
             return self._needed / _ENDED_AFTER[Outcome.STILL]
-        scores, named = recognition.scores, recognition.class_index
-        others = scores.copy()
-        others[named] = 0.0
-        lead = _distance(float(others[others.argmax()])) - _distance(float(scores[named]))
+        score = others.pop(named)
+        lead = _distance(max(others)) - _distance(score)
         return _PER_SECOND * max(lead, 0.0)
 
     def _changed(self, recognition: Recognition) -> tuple[Event, ...]:

@@ -64,8 +64,12 @@ class CentredGram:
         """Multiply with vectors whose numbers add up to 0, shape (vectors, rows); others are taken as if they did."""
         # Centred on both sides. What is left of the first centring, once done, is rounding.
         image = rows @ self._products
-        image -= image.dot(self._weights)[:, None]
+        self.centre(image)
         return image
+
+    def centre(self, rows: Rows) -> None:
+        """Change vectors, shape (vectors, rows), so that the numbers of each add up to 0."""
+        rows -= rows.dot(self._weights)[:, None]
 
     def dense(self) -> Rows:
         """Write the matrix out, shape (rows, rows)."""
@@ -135,14 +139,12 @@ class RollingGram:
         self._end = end + new
         relative = self._relative_to_reference(entered)
         # One factor alone needs to be relative to the reference: what the other has too much is the same for all.
-        across = self._products[end : self._end, start : self._end]
-        np.matmul(relative, window.T, out=across)
         along = relative @ self._reference
+        across = np.matmul(relative, window[:-new].T, out=self._products[end : self._end, start:end])
         across -= along[:, None]
-        among = across[:, -new:]
-        among += among.T.copy()
-        among *= 0.5
-        self._products[start:end, end : self._end] = across[:, :-new].T
+        self._products[start:end, end : self._end] = across.T
+        # Written as a matrix times its own transpose, symmetric to the last bit.
+        among = np.matmul(relative, relative.T, out=self._products[end : self._end, end : self._end])
         self._of_each[0, end : self._end] = among.diagonal()
         self._of_each[1, end : self._end] = along
 

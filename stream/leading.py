@@ -20,6 +20,7 @@ from stream.gram import RollingGram
 
 if TYPE_CHECKING:
     from stream.covariance import Rows
+    from stream.gram import CentredGram
 
 #: Frames in a window, per pair, up to which the Gram matrix is used, and above which the covariance. Measured at 105 to
 #: 1485 pairs they cost the same at 0.9 to 1.0, and at a quarter the Gram matrix a tenth to a sixth. In between whatever
@@ -78,9 +79,8 @@ class GramAxis:
 
     def leading(self, window: Rows) -> WindowAxis:
         """Solve the window's Gram matrix; see `RollingAxis.leading`."""
-        count, width = window.shape
         gram = self._gram.centred(window)
-        found = leading_axis_from(gram, self._start(count))
+        found = leading_axis_from(gram, self._start(gram))
         self._block, self._gone = found.block, 0
         # The numbers of the vector add up to nothing, so the rows need not be centred.
         direction = found.vector @ window
@@ -89,7 +89,7 @@ class GramAxis:
         else:
             direction[:] = 0.0
             direction[-1] = 1.0
-        per_frame = 1.0 / max(count - 1, 1)
+        per_frame = 1.0 / max(len(window) - 1, 1)
         axis = LeadingAxis(
             vector=direction,
             value=per_frame * found.value,
@@ -100,9 +100,9 @@ class GramAxis:
             exact=found.exact,
             block=direction[:, None],
         )
-        return WindowAxis(math.sqrt(gram.mean_square / width), axis)
+        return WindowAxis(math.sqrt(gram.mean_square / len(direction)), axis)
 
-    def _start(self, count: int) -> Rows | None:
+    def _start(self, gram: CentredGram) -> Rows | None:
         """Give the last vectors for the frames now in the window; None when no frame is left.
 
         New frames have the number of the last one before: nearer than 0, which took every fifth hop a step more.
@@ -110,9 +110,10 @@ class GramAxis:
         if self._block is None or self._gone >= len(self._block):
             return None
         kept = len(self._block) - self._gone
-        start = np.empty((self._block.shape[1], count))
+        start = np.empty((self._block.shape[1], len(gram)))
         start[:, :kept] = self._block[self._gone :].T
         start[:, kept:] = start[:, kept - 1 : kept]
+        gram.centre(start)
         return start.T
 
 

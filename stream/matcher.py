@@ -27,7 +27,15 @@ class Reading:
 
 
 class Matcher(Protocol):
-    """Keeps one performer's last seconds and compares them with a library."""
+    """Keeps one performer's last seconds and compares them with a library.
+
+    Attributes
+    ----------
+    longest
+        Length of its longest window, seconds: of what is older a reading says nothing.
+    """
+
+    longest: float
 
     def push(self, times: Sequence[float], rows: NDArray[np.float64]) -> None:
         """Take in distance rows, as if one by one.

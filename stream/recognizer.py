@@ -64,8 +64,8 @@ class Settings:
     lead
         How clear a lead, added up over time, a class needs before a start event: more is later and surer.
     longest_gap
-        Seconds without a frame after which the window starts anew, because what happened in between is not known. A
-        gap as long as the window always does: nothing would be left in it.
+        Seconds without a frame after which the window starts anew, because what happened in between is not known.
+        With a gap as long as the longest window it always does: nothing would be left in it.
     stillness
         Movement, relative to the body's size, below which a window is still. The default, 1 %, is about 8 mm for an
         adult: a tenth of the quietest motion of the built-in library, twenty times a markers' noise.
@@ -73,7 +73,7 @@ class Settings:
         (λ₁ − λ₂) / λ₁ below which the leading eigenvector is too arbitrary to be compared.
     patience
         How many frames in a row may be older than the newest before the sender is taken to have started anew. One
-        older than the whole window says so at once.
+        older than the longest window says so at once.
 
     Raises
     ------
@@ -142,9 +142,14 @@ class Recognizer:
         self.counts = RecognizerCounts()
         self.matcher: Matcher = _matcher(library, self.settings)
         self._detector = EventDetector(self.settings.lead)
-        self._positions = np.empty((_MOST_WAITING, len(library.skeleton.joints), 3))
+        self._shape = (len(library.skeleton.joints), 3)
+        self._positions = np.empty((_MOST_WAITING, *self._shape))
+        self._rows = np.empty((_MOST_WAITING, len(library.skeleton.pairs)))
         self._times: list[float] = []
-        self._newest = -math.inf
+        self._longest_gap = min(self.settings.longest_gap, self.matcher.longest)
+        self._early = _EARLY * self.settings.hop
+        # Of no frame at all none is older, and none comes after a gap: nothing compares with a NaN.
+        self._newest = math.nan
         self._last = -math.inf
         self._due = -math.inf
         self._late_in_a_row = 0
@@ -154,7 +159,7 @@ class Recognizer:
         """Forget the window, as when the feed begins; the counts stay, and what is going on till something ends it."""
         self.matcher.clear()
         self._times.clear()
-        self._newest = self._due = -math.inf
+        self._newest, self._due = math.nan, -math.inf
         self._late_in_a_row = 0
         self._unanswered = None
 
@@ -191,18 +196,18 @@ class Recognizer:
             The frame has another number of joints than the library's skeleton, or the answer to the one before was not
             asked for.
         """
-        if frame.positions.shape != self._positions.shape[1:]:
-            raise ValueError(f"positions: expected {self._positions.shape[1:]}, got {frame.positions.shape}")
+        positions, time = frame.positions, frame.time
+        if positions.shape != self._shape:
+            raise ValueError(f"positions: expected {self._shape}, got {positions.shape}")
         if self._unanswered is not None:
             raise ValueError(f"frame: expected after the answer to that of {self._unanswered.time} s was asked for")
-        time = frame.time
         if not self._in_time(time):
             return False
-        self._positions[len(self._times)] = frame.positions
+        self._positions[len(self._times)] = positions
         self._times.append(time)
         self._newest = self._last = time
         self.counts.frames += 1
-        due = time >= self._due - _EARLY * self.settings.hop
+        due = time >= self._due - self._early
         if due or len(self._times) == _MOST_WAITING:
             self._measure()
         if not (due and self.matcher.ready):
@@ -236,18 +241,19 @@ class Recognizer:
 
     def _measure(self) -> None:
         """Measure the frames that came since the last hop, all in one go: that halves their cost."""
-        rows = distance_rows(self._positions[: len(self._times)], self.library.skeleton)
+        count = len(self._times)
+        rows = distance_rows(self._positions[:count], self.library.skeleton, out=self._rows[:count])
         self.matcher.push(self._times, rows)
         self._times.clear()
 
     def _in_time(self, time: float) -> bool:
         """Sort out frames that come late; start anew after a gap or when the sender's clock began again."""
         behind = self._newest - time
-        if behind < -min(self.settings.longest_gap, self.settings.window) and math.isfinite(self._newest):
+        if behind < -self._longest_gap:
             self._restart()
         elif behind >= 0:
             self._late_in_a_row += 1
-            if behind <= self.settings.window and self._late_in_a_row <= self.settings.patience:
+            if behind <= self.matcher.longest and self._late_in_a_row <= self.settings.patience:
                 self.counts.out_of_order += 1
                 return False
             self._restart()

@@ -60,6 +60,7 @@ class WindowMatcher:
         self._table = table
         self._threshold = table.threshold_at(sensitivity)
         self.measurer = WindowMeasurer(table.measures, table.comparison.body, table.comparison.basis)
+        self.longest = max(measure.seconds for measure in table.measures)
         # Whoever moves steadily swings the less the shorter one looks.
         self._stillness = stillness * min(1.0, self.measurer.longest)
         self._first_answer = min(_FIRST_ANSWER, *(measure.seconds for measure in table.measures))

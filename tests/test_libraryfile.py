@@ -341,7 +341,7 @@ def test_another_version_is_refused(small_library: MotionLibrary, tmp_path: Path
     small_library.save(path)
     header, arrays = libraryfile.read(path)
     libraryfile.write(path, {**header, "version": version}, arrays)
-    with pytest.raises(LibraryFileError, match=re.escape(f"{path}: format version {said}, this kinespace reads 1")):
+    with pytest.raises(LibraryFileError, match=re.escape(f"{path}: format version {said}, this kinespace reads 2")):
         MotionLibrary.load(path)
 
 

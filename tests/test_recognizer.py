@@ -302,6 +302,27 @@ def test_a_gap_as_long_as_the_window_is_too_long(library: MotionLibrary) -> None
     assert answers[0].time == pytest.approx(frames[140].time + 0.3)
 
 
+@pytest.mark.parametrize(("gap", "restarts"), [(1.2, 0), (1.6, 1)])
+def test_what_is_too_long_a_gap_does_not_depend_on_the_other_signatures_window(gap: float, restarts: int) -> None:
+    """With windows of up to two seconds a gap between one second and the longest gap is bridged."""
+    recognizer = Recognizer(MotionLibrary.builtin(), Settings(longest_gap=1.5))
+    pose = np.random.default_rng(3).normal(size=(31, 3))
+    for time in (1.0, 1.01, 1.01 + gap):
+        recognizer.push(Frame("p", time, pose))
+    assert recognizer.counts.restarts == restarts
+
+
+@pytest.mark.parametrize(("behind", "restarts"), [(1.5, 0), (2.5, 1)])
+def test_what_is_older_than_every_window_is_a_new_beginning(behind: float, restarts: int) -> None:
+    """A frame behind by less than the longest of several windows is late; behind by more it begins a new feed."""
+    recognizer = Recognizer(MotionLibrary.builtin(), Settings(longest_gap=1.5))
+    pose = np.random.default_rng(4).normal(size=(31, 3))
+    for time in (9.0, 10.0, 10.0 - behind):
+        recognizer.push(Frame("p", time, pose))
+    assert recognizer.counts.restarts == restarts
+    assert recognizer.counts.out_of_order == 1 - restarts
+
+
 def test_a_sender_that_starts_anew_is_followed_at_once(library: MotionLibrary) -> None:
     """A clock that jumps back by more than the window begins a new window with that very frame."""
     recognizer = Recognizer(library)

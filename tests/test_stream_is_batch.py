@@ -13,7 +13,7 @@ from naive_stream import NaiveRecognition, NaiveRecognizer, reaches
 
 from library.clip import Clip
 from library.distances import distance_rows
-from library.eigen import RESIDUAL_TOLERANCE, LeadingAxis, leading_axis_from
+from library.eigen import RESIDUAL_TOLERANCE, Leading, LeadingAxis, leading_axis_from
 from library.motionlibrary import MotionLibrary
 from library.recordings import find_recordings, read_recordings
 from library.signature import Moments, signature_of
@@ -320,11 +320,11 @@ def test_answers_do_not_depend_on_the_eigenvectors_sign(
     """Turned around after each hop by chance, the axis the next hop starts from changes no label and no score."""
     generator = np.random.default_rng(15)
 
-    def turned(matrix: np.ndarray, block: np.ndarray | None) -> LeadingAxis:
+    def turned(matrix: np.ndarray, block: np.ndarray | None) -> Leading:
         axis = leading_axis_from(matrix, block)
         sign = float(generator.choice([-1.0, 1.0]))
         turned_block = axis.block * generator.choice([-1.0, 1.0], size=axis.block.shape[1])
-        return replace(axis, vector=sign * axis.vector, block=turned_block)
+        return axis._replace(vector=sign * axis.vector, block=turned_block)
 
     clip = small_clips[0]
     expected = _run(Recognizer(small_library), _frames(clip))

@@ -90,8 +90,8 @@ def _asking(clip: Clip, end: int, comparison: Comparison) -> dict[Measure, np.nd
 
 
 def _ends(frames: int, frame_rate: float, *, several: bool) -> list[int]:
-    """Count off where windows end: every fifth of a second from the first second, or a thirtieth from a tenth on."""
-    every, first = (frame_rate / 5, frame_rate) if several else (frame_rate / 30, frame_rate / 10)
+    """Count off where windows end: every .4 s from the first second on, or a thirtieth from a tenth on."""
+    every, first = (frame_rate * 0.4, frame_rate) if several else (frame_rate / 30, frame_rate / 10)
     end, ends = max(8, min(round(first), frames - 3)), []
     while end <= frames:
         ends.append(end)

@@ -52,7 +52,7 @@ def made_up(signature: LiveSignature = LiveSignature.EIGENVECTOR) -> Report:
         for transport, lost in (("osc", 1), ("zmq", 2))
         for rate in (120.0, 360.0)
     )
-    crowd = Crowd(64, 1000, 250, 250, 0, seconds, 0.0, (80.0, 81.0, 82.0), None)
+    crowd = Crowd(64, 1000, 250, 250, 0, seconds, 0.0, (80.0, 81.0, 82.0), 0.53, None)
     floor = replace(crowd, performers=320)
     return Report(
         signature,

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import mmap
 import os
+import sys
+import time
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -24,7 +26,7 @@ if TYPE_CHECKING:
     from tools.bench.recorded import Recorded
 
 SETTINGS = Settings(signature=LiveSignature.EIGENVECTOR, window=0.3)
-NOBODY = Crowd(1, 10, 5, 5, 0, np.full(1000, 0.001), 0.0, (), None)
+NOBODY = Crowd(1, 10, 5, 5, 0, np.full(1000, 0.001), 0.0, (), None, None)
 
 
 @pytest.mark.parametrize("transport", ["osc", "zmq"])
@@ -165,6 +167,20 @@ def test_memory_is_of_the_process_asked_for() -> None:
     assert after is not None
     assert after - before > 32
     assert memory.resident_mb(2**22 + 1) is None
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="only Linux is asked")
+def test_time_on_a_core_is_of_the_process_asked_for() -> None:
+    """A process that computes has had a core for about as long as it says itself; one that is not there, for none."""
+    before, begun = memory.core_seconds(), time.process_time()
+    while time.process_time() < begun + 0.3:
+        pass
+    after, ended = memory.core_seconds(os.getpid()), time.process_time()
+    assert before is not None
+    assert after is not None
+    # The system counts hundredths of a second.
+    assert after - before == pytest.approx(ended - begun, abs=0.1)
+    assert memory.core_seconds(2**22 + 1) is None
 
 
 def test_memory_is_asked_of_ps_where_there_is_no_proc(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -7,7 +7,7 @@ import time
 from collections import defaultdict
 from contextlib import closing
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -16,7 +16,7 @@ from stream import zeromq
 from stream.frame import Frame
 from tools.background import BackgroundService
 from tools.bench.floor import EmptyRecognizer, answer_to
-from tools.bench.memory import resident_mb
+from tools.bench.memory import core_seconds, resident_mb
 from tools.bench.recorded import FRAME_RATE
 from tools.expected import expected_answers
 from tools.feed import Cue, OscFrameSender, Pace, ZmqFrameSender
@@ -70,6 +70,9 @@ class Crowd:
         Share by which sending took longer than the feed: above 0.02 the sender is what was measured.
     resident_mb
         Memory of the recogniser's process during the run, some samples from its start to its end.
+    core_share
+        Of one core, by all of the recogniser's process while frames were sent; what other programs do to this machine
+        hardly changes it. None where the system does not say.
     status
         The recogniser's counters at its end; None where nothing was recognised.
     """
@@ -82,6 +85,7 @@ class Crowd:
     seconds: NDArray[np.float64] = field(repr=False)
     behind: float
     resident_mb: tuple[float, ...] = field(repr=False)
+    core_share: float | None
     status: Status | None = field(repr=False)
 
     def percentile(self, percent: float) -> float:
@@ -124,7 +128,7 @@ def play(
         greeter, receiver = service.connect()
         with closing(greeter), closing(Listener(receiver)) as listener:
             request = _Request(service.frames_to, performers, positions, hop)
-            sent, behind, heard, resident = _run(request, listener, service.process_id)
+            sent, behind, heard, used = _run(request, listener, service.process_id)
     status = service.status
     latencies, answered = _latencies(heard, sent, due)
     expected = performers * len(due)
@@ -140,7 +144,8 @@ def play(
         lost=max(expected - answered, missing, 0),
         seconds=latencies,
         behind=behind,
-        resident_mb=resident,
+        resident_mb=used.resident_mb,
+        core_share=used.core_share,
         status=status,
     )
 
@@ -153,9 +158,16 @@ class _Request:
     hop: int
 
 
+class _Used(NamedTuple):
+    """What the recogniser's process used: memory, some samples, and of a core."""
+
+    resident_mb: tuple[float, ...]
+    core_share: float | None
+
+
 def _run(
     request: _Request, listener: Listener, process_id: int | None
-) -> tuple[NDArray[np.float64], float, list[Heard], tuple[float, ...]]:
+) -> tuple[NDArray[np.float64], float, list[Heard], _Used]:
     """Start the sender, and listen until it is done and nothing more comes."""
     context = multiprocessing.get_context("spawn")
     ours, theirs = context.Pipe()
@@ -168,13 +180,14 @@ def _run(
         if not ours.poll(_LONGEST_START):
             raise TimeoutError("the sender's process did not start")
         ours.recv()
-        sampled = 0.0
+        sampled, before, begun = 0.0, core_seconds(process_id), time.perf_counter()
         while not ours.poll():
             heard += listener.listen_until(time.perf_counter() + _LISTEN)
             if time.perf_counter() >= sampled:
                 sampled = time.perf_counter() + 1.0
                 resident += [megabytes] if (megabytes := resident_mb(process_id)) is not None else []
         sent, behind = ours.recv()
+        after, ended = core_seconds(process_id), time.perf_counter()
         heard += listener.listen_until(time.perf_counter() + _LINGER)
     except EOFError:
         raise ChildProcessError("the sender's process ended before it was done") from None
@@ -182,7 +195,8 @@ def _run(
         process.kill()
         process.join()
         ours.close()
-    return sent, behind, heard, tuple(resident)
+    share = None if before is None or after is None else (after - before) / (ended - begun)
+    return sent, behind, heard, _Used(tuple(resident), share)
 
 
 def _latencies(

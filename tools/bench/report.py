@@ -218,7 +218,8 @@ def _outside_table(sockets: Sockets) -> Table:
 
 def _of_crowd(crowd: Crowd) -> str:
     told = f"p50 {crowd.percentile(50):.2f} ms, p99 {crowd.percentile(99):.2f} ms"
-    return f"{told}; {crowd.sent:,} frames, {crowd.lost} lost"
+    share = "" if crowd.core_share is None else f"; {crowd.core_share:.0%} of the core"
+    return f"{told}; {crowd.sent:,} frames, {crowd.lost} lost{share}"
 
 
 def _soak_table(soak: Soak) -> Table:

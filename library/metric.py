@@ -122,6 +122,15 @@ class Metric:
         square = float(vector @ vector)
         return max(self.outside * float(difference @ difference), square) if self.outside else square
 
+    def placed_each(self, measures: NDArray[np.float64]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """Do the same for several measures at once, (hops, numbers): vectors, (hops, kept), and distances, (hops,)."""
+        differences = np.subtract(measures, self.origin, dtype=np.float32)
+        vectors: NDArray[np.float32] = differences @ self.axes
+        squares = squared_lengths(vectors)
+        if self.outside:
+            np.maximum(squares, self.outside * squared_lengths(differences), out=squares)
+        return vectors, squares
+
 
 def learned_metric(  # noqa: PLR0913 - windows, who made them, and how they are learned from
     measures: NDArray[np.float64],
@@ -247,6 +256,12 @@ def halved(numbers: NDArray[np.floating]) -> NDArray[np.float32]:
     """Round to half precision, as files keep these numbers, so that saving and loading changes nothing."""
     rounded: NDArray[np.float32] = numbers.astype(np.float16).astype(np.float32)
     return rounded
+
+
+def squared_lengths(vectors: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Take |a|² of all rows of a matrix, (n, numbers): shape (n,)."""
+    lengths: NDArray[np.float32] = np.square(vectors).sum(axis=1)
+    return lengths
 
 
 def squared_distances(first: NDArray[np.floating], second: NDArray[np.floating]) -> NDArray[np.floating]:

@@ -328,23 +328,25 @@ class MotionLibrary:
         scores = similarity(self.axes, signature.axis.vector.astype(np.float32))
         return Match(scores, np.maximum.reduceat(scores, self._class_starts))
 
-    def class_scores(self, axis: NDArray[np.floating]) -> NDArray[np.float32]:
+    def class_scores(self, axes: NDArray[np.floating]) -> NDArray[np.float32]:
         """Give the best score of each class alone; a large library need not be compared with in full for that.
 
         Parameters
         ----------
-        axis
-            Leading eigenvector of a window over this library's skeleton, unit length, shape (pairs,).
+        axes
+            Leading eigenvector of a window over this library's skeleton, unit length, shape (pairs,), or of several
+            performers' windows, (hops, pairs): together they cost less than one by one.
 
         Returns
         -------
-        What `match` gives as `class_scores`, shape (classes,).
+        What `match` gives as `class_scores`, shape (classes,) or (hops, classes).
         """
-        single = axis.astype(np.float32)
+        single = np.atleast_2d(axes).astype(np.float32)
         if self._shortlist:
-            return self._shortlist.class_scores(single)
-        best: NDArray[np.float32] = np.maximum.reduceat(similarity(self.axes, single), self._class_starts)
-        return best
+            best = self._shortlist.class_scores(single)
+        else:
+            best = np.maximum.reduceat(similarity(single, self.axes.T), self._class_starts, axis=1)
+        return best if axes.ndim > 1 else best[0]
 
     def restricted_to(self, joints: Collection[str]) -> MotionLibrary:
         """Give the same motions as a body with fewer joints would show them.

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, fields, replace
 from typing import TYPE_CHECKING
 
 from library.skeleton import SkeletonMismatchError
+from stream.frame import Announcement
 from stream.recognizer import Recognizer, RecognizerCounts, Settings
 
 if TYPE_CHECKING:
@@ -17,7 +18,7 @@ if TYPE_CHECKING:
 
     from library.motionlibrary import MotionLibrary
     from stream.events import Event
-    from stream.frame import Announcement, Frame
+    from stream.frame import Frame
     from stream.recognition import Recognition
 
 
@@ -178,19 +179,61 @@ class Performers:
         -------
         A recognition when one is due, else None.
         """
+        return self.push_all([frame], arrival)[0]
+
+    def push_all(self, events: Sequence[Frame | Announcement], arrival: float) -> list[Recognition | None]:
+        """Take in frames and announcements that came together, in their order.
+
+        What is due of several performers is recognised in one go, for a fraction of what one by one would cost.
+
+        Parameters
+        ----------
+        events
+            As received.
+        arrival
+            When they came, seconds on our clock.
+
+        Returns
+        -------
+        For each a recognition when one is due, else None.
+        """
+        answers: list[Recognition | None] = [None] * len(events)
+        due: dict[str, int] = {}
+        for index, event in enumerate(events):
+            # A window is looked at before anything else happens to it.
+            if event.performer in due:
+                self._answer(due, answers)
+            if isinstance(event, Announcement):
+                self.announce(event, arrival)
+            elif self._take(event, arrival):
+                due[event.performer] = index
+        self._answer(due, answers)
+        return answers
+
+    def _take(self, frame: Frame, arrival: float) -> bool:
+        """Take in one frame; whether an answer is due."""
         performer = self._performer(frame.performer, arrival)
         if performer is None:
             self._counts.no_room += 1
-            return None
+            return False
         if not performer.known_joints or len(frame.positions) != len(performer.joints):
             self._counts.other_joints += 1
             if performer.refused_size != len(frame.positions):
                 performer.refused_size = len(frame.positions)
                 self._tell_refused(frame.performer, performer)
-            return None
+            return False
         if performer.order is not None:
             frame = replace(frame, positions=frame.positions[performer.order])
-        return performer.recognizer.push(frame)
+        return performer.recognizer.take(frame)
+
+    def _answer(self, due: dict[str, int], answers: list[Recognition | None]) -> None:
+        """Answer what is due, by performer the index of the frame that is answered, and forget that it was."""
+        if not due:
+            return
+        first, *others = [self._performers[name].recognizer for name in due]
+        for index, answer in zip(due.values(), first.answer_with(others), strict=True):
+            answers[index] = answer
+        due.clear()
 
     def _tell_refused(self, name: str, performer: _Performer) -> None:
         """Note why a performer's frames are refused."""

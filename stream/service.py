@@ -23,8 +23,11 @@ if TYPE_CHECKING:
 #: Seconds between two statuses, and between two lists of classes.
 STATUS_EVERY = 1.0
 CLASSES_EVERY = 5.0
-#: Packets taken from one source before the others, and the clock, get their turn.
-_AT_ONCE = 256
+#: Packets of one source that are taken in, then recognised, then answered, each in one go: what a step needs is in the
+#: processor's caches then, and one send wakes up who listens. More would keep the first of them waiting for too long.
+_AT_ONCE = 32
+#: Times that is done before the other sources, and the clock, get their turn.
+_TURNS = 8
 #: Longest sleep while nothing comes, seconds: how soon `stop` is heard.
 _LONGEST_SLEEP = 0.1
 #: Steps after being stopped: more than any socket holds, and a feed that goes on does not keep us for ever.
@@ -301,28 +304,43 @@ class Service:
             return
         # Every source is asked: one poll is cheaper than finding out which of them it was.
         for source in self.sources:
-            for _ in range(_AT_ONCE):
-                started = time.perf_counter()
-                events = source.take(self._clock())
-                if events is None:
+            for _ in range(_TURNS):
+                if not self._deal_with_waiting(source):
                     break
-                for event in events:
-                    self._deal_with(event, started)
+
+    def _deal_with_waiting(self, source: Source) -> bool:
+        """Take in some packets, recognise, answer; whether there may be more."""
+        taken: list[Frame | Announcement] = []
+        begun: list[float] = []
+        more = True
+        for _ in range(_AT_ONCE):
+            started = time.perf_counter()
+            events = source.take(self._clock())
+            if events is None:
+                more = False
+                break
+            taken += events
+            begun += [started] * len(events)
+        self._deal_with(taken, begun)
+        return more
 
     def _tend(self) -> None:
-        started = time.perf_counter()
         for source in self._tended:
-            for event in source.tend(self._clock()):
-                self._deal_with(event, started)
+            started = time.perf_counter()
+            events = source.tend(self._clock())
+            self._deal_with(events, [started] * len(events))
 
-    def _deal_with(self, event: Frame | Announcement, started: float) -> None:
-        now = self._clock()
-        if isinstance(event, Announcement):
-            self.performers.announce(event, now)
+    def _deal_with(self, events: Sequence[Frame | Announcement], begun: Sequence[float]) -> None:
+        """Recognise what was taken in and tell the sinks; `begun` says of each when its packet was first looked at."""
+        if not events:
             return
-        self._rates.count(event.performer)
-        recognition = self.performers.push(event, now)
-        if recognition is not None:
+        for event in events:
+            if isinstance(event, Frame):
+                self._rates.count(event.performer)
+        answers = self.performers.push_all(events, self._clock())
+        for recognition, started in zip(answers, begun, strict=True):
+            if recognition is None:
+                continue
             for sink in self.sinks:
                 sink.publish(recognition)
                 for happened in recognition.events:

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from library.formats import acclaim, bvh, c3d, trc
+from library.formats.c3dprocess import C3dProcess
 from library.formats.error import RecordingError
 from library.formats.naming import chosen
 from library.formats.units import metres_of
@@ -21,6 +22,7 @@ __all__ = ["ActorIn", "Reading", "RecordingError", "find_recordings", "is_record
 
 #: Readers of the files that hold their own skeleton, by ending.
 _READERS: dict[str, Callable[..., Clip]] = {".bvh": bvh.read_clip, ".c3d": c3d.read_clip, ".trc": trc.read_clip}
+_C3D = ".c3d"
 _ENDINGS = (".amc", *_READERS)
 
 
@@ -116,24 +118,27 @@ def read_recordings(paths: Sequence[Path], reading: Reading | None = None) -> It
     """
     reading = reading or Reading()
     bodies = dict[Path, acclaim.AcclaimSkeleton]()
-    for path in paths:
-        if not is_recording(path):
-            raise RecordingError(
-                f"{path}: expected a recording ({', '.join(_ENDINGS)}), got {path.suffix or 'no ending'}"
-            )
-        if reader := _READERS.get(path.suffix.lower()):
-            yield reader(
-                path,
-                metres_per_unit=reading.metres_per_unit,
-                frame_rate=reading.frame_rate,
-                joints=reading.joints,
-            )
-            continue
-        skeleton_file = reading.asf or acclaim.find_asf(path)
-        if skeleton_file not in bodies:
-            bodies[skeleton_file] = acclaim.read_asf(skeleton_file)
-        clip = acclaim.read_clip(path, bodies[skeleton_file], frame_rate=reading.frame_rate)
-        yield _with_joints(clip, reading.joints, path) if reading.joints else clip
+    with C3dProcess() as process:
+        for path in paths:
+            if not is_recording(path):
+                raise RecordingError(
+                    f"{path}: expected a recording ({', '.join(_ENDINGS)}), got {path.suffix or 'no ending'}"
+                )
+            ending = path.suffix.lower()
+            if reader := _READERS.get(ending):
+                yield reader(
+                    path,
+                    metres_per_unit=reading.metres_per_unit,
+                    frame_rate=reading.frame_rate,
+                    joints=reading.joints,
+                    **({"process": process} if ending == _C3D else {}),
+                )
+                continue
+            skeleton_file = reading.asf or acclaim.find_asf(path)
+            if skeleton_file not in bodies:
+                bodies[skeleton_file] = acclaim.read_asf(skeleton_file)
+            clip = acclaim.read_clip(path, bodies[skeleton_file], frame_rate=reading.frame_rate)
+            yield _with_joints(clip, reading.joints, path) if reading.joints else clip
 
 
 def labelled(clip: Clip, path: Path, actor_in: ActorIn = ActorIn.NOWHERE) -> Clip:

@@ -408,6 +408,30 @@ def test_a_feeds_recording_says_what_it_is(tmp_path: Path, capsys: pytest.Captur
     assert "feed: expected a .toml file or one of native, " in capsys.readouterr().err
 
 
+def test_live_keeps_the_preset_it_reads_by(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A recording made with an edited copy of a preset is read by that copy, whatever it is called, and says so."""
+    assert main(["feeds", "osceleton"]) == 0
+    mine = tmp_path / "osceleton.toml"
+    mine.write_text(capsys.readouterr().out.replace('"/joint', '"/limb'), encoding="utf-8")
+    path, cues = tmp_path / "a.kinerec", ghost_cues("squat1Reps", 1.0)[::4]
+    with started("live", "--feed", mine, "--osc-in", f"{LOOPBACK}:0", "--record", path) as program:
+        sender = osc.OscSender(LOOPBACK, int(program.expect(r"listening on osceleton 127\.0\.0\.1:(\d+)")[1]))
+        for number, cue in enumerate(cues):
+            places = dict(zip(SKELETON.joints, cue.frame.positions, strict=True))
+            for datagram in LAYOUTS["osceleton"][1](Moment(places, number / 30, number)):
+                sender.send(datagram.replace(b"/joint\0\0", b"/limb\0\0\0"))
+                time.sleep(0.001)
+        wait_for(path, 15 * len(cues))
+        sender.close()
+        assert (program.interrupt(), program.errors) == (0, "")
+    assert main(["info", str(path)]) == 0
+    told = capsys.readouterr().out
+    assert "preset osceleton: kept in the recording, not as it is built in" in told
+    assert "performer 1: 30 frames" in told
+    assert main(["info", str(path), "--feed", "osceleton"]) == 0
+    assert "performer" not in capsys.readouterr().out
+
+
 @pytest.mark.parametrize("command", [["info"], ["info", "a.bvh"], ["convert", "a.bvh", "-o", "a.npz"]], ids=" ".join)
 def test_a_feed_is_for_raw_recordings(command: list[str], capsys: pytest.CaptureFixture[str]) -> None:
     """Motion files and libraries hold no packets to be read as a feed, and that is said in a line."""

@@ -186,8 +186,35 @@ def test_packets_are_read_as_they_are_said_to_be(told: str) -> None:
     ]
 
 
+def test_a_recording_is_read_by_the_preset_it_was_made_with(tmp_path: Path) -> None:
+    """A preset of one's own called like a built-in one is kept in the recording, and goes before the built-in one."""
+    packets = [RawPacket(arrival, 0, "10.0.0.7:9", (datagram,)) for datagram, arrival in packets_of("osceleton")]
+    builtin = builtin_preset("osceleton")
+    mine = builtin.text.replace("/joint", "/elsewhere")
+    assert mine != builtin.text
+    sources, path = ["osc here feed osceleton"], tmp_path / "a.kinerec"
+    found = dict[str, int]()
+    for name, presets in {"older": {}, "same": {"osceleton": builtin.text}, "mine": {"osceleton": mine}}.items():
+        path.unlink(missing_ok=True)
+        with RawWriter(path, sources, presets) as writer:
+            for packet in packets:
+                writer.write(packet)
+        recording = RawFile(path)
+        assert recording.header.presets == presets
+        events = [event for each in decoded(recording.header, recording.packets()) for event in each.events]
+        found[name] = sum(isinstance(event, Frame) for event in events)
+    assert found == {"older": 60, "same": 60, "mine": 0}
+
+
+def test_a_kept_preset_that_cannot_be_read_is_said() -> None:
+    """A preset of a later version, with keys unknown here, is refused as the recording's."""
+    header = RawHeader("", ("osc here feed mine",), {"mine": "port = 7000\nfuture = 1"})
+    with pytest.raises(ValueError, match=r"^preset mine in the recording: "):
+        list(decoded(header, []))
+
+
 def test_somebodys_own_preset_must_be_given() -> None:
-    """What was recorded by a preset that is not built in cannot be read without it, and that is said."""
+    """What an older recording says of a preset that is not built in is not enough to read it, and that is said."""
     header = RawHeader("", ("osc here feed mine",))
     with pytest.raises(ValueError, match=r"feed: expected a \.toml file or one of .*, got 'mine'"):
         list(decoded(header, []))

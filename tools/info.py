@@ -11,6 +11,7 @@ from rich.table import Table
 
 from library import MotionLibrary, distance_rows, find_recordings, read_recordings
 from library.recordings import is_recording
+from stream.feeds import builtin_names, builtin_preset
 from stream.frame import Frame
 from stream.rawfile import ENDING, RawFile
 from stream.rerun import decoded
@@ -65,6 +66,12 @@ def _tell_raw(file: Path, preset: Preset | None) -> int:
     console.print(f"{file}: recorded {recording.header.began}, {arrivals[-1] - arrivals[0] if arrivals else 0:.1f} s")
     for sender, count in senders.items():
         console.print(f"{printable(sender)}: {count} packets", soft_wrap=True)
+    for name, text in recording.header.presets.items():
+        same = name in builtin_names() and text == builtin_preset(name).text
+        console.print(
+            f"preset {printable(name)}: kept in the recording, {'as' if same else 'not as'} it is built in",
+            soft_wrap=True,
+        )
     for performer, count in performers.items():
         console.print(f"performer {printable(performer)}: {count} frames", soft_wrap=True)
     if recording.damage():

@@ -117,8 +117,9 @@ def _recorded(sources: list[Source], sinks: Sequence[Sink], record: Path) -> Raw
     """Let every source's packets be kept on their way; all that is open is closed again if they cannot be."""
     taps = [source for source in sources if isinstance(source, (OscSource, ZmqSource, FeedSource))]
     try:
-        writer = RawWriter(record, [described(source) for source in taps])
-    except OSError:
+        presets = {source.preset.name: source.preset.text for source in taps if isinstance(source, FeedSource)}
+        writer = RawWriter(record, [described(source) for source in taps], presets)
+    except (OSError, ValueError):
         for source in sources:
             source.close()
         for sink in sinks:

@@ -381,4 +381,5 @@ class Service:
             performers={name: self._latest_rates.get(name, 0.0) for name in self.performers.names},
             hop_p50=self._hop_times.percentile(50),
             hop_p99=self._hop_times.percentile(99),
+            refused=self.performers.refused,
         )

@@ -52,6 +52,8 @@ class Status:
         Frames per second of each performer now followed.
     hop_p50, hop_p99
         Seconds from taking a frame's packet to its recognition, over the last hops; 0 before the first.
+    refused
+        Performers whose frames are refused for their joints, and why.
     """
 
     inputs: InputCounts
@@ -60,6 +62,7 @@ class Status:
     performers: dict[str, float]
     hop_p50: float
     hop_p99: float
+    refused: dict[str, str] = field(default_factory=dict)
 
     @property
     def frames_per_second(self) -> float:

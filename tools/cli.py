@@ -135,6 +135,12 @@ def _add_live(programs: Programs[argparse.ArgumentParser]) -> None:
         metavar="NAME[=HOST:PORT]",
         help="answer as touchdesigner, max, wekinator, vmc-thru, vrchat or native hear it; sender:PORT replies",
     )
+    live.add_argument(
+        "--joints",
+        metavar="A,B,...",
+        help="what frames hold, in order, whose sender never names their joints: the library's names, or a preset that "
+        "lists them, like kinectv2, or FILE.toml (default: the library's joints)",
+    )
     live.add_argument("--library", type=Path, metavar="FILE", help="a motion library (default: the built-in one)")
     add_settings(live)
     live.add_argument("--performers", type=int, default=32, help="how many at once, at most (default %(default)s)")
@@ -162,7 +168,7 @@ def _run_live(parsed: argparse.Namespace) -> int:
         most=parsed.performers,
         plain=parsed.plain,
         record=parsed.record,
-        feed=live.Feed(parsed.feed, parsed.sender, tuple(parsed.out)),
+        feed=live.Feed(parsed.feed, parsed.sender, tuple(parsed.out), parsed.joints),
     )
 
 

@@ -26,6 +26,7 @@ from stream.tap import TappedSource, described
 from tools.address import host_and_port
 from tools.console import console
 from tools.feeds import preset_named
+from tools.jointsets import joints_in_order
 from tools.livetable import LiveTable, PlainLines, summary
 
 if TYPE_CHECKING:
@@ -63,11 +64,15 @@ class Feed:
         Host that is told to send, for presets that ask.
     outs
         NAME or NAME=HOST:PORT of layouts; the host `sender` is whoever sent last.
+    joints
+        What frames in our own messages hold whose sender does not say so, as `tools.jointsets.joints_in_order` reads
+        it; None for the library's joints.
     """
 
     preset: str | None = None
     sender: str = "127.0.0.1"
     outs: Sequence[str] = ()
+    joints: str | None = None
 
 
 _NO_FEED = Feed()
@@ -86,10 +91,13 @@ def run(
     """Open the addresses, recognise until interrupted, print the counts."""
     motions = MotionLibrary.load(library) if library else MotionLibrary.builtin()
     preset = preset_named(feed.preset) if feed.preset else None
+    joints = _assumed_joints(feed)
     if preset:
-        motions = fitted(motions, preset)
+        motions = fitted(motions, f"feed {preset.name}", preset.joints)
+    elif joints:
+        motions = fitted(motions, "--joints", joints)
     _require_room_for(motions, settings)
-    performers = Performers(motions, settings, most=most)
+    performers = Performers(motions, settings, most=most, joints=joints)
     shown: PlainLines | LiveTable = PlainLines() if plain or not console.is_terminal else LiveTable(motions.classes)
     sources, sinks = _open(addresses, feed, preset)
     feeds = [source for source in sources if isinstance(source, FeedSource)]
@@ -129,7 +137,13 @@ def _recorded(sources: list[Source], sinks: Sequence[Sink], record: Path) -> Raw
     return writer
 
 
-def fitted(motions: MotionLibrary, preset: Preset) -> MotionLibrary:
+def _assumed_joints(feed: Feed) -> tuple[str, ...]:
+    if feed.joints and feed.preset:
+        raise ValueError("--joints: expected no --feed with it; a preset says which joints there are")
+    return joints_in_order(feed.joints) if feed.joints else ()
+
+
+def fitted(motions: MotionLibrary, whose: str, joints: Sequence[str]) -> MotionLibrary:
     """Restrict a library to the joints a feed has, and say so.
 
     Raises
@@ -137,10 +151,10 @@ def fitted(motions: MotionLibrary, preset: Preset) -> MotionLibrary:
     SkeletonMismatchError
         Library and feed share fewer than two joints.
     """
-    shared = motions.restricted_to(preset.joints)
+    shared = motions.restricted_to(joints)
     if shared is not motions:
         console.print(
-            f"feed {preset.name}: {len(shared.skeleton.joints)} of the library's {len(motions.skeleton.joints)} joints",
+            f"{whose}: {len(shared.skeleton.joints)} of the library's {len(motions.skeleton.joints)} joints",
             soft_wrap=True,
         )
     return shared

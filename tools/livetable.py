@@ -54,6 +54,7 @@ class PlainLines:
     def __init__(self) -> None:
         self.failed = 0
         self._labels: dict[str, str] = {}
+        self._refused: dict[str, str] = {}
 
     def publish(self, recognition: Recognition) -> None:
         """Print the recognition if it says something new."""
@@ -77,6 +78,10 @@ class PlainLines:
     def publish_status(self, status: Status) -> None:
         """Forget performers who have left, so that their return is news."""
         self._labels = {name: label for name, label in self._labels.items() if name in status.performers}
+        for name, why in status.refused.items():
+            if self._refused.get(name) != why:
+                console.print(refused_frames(name, why), soft_wrap=True)
+        self._refused = status.refused
 
     def close(self) -> None:
         """Nothing to close."""
@@ -135,7 +140,13 @@ class LiveTable:
         status = self._status
         if status is None:
             return f"{len(self._classes)} classes"
-        return f"{len(self._classes)} classes · {counts(status)}"
+        told = "".join(f"\n{refused_frames(name, why)}" for name, why in status.refused.items())
+        return f"{len(self._classes)} classes · {counts(status)}{told}"
+
+
+def refused_frames(performer: str, why: str) -> str:
+    """Say why a performer's frames are refused, and what can be done about it."""
+    return f"performer {printable(performer)}: frames refused: {why}. --joints can say what they hold"
 
 
 def counts(status: Status) -> str:
@@ -158,4 +169,5 @@ def summary(status: Status) -> str:
         f"{recognizers.hops} answers of {recognizers.frames} frames, {recognizers.restarts} windows started anew, "
         f"{status.unsent} answers not sent, "
         f"hop {status.hop_p50 * 1000:.2f} ms (p50) {status.hop_p99 * 1000:.2f} ms (p99)"
+        + "".join(f"\n{refused_frames(name, why)}" for name, why in status.refused.items())
     )

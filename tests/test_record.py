@@ -173,13 +173,38 @@ def test_live_keeps_what_it_hears(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("program", ["record", "live"])
 def test_an_existing_file_is_refused(tmp_path: Path, program: str, capsys: pytest.CaptureFixture[str]) -> None:
-    """Neither program writes over a recording."""
+    """Neither program writes over a recording, unless ordered to."""
     path = written(tmp_path / "a.kinerec")
     before = path.read_bytes()
     ports = ["--osc-in", f"{LOOPBACK}:0"]
     assert main(["record", str(path), *ports] if program == "record" else ["live", *ports, "--record", str(path)]) == 2
-    assert capsys.readouterr().err == f"kinespace: {path}: File exists\n"
+    assert capsys.readouterr().err == f"kinespace: {path}: exists already; --overwrite writes over it\n"
     assert path.read_bytes() == before
+    path.write_bytes(b"something else")
+    assert main(["record", str(path), *ports, "--overwrite", "--seconds", "0.01"]) == 0
+    assert list(RawFile(path).packets()) == []
+
+
+def test_a_recording_stays_where_no_other_can_begin(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A port that cannot be opened costs no recording, even if it may be written over."""
+    path = written(tmp_path / "a.kinerec")
+    before = path.read_bytes()
+    for command in (["record", str(path)], ["live", "--record", str(path)]):
+        assert main([*command, "--overwrite", "--osc-in", "nowhere.invalid:9"]) == 2
+        assert "nowhere.invalid" in capsys.readouterr().err
+        assert path.read_bytes() == before
+
+
+def test_numbers_are_not_written_over(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Convert refuses a file that is there, before it reads, unless ordered to write over it."""
+    path, output = a_recording(tmp_path / "a.kinerec"), tmp_path / "a.csv"
+    output.write_text("mine")
+    command = ["convert", str(path), "-o", str(output), "--performer", "ann"]
+    assert main(command) == 2
+    assert capsys.readouterr().err == f"kinespace: {output}: exists already; --overwrite writes over it\n"
+    assert output.read_text() == "mine"
+    assert main([*command, "--overwrite"]) == 0
+    assert output.read_text().startswith("time,")
 
 
 # --- replaying ---------------------------------------------------------------------------------------------------
@@ -388,7 +413,7 @@ def test_a_feeds_recording_is_told_and_converted(tmp_path: Path, capsys: pytest.
     for feed in ("osceleton", str(mine)):
         assert main(["info", str(path), "--feed", feed]) == 0
         assert "performer 1: 10 frames" in capsys.readouterr().out
-        assert main(["convert", str(path), "--feed", feed, "-o", str(tmp_path / "a.npz")]) == 0
+        assert main(["convert", str(path), "--feed", feed, "-o", str(tmp_path / "a.npz"), "--overwrite"]) == 0
         assert "10 frames of 15 joints" in capsys.readouterr().out
         with np.load(tmp_path / "a.npz") as arrays:
             order = [SKELETON.joints.index(joint) for joint in arrays["joints"]]

@@ -23,6 +23,11 @@ def add_reading(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def add_overwrite(parser: argparse.ArgumentParser) -> None:
+    """Let a file be written over."""
+    parser.add_argument("--overwrite", action="store_true", help="write over a file that is there (default: refuse)")
+
+
 def add_actor_in(parser: argparse.ArgumentParser) -> None:
     """Let a person say where it stands who performs."""
     parser.add_argument(

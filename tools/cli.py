@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 from stream.recognizer import LiveSignature
 from tools.arguments import (
     add_actor_in,
+    add_overwrite,
     add_reading,
     add_settings,
     count,
@@ -145,6 +146,7 @@ def _add_live(programs: Programs[argparse.ArgumentParser]) -> None:
     add_settings(live)
     live.add_argument("--performers", type=int, default=32, help="how many at once, at most (default %(default)s)")
     live.add_argument("--record", type=Path, metavar="FILE", help="keep every packet that comes, for replay")
+    add_overwrite(live)
     live.add_argument("--plain", action="store_true", help="print a line per change instead of a table")
     live.set_defaults(run=_run_live)
 
@@ -168,6 +170,7 @@ def _run_live(parsed: argparse.Namespace) -> int:
         most=parsed.performers,
         plain=parsed.plain,
         record=parsed.record,
+        overwrite=parsed.overwrite,
         feed=live.Feed(parsed.feed, parsed.sender, tuple(parsed.out), parsed.joints),
     )
 
@@ -236,6 +239,7 @@ def _add_record(programs: Programs[argparse.ArgumentParser]) -> None:
     record.add_argument("--osc-in", metavar="HOST:PORT", help=f"listen for OSC here (default {OSC_IN})")
     record.add_argument("--zmq-in", metavar="ENDPOINT", help="subscribe to ZeroMQ, like tcp://127.0.0.1:9320")
     record.add_argument("--seconds", type=positive, help="how long (default: until Ctrl-C)")
+    add_overwrite(record)
     record.set_defaults(run=_run_record)
 
 
@@ -243,7 +247,9 @@ def _run_record(parsed: argparse.Namespace) -> int:
     from tools import record  # noqa: PLC0415 - as above
 
     osc_in = parsed.osc_in or (None if parsed.zmq_in else OSC_IN)
-    return record.run(parsed.output, osc_in=osc_in, zmq_in=parsed.zmq_in, seconds=parsed.seconds)
+    return record.run(
+        parsed.output, osc_in=osc_in, zmq_in=parsed.zmq_in, seconds=parsed.seconds, overwrite=parsed.overwrite
+    )
 
 
 def _add_convert(programs: Programs[argparse.ArgumentParser]) -> None:
@@ -255,6 +261,7 @@ def _add_convert(programs: Programs[argparse.ArgumentParser]) -> None:
     convert.add_argument("source", type=Path, metavar="FILE", help="a .kinerec or a motion file")
     convert.add_argument("-o", "--output", type=Path, required=True, metavar="FILE", help="ending in .npz or .csv")
     convert.add_argument("--performer", help="whose frames, where there are several performers")
+    add_overwrite(convert)
     _add_recorded_feed(convert)
     add_reading(convert)
     convert.set_defaults(run=_run_convert)
@@ -264,7 +271,12 @@ def _run_convert(parsed: argparse.Namespace) -> int:
     from tools import convert  # noqa: PLC0415 - as above
 
     return convert.run(
-        parsed.source, parsed.output, performer=parsed.performer, feed=parsed.feed, reading=reading_of(parsed)
+        parsed.source,
+        parsed.output,
+        performer=parsed.performer,
+        feed=parsed.feed,
+        reading=reading_of(parsed),
+        overwrite=parsed.overwrite,
     )
 
 
@@ -314,6 +326,7 @@ def _add_build(programs: Programs[argparse.ArgumentParser]) -> None:
     )
     build.add_argument("sources", nargs="+", type=Path, metavar="FOLDER", help="folders, recordings or libraries")
     build.add_argument("-o", "--output", type=Path, required=True, metavar="FILE", help="the library to write")
+    add_overwrite(build)
     build.add_argument(
         "--labels",
         nargs="+",
@@ -340,6 +353,7 @@ def _run_build(parsed: argparse.Namespace) -> int:
         reading=reading_of(parsed),
         licence=parsed.licence,
         attribution=parsed.attribution,
+        overwrite=parsed.overwrite,
     )
 
 

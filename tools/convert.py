@@ -20,6 +20,7 @@ from stream.rawfile import ENDING, RawFile
 from stream.rerun import decoded
 from tools.console import console, printable, progress
 from tools.feeds import preset_named
+from tools.output import require_place_for
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -53,7 +54,9 @@ class _Seen:
     sizes: dict[int, int] = field(default_factory=dict)
 
 
-def run(source: Path, output: Path, *, performer: str | None, feed: str | None, reading: Reading) -> int:
+def run(
+    source: Path, output: Path, *, performer: str | None, feed: str | None, reading: Reading, overwrite: bool
+) -> int:
     """Convert one file, frame by frame.
 
     Parameters
@@ -70,9 +73,12 @@ def run(source: Path, output: Path, *, performer: str | None, feed: str | None, 
         Name or file of the preset that a raw recording's packets are read by; None for what it says of itself.
     reading
         How a motion file is read.
+    overwrite
+        Whether a file that is there may be written over.
     """
     if output.suffix.lower() not in (".npz", ".csv"):
         raise ValueError(f"{output}: expected a file that ends in .npz or .csv")
+    require_place_for(output, overwrite=overwrite)
     damage = ""
     if source.suffix.lower() == ENDING:
         recording = RawFile(source)
@@ -187,8 +193,6 @@ def _write_npz(output: Path, motion: _Motion) -> None:
 @contextmanager
 def _replacing(output: Path) -> Iterator[Path]:
     """Give a file to write beside the output, which takes its place when it is whole."""
-    if output.is_dir():
-        raise IsADirectoryError(f"{output}: is a folder")
     handle, name = tempfile.mkstemp(dir=output.absolute().parent, prefix=f".{output.name}.", suffix=".part")
     os.close(handle)
     part = Path(name)

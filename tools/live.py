@@ -28,6 +28,7 @@ from tools.console import console
 from tools.feeds import preset_named
 from tools.jointsets import joints_in_order
 from tools.livetable import LiveTable, PlainLines, summary
+from tools.output import require_place_for
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -86,9 +87,12 @@ def run(
     most: int,
     plain: bool,
     record: Path | None = None,
+    overwrite: bool = False,
     feed: Feed = _NO_FEED,
 ) -> int:
     """Open the addresses, recognise until interrupted, print the counts."""
+    if record:
+        require_place_for(record, overwrite=overwrite)
     motions = MotionLibrary.load(library) if library else MotionLibrary.builtin()
     preset = preset_named(feed.preset) if feed.preset else None
     joints = _assumed_joints(feed)
@@ -125,6 +129,7 @@ def _recorded(sources: list[Source], sinks: Sequence[Sink], record: Path) -> Raw
     """Let every source's packets be kept on their way; all that is open is closed again if they cannot be."""
     taps = [source for source in sources if isinstance(source, (OscSource, ZmqSource, FeedSource))]
     try:
+        record.unlink(missing_ok=True)
         presets = {source.preset.name: source.preset.text for source in taps if isinstance(source, FeedSource)}
         writer = RawWriter(record, [described(source) for source in taps], presets)
     except (OSError, ValueError):

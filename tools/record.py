@@ -14,6 +14,7 @@ from stream import osc, zeromq
 from stream.rawfile import RawPacket, RawWriter
 from tools.address import host_and_port
 from tools.console import console, progress_console
+from tools.output import require_place_for
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -24,20 +25,24 @@ _LONGEST_SLEEP = 100
 _Receivers = list[tuple[str, osc.OscReceiver | zeromq.ZmqReceiver]]
 
 
-def run(output: Path, *, osc_in: str | None, zmq_in: str | None, seconds: float | None) -> int:
+def run(output: Path, *, osc_in: str | None, zmq_in: str | None, seconds: float | None, overwrite: bool) -> int:
     """Record until interrupted, or for so many seconds; say what was kept.
 
     Parameters
     ----------
     output
-        The file to make; it must not exist.
+        The file to make.
     osc_in, zmq_in
         Where packets come in, one of them at least.
     seconds
         How long; until interrupted when not given.
+    overwrite
+        Whether a file that is there may be written over.
     """
+    require_place_for(output, overwrite=overwrite)
     with ExitStack() as opened:
         receivers = _open(opened, osc_in, zmq_in)
+        output.unlink(missing_ok=True)
         writer = opened.enter_context(RawWriter(output, [name for name, _ in receivers]))
         recording = _Recording(receivers, writer)
         for number in (signal.SIGINT, signal.SIGTERM):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import re
 import signal
 import time
 from contextlib import contextmanager
@@ -231,6 +232,24 @@ def test_a_cut_is_looped_until_interrupted(tmp_path: Path, stage: osc.OscReceive
         assert heard(stage, 9) == [b"packet 2", b"packet 3", b"packet 4"] * 3
         assert program.interrupt() == 0
         assert "packets sent" in program.output
+
+
+def test_a_cut_beyond_the_end_is_said(
+    tmp_path: Path, stage: osc.OscReceiver, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Where nothing lies between --from and --to, or nothing in the file, that is an error, in a loop too."""
+    path = written(tmp_path / "a.kinerec", *(RawPacket(5.0 + index / 4, 0, "", (b"x",)) for index in range(6)))
+    to = ("--osc", f"{LOOPBACK}:{stage.address[1]}")
+    for options in (("--from", 2), ("--from", 0.3, "--to", 0.4), ("--from", 2, "--loop")):
+        assert replay(path, *to, *options) == 2
+        told = f"kinespace: {path}: expected --from and --to around some of its 1.25 s\n"
+        assert capsys.readouterr() == ("", told)
+    path.write_bytes(path.read_bytes()[:-1])
+    assert replay(path, *to, "--from", 2) == 2
+    assert re.search(r"around some of its 1\.00 s; .*cut off or damaged", capsys.readouterr().err)
+    assert replay(written(tmp_path / "b.kinerec"), *to) == 2
+    assert capsys.readouterr().err == f"kinespace: {tmp_path / 'b.kinerec'}: no packets in it\n"
+    assert stage.receive() is None
 
 
 def test_messages_go_to_zeromq_and_what_has_nowhere_to_go_is_counted(

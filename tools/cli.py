@@ -34,7 +34,7 @@ OSC_OUT = "127.0.0.1:9311"
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run `kinespace`; give the exit status: 0 done, 1 ended by the user, 2 could not be done."""
+    """Run `kinespace`; give the exit status: 0 done, 1 ended by the user or not answered, 2 could not be done."""
     for stream in (sys.stdout, sys.stderr):
         # A performer's name that this terminal has no characters for must not end a recogniser.
         if isinstance(stream, TextIOWrapper):
@@ -180,7 +180,8 @@ def _add_replay(programs: Programs[argparse.ArgumentParser]) -> None:
         "replay",
         help="send recorded files as a fake live feed",
         description="Sends recordings as live packets on an absolute schedule. With --listen it hears the answers and "
-        "prints the share that was right; a clip's class is in its name (HDM05) or is its folder's name.",
+        "prints the share that was right; a clip's class is in its name (HDM05) or is its folder's name. Exit "
+        "status: 0 sent (and, with --listen, answered), 1 with --listen and without any answer, 2 could not be done.",
     )
     replay.add_argument(
         "clips", nargs="+", type=Path, metavar="CLIP", help="recordings, or folders of them, or one .kinerec"

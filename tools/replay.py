@@ -124,7 +124,12 @@ def run(
     faults: Faults,
     as_json: bool,
 ) -> int:
-    """Send the recordings; with `listen`, print what share of the answers was right."""
+    """Send the recordings; with `listen`, print what share of the answers was right.
+
+    Returns
+    -------
+    The exit status: 1 when answers were listened for and none came, else 0.
+    """
     raw = [place for place in places if place.suffix.lower() == ENDING]
     if raw:
         return _run_raw(places, osc_to=osc_to, zmq_to=zmq_to, listen=listen, course=course, faults=faults, json=as_json)
@@ -146,7 +151,7 @@ def run(
             if zmq_to:
                 time.sleep(_MEETING)
             replaying.play(progress(faults.applied(played), "Sending", None), clips)
-    return 0
+    return 0 if replaying.answered or not listener else 1
 
 
 def _clips(paths: Sequence[Path], reading: Reading, course: Course) -> Iterator[Clip]:
@@ -205,7 +210,7 @@ class _Replay:
         # OSC answers name the performer in their address, where not every character may stand.
         self._names = {announcement.performer, osc.address_part(announcement.performer)}
         self._score = Score()
-        self._sent = 0
+        self._sent = self._heard = 0
         self._stood_still = 0.0
         self._performed = ""
 
@@ -239,10 +244,25 @@ class _Replay:
             pace.wait_for(due)
 
     def _hear(self, heard: Sequence[Heard]) -> None:
+        self._heard += len(heard)
         for each in heard:
             answer = answer_in(each.packet)
             if answer and answer.performer in self._names:
                 self._score.add(self._performed, answer.label)
+
+    @property
+    def answered(self) -> bool:
+        """Whether any answer was heard."""
+        return bool(self._score.answers)
+
+    def _silence(self) -> str:
+        """Say that no answer came, and where to look."""
+        if self._heard:
+            return (
+                f"no answers about {self._announcement.performer!r} heard, but {self._heard} other packets: do the "
+                "frames reach the recogniser, and can it use their joints? It counts and shows both"
+            )
+        return "no answers heard: is a recogniser running, and does it send its answers here?"
 
     def report(self, *, as_json: bool) -> None:
         """Print what was sent and, where answers were listened for, which share was right."""
@@ -256,7 +276,7 @@ class _Replay:
         if self._stood_still > _NOTICED:
             console.print(f"the feed stood still for {self._stood_still:.1f} s: a recording took longer to be read")
         if self._listener and not score.answers:
-            console.print("no answers heard: is a recogniser running, and does it send its answers here?")
+            console.print(self._silence(), soft_wrap=True)
         elif self._listener:
             table = Table(title="Answers while each class was performed", title_justify="left")
             table.add_column("performed")

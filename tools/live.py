@@ -9,6 +9,7 @@ import threading
 import time
 from contextlib import ExitStack, nullcontext
 from dataclasses import dataclass, replace
+from difflib import get_close_matches
 from typing import TYPE_CHECKING
 
 from rich.live import Live
@@ -158,6 +159,10 @@ def fitted(motions: MotionLibrary, whose: str, joints: Sequence[str]) -> MotionL
     """
     shared = motions.restricted_to(joints)
     if shared is not motions:
+        for name in joints:
+            near = [] if name in motions.skeleton.joints else get_close_matches(name, motions.skeleton.joints, n=1)
+            if near and near[0] not in joints:
+                console.print(f"{whose}: the library has no joint {name!r}, perhaps {near[0]} is meant", soft_wrap=True)
         console.print(
             f"{whose}: {len(shared.skeleton.joints)} of the library's {len(motions.skeleton.joints)} joints",
             soft_wrap=True,

@@ -27,6 +27,7 @@ from library.retrieval import (
 )
 from tools.console import console, progress
 from tools.jointsets import joints_of
+from tools.output import require_place_for
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -75,6 +76,8 @@ def run_retrieval(
         signature = signature or SignatureKind.EIGENVECTOR
     if signature == SignatureKind.SPREAD and space not in (None, Space.DISTANCES):
         raise ValueError(f"--signature spread: expected --space distances with it, got {space}")
+    if picture:
+        _require_place_for_confusions(picture)
     clips = _clips(places, reading, turned_by)
     protocols = [Protocol(protocol)] if protocol else _protocols(clips)
     _require_actors(clips, protocols)
@@ -205,6 +208,13 @@ def _print_table(results: Results, turned_by: int | None) -> None:
         row = (f"{result.motions}", f"{result.nearest:.1%}", f"{result.two_nearest:.1%}")
         table.add_row(space, signature, protocol, *row, end_section=protocol == last)
     console.print(table)
+
+
+def _require_place_for_confusions(picture: Path) -> None:
+    from tools import pictures  # noqa: PLC0415 - matplotlib is an extra, and slow to load
+
+    pictures.require_place_for_picture(picture)
+    require_place_for(picture.with_suffix(".csv"))
 
 
 def _write_confusions(picture: Path, results: Mapping[Space, Retrieval], protocol: Protocol) -> None:

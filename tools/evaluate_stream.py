@@ -68,6 +68,9 @@ def run(
     as_json
         Print one JSON object and nothing else.
     """
+    for picture in (timeline, confusion_file):
+        if picture:
+            _require_place_for(picture)
     takes = _labelled_takes(places, reading, labels, names)
     if skeleton:
         takes = [(take.restricted_to(joints_of(skeleton)), segments) for take, segments in takes]
@@ -173,6 +176,12 @@ def _library_of_others(takes: Sequence[LabelledTake], held_out: int) -> MotionLi
         raise ValueError("--protocol leave-one-take-out: expected at least two takes, got one")
     clips = [clip for take, segments in others for clip in cut(take, segments)]
     return MotionLibrary.of_clips(clips, comparison=MotionLibrary.builtin().comparison_for(clips[0].skeleton))
+
+
+def _require_place_for(picture: Path) -> None:
+    from tools import pictures  # noqa: PLC0415 - matplotlib is an extra, and slow to load
+
+    pictures.require_place_for_picture(picture)
 
 
 def _draw(

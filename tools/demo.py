@@ -28,8 +28,9 @@ from tools.expected import AnswerMatcher, expected_answers
 from tools.feed import Cue, Pace
 from tools.ghost import ghost
 from tools.listener import Listener, answer_in
-from tools.livetable import narrow_table, score_shown
+from tools.livetable import score_shown
 from tools.output import require_place_for
+from tools.tables import narrow_table
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

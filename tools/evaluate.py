@@ -28,6 +28,7 @@ from library.retrieval import (
 from tools.console import console, progress
 from tools.jointsets import joints_of
 from tools.output import require_place_for
+from tools.tables import add_names
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -36,6 +37,9 @@ if TYPE_CHECKING:
     from library import Clip, Reading
 
 _WITHOUT_ROTATIONS = [Space.DISTANCES, Space.POSITIONS]
+
+#: Characters that the figures beside the names of sets of joints need.
+_BESIDE_SKELETONS = 50
 
 Results = dict[tuple[Space, SignatureKind, Protocol], Retrieval]
 
@@ -120,8 +124,9 @@ def _run_by_skeleton(
         print(json.dumps(told))
         return 0
     table = Table(title="Of how many motions is the nearest neighbour of their class?", title_justify="left")
-    for heading in ("skeleton", "joints", "signature", *protocols):
-        table.add_column(heading, justify="left" if heading in ("skeleton", "signature") else "right")
+    add_names(table, "skeleton", found, beside=_BESIDE_SKELETONS)
+    for heading in ("joints", "signature", *(protocol.replace("-", " ") for protocol in protocols)):
+        table.add_column(heading, justify="left" if heading == "signature" else "right")
     for name, (joints, results) in found.items():
         for signature in SignatureKind:
             shares = [f"{results[Space.DISTANCES, signature, protocol].nearest:.1%}" for protocol in protocols]

@@ -33,6 +33,7 @@ from tools.feed import (
 )
 from tools.listener import Listener, answer_in
 from tools.readahead import ReadAhead
+from tools.tables import add_names
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
@@ -47,6 +48,8 @@ if TYPE_CHECKING:
 _LINGER = 0.3
 #: Seconds ZeroMQ peers get to meet before the first frame; what is sent before is lost to whoever is not there yet.
 _MEETING = 0.5
+#: Characters that the figures beside classes' names need.
+_BESIDE_CLASSES = 24
 #: Seconds a feed may stand still that nobody notices.
 _NOTICED = 0.05
 
@@ -111,6 +114,18 @@ class Score:
     def share(self) -> float | None:
         """Give the share of answers that was right; None without any."""
         return self.right.total() / self.answers.total() if self.answers else None
+
+    def table(self) -> Table:
+        """Draw the shares by class, and of all answers."""
+        table = Table(title="Answers while each class was performed", title_justify="left")
+        add_names(table, "performed", self.answers, beside=_BESIDE_CLASSES)
+        table.add_column("answers", justify="right")
+        table.add_column("right", justify="right")
+        for performed, answers in sorted(self.answers.items()):
+            table.add_row(performed or "?", f"{answers}", f"{self.right[performed] / answers:.0%}")
+        table.add_section()
+        table.add_row("all", f"{self.answers.total()}", f"{self.share() or 0.0:.0%}")
+        return table
 
 
 def run(
@@ -278,15 +293,7 @@ class _Replay:
         if self._listener and not score.answers:
             console.print(self._silence(), soft_wrap=True)
         elif self._listener:
-            table = Table(title="Answers while each class was performed", title_justify="left")
-            table.add_column("performed")
-            table.add_column("answers", justify="right")
-            table.add_column("right", justify="right")
-            for performed, answers in sorted(score.answers.items()):
-                table.add_row(performed or "?", f"{answers}", f"{score.right[performed] / answers:.0%}")
-            table.add_section()
-            table.add_row("all", f"{score.answers.total()}", f"{score.share():.0%}")
-            console.print(table)
+            console.print(score.table())
 
 
 def _listener(address: str) -> Listener:

@@ -25,6 +25,9 @@ class PacketReceiver(Protocol):
     def receive(self) -> bytes | None:
         """Take the next packet; None when there is none now."""
 
+    def broken(self) -> int:
+        """Count the connections that broke while the sender was there; to be asked about once a second."""
+
     def send_to(self, datagram: bytes, target: tuple[str, int]) -> bool:
         """Send from here; False when that cannot be."""
 
@@ -42,6 +45,9 @@ class MessageReceiver(Protocol):
     @property
     def address(self) -> str:
         """The endpoint."""
+
+    def broken(self) -> int:
+        """Count the connections that broke while the sender was there; to be asked about once a second."""
 
     def receive(self) -> list[bytes] | None:
         """Take the next message; None when there is none now."""

@@ -126,6 +126,9 @@ class _PlayedPackets:
         parts = self._played.take()
         return b"".join(parts) if parts else None
 
+    def broken(self) -> int:
+        return 0
+
     def send_to(self, datagram: bytes, target: tuple[str, int]) -> bool:  # noqa: ARG002 - as a UDP port has it
         return True
 
@@ -140,6 +143,9 @@ class _PlayedMessages:
 
     def __init__(self, played: _Played) -> None:
         self._played = played
+
+    def broken(self) -> int:
+        return 0
 
     def receive(self) -> list[bytes] | None:
         return self._played.take()

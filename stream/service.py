@@ -139,6 +139,7 @@ class ZmqSource:
     def counts(self) -> InputCounts:
         """What came in so far."""
         self._counts.missing = self._gaps.missing
+        self._counts.broken = self.receiver.broken()
         return self._counts
 
     def take(self, arrival: float) -> Sequence[Frame | Announcement] | None:

@@ -31,6 +31,8 @@ class InputCounts:
     missing: int = 0
     #: Frames refused because joints in them were absent for too long, or made no sense.
     incomplete: int = 0
+    #: ZeroMQ connections that broke while the sender was there: a message above the size limit, or the network.
+    broken: int = 0
 
     def __add__(self, other: InputCounts) -> InputCounts:
         return InputCounts(*(getattr(self, each.name) + getattr(other, each.name) for each in fields(self)))
@@ -73,7 +75,7 @@ class Status:
     def lost(self) -> int:
         """How much came, or should have come, and was not used."""
         inputs, outcomes = self.inputs, self.outcomes
-        at_the_border = inputs.malformed + inputs.overrun + inputs.missing + inputs.incomplete
+        at_the_border = inputs.malformed + inputs.overrun + inputs.missing + inputs.incomplete + inputs.broken
         return at_the_border + outcomes.no_room + outcomes.other_joints + outcomes.recognizers.out_of_order
 
 

@@ -161,6 +161,7 @@ def counts(status: Status) -> str:
         f"overrun {inputs.overrun}, missing {inputs.missing}, out of order {recognizers.out_of_order}, "
         f"other joints {outcomes.other_joints}, no room {outcomes.no_room}"
         f"{f', incomplete {inputs.incomplete}' if inputs.incomplete else ''}"
+        f"{f', connections broken {inputs.broken} (a message above 1 MB?)' if inputs.broken else ''}"
     )
 
 

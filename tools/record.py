@@ -53,7 +53,8 @@ def run(output: Path, *, osc_in: str | None, zmq_in: str | None, seconds: float 
     lost = sum(receiver.kernel_drops for _, receiver in receivers if isinstance(receiver, osc.OscReceiver))
     console.print(
         f"{output}: {writer.written} packets, {output.stat().st_size / 1e6:.2f} MB; "
-        f"{writer.failed} could not be written, {lost} were lost by the system before they came here",
+        f"{writer.failed} could not be written, {lost} were lost by the system before they came here"
+        + (f", {recording.broken} connections broke (a message above 1 MB?)" if recording.broken else ""),
         soft_wrap=True,
     )
     return 0
@@ -76,11 +77,18 @@ def _open(opened: ExitStack, osc_in: str | None, zmq_in: str | None) -> _Receive
 
 
 class _Recording:
-    """Packets from sockets into a file, until stopped."""
+    """Packets from sockets into a file, until stopped.
+
+    Attributes
+    ----------
+    broken
+        ZeroMQ connections that broke while the sender was there.
+    """
 
     def __init__(self, receivers: _Receivers, writer: RawWriter) -> None:
         self._receivers = [receiver for _, receiver in receivers]
         self._writer = writer
+        self.broken = 0
         self._stopped = False
         self._poller = zmq.Poller()
         for receiver in self._receivers:
@@ -96,9 +104,11 @@ class _Recording:
         while not self._stopped and (seconds is None or time.monotonic() < began + seconds):
             self._poller.poll(_LONGEST_SLEEP)
             self._keep()
-            if self._writer.written and time.monotonic() >= told + 1.0:
+            if time.monotonic() >= told + 1.0:
                 told = time.monotonic()
-                shown.update(f"{self._writer.written} packets in {told - began:.0f} s")
+                self.broken = sum(receiver.broken() for receiver in self._receivers)
+                if self._writer.written:
+                    shown.update(f"{self._writer.written} packets in {told - began:.0f} s")
         self._keep()
 
     def _keep(self) -> None:

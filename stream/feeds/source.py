@@ -66,6 +66,7 @@ class FeedSource:
         self._counts.foreign = made.foreign
         self._counts.incomplete = made.incomplete + made.absurd
         self._counts.overrun = self.receiver.kernel_drops
+        self._counts.broken = self.receiver.broken()
         return self._counts
 
     def take(self, arrival: float) -> Sequence[Frame | Announcement] | None:

@@ -25,7 +25,7 @@ from stream.rawfile import RawFile, RawHeader, RawPacket, RawWriter
 from stream.recognizer import LiveSignature
 from stream.rerun import decoded, recognitions
 from stream.service import OscSource, Service, ZmqSource
-from stream.tap import TappedSource, described
+from stream.tap import Tap, TappedMessages, TappedPackets, TappedSource, described
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -93,10 +93,11 @@ def test_a_recording_is_answered_as_the_feed_was(tmp_path: Path, signature: Live
     with ExitStack() as opened:
         datagrams = osc.OscReceiver(LOOPBACK, 0)
         messages = zeromq.ZmqReceiver(zeromq.Endpoint(f"tcp://{LOOPBACK}:*", bind=True))
-        sources = [OscSource(datagrams), ZmqSource(messages)]
-        writer = RawWriter(path, [described(source) for source in sources])
+        writer = RawWriter(path, [described(datagrams), described(messages)])
         opened.callback(writer.close)
-        taps = [TappedSource(source, writer, index) for index, source in enumerate(sources)]
+        first, second = Tap(writer, 0), Tap(writer, 1)
+        sources = OscSource(TappedPackets(datagrams, first)), ZmqSource(TappedMessages(messages, second))
+        taps = [TappedSource(sources[0], first), TappedSource(sources[1], second)]
         service = opened.enter_context(Service(Performers(library, settings), taps, [sink]))
         sender = osc.OscSender(*datagrams.address)
         opened.callback(sender.close)
@@ -149,10 +150,11 @@ def test_a_recorded_feed_is_answered_as_it_was(tmp_path: Path, name: str) -> Non
     path, sink, now = tmp_path / "a.kinerec", Kept(), [5.0]
     performers = Performers(library, Settings(hop=1 / 15))
     with ExitStack() as opened:
-        source = FeedSource(osc.OscReceiver(LOOPBACK, 0), preset)
-        writer = opened.enter_context(RawWriter(path, [described(source)]))
-        tap = TappedSource(source, writer, 0)
-        service = opened.enter_context(Service(performers, [tap], [sink], clock=lambda: now[0]))
+        receiver = osc.OscReceiver(LOOPBACK, 0)
+        writer = opened.enter_context(RawWriter(path, [described(receiver, preset)]))
+        tap = Tap(writer, 0)
+        source = FeedSource(TappedPackets(receiver, tap), preset)
+        service = opened.enter_context(Service(performers, [TappedSource(source, tap)], [sink], clock=lambda: now[0]))
         sender = opened.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM))
         for datagram, arrival in packets_of(name):
             now[0], received = arrival, source.counts.received
@@ -224,9 +226,10 @@ def test_the_sender_and_the_source_are_kept(tmp_path: Path) -> None:
     """Each packet is kept under its source with its sender's address, before anybody makes sense of it."""
     datagrams, sender = osc.OscReceiver(LOOPBACK, 0), osc.OscSender(LOOPBACK, 1)
     sender.target = datagrams.address
-    source = OscSource(datagrams)
-    with RawWriter(tmp_path / "a.kinerec", [described(source)]) as writer:
-        tap = TappedSource(source, writer, 0)
+    with RawWriter(tmp_path / "a.kinerec", [described(datagrams)]) as writer:
+        kept = Tap(writer, 0)
+        source = OscSource(TappedPackets(datagrams, kept))
+        tap = TappedSource(source, kept)
         assert datagrams.sender is None
         sender.send(b"rubbish")
         until = time.monotonic() + PATIENCE

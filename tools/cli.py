@@ -12,9 +12,15 @@ from typing import TYPE_CHECKING
 
 from stream.recognizer import LiveSignature
 from tools.arguments import (
+    OSC_IN,
     add_actor_in,
+    add_inputs,
+    add_json,
+    add_labels,
+    add_library,
     add_overwrite,
     add_reading,
+    add_sender,
     add_settings,
     count,
     mapping,
@@ -28,8 +34,7 @@ from tools.arguments import (
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-#: Where a feed is expected and answers go when nothing else is said: ports that none of the usual senders use.
-OSC_IN = "127.0.0.1:9310"
+#: Where answers go when nothing else is said: a port that none of the usual receivers uses.
 OSC_OUT = "127.0.0.1:9311"
 
 
@@ -106,7 +111,7 @@ def _add_demo(programs: Programs[argparse.ArgumentParser]) -> None:
     demo.add_argument("--seconds", type=positive, default=44.0, help="how long in all (default %(default)s)")
     demo.add_argument("--transport", choices=("osc", "zmq"), default="osc")
     demo.add_argument("--picture", type=Path, metavar="SVG", help="write the final table as a picture")
-    demo.add_argument("--json", action="store_true", help="print one JSON object and nothing else")
+    add_json(demo)
     demo.set_defaults(run=_run_demo)
 
 
@@ -123,12 +128,11 @@ def _add_live(programs: Programs[argparse.ArgumentParser]) -> None:
         description=f"Recognises frames and publishes answers until Ctrl-C. Unless told otherwise: OSC in on {OSC_IN}, "
         f"out to {OSC_OUT}. A ZeroMQ endpoint is bound; put > before it to connect instead.",
     )
-    live.add_argument("--osc-in", metavar="HOST:PORT", help="listen for OSC frames here")
+    add_inputs(live)
     live.add_argument("--osc-out", metavar="HOST:PORT", help="send OSC answers there")
-    live.add_argument("--zmq-in", metavar="ENDPOINT", help="subscribe to ZeroMQ frames, like tcp://127.0.0.1:9320")
     live.add_argument("--zmq-out", metavar="ENDPOINT", help="publish ZeroMQ answers")
     live.add_argument("--feed", metavar="NAME", help="frames are another product's: see kinespace feeds; or FILE.toml")
-    live.add_argument("--sender", metavar="HOST", default="127.0.0.1", help="whom to ask for frames, where a feed asks")
+    add_sender(live)
     live.add_argument(
         "--out",
         action="append",
@@ -142,7 +146,7 @@ def _add_live(programs: Programs[argparse.ArgumentParser]) -> None:
         help="what frames hold, in order, whose sender never names their joints: the library's names, or a preset that "
         "lists them, like kinectv2, or FILE.toml (default: the library's joints)",
     )
-    live.add_argument("--library", type=Path, metavar="FILE", help="a motion library (default: the built-in one)")
+    add_library(live)
     add_settings(live)
     live.add_argument("--performers", type=int, default=32, help="how many at once, at most (default %(default)s)")
     live.add_argument("--record", type=Path, metavar="FILE", help="keep every packet that comes, for replay")
@@ -202,7 +206,7 @@ def _add_replay(programs: Programs[argparse.ArgumentParser]) -> None:
     replay.add_argument("--jitter-ms", type=not_negative, default=0.0, metavar="MS", help="be late by up to this")
     replay.add_argument("--reorder", type=share, default=0.0, metavar="SHARE", help="swap this share with the next")
     replay.add_argument("--seed", type=int, default=0, help="of the faults (default %(default)s)")
-    replay.add_argument("--json", action="store_true", help="print one JSON object and nothing else")
+    add_json(replay)
     replay.set_defaults(run=_run_replay)
 
 
@@ -237,8 +241,7 @@ def _add_record(programs: Programs[argparse.ArgumentParser]) -> None:
         "at most. kinespace replay sends the file again bit for bit; kinespace live --record keeps what it hears.",
     )
     record.add_argument("output", type=Path, metavar="FILE", help="to make, like tonight.kinerec")
-    record.add_argument("--osc-in", metavar="HOST:PORT", help=f"listen for OSC here (default {OSC_IN})")
-    record.add_argument("--zmq-in", metavar="ENDPOINT", help="subscribe to ZeroMQ, like tcp://127.0.0.1:9320")
+    add_inputs(record)
     record.add_argument("--seconds", type=positive, help="how long (default: until Ctrl-C)")
     add_overwrite(record)
     record.set_defaults(run=_run_record)
@@ -328,15 +331,7 @@ def _add_build(programs: Programs[argparse.ArgumentParser]) -> None:
     build.add_argument("sources", nargs="+", type=Path, metavar="FOLDER", help="folders, recordings or libraries")
     build.add_argument("-o", "--output", type=Path, required=True, metavar="FILE", help="the library to write")
     add_overwrite(build)
-    build.add_argument(
-        "--labels",
-        nargs="+",
-        action="extend",
-        type=Path,
-        default=[],
-        metavar="CSV",
-        help="start_s,end_s,label for each recording, in order: cut it into these motions",
-    )
+    add_labels(build, "for each recording, in order: cut it into these motions")
     add_reading(build)
     add_actor_in(build)
     build.add_argument("--licence", help="terms of the numbers (default: HDM05's, when all clips are named so)")
@@ -422,16 +417,8 @@ def _add_evaluate_stream(kinds: Programs[argparse.ArgumentParser]) -> None:
     )
     stream.add_argument("takes", nargs="+", type=Path, metavar="TAKE", help="recordings, or folders of them")
     add_reading(stream)
-    stream.add_argument(
-        "--labels",
-        nargs="+",
-        action="extend",
-        type=Path,
-        default=[],
-        metavar="CSV",
-        help="start_s,end_s,label for each take, in order (default: beside the take, ending in .csv)",
-    )
-    stream.add_argument("--library", type=Path, metavar="FILE", help="a motion library (default: the built-in one)")
+    add_labels(stream, "for each take, in order (default: beside the take, ending in .csv)")
+    add_library(stream)
     stream.add_argument(
         "--protocol",
         choices=("library", "leave-one-take-out"),
@@ -445,7 +432,7 @@ def _add_evaluate_stream(kinds: Programs[argparse.ArgumentParser]) -> None:
     add_settings(stream)
     stream.add_argument("--timeline", type=Path, metavar="FILE", help="draw what was performed and answered over time")
     stream.add_argument("--confusion", type=Path, metavar="FILE", help="draw what was answered to what")
-    stream.add_argument("--json", action="store_true", help="print one JSON object and nothing else")
+    add_json(stream)
     stream.set_defaults(run=_run_evaluate_stream)
 
 
@@ -511,7 +498,7 @@ def _add_bench(programs: Programs[argparse.ArgumentParser]) -> None:
         "--minutes", type=not_negative, default=10.0, help="of soak over sockets, 0 for none (default %(default)s)"
     )
     bench.add_argument("--picture", type=Path, metavar="FILE", help="draw what was found")
-    bench.add_argument("--json", action="store_true", help="print one JSON object and nothing else")
+    add_json(bench)
     bench.set_defaults(run=_run_bench)
 
 
@@ -549,9 +536,9 @@ def _add_listen(programs: Programs[argparse.ArgumentParser]) -> None:
     )
     listen.add_argument("port", nargs="?", metavar="[HOST:]PORT", help=f"default: the feed's port, else {OSC_IN}")
     listen.add_argument("--feed", metavar="NAME", help="look at it as this feed, and ask for it where it must be asked")
-    listen.add_argument("--sender", metavar="HOST", default="127.0.0.1", help="whom to ask, where a feed asks")
+    add_sender(listen)
     listen.add_argument("--seconds", type=positive, default=5.0, help="how long (default %(default)s)")
-    listen.add_argument("--json", action="store_true", help="print one JSON object and nothing else")
+    add_json(listen)
     listen.set_defaults(run=_run_listen)
 
 

@@ -16,7 +16,8 @@ import zmq
 from programs import LOOPBACK, PATIENCE, finished, free_udp_port
 from recorded import write_take, write_takes
 
-from library import MotionLibrary, read_recordings
+from library import MotionLibrary, find_recordings, read_recordings
+from library.recordings import RecordingReader
 from stream import Announcement, Frame, LiveSignature, Performers, Recognizer, Settings, osc, zeromq
 from stream.service import OscSink, OscSource, Service, ZmqSink, ZmqSource
 from tools.cli import main
@@ -141,17 +142,16 @@ def test_recordings_are_read_while_others_play(
     stage: osc.OscReceiver, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """The first recording is sent before the fourth is read; one that is read too late moves the rest, unhurried."""
-    paths = write_takes(tmp_path, actors=("bd",), takes=2, frames=30)
+    paths = find_recordings(write_takes(tmp_path, actors=("bd",), takes=2, frames=30))
     clips, sent_before = list(read_recordings(paths)), list[int]()
 
-    def slowly(*_: object) -> Iterator[Clip]:
-        for index, clip in enumerate(clips):
-            if index == 3:
-                time.sleep(1.0)
-            sent_before.append(len(frames_in(heard(stage))))
-            yield clip
+    def slowly(_: RecordingReader, path: Path) -> Iterator[Clip]:
+        if path == paths[3]:
+            time.sleep(1.0)
+        sent_before.append(len(frames_in(heard(stage))))
+        yield clips[paths.index(path)]
 
-    monkeypatch.setattr("tools.replay.read_recordings", slowly)
+    monkeypatch.setattr(RecordingReader, "pieces", slowly)
     begun = time.perf_counter()
     assert replay(tmp_path, "--osc", target(stage), "--pause", 0) == 0
     assert time.perf_counter() - begun >= 1.0 + (3 * 30 - 1) / 120 / SPEED
@@ -173,6 +173,34 @@ def test_a_recording_that_cannot_be_read_ends_the_feed(
     assert json.loads(printed.out)["sent"] == len(frames_in(heard(stage))) == 60
     assert printed.err.startswith(f"kinespace: {paths[-1]}")
     assert printed.err.count("\n") == 1
+
+
+@pytest.mark.parametrize("cut", [(), ("--from", 0.3, "--to", 1.1)])
+def test_a_long_take_is_sent_in_pieces_as_if_whole(
+    stage: osc.OscReceiver, take: Path, monkeypatch: pytest.MonkeyPatch, cut: tuple[object, ...]
+) -> None:
+    """Read some frames at a time or all at once, cut or not, the same frames go out."""
+    assert replay(take, "--osc", target(stage), *cut) == 0
+    expected = frames_in(heard(stage))
+    monkeypatch.setattr("library.formats.acclaim._BLOCK_BYTES", 4000)
+    assert replay(take, "--osc", target(stage), *cut) == 0
+    frames = frames_in(heard(stage))
+    assert [frame.time for frame in frames] == [frame.time for frame in expected]
+    np.testing.assert_array_equal([each.positions for each in frames], [each.positions for each in expected])
+    assert len(frames) == (96 if cut else 180)
+
+
+def test_a_take_is_sent_before_all_of_it_is_read(
+    stage: osc.OscReceiver, take: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """What stands before a mistake in a long take is sent; what is beyond --to is not even read."""
+    monkeypatch.setattr("library.formats.acclaim._BLOCK_BYTES", 4000)
+    take.write_text(take.read_text() + "nonsense\n")
+    assert replay(take, "--osc", target(stage)) == 2
+    assert "nonsense" in capsys.readouterr().err
+    assert 100 < len(frames_in(heard(stage))) <= 180
+    assert replay(take, "--osc", target(stage), "--to", 1) == 0
+    assert len(frames_in(heard(stage))) == 120
 
 
 def test_a_given_skeleton_is_used(stage: osc.OscReceiver, take: Path) -> None:

@@ -27,9 +27,7 @@ def add_reading(parser: argparse.ArgumentParser) -> None:
 
 def add_inputs(parser: argparse.ArgumentParser) -> None:
     """Let a person say where packets come in."""
-    parser.add_argument(
-        "--osc-in", metavar="HOST:PORT", help=f"listen for OSC here (default {OSC_IN}, or the feed's port)"
-    )
+    parser.add_argument("--osc-in", metavar="HOST:PORT", help=f"listen for OSC here (default {OSC_IN})")
     parser.add_argument("--zmq-in", metavar="ENDPOINT", help="subscribe to ZeroMQ, like tcp://127.0.0.1:9320")
 
 

@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from rich.table import Table
 
-from library import find_recordings, read_recordings
-from library.recordings import labelled
+from library import find_recordings
+from library.recordings import RecordingReader, labelled
 from stream import osc, zeromq
 from stream.frame import Announcement
 from stream.rawfile import ENDING
@@ -25,8 +25,9 @@ from tools.feed import (
     ANNOUNCE_EVERY,
     OscFrameSender,
     Pace,
+    Piece,
     ZmqFrameSender,
-    clip_cues,
+    piece_cues,
     with_drops,
     with_jitter,
     with_reordering,
@@ -149,11 +150,11 @@ def run(
     if raw:
         return _run_raw(places, osc_to=osc_to, zmq_to=zmq_to, listen=listen, course=course, faults=faults, json=as_json)
     with ExitStack() as opened:
-        clips = opened.enter_context(ReadAhead(_clips(find_recordings(places), reading, course)))
+        pieces = opened.enter_context(ReadAhead(_pieces(find_recordings(places), reading, course)))
         with progress_console.status("Reading"):
-            first = next(iter(clips))
-        announcement = Announcement(course.performer, first.skeleton.joints)
-        played = clip_cues(chain([first], clips), course.performer, speed=course.speed, pause=course.pause)
+            first = next(iter(pieces))
+        announcement = Announcement(course.performer, first.clip.skeleton.joints)
+        played = piece_cues(chain([first], pieces), course.performer, speed=course.speed, pause=course.pause)
         listener = _listener(listen) if listen else None
         if listener:
             opened.callback(listener.close)
@@ -165,19 +166,21 @@ def run(
         with suppress(KeyboardInterrupt):
             if zmq_to:
                 time.sleep(_MEETING)
-            replaying.play(progress(faults.applied(played), "Sending", None), clips)
+            replaying.play(progress(faults.applied(played), "Sending", None), pieces)
     return 0 if replaying.answered or not listener else 1
 
 
-def _clips(paths: Sequence[Path], reading: Reading, course: Course) -> Iterator[Clip]:
+def _pieces(paths: Sequence[Path], reading: Reading, course: Course) -> Iterator[Piece]:
     """Read what is to be played, one recording after the other, in a loop for ever; all with the first one's joints."""
     skeleton: Skeleton | None = None
-    while True:
-        for clip, path in zip(read_recordings(paths, reading), paths, strict=True):
-            skeleton = skeleton or clip.skeleton
-            yield labelled(_cut(clip.as_of(skeleton), course.begin, course.end), path)
-        if not course.loop:
-            return
+    with RecordingReader(reading) as reader:
+        while True:
+            for path in paths:
+                for piece in _cut(reader.pieces(path), course.begin, course.end):
+                    skeleton = skeleton or piece.clip.skeleton
+                    yield Piece(piece.start, labelled(piece.clip.as_of(skeleton), path))
+            if not course.loop:
+                return
 
 
 def _run_raw(
@@ -207,12 +210,21 @@ def _run_raw(
     )
 
 
-def _cut(clip: Clip, begin: float, end: float | None) -> Clip:
-    """Give the part of a clip between two moments, seconds from its start."""
-    first, last = round(begin * clip.frame_rate), None if end is None else round(end * clip.frame_rate)
-    if not len(clip.positions[first:last]):
-        raise ValueError(f"clip {clip.name!r}: expected --from and --to within its {clip.duration:.2f} s")
-    return replace(clip, positions=clip.positions[first:last], rotations=clip.rotations[first:last])
+def _cut(clips: Iterable[Clip], begin: float, end: float | None) -> Iterator[Piece]:
+    """Give the part of a recording between two moments, seconds from its start; no more of it is read."""
+    start = given = 0
+    clip: Clip | None = None
+    for clip in clips:
+        first, last = round(begin * clip.frame_rate), None if end is None else round(end * clip.frame_rate)
+        here = slice(max(first - start, 0), None if last is None else max(last - start, 0))
+        start += clip.frames
+        if len(positions := clip.positions[here]):
+            yield Piece(given, replace(clip, positions=positions, rotations=clip.rotations[here]))
+            given += len(positions)
+        if last is not None and start >= last:
+            break
+    if clip and not given:
+        raise ValueError(f"clip {clip.name!r}: expected --from and --to within its {start / clip.frame_rate:.2f} s")
 
 
 class _Replay:
@@ -229,17 +241,17 @@ class _Replay:
         self._stood_still = 0.0
         self._performed = ""
 
-    def play(self, cues: Iterable[Cue], clips: ReadAhead[Clip]) -> None:
+    def play(self, cues: Iterable[Cue], pieces: ReadAhead[Piece]) -> None:
         """Send every frame when it is due, the skeleton before the first and every second.
 
         When a recording is not read in time the feed stands still, and goes on from there at its own pace: frames
         that were all sent at once to make up for it would be no feed.
         """
-        pace, next_announcement, waited = Pace(), 0.0, clips.waited
+        pace, next_announcement, waited = Pace(), 0.0, pieces.waited
         for cue in cues:
-            if clips.waited > waited:
-                late = min(time.perf_counter() - pace.moment(cue.due), clips.waited - waited)
-                waited = clips.waited
+            if pieces.waited > waited:
+                late = min(time.perf_counter() - pace.moment(cue.due), pieces.waited - waited)
+                waited = pieces.waited
                 self._stood_still += pace.put_off(max(late, 0.0))
             if cue.due >= next_announcement:
                 self._sender.announce(self._announcement)

@@ -7,18 +7,20 @@ refused for another protocol and gives it up for good.
 
 from __future__ import annotations
 
+import struct
 import time
 from contextlib import suppress
 from typing import TYPE_CHECKING
 
 import zmq
-from zmq.utils.monitor import recv_monitor_message
 
 if TYPE_CHECKING:
     from stream.zeromq import Endpoint
 
 #: Seconds after which ZeroMQ, which tries again after a tenth of one, has surely tried again if it ever does.
 _A_WHILE = 0.5
+#: What a message of a monitor begins with. pyzmq's own reader of them loads asyncio, which takes longer than the rest.
+_EVENT = struct.Struct("=H")
 _WATCHED = zmq.EVENT_ACCEPTED | zmq.EVENT_CONNECTED | zmq.EVENT_CONNECT_RETRIED | zmq.EVENT_DISCONNECTED
 
 
@@ -57,7 +59,8 @@ class Connections:
         if now >= self._looked + _A_WHILE:
             self._looked, self._gone_before, self._gone = now, self._gone, 0
         while self._events.poll(0):
-            self._note(recv_monitor_message(self._events)["event"])
+            told, *_ = self._events.recv_multipart()
+            self._note(_EVENT.unpack_from(told)[0])
         if not self._endpoint.bind and self._gone_before:
             # ZeroMQ would have tried again by now. What it tries it counts as nothing lost: the sender had gone.
             self.broken += 1

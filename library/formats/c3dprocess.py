@@ -61,7 +61,7 @@ class C3dProcess:
         """
         if find_spec("ezc3d") is None:
             raise ImportError("reading C3D needs ezc3d: pip install 'kinespace[c3d]'")
-        if not Path(sys.executable or "").stem.lower().startswith("python"):
+        if not Path(sys.executable or "").stem.lower().startswith(("python", "pypy")):
             try:
                 return c3dchild.read_points(str(path))
             except c3dchild.ERRORS as error:

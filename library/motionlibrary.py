@@ -328,30 +328,32 @@ class MotionLibrary:
         scores = similarity(self.axes, signature.axis.vector.astype(np.float32))
         return Match(scores, np.maximum.reduceat(scores, self._class_starts))
 
-    def class_scores(self, axis: NDArray[np.floating]) -> NDArray[np.float32]:
+    def class_scores(self, axes: NDArray[np.floating]) -> NDArray[np.float32]:
         """Give the best score of each class alone; a large library need not be compared with in full for that.
 
         Parameters
         ----------
-        axis
-            Leading eigenvector of a window over this library's skeleton, unit length, shape (pairs,).
+        axes
+            Leading eigenvector of a window over this library's skeleton, unit length, shape (pairs,), or of several
+            performers' windows, (hops, pairs): together they cost less than one by one.
 
         Returns
         -------
-        What `match` gives as `class_scores`, shape (classes,).
+        What `match` gives as `class_scores`, shape (classes,) or (hops, classes).
         """
-        single = axis.astype(np.float32)
+        single = np.atleast_2d(axes).astype(np.float32)
         if self._shortlist:
-            return self._shortlist.class_scores(single)
-        best: NDArray[np.float32] = np.maximum.reduceat(similarity(self.axes, single), self._class_starts)
-        return best
+            best = self._shortlist.class_scores(single)
+        else:
+            best = np.maximum.reduceat(similarity(single, self.axes.T), self._class_starts, axis=1)
+        return best if axes.ndim > 1 else best[0]
 
     def restricted_to(self, joints: Collection[str]) -> MotionLibrary:
         """Give the same motions as a body with fewer joints would show them.
 
         What is kept are the pairs of joints that both have. An axis is cut to them and made a unit vector again: near
         to the leading eigenvector of the fewer distances, but not the same. Windows stay what they are: a live window's
-        vectors are estimated from the fewer distances.
+        vectors are estimated from the fewer distances. Whether it is known is judged by what those show of the library.
 
         Parameters
         ----------
@@ -417,8 +419,7 @@ class MotionLibrary:
     def _restricted_windows(self, skeleton: Skeleton, pairs: NDArray[np.intp]) -> WindowTable | None:
         if self.windows is None or not self.windows.comparison.can_be_restricted:
             return None
-        comparison = self.windows.comparison.restricted_to(skeleton, pairs, self.means.astype(np.float64))
-        return replace(self.windows, comparison=comparison)
+        return self.windows.restricted_to(skeleton, pairs, self.means.astype(np.float64))
 
     def merged_with(self, other: MotionLibrary) -> MotionLibrary:
         """Join two libraries of one skeleton; a motion both have, number for number, is kept once.

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Self
+
+import numpy as np
 
 from library.signature import movement_of
 from stream.leading import RollingAxis
@@ -13,9 +15,9 @@ from stream.window import SlidingWindow
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    import numpy as np
     from numpy.typing import NDArray
 
+    from library.eigen import LeadingAxis
     from library.motionlibrary import MotionLibrary
 
 
@@ -58,8 +60,24 @@ class EigenvectorMatcher:
 
     def read(self) -> Reading:
         """Compare the window that ends with the newest row."""
-        body_size, axis = self._axis.leading(self._window.rows)
-        scores = self._library.class_scores(axis.vector)
+        body_size, axis = self.leading()
+        return self.judged(body_size, axis, self._library.class_scores(axis.vector))
+
+    def read_with(self, others: Sequence[Self]) -> list[Reading]:
+        """Compare the windows of several performers: one's own first, then the others'."""
+        if not others:
+            return [self.read()]
+        everybody = (self, *others)
+        leading = [each.leading() for each in everybody]
+        scores = self._library.class_scores(np.array([axis.vector for _, axis in leading]))
+        return [each.judged(*lead, own) for each, lead, own in zip(everybody, leading, scores, strict=True)]
+
+    def leading(self) -> tuple[float, LeadingAxis]:
+        """Give the body's size, metres, and the window's leading axis; once per hop, since it starts at the last."""
+        return self._axis.leading(self._window.rows)
+
+    def judged(self, body_size: float, axis: LeadingAxis, scores: NDArray[np.float32]) -> Reading:
+        """Make a reading of the window's axis and each class's score, (classes,)."""
         movement = movement_of(body_size, axis.total, len(axis.vector))
         return Reading(
             outcome=self._outcome(movement, axis.gap),

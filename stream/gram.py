@@ -117,7 +117,8 @@ class RollingGram(Rolling):
         """Give rows less the reference; this object's memory, good until the next call."""
         if len(rows) > len(self._relative):
             self._relative = aligned_zeros(2 * len(rows), rows.shape[1])
-        return np.subtract(rows, self._reference, out=self._relative[: len(rows)])
+        relative: Rows = np.subtract(rows, self._reference, out=self._relative[: len(rows)])
+        return relative
 
     def _make_room(self, count: int) -> None:
         """Move the window's products back to the front, into a larger square if they would soon be at the end again."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Protocol, Self
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -57,3 +57,12 @@ class Matcher(Protocol):
 
     def read(self) -> Reading:
         """Compare the windows that end with the newest row; once per hop, since a reading may build on the last."""
+
+    def read_with(self, others: Sequence[Self]) -> list[Reading]:
+        """Do that for several performers at once: one's own reading first, then the others'.
+
+        Parameters
+        ----------
+        others
+            Other performers' matchers, with the same library and settings.
+        """

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Generic, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, Generic, NamedTuple, Self, TypeVar
 
 import numpy as np
 
 from library.measures import FEWEST_FRAMES, Kind, Measure, shape_of
 from stream.covariance import RollingCovariance
-from stream.variance import RollingVariance
+from stream.variance import RollingVariance, means_and_deviations
 from stream.window import MOST_PENDING, SlidingWindow
 
 if TYPE_CHECKING:
@@ -128,10 +128,49 @@ class WindowMeasurer:
                 numbers[Measure(Kind.POSTURE, seconds)] = self._body.posture(mean)
         return Measured(numbers, movement)
 
+    def read_with(self, others: Sequence[Self]) -> tuple[dict[Measure, NDArray[np.float64]], list[float]]:
+        """Measure the windows of several performers, which takes little longer than those of one.
+
+        Parameters
+        ----------
+        others
+            Of the same measures, body and basis.
+
+        Returns
+        -------
+        By measure the numbers, (performers, numbers), and each performer's movement: first one's own, then the others'.
+        """
+        everybody = (self, *others)
+        numbers: dict[Measure, NDArray[np.float64]] = {}
+        if self._shapes:
+            covariances = np.empty((len(everybody), *self._covariances.shape))
+            for each, covariance in zip(everybody, covariances, strict=True):
+                each.write_shapes(covariance)
+            numbers |= zip(self._shapes, shape_of(covariances).swapaxes(0, 1), strict=True)
+        movements: list[float] = []
+        for seconds in self._distances:
+            mean, deviation = means_and_deviations([each.settled(seconds) for each in everybody])
+            if seconds == self.longest:
+                squares = (np.square(each).sum(axis=1) for each in (deviation, mean))
+                movements = np.sqrt(np.divide(*squares)).tolist()
+            if Measure(Kind.SPREAD, seconds) in self._measures:
+                numbers[Measure(Kind.SPREAD, seconds)] = self._body.spread(mean, deviation)
+            if Measure(Kind.POSTURE, seconds) in self._measures:
+                numbers[Measure(Kind.POSTURE, seconds)] = self._body.posture(mean)
+        return numbers, movements
+
+    def settled(self, seconds: float) -> RollingVariance:
+        """Give mean and variance of the distances over one of the lengths, up to the newest row."""
+        return self._distances[seconds].settled()
+
+    def write_shapes(self, covariances: NDArray[np.float64]) -> None:
+        """Write the covariances in the basis, of each length whose shape is measured: (lengths, n, n)."""
+        for shape, covariance in zip(self._shapes.values(), covariances, strict=True):
+            shape.settled().written_to(covariance)
+
     def _shapes_now(self) -> dict[Measure, NDArray[np.float64]]:
         """Measure the shapes of all lengths in one go: to ask for a decomposition costs as much as to make it."""
         if not self._shapes:
             return {}
-        for shape, covariance in zip(self._shapes.values(), self._covariances, strict=True):
-            shape.settled().written_to(covariance)
+        self.write_shapes(self._covariances)
         return dict(zip(self._shapes, shape_of(self._covariances), strict=True))

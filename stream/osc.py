@@ -27,7 +27,7 @@ import numpy as np
 from pythonosc.osc_message_builder import OscMessageBuilder
 
 from stream.answer import Answer
-from stream.frame import Announcement, Frame
+from stream.frame import LONGEST_PERFORMER, Announcement, Frame
 from stream.oscpacket import Message, PacketError, decode_packet
 
 if TYPE_CHECKING:
@@ -46,6 +46,10 @@ _FRAME = "/motion/frame"
 _SKELETON = "/motion/skeleton"
 _FRAME_START = b"/motion/frame\0\0\0,sd"
 _DOUBLE = struct.Struct(">d")
+#: As they stand in packets; made once, for numpy takes as long to find out what a name means as to read them.
+_FLOATS = np.dtype(">f4")
+#: Beginnings of frames remembered: several for each performer there may be.
+_MOST_LAYOUTS = 1024
 _SIZE, _CLASS, _EVENT = struct.Struct(">i"), struct.Struct(">iff"), struct.Struct(">ifd")
 #: Every answer's beginning: a bundle to be used immediately.
 _BUNDLE = b"#bundle\0\0\0\0\0\0\0\0\1"
@@ -106,22 +110,73 @@ def decode(datagram: bytes, arrival: float) -> Received:
     return Received(events, malformed, foreign)
 
 
+class _Layout(NamedTuple):
+    """What the bytes of a plain frame before its time say, and how many they and all bytes are."""
+
+    performer: str
+    floats: int
+    place: int
+    size: int
+
+
+class _Layouts:
+    """The beginnings of plain frames: a sender's packets all begin alike, so each beginning is made sense of once.
+
+    Attributes
+    ----------
+    known
+        Layouts by the beginning's bytes.
+    places
+        By a packet's size how long its beginning was when one of that size was last looked at.
+    """
+
+    def __init__(self) -> None:
+        self.known: dict[bytes, _Layout] = {}
+        self.places: dict[int, int] = {}
+
+    def learn(self, datagram: bytes) -> _Layout | None:
+        """Make sense of a beginning and remember it; None when it is no plain frame's, or not quite right."""
+        if not datagram.startswith(_FRAME_START):
+            return None
+        floats = datagram.find(b"\0", 19) - 19
+        start = (19 + floats) // 4 * 4 + 4
+        end = datagram.find(b"\0", start)
+        place = end // 4 * 4 + 4
+        if floats < 6 or floats % 3 or end < 0 or len(datagram) != place + 8 + 4 * floats:
+            return None
+        if datagram.count(b"f", 19, 19 + floats) != floats:
+            return None
+        try:
+            layout = _Layout(datagram[start:end].decode(), floats, place, len(datagram))
+        except UnicodeDecodeError:
+            return None
+        if len(layout.performer) > LONGEST_PERFORMER:
+            return None
+        if len(self.known) >= _MOST_LAYOUTS:
+            self.known.clear()  # only somebody who makes up names gets here
+            self.places.clear()
+        self.known[datagram[:place]] = layout
+        self.places[len(datagram)] = place
+        return layout
+
+
+_layouts = _Layouts()
+
+
 def _decode_plain_frame(datagram: bytes, arrival: float) -> Frame | None:
     """Decode the one packet that comes hundreds of times a second; None when it is any other, or not quite right."""
-    if not datagram.startswith(_FRAME_START):
-        return None
-    floats = datagram.find(b"\0", 19) - 19
-    start = (19 + floats) // 4 * 4 + 4
-    end = datagram.find(b"\0", start)
-    place = end // 4 * 4 + 4
-    if floats < 6 or floats % 3 or end < 0 or len(datagram) != place + 8 + 4 * floats:
-        return None
-    if datagram.count(b"f", 19, 19 + floats) != floats:
-        return None
-    time = _DOUBLE.unpack_from(datagram, place)[0]
-    positions = np.frombuffer(datagram, ">f4", floats, place + 8).astype(np.float32).reshape(-1, 3)
+    size = len(datagram)
+    layout = _layouts.known.get(datagram[: _layouts.places.get(size, 0)])
+    # Two beginnings may be of one length and announce different numbers of floats.
+    if layout is None or layout.size != size:
+        layout = _layouts.learn(datagram)
+        if layout is None:
+            return None
+    performer, floats, place, _ = layout
+    (time,) = _DOUBLE.unpack_from(datagram, place)
+    positions = np.frombuffer(datagram, _FLOATS, floats, place + 8).astype(np.float32).reshape(-1, 3)
     try:
-        return Frame(datagram[start:end].decode(), time or arrival, positions)
+        return Frame(performer, time or arrival, positions)
     except ValueError:
         return None
 
@@ -299,6 +354,10 @@ class OscReceiver:
         """Host and port it listens on."""
         host, port = self.socket.getsockname()[:2]
         return host, port
+
+    def broken(self) -> int:
+        """Count nothing: UDP has no connections."""
+        return 0
 
     def receive(self) -> bytes | None:
         """Take the next datagram; None when there is none now."""

@@ -102,7 +102,7 @@ class Recognition:
         return float(self.scores[self.best])
 
     @property
-    def _second(self) -> int:
+    def second_index(self) -> int:
         """Index of the class with the highest score but the best guess's; -1 in a library of one class."""
         if len(self.scores) < 2:
             return -1
@@ -113,7 +113,7 @@ class Recognition:
     @property
     def runner_up(self) -> str | None:
         """The class with the highest score but the best guess's; None in a library of one class."""
-        second = self._second
+        second = self.second_index
         return self.classes[second] if second >= 0 else None
 
     @property
@@ -122,5 +122,5 @@ class Recognition:
 
         Below zero while a guess is held at a change of motion.
         """
-        second = self._second
+        second = self.second_index
         return self.score - float(self.scores[second]) if second >= 0 else self.score

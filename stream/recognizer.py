@@ -20,10 +20,12 @@ from stream.recognition import Recognition
 from stream.windowmatcher import WindowMatcher
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from library.motionlibrary import MotionLibrary
     from stream.events import Event
     from stream.frame import Frame
-    from stream.matcher import Matcher
+    from stream.matcher import Matcher, Reading
 
 
 #: Frames that wait for the next hop to be measured together, at most.
@@ -125,33 +127,42 @@ class Recognizer:
         The motions to compare with.
     settings
         How to; the defaults suit feeds of 20 to 500 frames per second.
+
+    Attributes
+    ----------
+    counts
+        What became of the frames.
+    matcher
+        What compares this performer's windows with the library.
     """
 
     def __init__(self, library: MotionLibrary, settings: Settings | None = None) -> None:
         self.library = library
         self.settings = settings or Settings()
         self.counts = RecognizerCounts()
-        self._matcher = _matcher(library, self.settings)
+        self.matcher: Matcher = _matcher(library, self.settings)
         self._detector = EventDetector(self.settings.lead)
         self._shape = (len(library.skeleton.joints), 3)
         self._positions = np.empty((_MOST_WAITING, *self._shape))
         self._rows = np.empty((_MOST_WAITING, len(library.skeleton.pairs)))
         self._measurer = DistanceMeasurer(library.skeleton, _MOST_WAITING)
         self._times: list[float] = []
-        self._longest_gap = min(self.settings.longest_gap, self._matcher.longest)
+        self._longest_gap = min(self.settings.longest_gap, self.matcher.longest)
         self._early = _EARLY * self.settings.hop
         # Of no frame at all none is older, and none comes after a gap: nothing compares with a NaN.
         self._newest = math.nan
         self._last = -math.inf
         self._due = -math.inf
         self._late_in_a_row = 0
+        self._unanswered: Frame | None = None
 
     def reset(self) -> None:
         """Forget the window, as when the feed begins; the counts stay, and what is going on till something ends it."""
-        self._matcher.clear()
+        self.matcher.clear()
         self._times.clear()
         self._newest, self._due = math.nan, -math.inf
         self._late_in_a_row = 0
+        self._unanswered = None
 
     def push(self, frame: Frame) -> Recognition | None:
         """Take in a frame.
@@ -171,11 +182,28 @@ class Recognizer:
         ValueError
             The frame has another number of joints than the library's skeleton.
         """
+        return self.answer_with(())[0] if self.take(frame) else None
+
+    def take(self, frame: Frame) -> bool:
+        """Take in a frame as `push` does, but leave the answer to `answer_with`.
+
+        Returns
+        -------
+        Whether an answer is due. It must be asked for before the next frame is taken in.
+
+        Raises
+        ------
+        ValueError
+            The frame has another number of joints than the library's skeleton, or the answer to the one before was not
+            asked for.
+        """
         positions, time = frame.positions, frame.time
         if positions.shape != self._shape:
             raise ValueError(f"positions: expected {self._shape}, got {positions.shape}")
+        if self._unanswered is not None:
+            raise ValueError(f"frame: expected after the answer to that of {self._unanswered.time} s was asked for")
         if not self._in_time(time):
-            return None
+            return False
         self._positions[len(self._times)] = positions
         self._times.append(time)
         self._newest = self._last = time
@@ -183,17 +211,41 @@ class Recognizer:
         due = time >= self._due - self._early
         if due or len(self._times) == _MOST_WAITING:
             self._measure()
-        if not (due and self._matcher.ready):
-            return None
+        if not (due and self.matcher.ready):
+            return False
         self._set_due(time)
-        return self._recognize(frame)
+        self._unanswered = frame
+        return True
+
+    def answer_with(self, others: Sequence[Recognizer]) -> list[Recognition]:
+        """Answer the frames last taken in of several performers: their windows are measured and compared in one go.
+
+        Parameters
+        ----------
+        others
+            Other performers' recognisers, with the same library and settings.
+
+        Returns
+        -------
+        One's own answer first, then the others': but for rounding what each alone would answer.
+
+        Raises
+        ------
+        ValueError
+            For one of them no answer is due.
+        """
+        everybody = (self, *others)
+        if any(each.unanswered is None for each in everybody):
+            raise ValueError("others: expected recognisers for which an answer is due")
+        readings = self.matcher.read_with([each.matcher for each in others])
+        return [each.recognized(reading) for each, reading in zip(everybody, readings, strict=True)]
 
     def _measure(self) -> None:
         """Measure the frames that came since the last hop, all in one go: that halves their cost."""
         count = len(self._times)
         rows = self._rows[:count]
         self._measurer.measure(self._positions[:count], rows)
-        self._matcher.push(self._times, rows)
+        self.matcher.push(self._times, rows)
         self._times.clear()
 
     def _in_time(self, time: float) -> bool:
@@ -203,7 +255,7 @@ class Recognizer:
             self._restart()
         elif behind >= 0:
             self._late_in_a_row += 1
-            if behind <= self._matcher.longest and self._late_in_a_row <= self.settings.patience:
+            if behind <= self.matcher.longest and self._late_in_a_row <= self.settings.patience:
                 self.counts.out_of_order += 1
                 return False
             self._restart()
@@ -219,8 +271,22 @@ class Recognizer:
         hop = self.settings.hop
         self._due = self._due + hop if self._due + hop > time else time + hop
 
-    def _recognize(self, frame: Frame) -> Recognition:
-        reading = self._matcher.read()
+    @property
+    def unanswered(self) -> Frame | None:
+        """The frame that was taken in and for which an answer is due; None when none is."""
+        return self._unanswered
+
+    def recognized(self, reading: Reading) -> Recognition:
+        """Make the answer to the frame last taken in of what was read; `answer_with` does it for all.
+
+        Raises
+        ------
+        ValueError
+            No answer is due.
+        """
+        frame, self._unanswered = self._unanswered, None
+        if frame is None:
+            raise ValueError("reading: expected when an answer is due")
         axis = reading.axis
         self.counts.hops += 1
         self.counts.exact += bool(axis and axis.exact)

@@ -9,6 +9,7 @@ import zmq
 
 from stream import onepart, osc, zeromq
 from stream.frame import Announcement, Frame
+from stream.receiver import ReceivingSource
 from stream.status import HopTimes, InputCounts, Rates, Status
 
 if TYPE_CHECKING:
@@ -22,8 +23,11 @@ if TYPE_CHECKING:
 #: Seconds between two statuses, and between two lists of classes.
 STATUS_EVERY = 1.0
 CLASSES_EVERY = 5.0
-#: Packets taken from one source before the others, and the clock, get their turn.
-_AT_ONCE = 256
+#: Packets of one source that are taken in, then recognised, then answered, each in one go: what a step needs is in the
+#: processor's caches then, and one send wakes up who listens. More would keep the first of them waiting for too long.
+_AT_ONCE = 32
+#: Times that is done before the other sources, and the clock, get their turn.
+_TURNS = 8
 #: Longest sleep while nothing comes, seconds: how soon `stop` is heard.
 _LONGEST_SLEEP = 0.1
 #: Steps after being stopped: more than any socket holds, and a feed that goes on does not keep us for ever.
@@ -81,79 +85,55 @@ class Sink(Protocol):
         """Give sockets back."""
 
 
-class OscSource:
+class OscSource(ReceivingSource[bytes]):
     """Frames from UDP datagrams."""
 
     def __init__(self, receiver: PacketReceiver) -> None:
+        super().__init__(receiver)
         self.receiver = receiver
-        self._counts = InputCounts()
 
     def __str__(self) -> str:
         host, port = self.receiver.address
         return f"OSC {host}:{port}"
 
     @property
-    def pollable(self) -> object:
-        """The UDP socket."""
-        return self.receiver.socket
-
-    @property
     def counts(self) -> InputCounts:
         """What came in so far."""
         self._counts.overrun = self.receiver.kernel_drops
-        return self._counts
+        return super().counts
 
-    def take(self, arrival: float) -> Sequence[Frame | Announcement] | None:
-        """Take in one datagram."""
-        datagram = self.receiver.receive()
-        if datagram is None:
-            return None
-        received = osc.decode(datagram, arrival)
-        self._counts.received += 1
+    def _understood(self, packet: bytes, arrival: float) -> Sequence[Frame | Announcement]:
+        received = osc.decode(packet, arrival)
         self._counts.malformed += received.malformed
         self._counts.foreign += received.foreign
         return received.events
 
-    def close(self) -> None:
-        """Close the socket."""
-        self.receiver.close()
 
-
-class ZmqSource:
+class ZmqSource(ReceivingSource[list[bytes]]):
     """Frames from ZeroMQ messages."""
 
     def __init__(self, receiver: MessageReceiver) -> None:
+        super().__init__(receiver)
         self.receiver = receiver
         self._gaps = zeromq.SequenceGaps()
-        self._counts = InputCounts()
 
     def __str__(self) -> str:
         return f"ZeroMQ {self.receiver.address}"
 
     @property
-    def pollable(self) -> object:
-        """The SUB socket."""
-        return self.receiver.socket
-
-    @property
     def counts(self) -> InputCounts:
         """What came in so far."""
         self._counts.missing = self._gaps.missing
-        return self._counts
+        return super().counts
 
-    def take(self, arrival: float) -> Sequence[Frame | Announcement] | None:
-        """Take in one message."""
-        parts = self.receiver.receive()
-        if parts is None:
-            return None
-        self._counts.received += 1
-        if not (parts and parts[0].startswith(b"frame/")):
-            if len(parts) == 1:
-                return self._take_one_part(parts[0], arrival)
+    def _understood(self, packet: list[bytes], arrival: float) -> Sequence[Frame | Announcement]:
+        if not (packet and packet[0].startswith(b"frame/")):
+            if len(packet) == 1:
+                return self._take_one_part(packet[0], arrival)
             self._counts.foreign += 1
             return ()
         try:
-            numbered = zeromq.decode(parts, arrival)
+            numbered = zeromq.decode(packet, arrival)
         except zeromq.FormatError:
             self._counts.malformed += 1
             return ()
@@ -178,10 +158,6 @@ class ZmqSource:
     def _seen(self, numbered: zeromq.NumberedFrame) -> Sequence[Frame | Announcement]:
         self._gaps.see(numbered.frame.performer, numbered.seq)
         return (numbered.announcement, numbered.frame) if numbered.announcement else (numbered.frame,)
-
-    def close(self) -> None:
-        """Close the socket."""
-        self.receiver.close()
 
 
 class OscSink:
@@ -328,28 +304,43 @@ class Service:
             return
         # Every source is asked: one poll is cheaper than finding out which of them it was.
         for source in self.sources:
-            for _ in range(_AT_ONCE):
-                started = time.perf_counter()
-                events = source.take(self._clock())
-                if events is None:
+            for _ in range(_TURNS):
+                if not self._deal_with_waiting(source):
                     break
-                for event in events:
-                    self._deal_with(event, started)
+
+    def _deal_with_waiting(self, source: Source) -> bool:
+        """Take in some packets, recognise, answer; whether there may be more."""
+        taken: list[Frame | Announcement] = []
+        begun: list[float] = []
+        more = True
+        for _ in range(_AT_ONCE):
+            started = time.perf_counter()
+            events = source.take(self._clock())
+            if events is None:
+                more = False
+                break
+            taken += events
+            begun += [started] * len(events)
+        self._deal_with(taken, begun)
+        return more
 
     def _tend(self) -> None:
-        started = time.perf_counter()
         for source in self._tended:
-            for event in source.tend(self._clock()):
-                self._deal_with(event, started)
+            started = time.perf_counter()
+            events = source.tend(self._clock())
+            self._deal_with(events, [started] * len(events))
 
-    def _deal_with(self, event: Frame | Announcement, started: float) -> None:
-        now = self._clock()
-        if isinstance(event, Announcement):
-            self.performers.announce(event, now)
+    def _deal_with(self, events: Sequence[Frame | Announcement], begun: Sequence[float]) -> None:
+        """Recognise what was taken in and tell the sinks; `begun` says of each when its packet was first looked at."""
+        if not events:
             return
-        self._rates.count(event.performer)
-        recognition = self.performers.push(event, now)
-        if recognition is not None:
+        for event in events:
+            if isinstance(event, Frame):
+                self._rates.count(event.performer)
+        answers = self.performers.push_all(events, self._clock())
+        for recognition, started in zip(answers, begun, strict=True):
+            if recognition is None:
+                continue
             for sink in self.sinks:
                 sink.publish(recognition)
                 for happened in recognition.events:
@@ -381,4 +372,5 @@ class Service:
             performers={name: self._latest_rates.get(name, 0.0) for name in self.performers.names},
             hop_p50=self._hop_times.percentile(50),
             hop_p99=self._hop_times.percentile(99),
+            refused=self.performers.refused,
         )

@@ -6,10 +6,15 @@ and the rounding that may have gathered is bounded and, when it no longer is sma
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from stream.covariance import signs
 from stream.rolling import DRIFT_TOLERANCE, EPSILON, Rolling, Rows
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
 
 #: Movement, relative to the distance, below which lost digits are of no interest to anyone.
 _NO_MOVEMENT = 1e-6
@@ -22,13 +27,18 @@ class RollingVariance(Rolling):
     ----------
     width
         Numbers in a row.
+
+    Attributes
+    ----------
+    sums
+        The reference row, and of the rows relative to it the sum and the sum of squares, shape (3, width): side by
+        side, so that those of several windows are gathered in one copy each.
     """
 
     def __init__(self, width: int) -> None:
         super().__init__()
-        self._reference = np.zeros(width)
-        self._sum = np.zeros(width)
-        self._squares = np.zeros(width)
+        self.sums = np.zeros((3, width))
+        self._reference, self._sum, self._squares = self.sums
         self._rounding = 0.0
         self._no_movement = 0.0
 
@@ -69,3 +79,16 @@ class RollingVariance(Rolling):
         np.maximum(scatter, 0.0, out=scatter)
         scatter /= max(self._count - 1, 1)
         return np.sqrt(scatter, out=scatter)
+
+
+def means_and_deviations(windows: Sequence[RollingVariance]) -> tuple[Rows, Rows]:
+    """Give mean and deviation of several windows at once, both (windows, width), metres; each needs a row."""
+    reference, total, squares = np.array([each.sums for each in windows]).transpose(1, 0, 2)
+    counts = np.array([[len(each)] for each in windows], dtype=np.float64)
+    mean = total / counts
+    total *= mean
+    squares -= total
+    np.maximum(squares, 0.0, out=squares)
+    squares /= np.maximum(counts - 1, 1)
+    mean += reference
+    return mean, np.sqrt(squares)

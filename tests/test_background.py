@@ -13,7 +13,7 @@ from recorded import write_takes
 from library import MotionLibrary, read_recordings
 from library.libraryfile import LibraryFileError
 from stream import Announcement, Settings
-from tools.background import BackgroundService
+from tools.background import BackgroundService, Echo
 from tools.expected import expected_answers
 from tools.feed import clip_cues
 from tools.listener import Listener, answer_in
@@ -72,7 +72,7 @@ def test_a_feed_is_answered_from_another_process(transport: Transport) -> None:
 @pytest.mark.parametrize("transport", TRANSPORTS)
 def test_an_echo_sends_every_packet_back_unread(transport: Transport) -> None:
     """What an echo is sent comes back byte for byte and in order, and it has no status."""
-    with BackgroundService(transport, echo=True) as echo:
+    with BackgroundService(transport, stand_in=Echo()) as echo:
         sender, receiver = echo.connect()
         listener = Listener(receiver)
         try:

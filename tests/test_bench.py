@@ -51,7 +51,14 @@ def test_parts_fill_their_figures(recordings: Recorded, monkeypatch: pytest.Monk
     memory = {"rss_mb", "rss_100_mb"}
     assert theirs | memory == {
         *("pairs_exponent", "match_200k_ms", "latency_p99_ms", "echo_p99_ms", "lost_360", "performers_at_120hz"),
-        *("startup_s", "max_eigenvector_error", "rss_mb", "rss_100_mb"),
+        *(
+            "startup_s",
+            "max_eigenvector_error",
+            "floor_performers_at_120hz",
+            *("match_200k_together_ms", "match_200k_recall"),
+            "rss_mb",
+            "rss_100_mb",
+        ),
     }
     assert report.soak is not None
     assert report.soak.day.frames == 600

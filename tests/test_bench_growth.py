@@ -66,16 +66,29 @@ def test_everything_is_grown_and_its_exponent_fitted(recordings: Recorded) -> No
     """Each growth has a cost for each size, in order, and the exponent is the fit of just those."""
     sizes = Sizes(joints=(15, 20), seconds=(0.25, 0.5), motions=(288, 600), performers=(1, 2))
     found = growth.measure(recordings, sizes=sizes, rounds=1)
-    assert [each.of for each in found] == ["joints", "window", "library", *(f"performers, {s}" for s in LiveSignature)]
+    names = ["joints", "window", "library", "library, 8 together", *(f"performers, {s}" for s in LiveSignature)]
+    assert [each.of for each in found] == names
     by_name = {each.of: each for each in found}
     assert by_name["joints"].sizes == (105, 190)
     assert by_name["joints"].labels == ("15", "20")
     assert by_name["window"].sizes == (0.25, 0.5)
     assert by_name["library"].sizes == (288, 600)
+    assert [each.recall for each in found] == [None, None, 1.0, 1.0, None, None]
     for each in found:
         assert len(each.us) == len(each.sizes) == len(each.labels) == 2
         assert min(each.us) > 0
         assert each.exponent == pytest.approx(exponent(each.sizes, each.us))
+
+
+def test_what_a_search_misses_is_seen(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The recall is the share of the classes' best scores that the search finds, windows and classes alike."""
+    library = enlarged(MotionLibrary.builtin(), 2500)
+    asked = library.axes[::100].astype(np.float64)
+    assert growth.recall(library, asked) == 1.0
+    found = library.class_scores(asked)
+    found[:5, :10] -= 1e-3
+    monkeypatch.setattr(MotionLibrary, "class_scores", lambda *_: found)
+    assert growth.recall(library, asked) == pytest.approx(1 - 50 / found.size)
 
 
 def test_every_performer_of_a_tick_is_pushed(recordings: Recorded, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import matplotlib as mpl
@@ -28,6 +29,8 @@ if TYPE_CHECKING:
 KEYS = (
     *("us_per_frame", "frames_per_second", "ratio_svd", "ratio_eigh", "ratio_incremental_pca", "ratio_dtw_band"),
     *("osc_decode_us", "osc_decode_python_osc_us", "latency_p99_ms", "echo_p99_ms", "lost_360", "performers_at_120hz"),
+    "floor_performers_at_120hz",
+    *("match_200k_together_ms", "match_200k_recall"),
     *("pairs_exponent", "match_200k_ms", "rss_mb", "rss_100_mb", "startup_s", "max_eigenvector_error"),
 )
 
@@ -49,7 +52,8 @@ def made_up(signature: LiveSignature = LiveSignature.EIGENVECTOR) -> Report:
         for transport, lost in (("osc", 1), ("zmq", 2))
         for rate in (120.0, 360.0)
     )
-    crowd = Crowd(64, 1000, 250, 250, 0, seconds, 0.0, (80.0, 81.0, 82.0), None)
+    crowd = Crowd(64, 1000, 250, 250, 0, seconds, 0.0, (80.0, 81.0, 82.0), 0.53, None)
+    floor = replace(crowd, performers=320)
     return Report(
         signature,
         stages={
@@ -59,9 +63,12 @@ def made_up(signature: LiveSignature = LiveSignature.EIGENVECTOR) -> Report:
         peers=Peers(tuple(Peer(name, 40.0, ratios[name], 0.8, 0.9, 1) for name in names), {"DTW": "dtaidistance"}),
         growth=(
             Growth("joints", "a frame", ("15", "31"), (105.0, 465.0), (10.0, 40.0), 0.93),
-            Growth("library", "a match", ("288", "200000"), (288.0, 200000.0), (20.0, 1900.0), 0.7),
+            Growth("library", "a match", ("288", "200000"), (288.0, 200000.0), (20.0, 1900.0), 0.7, 0.9995),
+            Growth("library, 8 together", "a match", ("288", "200000"), (288.0, 200000.0), (5.0, 900.0), 0.7, 1.0),
         ),
-        sockets=Sockets(latencies, {"osc": crowd, "zmq": None}, Running(0.75, 100.0, None)),
+        sockets=Sockets(
+            latencies, {"osc": crowd, "zmq": None}, {"osc": floor, "zmq": crowd}, Running(0.75, 100.0, None)
+        ),
         soak=Soak(
             Day(1000, 2.0, (90.0, 91.0, 92.0), 7, 3e-7, 250, RecognizerCounts(frames=1000, hops=250)),
             crowd,
@@ -86,8 +93,11 @@ def test_the_standard_figures_are_those_of_the_results() -> None:
         "echo_p99_ms": 0.099,
         "lost_360": 3,
         "performers_at_120hz": 64,
+        "floor_performers_at_120hz": 320,
         "pairs_exponent": 0.93,
         "match_200k_ms": 1.9,
+        "match_200k_together_ms": 0.9,
+        "match_200k_recall": 0.9995,
         "rss_mb": 100.0,
         "rss_100_mb": None,
         "startup_s": 0.75,
@@ -107,8 +117,9 @@ def test_what_was_not_run_is_null() -> None:
     report = Report(LiveSignature.EIGENVECTOR)
     assert report.figures() == dict.fromkeys(KEYS)
     assert list(report.tables()) == []
-    report.sockets = Sockets((), {"osc": None, "zmq": None}, Running(0.5, None, None))
+    report.sockets = Sockets((), {"osc": None, "zmq": None}, {"osc": None, "zmq": None}, Running(0.5, None, None))
     assert report.figures()["performers_at_120hz"] == 0
+    assert report.figures()["floor_performers_at_120hz"] == 0
     assert report.figures()["latency_p99_ms"] is None
     assert report.figures()["lost_360"] is None
 
@@ -121,8 +132,25 @@ def test_the_tables_name_everything(capsys: pytest.CaptureFixture[str], monkeypa
     printed = capsys.readouterr().out
     told = (
         *("From packet to answer, windows", "25,000 frames/s", "ours, eigenvector", "needs dtaidistance"),
-        *("200000", "0.93", "zmq echo", "360", "first answer", "0.75 s", "100.0 MB", "90.0 MB, 91.0 MB, 92.0 MB"),
-        *("3.00e-07 in 7 hops", ": consistent", "over UDP, 64 performers", "80.0 MB, 81.0 MB, 82.0 MB"),
+        *(
+            "200000",
+            "0.93",
+            "0.9995",
+            "zmq echo",
+            "360",
+            "first answer",
+            "0.75 s",
+            "100.0 MB",
+            "90.0 MB, 91.0 MB, 92.0 MB",
+        ),
+        *(
+            "a loop that recognises nothing",
+            "320",
+            "3.00e-07 in 7 hops",
+            ": consistent",
+            "over UDP, 64 performers",
+            "80.0 MB, 81.0 MB, 82.0 MB",
+        ),
     )
     for text in told:
         assert text in printed

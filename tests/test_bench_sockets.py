@@ -4,23 +4,29 @@ from __future__ import annotations
 
 import mmap
 import os
+import sys
+import time
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
 
+from stream import osc, zeromq
+from stream.frame import Frame
 from stream.recognizer import LiveSignature, Settings
 from tools import latency
 from tools.bench import crowd, memory, running
 from tools.bench.crowd import Crowd, most_performers, play
+from tools.bench.floor import EmptyRecognizer, answer_to
+from tools.listener import answer_in
 
 if TYPE_CHECKING:
     from tools.background import Transport
     from tools.bench.recorded import Recorded
 
 SETTINGS = Settings(signature=LiveSignature.EIGENVECTOR, window=0.3)
-NOBODY = Crowd(1, 10, 5, 5, 0, np.full(1000, 0.001), 0.0, (), None)
+NOBODY = Crowd(1, 10, 5, 5, 0, np.full(1000, 0.001), 0.0, (), None, None)
 
 
 @pytest.mark.parametrize("transport", ["osc", "zmq"])
@@ -53,6 +59,35 @@ def test_what_is_lost_is_seen(recordings: Recorded, monkeypatch: pytest.MonkeyPa
     assert not found.held
 
 
+@pytest.mark.parametrize("transport", ["osc", "zmq"])
+def test_under_a_crowd_is_a_floor(transport: Transport, recordings: Recorded) -> None:
+    """Where nothing is recognised the same frames are answered, with answers as large as ours, and timed alike."""
+    found = play(transport, 3, recordings.positions[:120], SETTINGS, empty=True)
+    assert (found.performers, found.sent, found.expected) == (3, 360, 3 * 21)
+    assert found.answered + found.lost == found.expected
+    assert found.status is None
+    if not found.lost:
+        assert found.seconds.size == 3 * 6
+    assert (found.seconds > 0).all()
+
+
+def test_the_floor_answers_the_frames_that_are_due(recordings: Recorded) -> None:
+    """Each performer's frames are counted for themselves, whatever order they come in; a greeting comes back."""
+    positions = recordings.positions[:48]
+    answer = answer_to(positions, SETTINGS)
+    empty = EmptyRecognizer({1, 3}, answer, positions.shape[1])
+    frames = [Frame(name, 1.0 + k, each) for k, each in enumerate(positions[:5]) for name in ("a", "bb")]
+    for encoded in (osc.encode_frame, lambda frame: zeromq.encode_frame(frame, 0)):
+        answered = [(frame.performer, int(frame.time) - 1, empty.answer(encoded(frame))) for frame in frames]
+        heard = {(name, index): answer_in(packet).performer for name, index, packet in answered if packet}
+        assert heard == {(name, index): name for name in ("a", "bb") for index in (1, 3)}
+    assert empty.answer(osc.encode_frame(frames[0])) is None
+    assert answered[2][2] == zeromq.encode_recognition(replace(answer, performer="a"))
+    assert empty.answer([b"hello/", b""]) == [b"hello/", b""]
+    with pytest.raises(ValueError, match="positions"):
+        answer_to(positions[:10], SETTINGS)
+
+
 @pytest.mark.parametrize(
     ("change", "held"),
     [
@@ -74,7 +109,7 @@ def test_the_largest_crowd_is_found_to_a_tenth(limit: int, monkeypatch: pytest.M
     """The search ends at most a tenth below the limit and never above it or above the most asked for."""
     tried: list[int] = []
 
-    def played(_: str, performers: int, *__: object) -> Crowd:
+    def played(_: str, performers: int, *__: object, **___: object) -> Crowd:
         tried.append(performers)
         return replace(NOBODY, performers=performers, lost=int(performers > limit))
 
@@ -94,7 +129,7 @@ def test_noise_gets_a_second_try(monkeypatch: pytest.MonkeyPatch) -> None:
     """A crowd that fails once and is held the second time is held."""
     tried: list[int] = []
 
-    def played(_: str, performers: int, *__: object) -> Crowd:
+    def played(_: str, performers: int, *__: object, **___: object) -> Crowd:
         tried.append(performers)
         return replace(NOBODY, performers=performers, lost=int(tried.count(performers) == 1))
 
@@ -132,6 +167,20 @@ def test_memory_is_of_the_process_asked_for() -> None:
     assert after is not None
     assert after - before > 32
     assert memory.resident_mb(2**22 + 1) is None
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="only Linux is asked")
+def test_time_on_a_core_is_of_the_process_asked_for() -> None:
+    """A process that computes has had a core for about as long as it says itself; one that is not there, for none."""
+    before, begun = memory.core_seconds(), time.process_time()
+    while time.process_time() < begun + 0.3:
+        pass
+    after, ended = memory.core_seconds(os.getpid()), time.process_time()
+    assert before is not None
+    assert after is not None
+    # The system counts hundredths of a second.
+    assert after - before == pytest.approx(ended - begun, abs=0.1)
+    assert memory.core_seconds(2**22 + 1) is None
 
 
 def test_memory_is_asked_of_ps_where_there_is_no_proc(monkeypatch: pytest.MonkeyPatch) -> None:

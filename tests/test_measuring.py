@@ -67,6 +67,25 @@ def test_at_every_hop_and_rate_they_are_those_at_rest(some_clips: tuple[Clip, ..
     assert hops > 40
 
 
+def test_of_several_performers_they_are_those_of_each(some_clips: tuple[Clip, ...], basis: Basis) -> None:
+    """Measured in one go, the windows of several performers, of any age, measure what each measures alone."""
+    body = Body.of(some_clips[0].skeleton)
+    measurers = [WindowMeasurer(MEASURES, body, basis) for _ in range(4)]
+    for measurer, clip, frames in zip(measurers, some_clips, (8, 30, 100, 170), strict=False):
+        rows = distance_rows(clip.positions[:frames], clip.skeleton)
+        for index, row in enumerate(rows):
+            measurer.push([5.0 + index / 120], row[None])
+    for count in (1, 2, 4):
+        numbers, movements = measurers[0].read_with(measurers[1:count])
+        assert set(numbers) == set(MEASURES)
+        for place, measurer in enumerate(measurers[:count]):
+            alone = measurer.read()
+            assert movements[place] == pytest.approx(alone.movement, rel=1e-9)
+            for measure in MEASURES:
+                assert numbers[measure].shape == (count, len(alone.numbers[measure]))
+                assert numbers[measure][place] == pytest.approx(alone.numbers[measure], abs=1e-9)
+
+
 def test_lost_frames_leave_what_is_there(some_clips: tuple[Clip, ...], basis: Basis) -> None:
     """With a third of the frames lost, measures are those of the frames that came, by their times."""
     times, rows = _fed(some_clips[5:8], 120)

@@ -230,6 +230,29 @@ def test_a_frame_cut_off_anywhere_is_malformed() -> None:
     assert osc.decode(_VALID + b"\0\0\0\0", 1.0).malformed == 0
 
 
+def test_beginnings_of_one_length_are_not_mistaken_for_each_other() -> None:
+    """What was learned of one packet's beginning is not believed of another's of the same length or size."""
+    few, many = _frame_message("a" * 18, 1.0, [1.0] * 6), _frame_message("b" * 6, 2.0, [2.0] * 18)
+    assert few.index(struct.pack(">d", 1.0)) == many.index(struct.pack(">d", 2.0))
+    for _ in range(2):
+        _assert_frame(osc.decode(few, 9.0), "a" * 18, 1.0, np.full((2, 3), 1.0))
+        _assert_frame(osc.decode(many, 9.0), "b" * 6, 2.0, np.full((6, 3), 2.0))
+    # The beginning of many numbers, and as many bytes in all as the packet of few.
+    assert osc.decode(many[: len(few)], 9.0) == osc.Received([], malformed=1)
+    assert osc.decode(few + bytes(len(many) - len(few)), 9.0).malformed == 0
+    _assert_frame(osc.decode(few, 9.0), "a" * 18, 1.0, np.full((2, 3), 1.0))
+
+
+def test_made_up_names_do_not_pile_up() -> None:
+    """However many performers a sender makes up, only so many beginnings are remembered, and all are read."""
+    for number in range(3000):
+        _assert_frame(
+            osc.decode(_frame_message(f"{number}", 1.0, [0.5] * 6), 9.0), f"{number}", 1.0, np.full((2, 3), 0.5)
+        )
+    assert len(osc._layouts.known) <= 1024  # noqa: SLF001 - what nobody sees from outside
+    assert len(osc._layouts.places) <= 1024  # noqa: SLF001 - as above
+
+
 @given(data=st.data())
 @settings(max_examples=400)
 def test_a_frame_with_bytes_changed_is_read_alike_both_ways(data: st.DataObject) -> None:

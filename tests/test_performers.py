@@ -75,6 +75,42 @@ def test_interleaved_feeds_are_recognised_as_if_alone(library: MotionLibrary, se
     assert performers.counts.recognizers.hops == len(answers)
 
 
+@given(seed=st.integers(0, 2**32 - 1), most=st.sampled_from([1, 4, 40]))
+@settings(max_examples=15)
+def test_what_comes_together_is_recognised_as_if_one_by_one(library: MotionLibrary, seed: int, most: int) -> None:
+    """In batches of any sizes, mixed in any way, with announcements in between: the answers are those one by one."""
+    generator = np.random.default_rng(seed)
+    order = [5, 4, 3, 2, 1, 0]
+    reordered = Announcement("bow", tuple(STICK.joints[index] for index in order))
+    feeds: dict[str, list[Frame | Announcement]] = {
+        name: list(_frames(name, name, frames=260, start=100.0 * place)) for place, name in enumerate(STICK_CLASSES)
+    }
+    feeds["bow"] = [*feeds["bow"][:90], reordered, *_reordered(_frames("bow", "bow", frames=260)[90:], order)]
+    turns = [name for name, feed in feeds.items() for _ in feed]
+    generator.shuffle(turns)
+    waiting = {name: iter(feed) for name, feed in feeds.items()}
+    events = [next(waiting[name]) for name in turns]
+    together, single = Performers(library), Performers(library)
+    found: list[Recognition | None] = []
+    while len(found) < len(events):
+        size = int(generator.integers(0, most + 1))
+        answers = together.push_all(events[len(found) : len(found) + size], 0.0)
+        assert len(answers) == min(size, len(events) - len(found))
+        found += answers
+    for event, answer in zip(events, found, strict=True):
+        if isinstance(event, Announcement):
+            single.announce(event, 0.0)
+            assert answer is None
+            continue
+        expected = single.push(event, 0.0)
+        assert (answer is None) == (expected is None)
+        if answer is not None and expected is not None:
+            assert answer.scores == pytest.approx(expected.scores, abs=1e-6)
+            assert (answer.performer, answer.time, answer.label) == (event.performer, event.time, expected.label)
+    assert together.counts == single.counts
+    assert together.counts.recognizers.hops > 50
+
+
 def test_the_settings_are_every_recognisers(library: MotionLibrary) -> None:
     """What is set for all holds for each: with a hop of 0 every frame of every full window is answered."""
     performers = Performers(library, Settings(hop=0, window=0.5))

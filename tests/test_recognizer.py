@@ -16,10 +16,12 @@ from library.eigen import RESIDUAL_TOLERANCE
 from library.motionlibrary import MotionLibrary
 from stream.frame import FARTHEST, Frame
 from stream.recognition import Outcome, Recognition
-from stream.recognizer import Recognizer, RecognizerCounts, Settings
+from stream.recognizer import LiveSignature, Recognizer, RecognizerCounts, Settings
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
+
+    from library import Clip
 
 RATES = [30, 60, 120, 240]
 
@@ -46,6 +48,63 @@ def _assert_same(first: Sequence[Recognition], second: Sequence[Recognition]) ->
         assert np.array_equal(one.scores, other.scores)
         for name in (each.name for each in fields(Recognition) if each.name not in ("scores", "events")):
             assert getattr(one, name) == getattr(other, name)
+
+
+# --- several performers at once ----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("signature", LiveSignature)
+@pytest.mark.parametrize("together", [2, 5])
+def test_several_are_answered_in_one_go_as_if_alone(
+    signature: LiveSignature, together: int, hdm05_library: MotionLibrary, some_clips: tuple[Clip, ...]
+) -> None:
+    """Real motions of several performers, answered together, are answered as each alone, but for rounding."""
+    clips = sorted(some_clips, key=lambda clip: -clip.frames)[:together]
+    feeds = [
+        [Frame(clip.name, 1.0 + k / 120, each) for k, each in enumerate(clip.positions[: clips[-1].frames])]
+        for clip in clips
+    ]
+    settings = Settings(signature=signature, window=0.5)
+    recognizers = [Recognizer(hdm05_library, settings) for _ in feeds]
+    answers: list[Recognition] = []
+    for frames in zip(*feeds, strict=True):
+        taken = zip(recognizers, frames, strict=True)
+        due = [recognizer for recognizer, frame in taken if recognizer.take(frame)]
+        # As many as are due now, the last one first.
+        answers += due[-1].answer_with(due[:-1]) if due else []
+    for feed in feeds:
+        alone = _pushed(Recognizer(hdm05_library, settings), feed)
+        own = [answer for answer in answers if answer.performer == feed[0].performer]
+        assert len(own) == len(alone) > 5
+        for one, other in zip(own, alone, strict=True):
+            assert one.scores == pytest.approx(other.scores, abs=1e-5)
+            assert (one.time, one.outcome, one.best) == (other.time, other.outcome, other.best)
+            assert one.movement == pytest.approx(other.movement, rel=1e-9)
+            assert (one.share, one.gap) == (other.share, other.gap)
+            assert len(one.events) == len(other.events)
+    hops = sum(recognizer.counts.hops for recognizer in recognizers)
+    assert hops == len(answers)
+
+
+def test_an_answer_must_be_asked_for_when_it_is_due_and_only_then(library: MotionLibrary) -> None:
+    """Neither can a frame be taken in while the one before is unanswered, nor an answer be had where none is due."""
+    recognizer, other = Recognizer(library), Recognizer(library)
+    frames = _frames("bow")
+    index = next(index for index, frame in enumerate(frames) if recognizer.take(frame))
+    assert recognizer.unanswered is frames[index]
+    with pytest.raises(ValueError, match="frame: expected after the answer"):
+        recognizer.take(frames[index + 1])
+    with pytest.raises(ValueError, match="others: expected recognisers for which an answer is due"):
+        recognizer.answer_with([other])
+    (answer,) = recognizer.answer_with(())
+    assert answer.time == frames[index].time
+    assert recognizer.unanswered is None
+    with pytest.raises(ValueError, match="an answer is due"):
+        recognizer.answer_with(())
+    index = next(place for place in range(index + 1, len(frames)) if recognizer.take(frames[place]))
+    recognizer.reset()
+    assert recognizer.unanswered is None
+    assert not recognizer.take(frames[index + 1])
 
 
 # --- settings ----------------------------------------------------------------------------------------------------

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from stream.variance import RollingVariance
+from stream.variance import RollingVariance, means_and_deviations
 
 SEEDS = st.integers(0, 2**32 - 1)
 NO_ROWS = np.empty((0, 5))
@@ -55,6 +55,21 @@ def test_any_coming_and_going_gives_the_windows_own(seed: int, width: int, scale
         assert len(rolling) == end - start
         if end > start:
             _assert_right(rolling, rows[start:end])
+
+
+def test_of_several_windows_they_are_those_of_each() -> None:
+    """Gathered in one go, mean and deviation of windows of any lengths are those that each gives."""
+    windows = [RollingVariance(5) for _ in range(4)]
+    for seed, (window, count) in enumerate(zip(windows, (1, 2, 30, 100), strict=True)):
+        rows = _rows(count, seed=seed)
+        window.update(rows, NO_ROWS, rows)
+        later = _rows(count + 3, seed=seed)[3:]
+        if count > 3:
+            window.update(later[-3:], rows[:3], later)
+    means, deviations = means_and_deviations(windows)
+    for window, mean, deviation in zip(windows, means, deviations, strict=True):
+        assert mean == pytest.approx(window.mean(), rel=1e-14)
+        assert deviation == pytest.approx(window.deviation(), rel=1e-9)
 
 
 @pytest.mark.parametrize("unit", [1.0, 1000.0])

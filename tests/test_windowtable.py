@@ -210,6 +210,22 @@ def test_distances_are_those_of_the_loops(name: str, request: pytest.FixtureRequ
         np.testing.assert_allclose(table.log_distances(asked), expected, atol=2e-3)
 
 
+@pytest.mark.parametrize("name", ["builtin", "anybody", "one_person"])
+def test_several_windows_are_compared_as_one_by_one(name: str, request: pytest.FixtureRequest) -> None:
+    """Asked about several windows at once, also about some that are far off, it says of each what it says alone."""
+    builtin = name == "builtin"
+    table = _table(MotionLibrary.builtin() if builtin else request.getfixturevalue(name))
+    clips = request.getfixturevalue("some_clips")[:5] if builtin else _long_clips()
+    asked = [_asking(clip, 60, table.comparison) for clip in clips]
+    for far in (1e6, 1e12):
+        asked.append({measure: far * numbers for measure, numbers in asked[0].items()})
+    for count in (1, 3, len(asked)):
+        each = asked[-count:]
+        found = table.log_distances({measure: np.array([one[measure] for one in each]) for measure in table.measures})
+        assert found.shape == (count, len(np.unique(table.classes)))
+        np.testing.assert_allclose(found, [table.log_distances(one) for one in each], atol=2e-3)
+
+
 @pytest.mark.parametrize("name", ["each_their_own", "one_person"])
 def test_a_librarys_own_window_is_at_no_distance(name: str, request: pytest.FixtureRequest) -> None:
     """A window of a class that one person performs lies at no distance from its class, and at some from every other."""

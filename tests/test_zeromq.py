@@ -17,17 +17,21 @@ import zmq
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from library import MotionLibrary
 from library.hdm05 import SKELETON
 from stream import zeromq
 from stream.answer import Answer
 from stream.frame import Announcement, Frame
 from stream.performers import PerformerCounts
 from stream.recognition import Outcome, Recognition
+from stream.recognizer import LiveSignature, Recognizer, Settings
 from stream.status import InputCounts, Status
 from stream.zeromq import Endpoint, FormatError, SequenceGaps, ZmqReceiver, ZmqSender
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
+
+    from library import Clip
 
 ANY_PORT = "tcp://127.0.0.1:*"
 #: Milliseconds a test waits for a message that must come, before it gives up.
@@ -199,6 +203,42 @@ def test_headers_that_are_none(header: bytes) -> None:
         zeromq.decode([TOPIC, header, BUFFER], 1.0)
 
 
+_NUMBERS = st.one_of(
+    st.integers().map(str),
+    st.floats().map(json.dumps),
+    st.sampled_from(
+        ["-0", "0", "00", "01", "+1", "1.", ".5", "1e5", "1E+5", "1e-5", "-1e400", "1_0", " 1", "0x1", "١"]
+    ),
+)
+
+
+@given(
+    seq=_NUMBERS,
+    time=_NUMBERS,
+    joints=st.sampled_from(["3", "03", "3.0", "0", "-3", "4097", "4"]),
+    dtype=st.sampled_from(["<f4", "<f8", ">f4"]),
+    space=st.sampled_from(["", " ", "  "]),
+)
+@settings(max_examples=500)
+def test_a_header_is_read_alike_both_ways(seq: str, time: str, joints: str, dtype: str, space: str) -> None:
+    """The quick way of reading a header finds what json does, with the fields in another order, or nothing either."""
+    fields = [f'"seq":{space}{seq}', f'"t":{space}{time}', f'"shape":{space}[{joints},{space}3]']
+    fields += [f'"dtype":{space}"{dtype}"']
+    comma = f",{space}"
+    quick, thorough = f'{{"v":{space}1{comma}{comma.join(fields)}}}', f'{{{comma.join(fields)}{comma}"v":{space}1}}'
+    buffer = POSITIONS.astype("<f8" if "8" in dtype else "<f4").tobytes()
+    found = [_read_or_none([TOPIC, header.encode(), buffer]) for header in (quick, thorough)]
+    assert found[0] == found[1]
+
+
+def _read_or_none(parts: list[bytes]) -> tuple[object, ...] | None:
+    try:
+        frame, seq, announcement = zeromq.decode(parts, 77.0)
+    except FormatError:
+        return None
+    return frame.performer, frame.time, frame.positions.tobytes(), seq, announcement
+
+
 @pytest.mark.parametrize("joints", [True, zeromq.LARGEST_MESSAGE, 4097])
 def test_bodies_of_absurd_size(joints: int) -> None:
     """More joints than anybody has, and a truth value for their number, are refused though the buffer fits."""
@@ -334,6 +374,90 @@ def test_an_answer_holds_all_of_the_recognition() -> None:
     }
 
 
+def _dumped(recognition: Recognition) -> dict[str, object]:
+    """Give what json.dumps makes of an answer, field by field."""
+    second = sorted(range(len(recognition.scores)), key=lambda index: -recognition.scores[index])
+    second = [index for index in second if index != recognition.best]
+    described = {
+        "v": 1,
+        "performer": recognition.performer,
+        "t": recognition.time,
+        "class": recognition.class_name,
+        "guess": recognition.classes[recognition.best] if recognition.guess_index >= 0 else None,
+        "index": recognition.guess_index,
+        "outcome": recognition.outcome,
+        "score": float(recognition.scores[recognition.best]),
+        "runner_up": recognition.classes[second[0]] if second else None,
+        "margin": float(recognition.scores[recognition.best])
+        - (float(recognition.scores[second[0]]) if second else 0.0),
+        "scores": {
+            name: round(float(score), 6) for name, score in zip(recognition.classes, recognition.scores, strict=True)
+        },
+        "movement": recognition.movement,
+        "share": recognition.share,
+        "gap": recognition.gap,
+        "residual": recognition.residual,
+    }
+    return json.loads(json.dumps(described))
+
+
+_ANY_TEXT = st.text(st.characters(codec="utf-8"), min_size=1, max_size=12)
+_SHARES = st.one_of(st.none(), st.floats(0, 1))
+
+
+@given(
+    performer=_ANY_TEXT,
+    classes=st.lists(
+        st.one_of(_ANY_TEXT, st.sampled_from(["50 %", "%s", '"', "{}", "\\", "\n"])), min_size=1, unique=True
+    ),
+    outcome=st.sampled_from(Outcome),
+    numbers=st.tuples(st.floats(0, 1e9), st.floats(0, 1e3), _SHARES, _SHARES, _SHARES),
+    data=st.data(),
+)
+def test_an_answer_is_what_json_dumps_writes(
+    performer: str,
+    classes: list[str],
+    outcome: Outcome,
+    numbers: tuple[float, float, float | None, float | None, float | None],
+    data: st.DataObject,
+) -> None:
+    """Whatever classes and performers are called and whatever the numbers are, it is read as if json had written it."""
+    scores = data.draw(st.lists(st.floats(0, 1), min_size=len(classes), max_size=len(classes)))
+    guess = data.draw(st.one_of(st.none(), st.integers(0, len(classes) - 1)))
+    kind = data.draw(st.sampled_from([np.float32, np.float64]))
+    time, movement, share, gap, residual = numbers
+    recognition = Recognition(
+        performer, time, outcome, tuple(classes), np.array(scores, kind), movement, share, gap, residual, guess
+    )
+    topic, encoded = zeromq.encode_recognition(recognition)
+    assert topic == f"class/{performer}/".encode()
+    assert json.loads(encoded) == _dumped(recognition)
+    assert list(json.loads(encoded)) == list(_dumped(recognition))
+
+
+def test_numbers_that_are_none_are_written_as_json_dumps_does() -> None:
+    """NaN and infinities, which no recogniser gives, do not make an answer that cannot be read."""
+    scores = np.array([np.nan, np.inf, -np.inf, 0.1234567])
+    odd = dataclasses.replace(
+        NAMED, classes=("%.6f", "b", "c", "d"), scores=scores, guess=3, movement=np.nan, gap=-np.inf
+    )
+    answer = json.loads(zeromq.encode_recognition(odd)[1])
+    assert repr(answer["scores"]) == "{'%.6f': nan, 'b': inf, 'c': -inf, 'd': 0.123457}"
+    assert repr((answer["movement"], answer["gap"])) == "(nan, -inf)"
+
+
+@pytest.mark.parametrize("signature", LiveSignature)
+def test_real_answers_are_what_json_dumps_writes(signature: LiveSignature, some_clips: tuple[Clip, ...]) -> None:
+    """Recognitions of real motions are read as if json had written them."""
+    recognizer = Recognizer(MotionLibrary.builtin(), Settings(signature=signature))
+    clip = max(some_clips, key=lambda clip: clip.duration)
+    frames = [Frame("p", 1.0 + time, each) for time, each in zip(clip.times.tolist(), clip.positions, strict=True)]
+    answers = [answer for frame in frames if (answer := recognizer.push(frame))]
+    assert answers
+    for answer in answers:
+        assert json.loads(zeromq.encode_recognition(answer)[1]) == _dumped(answer)
+
+
 @pytest.mark.parametrize("outcome", [Outcome.STILL, Outcome.AMBIGUOUS])
 def test_without_a_class_it_is_null(outcome: Outcome) -> None:
     """Without a class the name is null, the index -1 and the outcome says why."""
@@ -391,7 +515,7 @@ def test_classes_and_status_are_json() -> None:
     assert topic == b"status/"
     described = json.loads(encoded)
     assert described == {"v": 1, "alive": True, "frames_per_second": 120.0, "lost": 13} | dataclasses.asdict(status)
-    told = {"received": 90, "malformed": 1, "foreign": 2, "overrun": 3, "missing": 4, "incomplete": 0}
+    told = {"received": 90, "malformed": 1, "foreign": 2, "overrun": 3, "missing": 4, "incomplete": 0, "broken": 0}
     assert described["inputs"] == told
     assert set(described["outcomes"]["recognizers"]) == {"frames", "out_of_order", "restarts", "hops", "exact"}
 
@@ -650,6 +774,47 @@ def test_a_message_too_large_does_not_get_in(wire: Wire) -> None:
         if receiver.socket.poll(50):
             break
     assert {parts[1] for parts in _delivered(sender, receiver)} == {b"small"}
+
+
+@pytest.mark.parametrize("bind", [True, False], ids=["bound", "connected"])
+def test_a_message_too_large_is_counted_and_the_sender_comes_back(wire: Wire, *, bind: bool) -> None:
+    """Whoever of the two connected: the break is seen, once each time, and what comes afterwards is heard again."""
+    other = wire.receiver() if bind else wire.sender()
+    receiver, sender = (other, wire.sender(other.address, bind=False)) if bind else (None, other)
+    receiver = receiver or wire.receiver(sender.address, bind=False)
+    _greet(sender, receiver)
+    assert receiver.broken() == 0
+    for times in (1, 2):
+        sender.send([b"frame/p/", bytes(2 * zeromq.LARGEST_MESSAGE)])
+        until, heard = time.monotonic() + PATIENCE_MS / 1000, False
+        while not heard and time.monotonic() < until:
+            sender.send([b"frame/p/", b"small"])
+            seen = receiver.broken() == times
+            heard = bool(receiver.socket.poll(20)) and seen
+            while receiver.receive():
+                pass
+        assert heard
+        assert receiver.broken() == times
+
+
+@pytest.mark.parametrize("bind", [True, False], ids=["bound", "connected"])
+def test_a_sender_that_leaves_is_not_counted(wire: Wire, *, bind: bool) -> None:
+    """A sender that ends, and begins again seconds later, has broken nothing, and is heard again."""
+    if bind:
+        receiver = wire.receiver()
+        sender = wire.sender(receiver.address, bind=False)
+    else:
+        sender = wire.sender()
+        receiver = wire.receiver(sender.address, bind=False)
+    address = receiver.address if bind else sender.address
+    _greet(sender, receiver)
+    sender.close()
+    for _ in range(60):
+        assert receiver.broken() == 0
+        receiver.socket.poll(20)
+    again = wire.sender(address, bind=not bind)
+    _greet(again, receiver)
+    assert receiver.broken() == 0
 
 
 def test_closing_does_not_wait_for_anybody(wire: Wire) -> None:

@@ -1,4 +1,4 @@
-"""A service, or a bare echo, in a process of its own: what demo, latency and tests talk to over loopback."""
+"""A service, or what stands in for it, in a process of its own: what demo, latency and tests talk to over loopback."""
 
 from __future__ import annotations
 
@@ -6,10 +6,11 @@ import gc
 import json
 import multiprocessing
 import signal
+import threading
 import time
 from contextlib import suppress
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal, Self
+from typing import TYPE_CHECKING, Any, Literal, Protocol, Self
 
 import zmq
 
@@ -21,11 +22,12 @@ from stream.service import OscSink, OscSource, Service, ZmqSink, ZmqSource
 from tools.feed import OscFrameSender, ZmqFrameSender
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
     from multiprocessing.connection import Connection
     from pathlib import Path
 
     from stream.status import Status
-    from tools.feed import FrameSender
+    from tools.feed import FrameSender, Packet
     from tools.listener import Receiver
 
 Transport = Literal["osc", "zmq"]
@@ -33,9 +35,24 @@ LOOPBACK = "127.0.0.1"
 ANY_ENDPOINT = zeromq.Endpoint(f"tcp://{LOOPBACK}:*", bind=True)
 #: Seconds a new process may take before it is given up.
 _LONGEST_START = 60.0
-#: Seconds between two looks at whether the parent wants it to stop.
+#: Seconds between two looks of a stand-in at whether the parent wants it to stop.
 _CHECK_EVERY = 0.1
 _GREET_EVERY_MS = 50
+
+
+class StandIn(Protocol):
+    """What answers in a recogniser's place, to see what everything around it costs; it is sent to the process."""
+
+    def answer(self, packet: Packet) -> Packet | None:
+        """Give what is sent back for a packet; None for nothing."""
+
+
+class Echo:
+    """Sends every packet back unread."""
+
+    def answer(self, packet: Packet) -> Packet:
+        """Give the packet itself."""
+        return packet
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,12 +61,12 @@ class _Request:
     library: Path | None
     settings: Settings
     answer_port: int
-    echo: bool
+    stand_in: StandIn | None
     performers: int
 
 
 class BackgroundService:
-    """A recogniser, or an echo of the same transport, in its own process on this machine.
+    """A recogniser, or what stands in for it, in its own process on this machine.
 
     Use as a context manager; on leaving, the process is stopped and `status` holds its last counts.
 
@@ -61,15 +78,16 @@ class BackgroundService:
         A library file; the built-in library when not given.
     settings
         Of the recognisers.
-    echo
-        Send every packet back unread, instead of recognising it.
+    stand_in
+        What answers instead of a recogniser. Over ZeroMQ it must send something back for a greeting, whose topic is
+        `hello/`.
     performers
         How many at once, at most.
 
     Attributes
     ----------
     status
-        The service's counters when it was stopped; None before, and for an echo.
+        The service's counters when it was stopped; None before, and for a stand-in.
     """
 
     def __init__(
@@ -78,17 +96,17 @@ class BackgroundService:
         *,
         library: Path | None = None,
         settings: Settings | None = None,
-        echo: bool = False,
+        stand_in: StandIn | None = None,
         performers: int = 32,
     ) -> None:
         self.status: Status | None = None
-        self._echo = echo
+        self._stand_in = stand_in
         self._receiver: osc.OscReceiver | None = osc.OscReceiver(LOOPBACK, 0) if transport == "osc" else None
         port = self._receiver.address[1] if self._receiver else 0
         # A fresh interpreter, so that the child holds none of the parent's sockets and threads.
         context = multiprocessing.get_context("spawn")
         self._connection, self._theirs = context.Pipe()
-        request = _Request(transport, library, settings or Settings(), port, echo, performers)
+        request = _Request(transport, library, settings or Settings(), port, stand_in, performers)
         self._process = context.Process(target=_serve, args=(self._theirs, request), daemon=True)
 
     def __enter__(self) -> Self:
@@ -166,8 +184,8 @@ class BackgroundService:
         raise TimeoutError("ZeroMQ: the recogniser's process was not reached")
 
     def _has_heard_us(self, parts: list[bytes]) -> bool:
-        """Whether a message shows that our greetings arrive: their echo, or a status that counts them."""
-        if self._echo:
+        """Whether a message shows that our greetings arrive: what a stand-in answers, or a status that counts them."""
+        if self._stand_in:
             return True
         return parts[0] == b"status/" and json.loads(parts[1])["inputs"]["received"] > 0
 
@@ -178,24 +196,35 @@ def _serve(connection: Connection, request: _Request) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     try:
         source, sink, addresses = _osc_ends(request) if request.transport == "osc" else _zmq_ends()
-        library = MotionLibrary.load(request.library) if request.library and not request.echo else None
-        if library is None and not request.echo:
-            library = MotionLibrary.builtin()
+        library = None if request.stand_in else _library(request.library)
     except (OSError, ValueError) as error:
         connection.send(error)
         return
     connection.send(addresses)
     if library is None:
-        _echo(connection, source, sink)
+        _stand_in(connection, source, sink, request.stand_in or Echo())
         connection.send(None)
         return
     performers = Performers(library, request.settings, most=request.performers)
     gc.freeze()
     with Service(performers, [source], [sink]) as service:
-        while not connection.poll():
-            service.step(_CHECK_EVERY)
-        service.step(0.0)
+        _when_told(connection, service.stop)
+        service.run()
         connection.send(service.status())
+
+
+def _library(path: Path | None) -> MotionLibrary:
+    return MotionLibrary.load(path) if path else MotionLibrary.builtin()
+
+
+def _when_told(connection: Connection, stop: Callable[[], None]) -> None:
+    """Stop when the parent says so, or is gone; to ask every time costs as much as to deal with a packet."""
+
+    def wait() -> None:
+        connection.poll(None)
+        stop()
+
+    threading.Thread(target=wait, name="kinespace until told to stop", daemon=True).start()
 
 
 def _osc_ends(request: _Request) -> tuple[OscSource, OscSink, tuple[object, object]]:
@@ -208,17 +237,21 @@ def _zmq_ends() -> tuple[ZmqSource, ZmqSink, tuple[object, object]]:
     return source, sink, (source.receiver.address, sink.sender.address)
 
 
-def _echo(connection: Connection, source: OscSource | ZmqSource, sink: OscSink | ZmqSink) -> None:
-    """Send every packet back unread: what the transport and the machine cost without us."""
+def _stand_in(
+    connection: Connection, source: OscSource | ZmqSource, sink: OscSink | ZmqSink, stand_in: StandIn
+) -> None:
+    """Receive and send, nothing else: what the transport and the machine cost without us."""
+    stopped = threading.Event()
+    _when_told(connection, stopped.set)
     poller = zmq.Poller()
     poller.register(source.receiver.socket, zmq.POLLIN)
-    while not connection.poll():
-        if poller.poll(int(_CHECK_EVERY * 1000)):
-            _echo_waiting(source, sink)
+    gc.freeze()
+    while not stopped.is_set():
+        if not poller.poll(int(_CHECK_EVERY * 1000)):
+            continue
+        while (packet := source.receiver.receive()) is not None:
+            answer = stand_in.answer(packet)
+            if answer is not None:
+                sink.sender.send(answer)  # type: ignore[arg-type]  # both ends are of one transport
     source.close()
     sink.close()
-
-
-def _echo_waiting(source: OscSource | ZmqSource, sink: OscSink | ZmqSink) -> None:
-    while (packet := source.receiver.receive()) is not None:
-        sink.sender.send(packet)  # type: ignore[arg-type]  # both ends are of one transport

@@ -13,7 +13,7 @@ from rich.table import Table
 
 from library import MotionLibrary
 from stream.frame import Announcement, Frame
-from tools.background import BackgroundService
+from tools.background import BackgroundService, Echo
 from tools.console import console
 from tools.expected import AnswerMatcher, expected_answers
 from tools.feed import Cue, Pace
@@ -126,7 +126,7 @@ def measure(
     expected = expected_answers(cues, library, settings)
     with (
         BackgroundService(transport, settings=settings) as service,
-        BackgroundService(transport, echo=True) as echo,
+        BackgroundService(transport, stand_in=Echo()) as echo,
         closing(_Run(service, echo)) as run,
     ):
         run.play(cues, Announcement("latency", library.skeleton.joints), rate_hz)

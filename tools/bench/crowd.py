@@ -7,7 +7,7 @@ import time
 from collections import defaultdict
 from contextlib import closing
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -15,7 +15,8 @@ from library import MotionLibrary
 from stream import zeromq
 from stream.frame import Frame
 from tools.background import BackgroundService
-from tools.bench.memory import resident_mb
+from tools.bench.floor import EmptyRecognizer, answer_to
+from tools.bench.memory import core_seconds, resident_mb
 from tools.bench.recorded import FRAME_RATE
 from tools.expected import expected_answers
 from tools.feed import Cue, OscFrameSender, Pace, ZmqFrameSender
@@ -69,8 +70,11 @@ class Crowd:
         Share by which sending took longer than the feed: above 0.02 the sender is what was measured.
     resident_mb
         Memory of the recogniser's process during the run, some samples from its start to its end.
+    core_share
+        Of one core, by all of the recogniser's process while frames were sent; what other programs do to this machine
+        hardly changes it. None where the system does not say.
     status
-        The recogniser's counters at its end.
+        The recogniser's counters at its end; None where nothing was recognised.
     """
 
     performers: int
@@ -81,6 +85,7 @@ class Crowd:
     seconds: NDArray[np.float64] = field(repr=False)
     behind: float
     resident_mb: tuple[float, ...] = field(repr=False)
+    core_share: float | None
     status: Status | None = field(repr=False)
 
     def percentile(self, percent: float) -> float:
@@ -94,7 +99,9 @@ class Crowd:
         return in_time and not self.lost and self.behind <= _BEHIND
 
 
-def play(transport: Transport, performers: int, positions: NDArray[np.float32], settings: Settings) -> Crowd:
+def play(
+    transport: Transport, performers: int, positions: NDArray[np.float32], settings: Settings, *, empty: bool = False
+) -> Crowd:
     """Let so many performers do the same, each at a moment of their own, 120 times a second.
 
     A performer's frames are sent at an even share of the frame time after the performer's before, and performers enter
@@ -110,19 +117,25 @@ def play(transport: Transport, performers: int, positions: NDArray[np.float32], 
         What each of them does, shape (frames, joints, 3), metres.
     settings
         Of the recogniser.
+    empty
+        Recognise nothing: answer the same frames with an answer made beforehand.
     """
     hop = max(1, round(settings.hop * FRAME_RATE))
     cues = [Cue(k / FRAME_RATE, Frame("p", 1.0 + k / FRAME_RATE, each), k) for k, each in enumerate(positions)]
     due = [each.cue for each in expected_answers(cues, MotionLibrary.builtin(), settings)]
-    with BackgroundService(transport, settings=settings, performers=performers) as service:
+    stand_in = EmptyRecognizer(due, answer_to(positions, settings), positions.shape[1]) if empty else None
+    with BackgroundService(transport, settings=settings, performers=performers, stand_in=stand_in) as service:
         greeter, receiver = service.connect()
         with closing(greeter), closing(Listener(receiver)) as listener:
             request = _Request(service.frames_to, performers, positions, hop)
-            sent, behind, heard, resident = _run(request, listener, service.process_id)
+            sent, behind, heard, used = _run(request, listener, service.process_id)
     status = service.status
     latencies, answered = _latencies(heard, sent, due)
     expected = performers * len(due)
-    missing = status.lost + status.unsent + sent.size - status.outcomes.recognizers.frames if status else sent.size
+    if status:
+        missing = status.lost + status.unsent + sent.size - status.outcomes.recognizers.frames
+    else:
+        missing = 0 if empty else sent.size
     return Crowd(
         performers=performers,
         sent=sent.size,
@@ -131,7 +144,8 @@ def play(transport: Transport, performers: int, positions: NDArray[np.float32], 
         lost=max(expected - answered, missing, 0),
         seconds=latencies,
         behind=behind,
-        resident_mb=resident,
+        resident_mb=used.resident_mb,
+        core_share=used.core_share,
         status=status,
     )
 
@@ -144,9 +158,16 @@ class _Request:
     hop: int
 
 
+class _Used(NamedTuple):
+    """What the recogniser's process used: memory, some samples, and of a core."""
+
+    resident_mb: tuple[float, ...]
+    core_share: float | None
+
+
 def _run(
     request: _Request, listener: Listener, process_id: int | None
-) -> tuple[NDArray[np.float64], float, list[Heard], tuple[float, ...]]:
+) -> tuple[NDArray[np.float64], float, list[Heard], _Used]:
     """Start the sender, and listen until it is done and nothing more comes."""
     context = multiprocessing.get_context("spawn")
     ours, theirs = context.Pipe()
@@ -159,13 +180,14 @@ def _run(
         if not ours.poll(_LONGEST_START):
             raise TimeoutError("the sender's process did not start")
         ours.recv()
-        sampled = 0.0
+        sampled, before, begun = 0.0, core_seconds(process_id), time.perf_counter()
         while not ours.poll():
             heard += listener.listen_until(time.perf_counter() + _LISTEN)
             if time.perf_counter() >= sampled:
                 sampled = time.perf_counter() + 1.0
                 resident += [megabytes] if (megabytes := resident_mb(process_id)) is not None else []
         sent, behind = ours.recv()
+        after, ended = core_seconds(process_id), time.perf_counter()
         heard += listener.listen_until(time.perf_counter() + _LINGER)
     except EOFError:
         raise ChildProcessError("the sender's process ended before it was done") from None
@@ -173,7 +195,8 @@ def _run(
         process.kill()
         process.join()
         ours.close()
-    return sent, behind, heard, tuple(resident)
+    share = None if before is None or after is None else (after - before) / (ended - begun)
+    return sent, behind, heard, _Used(tuple(resident), share)
 
 
 def _latencies(
@@ -229,7 +252,7 @@ def _send(connection: Connection, request: _Request) -> None:
 
 
 def most_performers(
-    transport: Transport, positions: NDArray[np.float32], settings: Settings, *, most: int = 1024
+    transport: Transport, positions: NDArray[np.float32], settings: Settings, *, most: int = 1024, empty: bool = False
 ) -> Crowd | None:
     """Find the largest crowd that one core holds: nothing lost, p99 within a frame's time.
 
@@ -239,7 +262,7 @@ def most_performers(
     held: Crowd | None = None
     low, high, trying = 0, most + 1, 8
     while trying > low and trying < high and (low == 0 or high / low > _RESOLUTION):
-        crowds = (play(transport, trying, positions, settings) for _ in range(_TRIES))
+        crowds = (play(transport, trying, positions, settings, empty=empty) for _ in range(_TRIES))
         found = next((crowd for crowd in crowds if crowd.held), None)
         if found:
             held, low = found, trying

@@ -9,7 +9,7 @@ import numpy as np
 
 from library import MotionLibrary, hdm05
 from library.distances import distance_rows
-from library.signature import Moments, signature_of
+from library.signature import Moments, signature_of, similarity
 from library.skeleton import Skeleton
 from stream.performers import Performers
 from stream.recognizer import LiveSignature, Recognizer, Settings
@@ -39,6 +39,10 @@ _PERTURBATION = 0.3
 #: Rows perturbed at once, so that the largest library needs no second room.
 _AT_ONCE = 10_000
 _WINDOWS_ASKED = 16
+#: Performers whose windows are matched together.
+_TOGETHER = 8
+#: Rounding of scores computed in another order: what is nearer to the best is the best.
+_SAME_SCORE = 1e-5
 #: Frames of one round.
 _ROUND = 240
 
@@ -71,6 +75,9 @@ class Growth:
         The cost at each size, median.
     exponent
         b of cost = a · size^b, by least squares of the logarithms.
+    recall
+        Of all that a search for the best should find, the share that it found at the largest size; None where nothing
+        is searched for.
     """
 
     of: str
@@ -79,6 +86,7 @@ class Growth:
     sizes: tuple[float, ...]
     us: tuple[float, ...]
     exponent: float
+    recall: float | None = None
 
 
 def measure(recorded: Recorded, *, sizes: Sizes, rounds: int) -> tuple[Growth, ...]:
@@ -87,6 +95,7 @@ def measure(recorded: Recorded, *, sizes: Sizes, rounds: int) -> tuple[Growth, .
         lambda: by_joints(recorded, sizes.joints, rounds),
         lambda: by_window(recorded, sizes.seconds, rounds),
         lambda: by_library(recorded, sizes.motions, rounds),
+        lambda: by_library(recorded, sizes.motions, rounds, together=_TOGETHER),
         *(_by_performers(recorded, sizes.performers, signature, rounds) for signature in LiveSignature),
     )
     return tuple(part() for part in progress(parts, "Growth", len(parts)))
@@ -138,12 +147,30 @@ def _pushing(library: MotionLibrary, positions: NDArray[np.floating], settings: 
     return run
 
 
-def by_library(recorded: Recorded, motions: Sequence[int], rounds: int) -> Growth:
-    """Time the match of one window with libraries of each size."""
+def by_library(recorded: Recorded, motions: Sequence[int], rounds: int, *, together: int = 1) -> Growth:
+    """Time the match of one window with libraries of each size, windows of so many performers asked for together."""
     builtin = MotionLibrary.builtin()
-    signatures = list(_live_signatures(recorded.takes[0], builtin.skeleton))
-    jobs = {f"{count}": _matching(enlarged(builtin, count), signatures) for count in motions}
-    return _grown("library", "a match", {f"{count}": count for count in motions}, jobs, rounds)
+    axes = np.array([signature.axis.vector for signature in _live_signatures(recorded.takes[0], builtin.skeleton)])
+    libraries = {f"{count}": enlarged(builtin, count) for count in motions}
+    jobs = {name: _matching(library, axes, together) for name, library in libraries.items()}
+    of = "library" if together == 1 else f"library, {together} together"
+    grown = _grown(of, "a match", {f"{count}": count for count in motions}, jobs, rounds)
+    return replace(grown, recall=recall(libraries[f"{max(motions)}"], axes))
+
+
+def recall(library: MotionLibrary, axes: NDArray[np.float64]) -> float:
+    """Give the share of the classes' best scores that are found, of those that comparing with every motion finds.
+
+    Parameters
+    ----------
+    library
+        Motions.
+    axes
+        Unit vectors asked for, shape (windows, pairs).
+    """
+    starts = np.searchsorted(library.class_indices, np.arange(len(library.classes)))
+    best = np.maximum.reduceat(similarity(axes.astype(np.float32), library.axes.T), starts, axis=1)
+    return float((library.class_scores(axes) >= best - _SAME_SCORE).mean())
 
 
 def _live_signatures(take: Clip, skeleton: Skeleton) -> Iterator[Signature]:
@@ -153,13 +180,11 @@ def _live_signatures(take: Clip, skeleton: Skeleton) -> Iterator[Signature]:
         yield signature_of(Moments.of_rows(rows[start : start + length]))
 
 
-def _matching(library: MotionLibrary, signatures: Sequence[Signature]) -> Callable[[], float]:
+def _matching(library: MotionLibrary, axes: NDArray[np.float64], together: int) -> Callable[[], float]:
+    asked = [axes[start : start + together] for start in range(0, len(axes), together)]
+
     def run() -> float:
-        return (
-            timed(lambda: [library.class_scores(signature.axis.vector) for signature in signatures])
-            * 1e6
-            / len(signatures)
-        )
+        return timed(lambda: [library.class_scores(each) for each in asked]) * 1e6 / len(axes)
 
     return run
 

@@ -119,5 +119,5 @@ def last_axis(recognizer: Recognizer) -> LeadingAxis | None:
 
     Answers carry no vector; whoever checks one needs the very state that has run all day.
     """
-    matcher = recognizer._matcher  # noqa: SLF001 - see above
+    matcher = recognizer.matcher
     return matcher.read().axis if isinstance(matcher, EigenvectorMatcher) else None

@@ -67,23 +67,26 @@ class Report:
 
     def _of_growth(self) -> dict[str, float | None]:
         found = {each.of: each for each in self.growth or ()}
-        joints, library = found.get("joints"), found.get("library")
-        at_200k = dict(zip(library.sizes, library.us, strict=True)).get(200_000) if library else None
+        joints, library, together = found.get("joints"), found.get("library"), found.get("library, 8 together")
+        at_200k, together_at_200k = (_at(each, 200_000) for each in (library, together))
         return {
             "pairs_exponent": joints.exponent if joints else None,
             "match_200k_ms": at_200k / 1000 if at_200k else None,
+            "match_200k_together_ms": together_at_200k / 1000 if together_at_200k else None,
+            "match_200k_recall": library.recall if library and at_200k else None,
         }
 
     def _of_sockets(self) -> dict[str, float | None]:
         sockets = self.sockets
         usual = sockets.latency("osc", 120.0) if sockets else None
         fastest = [each for each in sockets.latencies if each.rate_hz == 360.0] if sockets else []
-        held = sockets.crowds["osc"] if sockets else None
+        held, floor = (sockets.crowds["osc"], sockets.floors["osc"]) if sockets else (None, None)
         return {
             "latency_p99_ms": usual.percentile(99) if usual else None,
             "echo_p99_ms": usual.percentile(99, echo=True) if usual else None,
             "lost_360": sum(each.lost for each in fastest) if fastest else None,
             "performers_at_120hz": (held.performers if held else 0) if sockets else None,
+            "floor_performers_at_120hz": (floor.performers if floor else 0) if sockets else None,
             "rss_mb": sockets.running.resident_mb if sockets else None,
             "rss_100_mb": sockets.running.resident_100_mb if sockets else None,
             "startup_s": sockets.running.startup_s if sockets else None,
@@ -112,6 +115,11 @@ class Report:
         missing = self.peers.missing if self.peers else {}
         asks = [f"{name}: not measured, needs {needs}: pip install kinespace[bench]" for name, needs in missing.items()]
         return [*self.notes, *asks]
+
+
+def _at(growth: Growth | None, size: float) -> float | None:
+    """Give the cost at a size, microseconds; None when it was not measured."""
+    return dict(zip(growth.sizes, growth.us, strict=True)).get(size) if growth else None
 
 
 def _rounded(value: float | None) -> float | int | None:
@@ -171,12 +179,13 @@ def _peers_table(peers: Peers) -> Table:
 
 
 def _growth_table(growth: Sequence[Growth]) -> Table:
-    table = _table("What it costs to grow, one core", ("of", "size", "cost of"), ("µs", "exponent"))
+    table = _table("What it costs to grow, one core", ("of", "size", "cost of"), ("µs", "exponent", "recall"))
     for each in growth:
         last = each.labels[-1]
         for label, us in zip(each.labels, each.us, strict=True):
             told = f"{each.exponent:.2f}" if label == last else ""
-            table.add_row(each.of, label, each.cost, f"{us:,.1f}", told, end_section=label == last)
+            found = f"{each.recall:.4f}" if label == last and each.recall is not None else ""
+            table.add_row(each.of, label, each.cost, f"{us:,.1f}", told, found, end_section=label == last)
     return table
 
 
@@ -197,6 +206,9 @@ def _outside_table(sockets: Sockets) -> Table:
     for transport, crowd in sockets.crowds.items():
         held = f"{crowd.performers}" if crowd else "0"
         table.add_row(f"performers at 120 Hz on one core, {transport}", held, _of_crowd(crowd) if crowd else "")
+        floor = sockets.floors[transport]
+        told = _of_crowd(floor) if floor else ""
+        table.add_row("... of a loop that recognises nothing", f"{floor.performers}" if floor else "0", told)
     running = sockets.running
     table.add_row("start of `kinespace live` to its first answer", f"{running.startup_s:.2f} s", "")
     table.add_row("resident memory, one performer", _megabytes(running.resident_mb), "")
@@ -206,7 +218,8 @@ def _outside_table(sockets: Sockets) -> Table:
 
 def _of_crowd(crowd: Crowd) -> str:
     told = f"p50 {crowd.percentile(50):.2f} ms, p99 {crowd.percentile(99):.2f} ms"
-    return f"{told}; {crowd.sent:,} frames, {crowd.lost} lost"
+    share = "" if crowd.core_share is None else f"; {crowd.core_share:.0%} of the core"
+    return f"{told}; {crowd.sent:,} frames, {crowd.lost} lost{share}"
 
 
 def _soak_table(soak: Soak) -> Table:

@@ -38,12 +38,16 @@ class Sockets:
         By transport and frame rate, beside a bare echo of the same packets.
     crowds
         By transport the largest crowd that one core holds; None when not even one performer is.
+    floors
+        The same of a loop that only receives and answers: as near as anything in Python can come. Where it ends may be
+        what the sender's core holds.
     running
         Start-up and memory.
     """
 
     latencies: tuple[Latency, ...]
     crowds: dict[Transport, Crowd | None]
+    floors: dict[Transport, Crowd | None]
     running: Running
 
     def latency(self, transport: Transport, rate_hz: float) -> Latency | None:
@@ -91,4 +95,8 @@ def measure(
         transport: crowd.most_performers(transport, played, settings, most=most)
         for transport in progress(TRANSPORTS, "Performers", len(TRANSPORTS))
     }
-    return Sockets(latencies, crowds, running.measure(positions, signature, starts=starts, many=min(most, 100)))
+    floors = {
+        transport: crowd.most_performers(transport, played, settings, most=most, empty=True)
+        for transport in progress(TRANSPORTS, "Performers, nothing recognised", len(TRANSPORTS))
+    }
+    return Sockets(latencies, crowds, floors, running.measure(positions, signature, starts=starts, many=min(most, 100)))

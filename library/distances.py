@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -17,9 +17,7 @@ if TYPE_CHECKING:
 _BLOCK = 16
 
 
-def distance_rows(
-    positions: NDArray[np.floating], skeleton: Skeleton, *, out: NDArray[np.float64] | None = None
-) -> NDArray[np.float64]:
+def distance_rows(positions: NDArray[np.floating], skeleton: Skeleton) -> NDArray[np.float64]:
     """Measure every joint pair of one or many frames (Le Naour et al. 2012, section 2, equation 1).
 
     Parameters
@@ -28,8 +26,6 @@ def distance_rows(
         Joint positions, shape (..., joints, 3), metres.
     skeleton
         Whose pairs are measured.
-    out
-        Where to write them, if not into memory of their own: contiguous, of their shape. Given back.
 
     Returns
     -------
@@ -39,42 +35,81 @@ def distance_rows(
     Raises
     ------
     ValueError
-        The last two axes are not (joints, 3), or what to write into is not contiguous or of another shape.
+        The last two axes are not (joints, 3).
     """
     joints = len(skeleton.joints)
     if positions.shape[-2:] != (joints, 3):
         raise ValueError(f"positions: expected (..., {joints}, 3), got {positions.shape}")
-    shape = (*positions.shape[:-2], len(skeleton.pairs))
-    if out is not None and (out.shape != shape or not out.flags.c_contiguous):
-        raise ValueError(f"out: expected a contiguous array of shape {shape}, got shape {out.shape}")
-    rows = np.empty(shape) if out is None else out
-    if positions.ndim == 3 and len(positions) <= _BLOCK:
-        _measure(positions, skeleton.pairs, rows)
-        return rows
+    rows = np.empty((*positions.shape[:-2], len(skeleton.pairs)))
     frames, each = positions.reshape(-1, joints, 3), rows.reshape(-1, len(skeleton.pairs))
+    measurer = DistanceMeasurer(skeleton, min(len(frames), _BLOCK))
     for begin in range(0, len(frames), _BLOCK):
         some = slice(begin, begin + _BLOCK)
-        _measure(frames[some], skeleton.pairs, each[some])
+        measurer.measure(frames[some], each[some])
     return rows
 
 
-def _measure(positions: NDArray[np.floating], pairs: NDArray[np.intp], rows: NDArray[np.float64]) -> None:
-    """Write into rows what is measured of some frames, shape (frames, joints, 3).
+class DistanceMeasurer:
+    """Measures some frames at a time, as `distance_rows` does, again and again in the same memory.
 
-    Two or four frames lie side by side, number by number: to pick out a pair's joints is then to copy 16 or 32 bytes
-    at once, for which numpy has a quick way. One coordinate at a time, because a strided (pairs, 3) difference costs
-    twice as much.
+    Parameters
+    ----------
+    skeleton
+        Whose pairs are measured.
+    most
+        Frames at a time, at most.
     """
-    frames, joints, _ = positions.shape
-    together = math.gcd(frames, 4)
-    grouped = positions.reshape(frames // together, together, joints, 3)
-    coordinates = np.empty((3, frames // together, joints, together))
-    coordinates[...] = grouped.transpose(3, 0, 2, 1)
-    difference = coordinates.take(pairs[:, 0], axis=2)
-    difference -= coordinates.take(pairs[:, 1], axis=2)
-    difference *= difference
-    squared = difference[0]
-    squared += difference[1]
-    squared += difference[2]
-    np.sqrt(squared, out=squared)
-    rows.reshape(frames // together, together, len(pairs))[...] = squared.transpose(0, 2, 1)
+
+    def __init__(self, skeleton: Skeleton, most: int) -> None:
+        self._skeleton = skeleton
+        self._numbers = np.empty(3 * most * (len(skeleton.joints) + 2 * len(skeleton.pairs)))
+        self._by_frames: dict[int, _Memory] = {}
+
+    def measure(self, positions: NDArray[np.floating], rows: NDArray[np.float64]) -> None:
+        """Measure frames.
+
+        Parameters
+        ----------
+        positions
+            Shape (frames, joints, 3), metres; not more frames than were said.
+        rows
+            Where to write the distances: contiguous, shape (frames, pairs), metres.
+        """
+        frames, joints, _ = positions.shape
+        # Two or four frames lie side by side, number by number: to pick out a pair's joints is then to copy 16 or 32
+        # bytes at once, for which numpy has a quick way.
+        together = math.gcd(frames, 4)
+        coordinates, difference, second = self._by_frames.get(frames) or self._memory(frames, together)
+        coordinates[...] = positions.reshape(frames // together, together, joints, 3).transpose(3, 0, 2, 1)
+        pairs = self._skeleton.pairs
+        # One coordinate at a time: a strided (pairs, 3) difference costs twice as much. No index is out of range, and
+        # only when told so does numpy write where it should without a detour.
+        coordinates.take(pairs[:, 0], axis=2, out=difference, mode="clip")
+        coordinates.take(pairs[:, 1], axis=2, out=second, mode="clip")
+        difference -= second
+        difference *= difference
+        squared = difference[0]
+        squared += difference[1]
+        squared += difference[2]
+        np.sqrt(squared, out=squared)
+        rows.reshape(frames // together, together, len(pairs))[...] = squared.transpose(0, 2, 1)
+
+    def _memory(self, frames: int, together: int) -> _Memory:
+        """Lay out the memory for so many frames."""
+        joints, pairs = len(self._skeleton.joints), len(self._skeleton.pairs)
+        shape, begin, half = (3, frames // together, -1, together), 3 * frames * joints, 3 * frames * pairs
+        memory = _Memory(
+            self._numbers[:begin].reshape(shape),
+            self._numbers[begin : begin + half].reshape(shape),
+            self._numbers[begin + half : begin + 2 * half].reshape(shape),
+        )
+        self._by_frames[frames] = memory
+        return memory
+
+
+class _Memory(NamedTuple):
+    """Joints' coordinates and pairs' differences, shape (3, groups of frames, joints or pairs, frames of a group)."""
+
+    coordinates: NDArray[np.float64]
+    difference: NDArray[np.float64]
+    second: NDArray[np.float64]

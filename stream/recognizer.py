@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from library.distances import distance_rows
+from library.distances import DistanceMeasurer
 from stream.eigenmatcher import EigenvectorMatcher
 from stream.events import EventDetector
 from stream.recognition import Recognition
@@ -145,6 +145,7 @@ class Recognizer:
         self._shape = (len(library.skeleton.joints), 3)
         self._positions = np.empty((_MOST_WAITING, *self._shape))
         self._rows = np.empty((_MOST_WAITING, len(library.skeleton.pairs)))
+        self._measurer = DistanceMeasurer(library.skeleton, _MOST_WAITING)
         self._times: list[float] = []
         self._longest_gap = min(self.settings.longest_gap, self.matcher.longest)
         self._early = _EARLY * self.settings.hop
@@ -242,7 +243,8 @@ class Recognizer:
     def _measure(self) -> None:
         """Measure the frames that came since the last hop, all in one go: that halves their cost."""
         count = len(self._times)
-        rows = distance_rows(self._positions[:count], self.library.skeleton, out=self._rows[:count])
+        rows = self._rows[:count]
+        self._measurer.measure(self._positions[:count], rows)
         self.matcher.push(self._times, rows)
         self._times.clear()
 

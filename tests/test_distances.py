@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from library import hdm05
-from library.distances import distance_rows
+from library.distances import DistanceMeasurer, distance_rows
 from library.skeleton import Skeleton
 
 if TYPE_CHECKING:
@@ -97,20 +97,16 @@ def test_any_leading_axes_are_kept(leading: tuple[int, ...]) -> None:
     assert np.array_equal(rows.reshape(-1, 465), distance_rows(positions.reshape(-1, 31, 3), BODY))
 
 
-@pytest.mark.parametrize("leading", [(), (1,), (4,), (7,), (2, 3), (40,), (0,)])
-def test_they_are_written_where_they_are_asked_for(leading: tuple[int, ...]) -> None:
-    """Into an array of the caller's come the very numbers that come without one, and it is given back."""
-    positions = np.random.default_rng(7).normal(size=(*leading, 31, 3))
-    out = np.full((*leading, 465), np.nan)
-    assert distance_rows(positions, BODY, out=out) is out
-    assert np.array_equal(out, distance_rows(positions, BODY))
-
-
-@pytest.mark.parametrize("out", [np.empty((4, 464)), np.empty((3, 465)), np.empty((4, 500))[:, :465]])
-def test_they_are_not_written_where_they_do_not_fit(out: np.ndarray) -> None:
-    """Another shape, or one with gaps between its rows, is refused."""
-    with pytest.raises(ValueError, match=r"out: expected a contiguous array of shape \(4, 465\)"):
-        distance_rows(_positions(2, frames=4), BODY, out=out)
+def test_measured_again_and_again_in_the_same_memory() -> None:
+    """Whatever numbers of frames come one after the other, each is as if alone, and others stay as they are."""
+    positions = np.random.default_rng(7).normal(size=(200, 31, 3))
+    expected, measurer = distance_rows(positions, BODY), DistanceMeasurer(BODY, 16)
+    rows, begin = np.full((200, 465), np.nan), 0
+    for frames in (1, 4, 16, 3, 4, 2, 8, 16, 12, 5, 1):
+        measurer.measure(positions[begin : begin + frames], rows[begin : begin + frames])
+        begin += frames
+        assert np.array_equal(rows[:begin], expected[:begin])
+        assert np.isnan(rows[begin:]).all()
 
 
 def test_input_is_neither_changed_nor_bound_to_a_layout() -> None:

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Protocol
 import numpy as np
 from scipy.sparse.linalg import eigsh
 
-from library.distances import distance_rows
+from library.distances import DistanceMeasurer
 from library.signature import similarity
 from stream.recognition import Outcome, Recognition
 from stream.window import MOST_PENDING, SlidingWindow
@@ -68,12 +68,15 @@ class AxisAlternative(ABC):
         self._library = library
         self._best = _BestOfClass(library)
         self._window = SlidingWindow(seconds, len(library.skeleton.pairs))
+        self._measurer = DistanceMeasurer(library.skeleton, 1)
+        self._row = np.empty((1, len(library.skeleton.pairs)))
 
     def push(self, frame: Frame) -> None:
         """Measure the frame's distances and put them into the window."""
         if self._window.pending >= MOST_PENDING:
             self.learn(self._window.take_change().entered)
-        self._window.push([frame.time], distance_rows(frame.positions[None], self._library.skeleton))
+        self._measurer.measure(frame.positions[None], self._row)
+        self._window.push([frame.time], self._row)
 
     def learn(self, rows: NDArray[np.float64]) -> None:  # noqa: B027 - most keep no state and have nothing to learn
         """Take in rows that are new, shape (rows, pairs); for those that keep a state."""

@@ -12,7 +12,7 @@ import numpy as np
 from pythonosc.osc_packet import OscPacket
 
 from library import MotionLibrary
-from library.distances import distance_rows
+from library.distances import DistanceMeasurer
 from stream import osc, zeromq
 from stream.recognizer import LiveSignature, Recognizer, Settings
 from tools.bench.inner import steps_of
@@ -229,11 +229,12 @@ class _Stepping:
     """The steps inside, each with a clock around it."""
 
     def __init__(self, library: MotionLibrary, positions: NDArray[np.float32], settings: Settings) -> None:
-        self._skeleton = library.skeleton
         self._feed = Feed(positions)
         self._steps = steps_of(library, settings)
         self.names = ("distances", "window", *self._steps.steps)
         self._frames_per_hop = max(round(settings.hop * FRAME_RATE), 1)
+        self._measurer = DistanceMeasurer(library.skeleton, self._frames_per_hop)
+        self._rows = np.empty((self._frames_per_hop, len(library.skeleton.pairs)))
         self._costs: Mapping[str, float] = {}
         self._run(WARM_UP)
 
@@ -251,10 +252,10 @@ class _Stepping:
             frames = self._feed.take(self._frames_per_hop)
             times, positions = [frame.time for frame in frames], np.array([frame.positions for frame in frames])
             start = clock()
-            rows = distance_rows(positions, self._skeleton)
+            self._measurer.measure(positions, self._rows)
             seconds["distances"] += clock() - start
             start = clock()
-            self._steps.push(times, rows)
+            self._steps.push(times, self._rows)
             seconds["window"] += clock() - start
             if not self._steps.ready:
                 continue

@@ -44,6 +44,6 @@ def aligned_zeros(rows: int, width: int, dtype: DTypeLike = np.float64) -> NDArr
 
 def aligned(rows: NDArray[_Number]) -> NDArray[_Number]:
     """Copy rows, shape (rows, width), to where each begins with a cache line."""
-    copy: NDArray[_Number] = aligned_zeros(*rows.shape, dtype=rows.dtype)
+    copy: NDArray[_Number] = aligned_zeros(len(rows), rows.shape[1], rows.dtype)
     copy[:] = rows
     return copy

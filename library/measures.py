@@ -17,6 +17,7 @@ anything has had time to swing, but is as much the person's as the motion's.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from enum import StrEnum
 from functools import cache
@@ -53,6 +54,10 @@ class Kind(StrEnum):
     SPREAD = "spread"
     SHAPE = "shape"
     POSTURE = "posture"
+
+
+#: How much of their mean numbers of each kind have been freed from.
+LEVELS_REMOVED = {Kind.SPREAD: LEVEL_REMOVED, Kind.POSTURE: 0.0}
 
 
 @dataclass(frozen=True, slots=True)
@@ -190,6 +195,16 @@ def shape_of(covariance: NDArray[np.float64]) -> NDArray[np.float64]:
     return shape
 
 
+def covariance_of(shape: NDArray[np.floating]) -> NDArray[np.float64]:
+    """Give covariances of these shapes, (..., n (n + 1) / 2): (..., n, n), of trace 1 and what `SHAPE_FLOOR` added."""
+    size = math.isqrt(2 * shape.shape[-1])
+    factor = np.zeros((*shape.shape[:-1], size * size))
+    factor[..., _square(size)[1]] = shape
+    factor = factor.reshape(*shape.shape[:-1], size, size)
+    covariance: NDArray[np.float64] = factor @ np.swapaxes(factor, -1, -2)
+    return covariance
+
+
 @cache
 def _square(size: int) -> tuple[NDArray[np.float64], NDArray[np.intp]]:
     """Give what is added to a square matrix, and where its lower triangle, row by row, lies in memory."""
@@ -229,8 +244,19 @@ class Basis:
     def restricted_to(self, pairs: NDArray[np.intp]) -> Basis:
         """Find the course in the same directions from fewer pairs, (fewer pairs,), by least squares."""
         weights = self.weights[pairs]
-        seen = self.directions[pairs] / np.where(weights > 0, weights, 1.0)[:, None]
-        return Basis(np.linalg.pinv(seen.T, rcond=_SEEN) * weights[:, None], weights)
+        return Basis(np.linalg.pinv(self._seen(pairs).T, rcond=_SEEN) * weights[:, None], weights)
+
+    def shown_by(self, pairs: NDArray[np.intp]) -> NDArray[np.float64]:
+        """Say which course is found from fewer pairs, (fewer pairs,): a projector, (directions, directions)."""
+        seen = self._seen(pairs).T
+        projector: NDArray[np.float64] = seen @ np.linalg.pinv(seen, rcond=_SEEN)
+        return projector
+
+    def _seen(self, pairs: NDArray[np.intp]) -> NDArray[np.float64]:
+        """Give what these pairs have of the orthonormal directions, (fewer pairs, directions)."""
+        weights = self.weights[pairs]
+        seen: NDArray[np.float64] = self.directions[pairs] / np.where(weights > 0, weights, 1.0)[:, None]
+        return seen
 
 
 def learned_basis(rows_by_class: Sequence[Sequence[NDArray[np.float64]]], body: Body) -> Basis:

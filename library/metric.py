@@ -15,6 +15,8 @@ import numpy as np
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    Matrix = NDArray[np.float64]
+
 #: Rounds of finding the nearest windows in the metric and learning the metric from them.
 _ROUNDS = 2
 #: Variance below which half precision keeps nothing.
@@ -71,17 +73,8 @@ class Metric:
         ValueError
             It was not learned how vectors and measures vary together.
         """
-        if not self.together.size:
-            raise ValueError("metric: expected one learned with what varies together, got one without")
-        together, lift = self.together.astype(np.float64), level_removed / (1 - level_removed)
-        prior = together @ self.axes
-        prior = (prior + prior.T) / 2
-        # A measure may have numbers that never vary, and axes along them: a segment's posture is always 1.
-        decoder = np.linalg.pinv(prior, rcond=_LEAST_VARYING, hermitian=True) @ together
-        decoder += lift * decoder.mean(axis=1, keepdims=True)
-        origin = (self.origin + lift * self.origin.mean())[numbers]
-        seen = decoder[:, numbers] / self.spare[numbers]
-        axes = np.linalg.solve(np.eye(len(prior)) + prior @ seen @ decoder[:, numbers].T, prior @ seen).T
+        origin, _, axes = self._estimate(numbers, level_removed)
+        lift = level_removed / (1 - level_removed)
         # What follows takes the mean of the fewer numbers back in: x + lift * mean(x).
         mean = lift / (1 + lift) * origin.mean()
         return Metric(
@@ -92,22 +85,51 @@ class Metric:
             spare=np.zeros(0, dtype=np.float32),
         )
 
-    def placed(self, measure: NDArray[np.float64]) -> tuple[NDArray[np.float32], float]:
-        """Map one measure, (numbers,), to its vector, (kept,), and give its squared distance from the kept axes."""
-        difference = (measure - self.origin).astype(np.float32)
-        vector: NDArray[np.float32] = difference @ self.axes
-        if not self.outside:
-            return vector, 0.0
-        return vector, max(self.outside * float(difference @ difference) - float(vector @ vector), 0.0)
+    def shown_by(
+        self, vectors: NDArray[np.floating], numbers: NDArray[np.intp], level_removed: float
+    ) -> NDArray[np.float64]:
+        """Give what `restricted_to` finds in the mean of measures with these vectors, (n, kept): of the same shape.
+
+        A difference that the fewer numbers do not tell is none there, one that they tell half is half.
+        """
+        _, decoder, axes = self._estimate(numbers, level_removed)
+        shown: NDArray[np.float64] = vectors @ (decoder @ axes)
+        return shown
+
+    def _estimate(self, numbers: NDArray[np.intp], level_removed: float) -> tuple[Matrix, Matrix, Matrix]:
+        """Give origin, decoder (kept, fewer) and axes (fewer, kept) for numbers that have all of their mean."""
+        if not self.together.size:
+            raise ValueError("metric: expected one learned with what varies together, got one without")
+        together, lift = self.together.astype(np.float64), level_removed / (1 - level_removed)
+        prior = together @ self.axes
+        prior = (prior + prior.T) / 2
+        # A measure may have numbers that never vary, and axes along them: a segment's posture is always 1.
+        decoder = np.linalg.pinv(prior, rcond=_LEAST_VARYING, hermitian=True) @ together
+        decoder += lift * decoder.mean(axis=1, keepdims=True)
+        origin = (self.origin + lift * self.origin.mean())[numbers]
+        told = decoder[:, numbers]
+        seen = told / self.spare[numbers]
+        axes = np.asarray(np.linalg.solve(np.eye(len(prior)) + prior @ seen @ told.T, prior @ seen).T, dtype=np.float64)
+        return origin, told, axes
+
+    def place(self, measure: NDArray[np.float64], vector: NDArray[np.float32]) -> float:
+        """Map one measure, (numbers,), and write its vector, (kept,); give its squared distance from the origin.
+
+        That is the vector's squared length and, where it counts, what lies outside the kept axes.
+        """
+        difference = np.subtract(measure, self.origin, dtype=np.float32)
+        np.dot(difference, self.axes, out=vector)
+        square = float(vector @ vector)
+        return max(self.outside * float(difference @ difference), square) if self.outside else square
 
     def placed_each(self, measures: NDArray[np.float64]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         """Do the same for several measures at once, (hops, numbers): vectors, (hops, kept), and distances, (hops,)."""
-        differences = (measures - self.origin).astype(np.float32)
+        differences = np.subtract(measures, self.origin, dtype=np.float32)
         vectors: NDArray[np.float32] = differences @ self.axes
-        if not self.outside:
-            return vectors, np.zeros(len(vectors), dtype=np.float32)
-        beyond: NDArray[np.float32] = self.outside * squared_lengths(differences) - squared_lengths(vectors)
-        return vectors, np.maximum(beyond, 0.0)
+        squares = squared_lengths(vectors)
+        if self.outside:
+            np.maximum(squares, self.outside * squared_lengths(differences), out=squares)
+        return vectors, squares
 
 
 def learned_metric(  # noqa: PLR0913 - windows, who made them, and how they are learned from
@@ -155,6 +177,29 @@ def learned_metric(  # noqa: PLR0913 - windows, who made them, and how they are 
     varying = vectors.T @ (measures - origin) / len(measures) if together else np.zeros((0, 0))
     spare = _spare(measures - origin, vectors) if together else np.zeros(0)
     return Metric(halved(origin), halved(axes * scale), outside, halved(varying), halved(spare))
+
+
+def principal_metric(measures: NDArray[np.float64], weight: float, kept: int) -> Metric:
+    """Compare measures by their plain differences, along their principal axes.
+
+    Parameters
+    ----------
+    measures
+        Shape (windows, numbers).
+    weight
+        Of a squared difference, inside the kept axes and outside.
+    kept
+        How many axes to keep, at most.
+    """
+    origin = measures.mean(axis=0)
+    _, principal = np.linalg.eigh((measures - origin).T @ (measures - origin))
+    return Metric(
+        origin=halved(origin),
+        axes=halved(principal[:, ::-1][:, :kept] * np.sqrt(weight)),
+        outside=weight,
+        together=np.zeros((0, 0), dtype=np.float32),
+        spare=np.zeros(0, dtype=np.float32),
+    )
 
 
 def _spare(measures: NDArray[np.float64], vectors: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -353,7 +353,7 @@ class MotionLibrary:
 
         What is kept are the pairs of joints that both have. An axis is cut to them and made a unit vector again: near
         to the leading eigenvector of the fewer distances, but not the same. Windows stay what they are: a live window's
-        vectors are estimated from the fewer distances.
+        vectors are estimated from the fewer distances. Whether it is known is judged by what those show of the library.
 
         Parameters
         ----------
@@ -419,8 +419,7 @@ class MotionLibrary:
     def _restricted_windows(self, skeleton: Skeleton, pairs: NDArray[np.intp]) -> WindowTable | None:
         if self.windows is None or not self.windows.comparison.can_be_restricted:
             return None
-        comparison = self.windows.comparison.restricted_to(skeleton, pairs, self.means.astype(np.float64))
-        return replace(self.windows, comparison=comparison)
+        return self.windows.restricted_to(skeleton, pairs, self.means.astype(np.float64))
 
     def merged_with(self, other: MotionLibrary) -> MotionLibrary:
         """Join two libraries of one skeleton; a motion both have, number for number, is kept once.

@@ -5,9 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, Self
 
 from library.formats import acclaim, bvh, c3d, trc
+from library.formats.c3dprocess import C3dProcess
 from library.formats.error import RecordingError
 from library.formats.naming import chosen
 from library.formats.units import metres_of
@@ -17,11 +18,21 @@ if TYPE_CHECKING:
 
     from library.clip import Clip
 
-__all__ = ["ActorIn", "Reading", "RecordingError", "find_recordings", "is_recording", "labelled", "read_recordings"]
+__all__ = [
+    "ActorIn",
+    "Reading",
+    "RecordingError",
+    "RecordingReader",
+    "find_recordings",
+    "is_recording",
+    "labelled",
+    "read_recordings",
+]
 
+_AMC, _BVH, _C3D = ".amc", ".bvh", ".c3d"
 #: Readers of the files that hold their own skeleton, by ending.
-_READERS: dict[str, Callable[..., Clip]] = {".bvh": bvh.read_clip, ".c3d": c3d.read_clip, ".trc": trc.read_clip}
-_ENDINGS = (".amc", *_READERS)
+_READERS: dict[str, Callable[..., Clip]] = {_BVH: bvh.read_clip, _C3D: c3d.read_clip, ".trc": trc.read_clip}
+_ENDINGS = (_AMC, *_READERS)
 
 
 class ActorIn(StrEnum):
@@ -114,26 +125,88 @@ def read_recordings(paths: Sequence[Path], reading: Reading | None = None) -> It
     OSError
         A file that cannot be opened.
     """
-    reading = reading or Reading()
-    bodies = dict[Path, acclaim.AcclaimSkeleton]()
-    for path in paths:
+    with RecordingReader(reading) as reader:
+        for path in paths:
+            yield reader.clip(path)
+
+
+class RecordingReader:
+    """Reads recordings of any format, with what several of them share; a context manager.
+
+    Parameters
+    ----------
+    reading
+        How; as each file says when not given.
+    """
+
+    def __init__(self, reading: Reading | None = None) -> None:
+        self._reading = reading or Reading()
+        self._bodies = dict[Path, acclaim.AcclaimSkeleton]()
+        self._process = C3dProcess()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._process.close()
+
+    def clip(self, path: Path) -> Clip:
+        """Read one.
+
+        Raises
+        ------
+        RecordingError
+            A file of a kind we do not read, or one that cannot be used: the format's own error.
+        OSError
+            A file that cannot be opened.
+        """
+        self._require_recording(path)
+        if reader := _READERS.get(path.suffix.lower()):
+            return reader(path, **self._options(path))
+        return self._chosen(acclaim.read_clip(path, self._body(path), frame_rate=self._reading.frame_rate), path)
+
+    def pieces(self, path: Path) -> Iterator[Clip]:
+        """Read one as clips that follow each other: AMC and BVH some seconds at a time, so that none is held whole.
+
+        Where single markers may be missing, the whole must be seen: C3D and TRC come in one piece.
+
+        Raises
+        ------
+        RecordingError, OSError
+            As `clip`, when the place is reached where something is wrong.
+        """
+        ending = path.suffix.lower()
+        if ending == _BVH:
+            yield from bvh.read_pieces(path, **self._options(path))
+        elif ending == _AMC:
+            for piece in acclaim.read_pieces(path, self._body(path), frame_rate=self._reading.frame_rate):
+                yield self._chosen(piece, path)
+        else:
+            yield self.clip(path)
+
+    def _require_recording(self, path: Path) -> None:
         if not is_recording(path):
             raise RecordingError(
                 f"{path}: expected a recording ({', '.join(_ENDINGS)}), got {path.suffix or 'no ending'}"
             )
-        if reader := _READERS.get(path.suffix.lower()):
-            yield reader(
-                path,
-                metres_per_unit=reading.metres_per_unit,
-                frame_rate=reading.frame_rate,
-                joints=reading.joints,
-            )
-            continue
-        skeleton_file = reading.asf or acclaim.find_asf(path)
-        if skeleton_file not in bodies:
-            bodies[skeleton_file] = acclaim.read_asf(skeleton_file)
-        clip = acclaim.read_clip(path, bodies[skeleton_file], frame_rate=reading.frame_rate)
-        yield _with_joints(clip, reading.joints, path) if reading.joints else clip
+
+    def _options(self, path: Path) -> dict[str, Any]:
+        reading = self._reading
+        options = {
+            "metres_per_unit": reading.metres_per_unit,
+            "frame_rate": reading.frame_rate,
+            "joints": reading.joints,
+        }
+        return options | ({"process": self._process} if path.suffix.lower() == _C3D else {})
+
+    def _body(self, path: Path) -> acclaim.AcclaimSkeleton:
+        file = self._reading.asf or acclaim.find_asf(path)
+        if file not in self._bodies:
+            self._bodies[file] = acclaim.read_asf(file)
+        return self._bodies[file]
+
+    def _chosen(self, clip: Clip, path: Path) -> Clip:
+        return _with_joints(clip, self._reading.joints, path) if self._reading.joints else clip
 
 
 def labelled(clip: Clip, path: Path, actor_in: ActorIn = ActorIn.NOWHERE) -> Clip:

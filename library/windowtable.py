@@ -7,19 +7,25 @@ person.
 
 The nearest window is the one that is near in all measures at once. A class is as near as the two people nearest of
 those who perform it: what only one of them does that way is theirs, not the motion's.
+
+A body with fewer joints is compared twice: by its vectors as estimated with the library's (what is it?), and with what
+the fewer joints show of the library's (is it known?); see `library.fewerjoints`.
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from library.aligned import aligned
 from library.distances import distance_rows
-from library.measures import FEWEST_FRAMES, LEVEL_REMOVED, Basis, Body, Kind, Measure, learned_basis, measured
-from library.metric import Metric, halved, learned_metric, squared_distances, squared_lengths
-from library.skeleton import SkeletonMismatchError
+from library.fewerjoints import shown_by, some_of, turned
+from library.measures import FEWEST_FRAMES, LEVELS_REMOVED, Basis, Body, Kind, Measure, learned_basis, measured
+from library.metric import Metric, halved, learned_metric
+from library.skeleton import Skeleton, SkeletonMismatchError
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -27,7 +33,6 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from library.clip import Clip
-    from library.skeleton import Skeleton
 
 #: Measures added up before the logarithm, with their weights; over the groups the logarithms are averaged.
 Group = tuple[tuple[Measure, float], ...]
@@ -47,6 +52,8 @@ RATES = (0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.4)
 #: Squared distance beyond which windows are all as far: products of three stay finite.
 _FARTHEST = 1e9
 _NO_THRESHOLDS = np.full(len(RATES), np.inf, dtype=np.float32)
+#: What names of arrays begin with that are of what fewer joints show.
+_SHOWN = "shown_"
 #: The second nearest person is the one who must agree, where two perform a class.
 _PEOPLE = 2
 #: Windows learned from and kept: one in so many seconds of a motion.
@@ -140,12 +147,13 @@ class Comparison:
         ValueError
             It was itself made from another one so.
         """
-        levels = {Kind.SPREAD: LEVEL_REMOVED, Kind.POSTURE: 0.0}
         return Comparison(
             body=self.body.restricted_to(skeleton, pairs, rows),
             basis=_kept(self.basis.restricted_to(pairs)),
             metrics={
-                measure: metric if measure.kind is Kind.SHAPE else metric.restricted_to(pairs, levels[measure.kind])
+                measure: metric
+                if measure.kind is Kind.SHAPE
+                else metric.restricted_to(pairs, LEVELS_REMOVED[measure.kind])
                 for measure, metric in self.metrics.items()
             },
         )
@@ -230,6 +238,13 @@ class WindowTable:
         For each group the windows' vectors, shape (windows, kept axes), float32.
     thresholds
         For each of `RATES` the largest mean log distance that is answered, shape (rates,), float32.
+    further
+        Log distance by which windows of fewer joints are further than this table's own windows as those would show
+        them, times the share of joints that they lack: what fewer joints see beside the kept axes.
+    shown
+        What fewer joints show of the windows, which says whether a motion is known; None in a table of all joints.
+    directions_shown
+        A course in this table's directions times these is one in the shown table's.
 
     Raises
     ------
@@ -244,6 +259,9 @@ class WindowTable:
     actors: NDArray[np.str_] = field(repr=False)
     vectors: tuple[NDArray[np.float32], ...] = field(repr=False)
     thresholds: NDArray[np.float32] = field(repr=False)
+    further: float = 0.0
+    shown: WindowTable | None = field(default=None, repr=False)
+    directions_shown: NDArray[np.float64] | None = field(default=None, repr=False)
     _people: _People = field(init=False, repr=False)
     _factors: tuple[NDArray[np.float32], ...] = field(init=False, repr=False)
 
@@ -275,6 +293,20 @@ class WindowTable:
             or (self.thresholds[1:] < self.thresholds[:-1]).any()
         ):
             raise ValueError(f"thresholds: expected {len(RATES)} ascending numbers, got {self.thresholds}")
+        if not 0 <= self.further < np.inf:
+            raise ValueError(f"further: expected a number not below 0, got {self.further}")
+        self._check_shown()
+
+    def _check_shown(self) -> None:
+        if self.shown is None and self.directions_shown is None:
+            return
+        if self.shown is None or self.directions_shown is None:
+            raise ValueError("shown: expected it with the directions shown, or neither")
+        sizes = tuple(each.basis.directions.shape[1] for each in (self.comparison, self.shown.comparison))
+        if self.directions_shown.shape != sizes or not _finite(self.directions_shown):
+            raise ValueError(f"directions_shown: expected {sizes} finite numbers, got {self.directions_shown.shape}")
+        if self.shown.groups != self.groups or not np.array_equal(self.shown.motions, self.motions):
+            raise ValueError("shown: expected the same windows, compared by the same measures")
 
     @classmethod
     def of_clips(cls, clips: Sequence[Clip], comparison: Comparison) -> WindowTable:
@@ -302,7 +334,7 @@ class WindowTable:
         every, first = (_KEEP_EVERY_ANYBODY, 1.0) if len(people) > 1 else (_KEEP_EVERY_ONE_PERSON, 0.1)
         windows = [_window_ends(clip, every, first) for clip in clips]
         _, classes = np.unique([clip.class_name for clip in clips], return_inverse=True)
-        return cls._with_thresholds(
+        table = cls._with_thresholds(
             comparison=comparison,
             groups=groups,
             motions=np.repeat(np.arange(len(clips)), [len(ends) for ends in windows]),
@@ -310,12 +342,71 @@ class WindowTable:
             actors=np.array([clip.actor for clip in clips]),
             vectors=tuple(halved(_embedded(clips, windows, group, comparison)) for group in groups),
         )
+        return replace(table, further=table.further_measured(clips, windows))
 
     @classmethod
     def _with_thresholds(cls, **parts: Any) -> WindowTable:  # noqa: ANN401 - the other attributes, as they are
         """Make a table without thresholds, and set them by its windows."""
         table = cls(**parts, thresholds=_NO_THRESHOLDS)
-        return replace(table, thresholds=_thresholds(table.vectors, table._people))
+        asked = [_asking_all(each) for each in table.vectors]
+        return replace(table, thresholds=_thresholds(asked, table._factors, table._people))
+
+    def further_measured(self, clips: Sequence[Clip], windows: Sequence[NDArray[np.intp]]) -> float:
+        """Measure `further` by the clips' windows as some fewer joints really measure them.
+
+        Thresholds are what it is for, so it is how much further those are; mean over sets of joints and over the rates.
+        """
+        if not (self.comparison.can_be_restricted and np.isfinite(self.thresholds).all()):
+            return 0.0
+        skeleton = Skeleton(clips[0].skeleton.joints, self.comparison.body.parents)
+        rows = np.array([distance_rows(clip.positions, skeleton).mean(axis=0) for clip in clips])
+        further = list[float]()
+        for joints in some_of(len(skeleton.joints)):
+            fewer = skeleton.restricted_to(joints)
+            shown = replace(self, further=0.0).restricted_to(fewer, skeleton.places_of(fewer), rows).known_by
+            seen = [clip.restricted_to(fewer.joints) for clip in clips]
+            asked = [_asked(seen, windows, group, shown.comparison) for group in self.groups]
+            really = _thresholds(asked, [_factor(each) for each in shown.vectors], self._people)
+            further.append(float(np.mean(really - shown.thresholds)) / (1 - len(joints) / len(skeleton.joints)))
+        return max(0.0, float(np.mean(further))) if further else 0.0
+
+    @property
+    def known_by(self) -> WindowTable:
+        """The table by which a motion is known: what fewer joints show, or this one."""
+        return self.shown or self
+
+    def restricted_to(self, skeleton: Skeleton, pairs: NDArray[np.intp], rows: NDArray[np.floating]) -> WindowTable:
+        """Give the table that compares windows of fewer joints; arguments and errors are `Comparison.restricted_to`'s.
+
+        Vectors stay what they are. What the fewer joints show of them has thresholds of its own, set as a library's
+        are, so that a rate means the same share of unknown motions with any joints.
+        """
+        comparison = self.comparison.restricted_to(skeleton, pairs, rows)
+        vectors, metrics, directions = shown_by(
+            pairs,
+            self.groups,
+            self.vectors,
+            whole=self.comparison.metrics,
+            basis=self.comparison.basis,
+            estimating=comparison.metrics,
+        )
+        shown = WindowTable._with_thresholds(
+            comparison=Comparison(
+                body=comparison.body,
+                basis=_kept(Basis(comparison.basis.directions @ directions, comparison.basis.weights)),
+                metrics=metrics,
+            ),
+            groups=self.groups,
+            motions=self.motions,
+            classes=self.classes,
+            actors=self.actors,
+            vectors=vectors,
+        )
+        missing = 1 - len(skeleton.joints) / len(self.comparison.body.parents)
+        thresholds = shown.thresholds + np.float32(self.further * missing)
+        return replace(
+            self, comparison=comparison, shown=replace(shown, thresholds=thresholds), directions_shown=directions
+        )
 
     def __len__(self) -> int:
         return len(self.vectors[0])
@@ -339,14 +430,45 @@ class WindowTable:
         For each class the logarithm of the squared distance, mean over the groups, to the window nearest in all of
         them, mean over the two nearest people: shape (classes,) or (hops, classes).
         """
+        distances: NDArray[np.float64] = self.compared(measures)[..., 0, :]
+        return distances
+
+    def compared(self, measures: Mapping[Measure, NDArray[np.float64]]) -> NDArray[np.float64]:
+        """Compare live windows as `log_distances` does: by which they are named, and by which they are known.
+
+        Returns
+        -------
+        Shape (1, classes) where both are the same, (2, classes) in a table restricted to fewer joints; of several
+        windows (hops, 1 or 2, classes).
+        """
+        squared = self.squared_distances(measures)
+        if self.shown is None or self.directions_shown is None:
+            return self.nearest(squared)[..., None, :]
+        shapes = {measure: numbers for measure, numbers in measures.items() if measure.kind is Kind.SHAPE}
+        cut = turned(np.stack(list(shapes.values())), self.directions_shown) if shapes else ()
+        shown = self.shown.squared_distances({**measures, **dict(zip(shapes, cut, strict=True))})
+        # Of a shape whole directions are missing, and nothing stands in for them: what is left of it counts as well.
+        told = np.float32(self.directions_shown.shape[1] / self.directions_shown.shape[0])
+        named = [
+            each**told * cut ** (1 - told) if group[0][0].kind is Kind.SHAPE else each
+            for group, each, cut in zip(self.groups, squared, shown, strict=True)
+        ]
+        return np.stack([self.nearest(named), self.nearest(shown)], axis=-2)
+
+    def squared_distances(self, measures: Mapping[Measure, NDArray[np.float64]]) -> list[NDArray[np.float32]]:
+        """For each group give live windows' squared distances to all windows, and a little more, ([hops,] windows)."""
         asking = _asking if next(iter(measures.values())).ndim == 1 else _asking_each
         squared = [
-            (factor @ asking(measures, group, self.comparison)).T
-            for group, factor in zip(self.groups, self._factors, strict=True)
+            (factor @ asking(measures, group, self.comparison, vectors.shape[1])).T
+            for group, vectors, factor in zip(self.groups, self.vectors, self._factors, strict=True)
         ]
-        product = np.maximum(squared[0], NEAREST, out=squared[0])
+        return [np.maximum(each, NEAREST, out=each) for each in squared]
+
+    def nearest(self, squared: Sequence[NDArray[np.float32]]) -> NDArray[np.float64]:
+        """Find for each class how near the window is that is near in all groups; overwrites the first group's."""
+        product = squared[0]
         for other in squared[1:]:
-            product *= np.maximum(other, NEAREST, out=other)
+            product *= other
         return self._people.agreed(np.log(self._people.nearest(product)) / len(self.groups))
 
     def merged_with(
@@ -392,11 +514,13 @@ class WindowTable:
                 np.concatenate([mine, theirs[kept]])[order]
                 for mine, theirs in zip(self.vectors, other.vectors, strict=True)
             ),
+            further=(self.further * len(self) + other.further * len(other)) / (len(self) + len(other)),
         )
 
     def threshold_at(self, rate: float) -> float:
-        """Give the largest log distance that is answered at a false-acceptance rate."""
-        return float(np.interp(np.log(min(max(rate, RATES[0]), RATES[-1])), np.log(RATES), self.thresholds))
+        """Give the largest log distance by which a motion is known that is answered at a false-acceptance rate."""
+        rate = min(max(rate, RATES[0]), RATES[-1])
+        return float(np.interp(np.log(rate), np.log(RATES), self.known_by.thresholds))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -436,49 +560,72 @@ class _People:
     def agreed(self, logs: NDArray[np.floating]) -> NDArray[np.float64]:
         """Take the mean of the two least of each class's blocks, (..., blocks) to (..., classes).
 
-        Infinite is a block that is not to be counted, and a class that has none.
+        NaN is a block that is not to be counted, and a class that has none.
         """
-        padded = np.full((*logs.shape[:-1], logs.shape[-1] + 1), np.inf)
+        padded = np.empty((*logs.shape[:-1], logs.shape[-1] + 1))
         padded[..., :-1] = logs
-        by_person = np.sort(padded[..., self.places], axis=-1)
+        padded[..., -1] = np.nan
+        by_person = padded.take(self.places, axis=-1)
+        # NaN comes last, and of it and a number fmax takes the number.
+        by_person.sort(axis=-1)
         first, last = by_person[..., 0], by_person[..., min(_PEOPLE, by_person.shape[-1]) - 1]
-        agreed: NDArray[np.float64] = (first + np.where(np.isfinite(last), last, first)) / 2
+        agreed: NDArray[np.float64] = np.fmax(first, last)
+        agreed += first
+        agreed /= 2
         return agreed
 
 
 def _factor(vectors: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Make of vectors b, (n, axes), what gives |a - b|² + NEAREST when multiplied by `_asking(a)`, (n, axes + 2)."""
-    squares = np.square(vectors).sum(axis=1, keepdims=True)
-    return np.hstack([-2 * vectors, squares + np.float32(NEAREST), np.ones_like(squares)])
+    """Make of vectors b, (n, axes), what gives |a - b|² + NEAREST when multiplied by `_asking(a)`, (n, axes + 2).
+
+    Column by column, each beginning with a cache line: so the product costs two thirds of what it costs row by row.
+    """
+    squares = np.square(vectors).sum(axis=1)
+    return aligned(np.vstack([-2 * vectors.T, squares + np.float32(NEAREST), np.ones_like(squares)])).T
 
 
 def _asking(
-    measures: Mapping[Measure, NDArray[np.float64]], group: Group, comparison: Comparison
+    measures: Mapping[Measure, NDArray[np.float64]], group: Group, comparison: Comparison, axes: int
 ) -> NDArray[np.float32]:
     """Make of a live window's vector a, (axes,), what a `_factor` is multiplied by; far off, it is as far from all."""
-    parts, square = [], 0.0
+    asking = np.empty(axes + 2, dtype=np.float32)
+    begin, square = 0, 0.0
     for measure, weight in group:
-        vector, outside = comparison.metrics[measure].placed(measures[measure])
-        parts.append(vector * np.float32(np.sqrt(weight)))
-        square += weight * (float(vector @ vector) + outside)
-    if square <= _FARTHEST:
-        return np.concatenate([*parts, (1.0, square)], dtype=np.float32)
-    return np.concatenate([np.zeros(sum(map(len, parts))), (1.0, _FARTHEST)], dtype=np.float32)
+        metric = comparison.metrics[measure]
+        vector = asking[begin : begin + metric.axes.shape[1]]
+        square += weight * metric.place(measures[measure], vector)
+        vector *= math.sqrt(weight)
+        begin += len(vector)
+    asking[-2], asking[-1] = 1.0, square
+    if not square <= _FARTHEST:
+        asking[:-2], asking[-1] = 0.0, _FARTHEST
+    return asking
+
+
+def _asking_all(vectors: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Make of vectors, (n, axes), what each asks a `_factor` with, (n, axes + 2)."""
+    squares = np.square(vectors).sum(axis=1, keepdims=True)
+    return np.hstack([vectors, np.ones_like(squares), squares])
 
 
 def _asking_each(
-    measures: Mapping[Measure, NDArray[np.float64]], group: Group, comparison: Comparison
+    measures: Mapping[Measure, NDArray[np.float64]], group: Group, comparison: Comparison, axes: int
 ) -> NDArray[np.float32]:
     """Do the same for several live windows: side by side, (axes + 2, hops), for rows are multiplied more slowly.
 
     It is not used for one: numpy takes half as long again for a matrix of one row as for a vector.
     """
-    placed = [(weight, *comparison.metrics[measure].placed_each(measures[measure])) for measure, weight in group]
-    vectors = np.concatenate([vectors * np.float32(np.sqrt(weight)) for weight, vectors, _ in placed], axis=1)
-    square = squared_lengths(vectors) + sum(weight * outside for weight, _, outside in placed)
-    far = square > _FARTHEST
-    vectors[far], square[far] = 0.0, _FARTHEST
-    return np.vstack([vectors.T, np.ones_like(square), square])
+    begin, asking = 0, np.empty((axes + 2, len(next(iter(measures.values())))), dtype=np.float32)
+    asking[-2], asking[-1] = 1.0, 0.0
+    for measure, weight in group:
+        vectors, squares = comparison.metrics[measure].placed_each(measures[measure])
+        end = begin + vectors.shape[1]
+        np.multiply(vectors.T, math.sqrt(weight), out=asking[begin:end])
+        asking[-1] += weight * squares
+        begin = end
+    far = ~(asking[-1] <= _FARTHEST)
+    asking[:-2, far], asking[-1, far] = 0.0, _FARTHEST
+    return asking
 
 
 def _embedded(
@@ -495,25 +642,36 @@ def _embedded(
     return np.concatenate(parts, axis=1)
 
 
-def _thresholds(vectors: Sequence[NDArray[np.float32]], people: _People) -> NDArray[np.float32]:
+def _thresholds(
+    asked: Sequence[NDArray[np.float32]], factors: Sequence[NDArray[np.float32]], people: _People
+) -> NDArray[np.float32]:
     """Set thresholds by how near motions come to classes they are not of.
 
     Each window asks as if its class, and its actor when there are several, were not in the library: the nearest class
     it finds is a false one. The threshold at a rate is that quantile of the distances found, mean over the classes
     left out: a class of many windows weighs no more than one of few.
+
+    Parameters
+    ----------
+    asked
+        For each group what each window asks with, as `_asking` makes it, shape (windows, axes + 2).
+    factors
+        Whom they ask, for each group.
+    people
+        Whose windows these are.
     """
     several = len(np.unique(people.actors)) > 1
-    ends = [*people.starts[1:].tolist(), len(vectors[0])]
+    ends = [*people.starts[1:].tolist(), len(factors[0])]
     found: dict[int, list[NDArray[np.float64]]] = {}
     for start, end, index, actor in zip(people.starts, ends, people.classes, people.actors, strict=True):
-        product = np.ones((end - start, len(vectors[0])), dtype=np.float32)
-        for each in vectors:
-            product *= np.minimum(squared_distances(each[start:end], each), _FARTHEST).astype(np.float32) + NEAREST
-        logs = np.log(people.nearest(product)) / len(vectors)
-        logs[:, people.classes == index] = np.inf
+        product = np.ones((end - start, len(factors[0])), dtype=np.float32)
+        for asking, factor in zip(asked, factors, strict=True):
+            product *= np.clip(asking[start:end] @ factor.T, NEAREST, _FARTHEST)
+        logs = np.log(people.nearest(product)) / len(factors)
+        logs[:, people.classes == index] = np.nan
         if several:
-            logs[:, people.actors == actor] = np.inf
-        nearest = people.agreed(logs).min(axis=1)
+            logs[:, people.actors == actor] = np.nan
+        nearest = np.fmin.reduce(people.agreed(logs), axis=1)
         found.setdefault(int(index), []).append(nearest[np.isfinite(nearest)])
     impostors = [np.concatenate(each) for each in found.values()]
     impostors = [each for each in impostors if each.size]
@@ -523,13 +681,39 @@ def _thresholds(vectors: Sequence[NDArray[np.float32]], people: _People) -> NDAr
     return np.asarray(quantiles.mean(axis=0), dtype=np.float32)
 
 
+def _asked(
+    clips: Sequence[Clip], windows: Sequence[NDArray[np.intp]], group: Group, comparison: Comparison
+) -> NDArray[np.float32]:
+    """Measure windows, and make of each what asks a `_factor`, (windows, axes + 2)."""
+    numbers = {
+        measure: np.concatenate(
+            [
+                _measured(clip, ends, measure, comparison.body, comparison.basis)
+                for clip, ends in zip(clips, windows, strict=True)
+            ]
+        )
+        for measure, _ in group
+    }
+    count, axes = sum(map(len, windows)), sum(comparison.metrics[measure].axes.shape[1] for measure, _ in group)
+    return np.array(
+        [
+            _asking({measure: each[k] for measure, each in numbers.items()}, group, comparison, axes)
+            for k in range(count)
+        ]
+    )
+
+
 def described(table: WindowTable) -> dict[str, object]:
     """Say what a file's header must hold of a table, beside `arrays_of`."""
-    return {
+    header: dict[str, object] = {
         "groups": [[[measure.kind, measure.seconds, weight] for measure, weight in group] for group in table.groups],
         "body_scale": table.comparison.body.scale,
         "outside": {measure.name: metric.outside for measure, metric in table.comparison.metrics.items()},
+        "further": table.further,
     }
+    if table.shown is not None:
+        header["shown"] = described(table.shown)
+    return header
 
 
 def arrays_of(table: WindowTable) -> dict[str, NDArray[np.floating]]:
@@ -549,15 +733,20 @@ def arrays_of(table: WindowTable) -> dict[str, NDArray[np.floating]]:
         arrays[f"{measure.name}_axes"] = metric.axes.astype(np.float16)
     for index, vectors in enumerate(table.vectors):
         arrays[f"window_vectors{index}"] = vectors.astype(np.float16)
+    if table.shown is not None and table.directions_shown is not None:
+        arrays |= {f"{_SHOWN}{name}": array for name, array in arrays_of(table.shown).items()}
+        arrays["directions_shown"] = table.directions_shown.astype(np.float32)
     return arrays
 
 
-def restored(
+def restored(  # noqa: PLR0913 - the parts of a file, and which part of a table they are
     header: Mapping[str, Any],
     arrays: Mapping[str, NDArray[np.floating]],
     skeleton: Skeleton,
     classes: NDArray[np.intp],
     actors: NDArray[np.str_],
+    *,
+    whole: bool = True,
 ) -> WindowTable:
     """Make a table of what `described` and `arrays_of` gave; else raise KeyError, TypeError or ValueError."""
     groups = tuple(
@@ -567,19 +756,28 @@ def restored(
     motions = arrays["window_motions"]
     if not (_finite(motions) and np.array_equal(motions, np.rint(motions))):
         raise ValueError("window_motions: expected indices")
+    shown = {name.removeprefix(_SHOWN): array for name, array in arrays.items() if name.startswith(_SHOWN)}
+    # What is shown is measured only as it is compared.
+    measures = MEASURES if whole else [measure for group in groups for measure, _ in group]
     return WindowTable(
-        comparison=_restored_comparison(header, arrays, skeleton),
+        comparison=_restored_comparison(header, arrays, skeleton, measures),
         groups=groups,
         motions=motions.astype(np.intp),
         classes=classes,
         actors=actors,
         vectors=tuple(arrays[f"window_vectors{index}"].astype(np.float32) for index in range(len(groups))),
         thresholds=arrays["window_thresholds"].astype(np.float32),
+        further=float(header["further"]),
+        shown=restored(header["shown"], shown, skeleton, classes, actors, whole=False) if "shown" in header else None,
+        directions_shown=arrays["directions_shown"].astype(np.float64) if "shown" in header else None,
     )
 
 
 def _restored_comparison(
-    header: Mapping[str, Any], arrays: Mapping[str, NDArray[np.floating]], skeleton: Skeleton
+    header: Mapping[str, Any],
+    arrays: Mapping[str, NDArray[np.floating]],
+    skeleton: Skeleton,
+    measures: Sequence[Measure],
 ) -> Comparison:
     nothing = {"together": np.zeros((0, 0)), "spare": np.zeros(0)}
     return Comparison(
@@ -595,6 +793,6 @@ def _restored_comparison(
                     for name, empty in nothing.items()
                 },
             )
-            for measure in MEASURES
+            for measure in measures
         },
     )

@@ -14,18 +14,13 @@ import math
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg.blas import dgemm, dger
 
 from library.signature import Moments
+from stream.rolling import DRIFT_TOLERANCE, EPSILON, Rolling, Rows
 
-Rows = NDArray[np.float64]
-
-#: Rounding, relative to the total variance, at which the sums are refreshed: well inside the promised 1e-9.
-DRIFT_TOLERANCE = 1e-11
 #: Movement, relative to the body's size, below which lost digits are of no interest to anyone.
 _NO_MOVEMENT = 1e-7
-_EPSILON = float(np.finfo(np.float64).eps)
 
 
 @lru_cache(256)
@@ -36,63 +31,29 @@ def signs(entered: int, left: int) -> Rows:
     return weights
 
 
-class RollingCovariance:
+class RollingCovariance(Rolling):
     """Mean and covariance of a window's rows by adding what entered and removing what left.
 
     Parameters
     ----------
     width
         Numbers in a row.
-
-    Attributes
-    ----------
-    refreshes
-        How often the sums were computed afresh.
     """
 
     def __init__(self, width: int) -> None:
+        super().__init__()
         self._reference = np.zeros(width)
         self._sum = np.zeros(width)
         # Column-major, because BLAS then adds to it in place.
         self._products = np.zeros((width, width), order="F")
         self._diagonal = self._products.ravel(order="K")[:: width + 1]
         self._covariance = np.zeros((width, width))
-        self._count = 0
         self._rounding = 0.0
         self._length = 0.0
-        self.refreshes = 0
 
-    def __len__(self) -> int:
-        return self._count
-
-    def clear(self) -> None:
-        """Forget all rows."""
-        self._count = 0
-
-    def update(self, entered: Rows, left: Rows, window: Rows) -> None:
-        """Bring the sums up to date.
-
-        Parameters
-        ----------
-        entered, left
-            Rows that came into and went out of the window, shape (rows, width), metres.
-        window
-            All rows now in it, shape (rows, width): read only when the sums must be refreshed.
-
-        Raises
-        ------
-        ValueError
-            The window does not hold as many rows as were added and not removed.
-        """
-        count = self._count + len(entered) - len(left)
-        if count != len(window):
-            raise ValueError(f"window: expected {count} rows, got {len(window)}")
-        if not self._count or not count:
-            self._refresh(window)
-            return
-        self._count = count
+    def _follow(self, entered: Rows, left: Rows, window: Rows) -> None:
         self._add(np.concatenate([entered, left]), signs(len(entered), len(left)))
-        self._rounding += _EPSILON * (len(entered) + len(left)) * self._trace()
+        self._rounding += EPSILON * (len(entered) + len(left)) * self._trace()
         if self._rounding > DRIFT_TOLERANCE * max(self._scatter(), self._no_scatter()):
             self._refresh(window)
 
@@ -103,18 +64,13 @@ class RollingCovariance:
         # dgemm takes its operands column by column: the transposed views are that without a copy.
         dgemm(1.0, (rows * weights[:, None]).T, rows.T, beta=1.0, c=self._products, trans_b=True, overwrite_c=True)
 
-    def _refresh(self, window: Rows) -> None:
-        """Compute everything from the window's rows, relative to their own mean."""
-        self._count = len(window)
-        if not self._count:
-            return
+    def _compute(self, window: Rows) -> None:
         np.mean(window, axis=0, out=self._reference)
         self._sum[:] = 0.0
         self._products[:] = 0.0
         self._add(window.copy(), np.ones(self._count))
         self._length = math.sqrt(float(self._reference @ self._reference))
-        self._rounding = _EPSILON * self._count * self._trace()
-        self.refreshes += 1
+        self._rounding = EPSILON * self._count * self._trace()
 
     def _trace(self) -> float:
         return float(self._diagonal.sum())
@@ -128,7 +84,7 @@ class RollingCovariance:
         length = self._length + math.sqrt(float(self._sum @ self._sum)) / self._count
         return self._count * (length * _NO_MOVEMENT) ** 2
 
-    def _mean(self) -> NDArray[np.float64]:
+    def _mean(self) -> Rows:
         return self._reference + self._sum / self._count
 
     def moments(self) -> Moments:

@@ -12,16 +12,12 @@ reference that the digits left would be too few, they are all computed afresh, a
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from library.aligned import aligned_zeros
-from stream.covariance import DRIFT_TOLERANCE
-
-Rows = NDArray[np.float64]
+from stream.rolling import DRIFT_TOLERANCE, EPSILON, Rolling, Rows
 
 #: Movement, relative to the body's size, below which lost digits are of no interest to anyone.
 _NO_MOVEMENT = 1e-7
-_EPSILON = float(np.finfo(np.float64).eps)
 #: Frames there is room for at first, in the window and among those that enter at once.
 _FIRST_ROOM, _FIRST_ENTERED = 64, 16
 
@@ -78,63 +74,32 @@ class CentredGram:
         return centred
 
 
-class RollingGram:
+class RollingGram(Rolling):
     """Inner products of a window's rows, as the window moves on.
 
     Parameters
     ----------
     width
         Numbers in a row.
-
-    Attributes
-    ----------
-    refreshes
-        How often all products were computed afresh.
     """
 
     def __init__(self, width: int) -> None:
-        self._reference = aligned_zeros(1, width)[0]
-        self._relative = aligned_zeros(_FIRST_ENTERED, width)
+        super().__init__()
+        self._reference: Rows = aligned_zeros(1, width)[0]
+        self._relative: Rows = aligned_zeros(_FIRST_ENTERED, width)
         self._reference_square = self._still = 0.0
         # The window's products are a square on the diagonal, which wanders down and is moved back at the end.
         self._allocate(_FIRST_ROOM)
         self._start = self._end = 0
         self._weights = np.empty(0)
-        self.refreshes = 0
 
-    def __len__(self) -> int:
-        return self._end - self._start
-
-    def clear(self) -> None:
-        """Forget all rows."""
-        self._start = self._end = 0
-
-    def update(self, entered: Rows, left: Rows, window: Rows) -> None:
-        """Compute what is new.
-
-        Parameters
-        ----------
-        entered, left
-            Rows that came into the window at its end, and went out at its front, shape (rows, width), metres.
-        window
-            All rows now in it, shape (rows, width).
-
-        Raises
-        ------
-        ValueError
-            The window does not hold as many rows as were added and not removed.
-        """
-        count, new = len(window), len(entered)
-        if len(self) + new - len(left) != count:
-            raise ValueError(f"window: expected {len(self) + new - len(left)} rows, got {count}")
-        if count == new:
-            self._refresh(window)
-            return
+    def _follow(self, entered: Rows, left: Rows, window: Rows) -> None:
+        new = len(entered)
         self._start += len(left)
         if not new:
             return
         if self._end + new > len(self._products):
-            self._make_room(count)
+            self._make_room(len(window))
         start, end = self._start, self._end
         self._end = end + new
         relative = self._relative_to_reference(entered)
@@ -152,7 +117,8 @@ class RollingGram:
         """Give rows less the reference; this object's memory, good until the next call."""
         if len(rows) > len(self._relative):
             self._relative = aligned_zeros(2 * len(rows), rows.shape[1])
-        return np.subtract(rows, self._reference, out=self._relative[: len(rows)])
+        relative: Rows = np.subtract(rows, self._reference, out=self._relative[: len(rows)])
+        return relative
 
     def _make_room(self, count: int) -> None:
         """Move the window's products back to the front, into a larger square if they would soon be at the end again."""
@@ -165,26 +131,21 @@ class RollingGram:
         self._start, self._end = 0, size
 
     def _allocate(self, room: int) -> None:
-        self._products = aligned_zeros(room, room)
+        self._products: Rows = aligned_zeros(room, room)
         #: The products of each row with itself and with the reference.
         self._of_each = np.empty((2, room))
 
-    def _refresh(self, window: Rows) -> None:
-        """Compute all products, relative to the window's own mean."""
-        self._start = self._end = 0
-        if not len(window):
-            return
+    def _compute(self, window: Rows) -> None:
         if len(window) > len(self._products):
             self._allocate(2 * len(window))
         np.mean(window, axis=0, out=self._reference)
         self._reference_square = float(self._reference @ self._reference)
         self._still = self._reference_square * _NO_MOVEMENT**2
-        self._end = len(window)
+        self._start, self._end = 0, len(window)
         relative = window - self._reference
         np.matmul(relative, relative.T, out=self._held)
         self._of_each[0, : self._end] = self._held.diagonal()
         self._of_each[1, : self._end] = relative @ self._reference
-        self.refreshes += 1
 
     def centred(self, window: Rows) -> CentredGram:
         """Give the inner products of the rows' deviations from their mean, in the order of the rows.
@@ -205,11 +166,11 @@ class RollingGram:
         ValueError
             There is no row.
         """
-        count = len(self)
+        count = self._count
         if not count:
             raise ValueError("centred: expected at least one row, got none")
         centred, squares = self._centred()
-        if _EPSILON * squares > DRIFT_TOLERANCE * max(centred.total, count * self._still):
+        if EPSILON * squares > DRIFT_TOLERANCE * max(centred.total, count * self._still):
             self._refresh(window)
             centred, _ = self._centred()
         if centred.total <= count * self._still:
@@ -222,7 +183,7 @@ class RollingGram:
 
     def _centred(self) -> tuple[CentredGram, float]:
         """Give the centred products, and the trace they had before."""
-        count = len(self)
+        count = self._count
         if len(self._weights) != count:
             self._weights = np.full(count, 1.0 / count)
         square, along = (self._of_each[:, self._start : self._end] @ self._weights).tolist()

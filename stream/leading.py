@@ -9,6 +9,7 @@ proportion to the pairs.
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -19,8 +20,8 @@ from stream.covariance import RollingCovariance
 from stream.gram import RollingGram
 
 if TYPE_CHECKING:
-    from stream.covariance import Rows
     from stream.gram import CentredGram
+    from stream.rolling import Rows
 
 #: Frames in a window, per pair, up to which the Gram matrix is used, and above which the covariance. Measured at 105 to
 #: 1485 pairs they cost the same at 0.9 to 1.0, and at a quarter the Gram matrix a tenth to a sixth. In between whatever
@@ -35,7 +36,34 @@ class WindowAxis(NamedTuple):
     axis: LeadingAxis
 
 
-class CovarianceAxis:
+class FollowedAxis(ABC):
+    """The leading axis of a window's rows as the window moves on."""
+
+    @abstractmethod
+    def clear(self) -> None:
+        """Forget all rows."""
+
+    @abstractmethod
+    def update(self, entered: Rows, left: Rows, window: Rows) -> None:
+        """Follow the window, as `stream.rolling.Rolling.update` does."""
+
+    @abstractmethod
+    def leading(self, window: Rows) -> WindowAxis:
+        """Find the leading axis, from the last one found if there is one.
+
+        Parameters
+        ----------
+        window
+            The rows given to the last update.
+
+        Raises
+        ------
+        ValueError
+            There is no row.
+        """
+
+
+class CovarianceAxis(FollowedAxis):
     """The leading axis by the covariance: for windows of more frames than pairs."""
 
     def __init__(self, width: int) -> None:
@@ -48,17 +76,17 @@ class CovarianceAxis:
         self._last = None
 
     def update(self, entered: Rows, left: Rows, window: Rows) -> None:
-        """Follow the window; see `RollingAxis.update`."""
+        """Follow the window."""
         self._covariance.update(entered, left, window)
 
     def leading(self, window: Rows) -> WindowAxis:  # noqa: ARG002 - the sums hold all that is needed
-        """Solve the window's covariance; see `RollingAxis.leading`."""
+        """Solve the window's covariance."""
         moments = self._covariance.moments()
         self._last = leading_axis(moments.covariance, self._last)
         return WindowAxis(body_size_of(moments.mean), self._last)
 
 
-class GramAxis:
+class GramAxis(FollowedAxis):
     """The leading axis by the Gram matrix: for windows of fewer frames than pairs."""
 
     def __init__(self, width: int) -> None:
@@ -73,12 +101,12 @@ class GramAxis:
         self._block = None
 
     def update(self, entered: Rows, left: Rows, window: Rows) -> None:
-        """Follow the window; see `RollingAxis.update`."""
+        """Follow the window."""
         self._gram.update(entered, left, window)
         self._gone += len(left)
 
     def leading(self, window: Rows) -> WindowAxis:
-        """Solve the window's Gram matrix; see `RollingAxis.leading`."""
+        """Solve the window's Gram matrix."""
         gram = self._gram.centred(window)
         found = leading_axis_from(gram, self._start(gram))
         self._block, self._gone = found.block, 0
@@ -117,7 +145,7 @@ class GramAxis:
         return start.T
 
 
-class RollingAxis:
+class RollingAxis(FollowedAxis):
     """The leading axis of a window's rows as the window moves on.
 
     Parameters
@@ -131,7 +159,7 @@ class RollingAxis:
         self._by_frames = GramAxis(width)
         # Most windows are short, and would have no use for two matrices of pairs by pairs.
         self._by_pairs: CovarianceAxis | None = None
-        self._form: GramAxis | CovarianceAxis = self._by_frames
+        self._form: FollowedAxis = self._by_frames
 
     @property
     def by_frames(self) -> bool:
@@ -144,20 +172,7 @@ class RollingAxis:
         self._form = self._by_frames
 
     def update(self, entered: Rows, left: Rows, window: Rows) -> None:
-        """Follow the window.
-
-        Parameters
-        ----------
-        entered, left
-            Rows that came into the window at its end, and went out at its front, shape (rows, width), metres.
-        window
-            All rows now in it, shape (rows, width).
-
-        Raises
-        ------
-        ValueError
-            The window does not hold as many rows as were added and not removed.
-        """
+        """Follow the window, and go over to the other matrix when that costs less."""
         self._form.update(entered, left, window)
         share = len(window) / self._width
         if self.by_frames and share > _COVARIANCE_ABOVE:
@@ -166,22 +181,11 @@ class RollingAxis:
         elif not self.by_frames and share < _GRAM_BELOW:
             self._change_to(self._by_frames, window)
 
-    def _change_to(self, form: GramAxis | CovarianceAxis, window: Rows) -> None:
+    def _change_to(self, form: FollowedAxis, window: Rows) -> None:
         self._form.clear()
         self._form = form
         form.update(window, window[:0], window)
 
     def leading(self, window: Rows) -> WindowAxis:
-        """Find the leading axis, from the last one found if there is one.
-
-        Parameters
-        ----------
-        window
-            The rows given to the last update.
-
-        Raises
-        ------
-        ValueError
-            There is no row.
-        """
+        """Find the leading axis by the matrix in use."""
         return self._form.leading(window)

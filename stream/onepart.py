@@ -102,6 +102,10 @@ class ZmqPackets:
         host, _, port = self._receiver.address.rpartition(":")
         return host, int(port) if port.isdigit() else 0
 
+    def broken(self) -> int:
+        """Count the connections that broke while the sender was there; to be asked about once a second."""
+        return self._receiver.broken()
+
     def receive(self) -> bytes | None:
         """Take the next packet; None when there is none now."""
         parts = self._receiver.receive()

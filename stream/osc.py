@@ -355,6 +355,10 @@ class OscReceiver:
         host, port = self.socket.getsockname()[:2]
         return host, port
 
+    def broken(self) -> int:
+        """Count nothing: UDP has no connections."""
+        return 0
+
     def receive(self) -> bytes | None:
         """Take the next datagram; None when there is none now."""
         try:

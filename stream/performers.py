@@ -24,6 +24,8 @@ if TYPE_CHECKING:
 
 #: How many times as many performers' joint names are remembered as there may be performers.
 _REMEMBERED = 4
+#: Joints that are named where some are lacking.
+_NAMED = 5
 
 
 @dataclass(slots=True)
@@ -44,12 +46,14 @@ class PerformerCounts:
 class _Performer:
     recognizer: Recognizer
     heard: float
-    #: What the sender's frames hold: the skeleton's own joints until it says otherwise.
+    #: What the sender's frames hold: what is assumed until it says otherwise.
     joints: tuple[str, ...]
     #: Where the skeleton's joints stand in them; None for the skeleton's own order.
     order: NDArray[np.intp] | None = None
     #: Whether the announced joints cover the skeleton's.
     known_joints: bool = True
+    #: Joints of the last frame that was refused for its joints; 0 when none was since the joints were last named.
+    refused_size: int = 0
 
 
 class Performers:
@@ -63,6 +67,15 @@ class Performers:
         How many performers at once; frames of a further one are counted and refused until another falls silent.
     silence
         Seconds without a frame after which a performer is dropped.
+    joints
+        What frames hold whose sender has not said so, in their order; the library's joints when not given.
+
+    Raises
+    ------
+    ValueError
+        Fewer than one performer, or no time of silence.
+    SkeletonMismatchError
+        A joint of the library is not among `joints`.
     """
 
     def __init__(
@@ -72,6 +85,7 @@ class Performers:
         *,
         most: int = 32,
         silence: float = 5.0,
+        joints: Sequence[str] = (),
     ) -> None:
         if most < 1:
             raise ValueError(f"most: expected at least 1 performer, got {most}")
@@ -81,6 +95,11 @@ class Performers:
         self.settings = settings or Settings()
         self.most = most
         self.silence = silence
+        #: Said of every performer who has said nothing else.
+        self._assumed = tuple(joints) or library.skeleton.joints
+        self._assumed_order = library.skeleton.order_from(joints) if joints else None
+        #: Why frames are refused for their joints, by performer.
+        self._refused: dict[str, str] = {}
         self._counts = PerformerCounts()
         self._performers: dict[str, _Performer] = {}
         #: Ends of what performers did who were dropped to make room, not yet given to anybody.
@@ -104,6 +123,11 @@ class Performers:
             _add(total, performer.recognizer.counts)
         return replace(self._counts, recognizers=total)
 
+    @property
+    def refused(self) -> dict[str, str]:
+        """Performers whose frames are refused for their joints, and why; of those who left, the last time."""
+        return dict(self._refused)
+
     def announce(self, announcement: Announcement, arrival: float) -> None:
         """Take in which joints a performer's frames hold, in which order.
 
@@ -126,6 +150,8 @@ class Performers:
         self._learn_joints(performer, announcement)
 
     def _learn_joints(self, performer: _Performer, announcement: Announcement) -> None:
+        performer.refused_size = 0
+        self._refused.pop(announcement.performer, None)
         if performer.joints == announcement.joints:
             return
         performer.joints = announcement.joints
@@ -192,6 +218,9 @@ class Performers:
             return False
         if not performer.known_joints or len(frame.positions) != len(performer.joints):
             self._counts.other_joints += 1
+            if performer.refused_size != len(frame.positions):
+                performer.refused_size = len(frame.positions)
+                self._tell_refused(frame.performer, performer)
             return False
         if performer.order is not None:
             frame = replace(frame, positions=frame.positions[performer.order])
@@ -205,6 +234,21 @@ class Performers:
         for index, answer in zip(due.values(), first.answer_with(others), strict=True):
             answers[index] = answer
         due.clear()
+
+    def _tell_refused(self, name: str, performer: _Performer) -> None:
+        """Note why a performer's frames are refused."""
+        if len(self._refused) >= _REMEMBERED * self.most:
+            del self._refused[next(iter(self._refused))]
+        size, wanted = performer.refused_size, self.library.skeleton.joints
+        lacking = [joint for joint in wanted if joint not in performer.joints]
+        if name not in self._announced:
+            why = f"{size} joints whose names were never sent, expected {len(performer.joints)}"
+        elif lacking:
+            named = ", ".join(lacking[:_NAMED]) + (" ..." if len(lacking) > _NAMED else "")
+            why = f"{len(performer.joints)} joints without {named} of the {len(wanted)} compared"
+        else:
+            why = f"{size} joints, but {len(performer.joints)} names were sent"
+        self._refused[name] = why
 
     def drop_silent(self, now: float) -> list[Event]:
         """Forget performers of whom nothing came for `silence` seconds; give the ends of what they were doing."""
@@ -230,7 +274,8 @@ class Performers:
             if len(self._performers) >= self.most:
                 return None
             recognizer = Recognizer(self.library, self.settings)
-            performer = self._performers[name] = _Performer(recognizer, arrival, self.library.skeleton.joints)
+            performer = self._performers[name] = _Performer(recognizer, arrival, self._assumed, self._assumed_order)
+            self._refused.pop(name, None)
             if name in self._announced:
                 self._learn_joints(performer, self._announced[name])
         performer.heard = arrival

@@ -1,7 +1,8 @@
 """Raw recordings of feeds, `.kinerec`: every packet as it came, with when and from whom.
 
 The file is a row of records, each `u32 length, u32 CRC-32 of what follows, u8 kind, body`, little-endian. The first is
-the header (kind 0): JSON with `format`, `version`, `began` (UTC) and `sources`. Every other is a packet (kind 1):
+the header (kind 0): JSON with `format`, `version`, `began` (UTC), `sources` and, where packets were read as another
+product's feed, `presets` (their TOML by name; older recordings lack it). Every other is a packet (kind 1):
 
     u8 source  f64 arrival  u16 bytes of sender  sender  (u32 bytes of part, part)*
 
@@ -16,12 +17,12 @@ import os
 import struct
 import threading
 import zlib
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, BinaryIO, Self
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Iterator, Mapping, Sequence
     from pathlib import Path
 
 ENDING = ".kinerec"
@@ -73,11 +74,15 @@ class RawHeader:
     began
         When, UTC, ISO 8601.
     sources
-        Where packets came in: `osc` or `zmq`, a space, and the address.
+        Where packets came in: `osc` or `zmq`, a space, and the address; then perhaps ` feed ` and a preset's name.
+    presets
+        The presets by which they were read, as text, by name: somebody's own may be called like a built-in one, and
+        the built-in ones change. What is not here was built in, as far as is known.
     """
 
     began: str
     sources: tuple[str, ...]
+    presets: Mapping[str, str] = field(default_factory=dict)
 
 
 def encode_packet(packet: RawPacket) -> bytes:
@@ -88,9 +93,20 @@ def encode_packet(packet: RawPacket) -> bytes:
 
 
 def encode_header(header: RawHeader) -> bytes:
-    """Encode the header as one record."""
-    told = {"format": FORMAT, "version": VERSION, "began": header.began, "sources": header.sources}
-    return _record(bytes([_HEADER]) + json.dumps(told).encode())
+    """Encode the header as one record.
+
+    Raises
+    ------
+    ValueError
+        The presets are larger than a record may be.
+    """
+    told: dict[str, object] = {"format": FORMAT, "version": VERSION, "began": header.began, "sources": header.sources}
+    if header.presets:
+        told["presets"] = dict(header.presets)
+    body = bytes([_HEADER]) + json.dumps(told).encode()
+    if len(body) > LARGEST:
+        raise ValueError(f"presets: expected at most {LARGEST} bytes with what else a header has, got {len(body)}")
+    return _record(body)
 
 
 def _record(body: bytes) -> bytes:
@@ -127,6 +143,8 @@ class RawWriter:
         The file; it must not exist, because a performance is not to be overwritten.
     sources
         Where packets will come in: `osc` or `zmq`, a space, and the address.
+    presets
+        TOML of the presets by which they are read, by name.
 
     Attributes
     ----------
@@ -139,15 +157,18 @@ class RawWriter:
     ------
     OSError
         The file exists, or cannot be written.
+    ValueError
+        The presets are larger than a header may be.
     """
 
-    def __init__(self, path: Path, sources: Sequence[str]) -> None:
+    def __init__(self, path: Path, sources: Sequence[str], presets: Mapping[str, str] | None = None) -> None:
         self.written = 0
         self.failed = 0
+        header = encode_header(RawHeader(datetime.now(UTC).isoformat(), tuple(sources), presets or {}))
         self._file = path.open("xb")
         self._lock = threading.Lock()
         self._ended = threading.Event()
-        self._file.write(encode_header(RawHeader(datetime.now(UTC).isoformat(), tuple(sources))))
+        self._file.write(header)
         self._sync()
         self._syncing = threading.Thread(target=self._sync_every_second, name="kinespace recording", daemon=True)
         self._syncing.start()
@@ -227,8 +248,9 @@ class RawFile:
             if told["format"] != FORMAT:
                 raise ValueError("another format")  # noqa: TRY301 - told alike
             version = told["version"]
-            self.header = RawHeader(str(told["began"]), tuple(map(str, told["sources"])))
-        except (KeyError, TypeError, ValueError, RecursionError) as error:
+            presets = {str(name): str(text) for name, text in told.get("presets", {}).items()}
+            self.header = RawHeader(str(told["began"]), tuple(map(str, told["sources"])), presets)
+        except (KeyError, TypeError, AttributeError, ValueError, RecursionError) as error:
             raise RawFileError(f"{path}: byte 0: not a raw recording ({error})") from error
         if version != VERSION:
             raise RawFileError(f"{path}: format version {version}, this kinespace reads {VERSION}")

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, NamedTuple
 
 from stream.feeds import builtin_preset
+from stream.feeds.preset import parse_preset
 from stream.feeds.source import FeedSource
 from stream.frame import Announcement, Frame
 from stream.onepart import ZmqPackets
@@ -41,15 +42,17 @@ def decoded(header: RawHeader, packets: Iterable[RawPacket], preset: Preset | No
     header, packets
         Of a raw recording.
     preset
-        Another product's feed that the packets are read as; None for what the header says of each source.
+        Another product's feed that the packets are read as; None for what the header says of each source, by the
+        preset that it keeps or, in an older recording, the built-in one of that name.
 
     Raises
     ------
     ValueError
-        The header names a feed that is not built in: it was somebody's own preset, which must be given.
+        An older recording's header names a feed that is not built in: it was somebody's own preset, which must be
+        given. Or the preset that it keeps is one that this version cannot read.
     """
     plays = [_Played() for _ in header.sources]
-    sources = [_source(told, played, preset) for told, played in zip(header.sources, plays, strict=True)]
+    sources = [_source(header, told, played, preset) for told, played in zip(header.sources, plays, strict=True)]
     ended = 0.0
     for packet in packets:
         ended = packet.arrival + _AFTERWARDS
@@ -61,16 +64,29 @@ def decoded(header: RawHeader, packets: Iterable[RawPacket], preset: Preset | No
         yield Decoded(ended, late)
 
 
-def _source(told: str, played: _Played, preset: Preset | None) -> OscSource | ZmqSource | FeedSource:
+def _source(header: RawHeader, told: str, played: _Played, preset: Preset | None) -> OscSource | ZmqSource | FeedSource:
     """Make the source that a header tells of: `osc` or `zmq`, an address, and perhaps `feed` and a preset's name."""
     kind, _, rest = told.partition(" ")
     name = rest.partition(" feed ")[2]
-    meant = preset or (builtin_preset(name) if name else None)
+    meant = preset or (preset_kept(header, name) if name else None)
     if kind == "osc":
         packets = _PlayedPackets(played)
         return FeedSource(packets, meant) if meant else OscSource(packets)
     messages = _PlayedMessages(played)
     return FeedSource(ZmqPackets(messages), meant) if meant else ZmqSource(messages)
+
+
+def preset_kept(header: RawHeader, name: str) -> Preset:
+    """Give the preset that a recording's packets were read by; the built-in one where the recording keeps none.
+
+    Raises
+    ------
+    PresetError
+        It keeps none and none of that name is built in, or what it keeps cannot be read.
+    """
+    if name in header.presets:
+        return parse_preset(header.presets[name], name, f"preset {name} in the recording")
+    return builtin_preset(name)
 
 
 class _Played:
@@ -110,6 +126,9 @@ class _PlayedPackets:
         parts = self._played.take()
         return b"".join(parts) if parts else None
 
+    def broken(self) -> int:
+        return 0
+
     def send_to(self, datagram: bytes, target: tuple[str, int]) -> bool:  # noqa: ARG002 - as a UDP port has it
         return True
 
@@ -124,6 +143,9 @@ class _PlayedMessages:
 
     def __init__(self, played: _Played) -> None:
         self._played = played
+
+    def broken(self) -> int:
+        return 0
 
     def receive(self) -> list[bytes] | None:
         return self._played.take()

@@ -9,6 +9,7 @@ import zmq
 
 from stream import onepart, osc, zeromq
 from stream.frame import Announcement, Frame
+from stream.receiver import ReceivingSource
 from stream.status import HopTimes, InputCounts, Rates, Status
 
 if TYPE_CHECKING:
@@ -85,79 +86,55 @@ class Sink(Protocol):
         """Give sockets back."""
 
 
-class OscSource:
+class OscSource(ReceivingSource[bytes]):
     """Frames from UDP datagrams."""
 
     def __init__(self, receiver: PacketReceiver) -> None:
+        super().__init__(receiver)
         self.receiver = receiver
-        self._counts = InputCounts()
 
     def __str__(self) -> str:
         host, port = self.receiver.address
         return f"OSC {host}:{port}"
 
     @property
-    def pollable(self) -> object:
-        """The UDP socket."""
-        return self.receiver.socket
-
-    @property
     def counts(self) -> InputCounts:
         """What came in so far."""
         self._counts.overrun = self.receiver.kernel_drops
-        return self._counts
+        return super().counts
 
-    def take(self, arrival: float) -> Sequence[Frame | Announcement] | None:
-        """Take in one datagram."""
-        datagram = self.receiver.receive()
-        if datagram is None:
-            return None
-        received = osc.decode(datagram, arrival)
-        self._counts.received += 1
+    def _understood(self, packet: bytes, arrival: float) -> Sequence[Frame | Announcement]:
+        received = osc.decode(packet, arrival)
         self._counts.malformed += received.malformed
         self._counts.foreign += received.foreign
         return received.events
 
-    def close(self) -> None:
-        """Close the socket."""
-        self.receiver.close()
 
-
-class ZmqSource:
+class ZmqSource(ReceivingSource[list[bytes]]):
     """Frames from ZeroMQ messages."""
 
     def __init__(self, receiver: MessageReceiver) -> None:
+        super().__init__(receiver)
         self.receiver = receiver
         self._gaps = zeromq.SequenceGaps()
-        self._counts = InputCounts()
 
     def __str__(self) -> str:
         return f"ZeroMQ {self.receiver.address}"
 
     @property
-    def pollable(self) -> object:
-        """The SUB socket."""
-        return self.receiver.socket
-
-    @property
     def counts(self) -> InputCounts:
         """What came in so far."""
         self._counts.missing = self._gaps.missing
-        return self._counts
+        return super().counts
 
-    def take(self, arrival: float) -> Sequence[Frame | Announcement] | None:
-        """Take in one message."""
-        parts = self.receiver.receive()
-        if parts is None:
-            return None
-        self._counts.received += 1
-        if not (parts and parts[0].startswith(b"frame/")):
-            if len(parts) == 1:
-                return self._take_one_part(parts[0], arrival)
+    def _understood(self, packet: list[bytes], arrival: float) -> Sequence[Frame | Announcement]:
+        if not (packet and packet[0].startswith(b"frame/")):
+            if len(packet) == 1:
+                return self._take_one_part(packet[0], arrival)
             self._counts.foreign += 1
             return ()
         try:
-            numbered = zeromq.decode(parts, arrival)
+            numbered = zeromq.decode(packet, arrival)
         except zeromq.FormatError:
             self._counts.malformed += 1
             return ()
@@ -182,10 +159,6 @@ class ZmqSource:
     def _seen(self, numbered: zeromq.NumberedFrame) -> Sequence[Frame | Announcement]:
         self._gaps.see(numbered.frame.performer, numbered.seq)
         return (numbered.announcement, numbered.frame) if numbered.announcement else (numbered.frame,)
-
-    def close(self) -> None:
-        """Close the socket."""
-        self.receiver.close()
 
 
 class OscSink:
@@ -403,4 +376,5 @@ class Service:
             performers={name: self._latest_rates.get(name, 0.0) for name in self.performers.names},
             hop_p50=self._hop_times.percentile(50),
             hop_p99=self._hop_times.percentile(99),
+            refused=self.performers.refused,
         )

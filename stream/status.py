@@ -31,6 +31,8 @@ class InputCounts:
     missing: int = 0
     #: Frames refused because joints in them were absent for too long, or made no sense.
     incomplete: int = 0
+    #: ZeroMQ connections that broke while the sender was there: a message above the size limit, or the network.
+    broken: int = 0
 
     def __add__(self, other: InputCounts) -> InputCounts:
         return InputCounts(*(getattr(self, each.name) + getattr(other, each.name) for each in fields(self)))
@@ -52,6 +54,8 @@ class Status:
         Frames per second of each performer now followed.
     hop_p50, hop_p99
         Seconds from taking a frame's packet to its recognition, over the last hops; 0 before the first.
+    refused
+        Performers whose frames are refused for their joints, and why.
     """
 
     inputs: InputCounts
@@ -60,6 +64,7 @@ class Status:
     performers: dict[str, float]
     hop_p50: float
     hop_p99: float
+    refused: dict[str, str] = field(default_factory=dict)
 
     @property
     def frames_per_second(self) -> float:
@@ -70,7 +75,7 @@ class Status:
     def lost(self) -> int:
         """How much came, or should have come, and was not used."""
         inputs, outcomes = self.inputs, self.outcomes
-        at_the_border = inputs.malformed + inputs.overrun + inputs.missing + inputs.incomplete
+        at_the_border = inputs.malformed + inputs.overrun + inputs.missing + inputs.incomplete + inputs.broken
         return at_the_border + outcomes.no_room + outcomes.other_joints + outcomes.recognizers.out_of_order
 
 

@@ -1,52 +1,151 @@
-"""A source whose every packet is also written to a raw recording, before anybody makes sense of it."""
+"""Receivers whose every packet is also written to a raw recording, before anybody makes sense of it."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
-from stream.feeds.source import FeedSource
-from stream.onepart import ZmqPackets
 from stream.rawfile import RawPacket
-from stream.service import TendedSource, ZmqSource
+from stream.receiver import MessageReceiver, PacketReceiver, Receiver
+from stream.service import TendedSource
+from stream.zeromq import ZmqReceiver
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from stream.feeds import Preset
     from stream.frame import Announcement, Frame
+    from stream.osc import OscReceiver
     from stream.rawfile import RawWriter
-    from stream.service import OscSource
+    from stream.service import Source
     from stream.status import InputCounts
 
+_Receiver = TypeVar("_Receiver", bound=Receiver[Any])
 
-def described(source: OscSource | ZmqSource | FeedSource) -> str:
+
+def described(receiver: OscReceiver | ZmqReceiver, preset: Preset | None = None) -> str:
     """Say where packets come in, and as whose they are read, as a raw recording's header does."""
-    if isinstance(source, ZmqSource):
-        return f"zmq {source.receiver.address}"
-    host, port = source.receiver.address
-    if isinstance(source, FeedSource):
-        kind = "zmq" if isinstance(source.receiver, ZmqPackets) else "osc"
-        return f"{kind} {host}:{port} feed {source.preset.name}"
-    return f"osc {host}:{port}"
+    if isinstance(receiver, ZmqReceiver):
+        place = f"zmq {receiver.address}"
+    else:
+        host, port = receiver.address
+        place = f"osc {host}:{port}"
+    return f"{place} feed {preset.name}" if preset else place
+
+
+class Tap:
+    """Writes what comes in at one place.
+
+    Parameters
+    ----------
+    writer, index
+        Where it is written, and which of the recording's sources it is.
+
+    Attributes
+    ----------
+    arrival
+        When the packet came that is received next, seconds: what its source is told, so that a rerun is told the same.
+    """
+
+    def __init__(self, writer: RawWriter, index: int) -> None:
+        self.arrival = 0.0
+        self._writer = writer
+        self._index = index
+
+    def keep(self, parts: Sequence[bytes], sender: tuple[str, int] | None = None) -> None:
+        """Write one packet."""
+        named = f"{sender[0]}:{sender[1]}" if sender else ""
+        self._writer.write(RawPacket(self.arrival, self._index, named, tuple(parts)))
+
+
+class _Tapped(Generic[_Receiver]):
+    """A receiver's place: what comes in there is kept, and passed on.
+
+    Parameters
+    ----------
+    receiver
+        Where it comes in.
+    tap
+        Keeps it.
+    """
+
+    def __init__(self, receiver: _Receiver, tap: Tap) -> None:
+        self._receiver = receiver
+        self._tap = tap
+
+    @property
+    def socket(self) -> object:
+        """What `zmq.Poller` can wait for."""
+        return self._receiver.socket
+
+    def broken(self) -> int:
+        """Count the connections that broke."""
+        return self._receiver.broken()
+
+    def close(self) -> None:
+        """Give the address back."""
+        self._receiver.close()
+
+
+class TappedPackets(_Tapped[PacketReceiver]):
+    """A UDP port's place."""
+
+    @property
+    def kernel_drops(self) -> int:
+        """Datagrams the system threw away."""
+        return self._receiver.kernel_drops
+
+    @property
+    def sender(self) -> tuple[str, int] | None:
+        """Who sent the last packet."""
+        return self._receiver.sender
+
+    @property
+    def address(self) -> tuple[str, int]:
+        """Host and port."""
+        return self._receiver.address
+
+    def receive(self) -> bytes | None:
+        """Take the next packet, and keep it."""
+        packet = self._receiver.receive()
+        if packet is not None:
+            self._tap.keep((packet,), self._receiver.sender)
+        return packet
+
+    def send_to(self, datagram: bytes, target: tuple[str, int]) -> bool:
+        """Send from the port."""
+        return self._receiver.send_to(datagram, target)
+
+
+class TappedMessages(_Tapped[MessageReceiver]):
+    """A subscription's place."""
+
+    @property
+    def address(self) -> str:
+        """The endpoint."""
+        return self._receiver.address
+
+    def receive(self) -> list[bytes] | None:
+        """Take the next message, and keep it."""
+        parts = self._receiver.receive()
+        if parts is not None:
+            self._tap.keep(parts)
+        return parts
 
 
 class TappedSource:
-    """A source for the service that records on the way.
+    """A source on a tapped receiver, that tells the tap when each packet came.
 
     Parameters
     ----------
     source
-        Where packets come in; closed by `close`.
-    writer, index
-        Where they are written, and which of the recording's sources this is.
+        Closed by `close`.
+    tap
+        Of its receiver.
     """
 
-    def __init__(self, source: OscSource | ZmqSource | FeedSource, writer: RawWriter, index: int) -> None:
+    def __init__(self, source: Source, tap: Tap) -> None:
         self._source = source
-        self._writer = writer
-        self._index = index
-        self._receive = source.receiver.receive
-        self._arrival = 0.0
-        source.receiver.receive = self._recorded  # type: ignore[method-assign, assignment]  # the tap itself
+        self._tap = tap
 
     def __str__(self) -> str:
         return str(self._source)
@@ -63,7 +162,7 @@ class TappedSource:
 
     def take(self, arrival: float) -> Sequence[Frame | Announcement] | None:
         """Take in one packet, and keep it."""
-        self._arrival = arrival
+        self._tap.arrival = arrival
         return self._source.take(arrival)
 
     def tend(self, now: float) -> Sequence[Frame | Announcement]:
@@ -73,15 +172,3 @@ class TappedSource:
     def close(self) -> None:
         """Close the socket."""
         self._source.close()
-
-    def _recorded(self) -> bytes | list[bytes] | None:
-        packet = self._receive()
-        if packet is not None:
-            parts = (packet,) if isinstance(packet, bytes) else tuple(packet)
-            self._writer.write(RawPacket(self._arrival, self._index, self._sender(), parts))
-        return packet
-
-    def _sender(self) -> str:
-        """Who sent the packet, `host:port`; empty where the transport does not tell."""
-        sender = None if isinstance(self._source, ZmqSource) else self._source.receiver.sender
-        return f"{sender[0]}:{sender[1]}" if sender else ""

@@ -10,19 +10,17 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from stream.covariance import DRIFT_TOLERANCE, signs
+from stream.covariance import signs
+from stream.rolling import DRIFT_TOLERANCE, EPSILON, Rolling, Rows
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from stream.covariance import Rows
-
 #: Movement, relative to the distance, below which lost digits are of no interest to anyone.
 _NO_MOVEMENT = 1e-6
-_EPSILON = float(np.finfo(np.float64).eps)
 
 
-class RollingVariance:
+class RollingVariance(Rolling):
     """Mean and variance of a window's rows by adding what entered and removing what left.
 
     Parameters
@@ -38,33 +36,19 @@ class RollingVariance:
     """
 
     def __init__(self, width: int) -> None:
+        super().__init__()
         self.sums = np.zeros((3, width))
         self._reference, self._sum, self._squares = self.sums
-        self._count = 0
         self._rounding = 0.0
         self._no_movement = 0.0
 
-    def __len__(self) -> int:
-        return self._count
-
-    def clear(self) -> None:
-        """Forget all rows."""
-        self._count = 0
-
-    def update(self, entered: Rows, left: Rows, window: Rows) -> None:
-        """Bring the sums up to date; see `RollingCovariance.update`."""
-        count = self._count + len(entered) - len(left)
-        if count != len(window):
-            raise ValueError(f"window: expected {count} rows, got {len(window)}")
-        if not self._count or not count:
-            self._refresh(window)
-            return
-        self._count = count
+    def _follow(self, entered: Rows, left: Rows, window: Rows) -> None:
+        count = self._count
         self._add(np.concatenate([entered, left]), signs(len(entered), len(left)))
         # The largest sum bounds the rounding of all: one distance that stood still while others moved must not be lost.
         largest = int(self._squares.argmax())
         squares, total = self._squares.item(largest), self._sum.item(largest)
-        self._rounding += _EPSILON * (len(entered) + len(left)) * squares
+        self._rounding += EPSILON * (len(entered) + len(left)) * squares
         if self._rounding > DRIFT_TOLERANCE * max(squares - total * total / count, count * self._no_movement):
             self._refresh(window)
 
@@ -75,16 +59,13 @@ class RollingVariance:
         rows *= rows
         self._squares += weights @ rows
 
-    def _refresh(self, window: Rows) -> None:
-        self._count = len(window)
-        if not self._count:
-            return
+    def _compute(self, window: Rows) -> None:
         np.mean(window, axis=0, out=self._reference)
         self._no_movement = (_NO_MOVEMENT * float(self._reference.mean())) ** 2
         self._sum[:] = 0.0
         self._squares[:] = 0.0
         self._add(window.copy(), np.ones(self._count))
-        self._rounding = _EPSILON * self._count * float(self._squares.max())
+        self._rounding = EPSILON * self._count * float(self._squares.max())
 
     def mean(self) -> Rows:
         """Mean of each distance, shape (width,), metres; needs a row."""

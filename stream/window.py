@@ -115,11 +115,15 @@ class SlidingWindow:
         self._rows[begin : self._end] = rows
         self._times[begin : self._end] = times
         self._newest = newest
-        last, too_old = self._end - 1, newest - (self.seconds - _TIE)
+        self._let_go(newest - (self.seconds - _TIE))
+
+    def _let_go(self, too_old: float) -> None:
+        start, oldest, last = self._start, self._oldest, self._end - 1
         # Times in other units may be so large that even the newest is not above `too_old`.
-        while self._start < last and (self._oldest <= too_old or last - self._start >= self._most):
-            self._start += 1
-            self._oldest = self._times.item(self._start)
+        while start < last and (oldest <= too_old or last - start >= self._most):
+            start += 1
+            oldest = self._times.item(start)
+        self._start, self._oldest = start, oldest
 
     def _move_back(self) -> None:
         count, shift = self._end - self._kept, self._kept

@@ -4,6 +4,9 @@ The class with the nearest window changes back and forth at a change of motion. 
 a tenth of a second, and the guess stays with a class until another has led without a break for long enough: the lead,
 in the logarithm of the distance, is added up hop by hop. A clear lead changes the guess at once, a doubtful one takes
 a moment.
+
+With fewer joints than the library's a motion is named by one distance and known by another. Scores then rank classes
+by the first, and the guess's score is that of the second.
 """
 
 from __future__ import annotations
@@ -93,28 +96,31 @@ class WindowMatcher:
     def read(self) -> Reading:
         """Compare the windows that end with the newest row."""
         measured = self.measurer.read()
-        return self.judged(self._table.log_distances(measured.numbers), measured.movement)
+        return self.judged(self._table.compared(measured.numbers), measured.movement)
 
     def read_with(self, others: Sequence[Self]) -> list[Reading]:
         """Compare the windows of several performers: one's own first, then the others'."""
         if not others:
             return [self.read()]
         numbers, movements = self.measurer.read_with([each.measurer for each in others])
-        distances = self._table.log_distances(numbers)
+        distances = self._table.compared(numbers)
         each = zip((self, *others), distances, movements, strict=True)
         return [matcher.judged(newest, movement) for matcher, newest, movement in each]
 
     def judged(self, newest: NDArray[np.float64], movement: float) -> Reading:
-        """Judge the newest windows' log distances, (classes,), by those of the hops before; once per hop."""
+        """Judge the newest windows' log distances, as the table compared them, by those before; once per hop."""
         elapsed = _SECONDS_PER_LEAD if math.isnan(self._read_at) else self._now - self._read_at
         self._read_at = self._now
-        distances = self._compared.after(newest, elapsed)
+        compared = self._compared.after(newest, elapsed)
+        distances, known = compared[0], compared[-1]
         self._follow(distances, elapsed)
-        judged = self._judged.after(distances, elapsed)
-        self._known = self._is_known(float(judged[self._guess]), float(distances[self._guess]))
+        judged = self._judged.after(known, elapsed)
+        self._known = self._is_known(float(judged[self._guess]), float(known[self._guess]))
         outcome = Outcome.NAMED if self._known else Outcome.UNKNOWN
         if movement < self._stillness:
             outcome = Outcome.STILL
+        # With fewer joints: ranked as they are named, as near as the guess is known.
+        distances = distances + (known[self._guess] - distances[self._guess])
         return Reading(outcome, 1 / (1 + np.exp(distances)), self._guess, movement)
 
     def _is_known(self, judged: float, newest: float) -> bool:

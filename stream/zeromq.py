@@ -21,6 +21,7 @@ import numpy as np
 import zmq
 
 from stream.answer import Answer
+from stream.connections import Connections
 from stream.frame import LONGEST_PERFORMER, Announcement, Frame
 
 if TYPE_CHECKING:
@@ -366,11 +367,16 @@ class ZmqReceiver:
     def __init__(self, endpoint: Endpoint, topic: bytes = b"") -> None:
         self.socket = endpoint.open(zmq.SUB)
         self.socket.subscribe(topic)
+        self._connections = Connections(self.socket, endpoint)
 
     @property
     def address(self) -> str:
         """The endpoint as bound or connected, its port resolved."""
         return str(self.socket.getsockopt_string(zmq.LAST_ENDPOINT))
+
+    def broken(self) -> int:
+        """Count the connections that broke while the sender was there; to be asked about once a second."""
+        return self._connections.look()
 
     def receive(self) -> list[bytes] | None:
         """Take the next message; None when there is none now."""
@@ -387,6 +393,7 @@ class ZmqReceiver:
 
     def close(self) -> None:
         """Give the address back."""
+        self._connections.close()
         self.socket.close()
 
 

@@ -35,6 +35,9 @@ RUNS: Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
         ("own_takes", _OWN_TAKES, ("--protocol", "leave-one-take-out")),
         ("builtin", (*_OWN_TAKES, "86_01.amc"), ("--map", *_NAMES)),
     )
+} | {
+    f"builtin_{skeleton}": ((*_OWN_TAKES, "86_01.amc"), ("--map", *_NAMES, "--skeleton", skeleton))
+    for skeleton in ("qtm", "osceleton", "vrchat")
 }
 #: Which way is better, and how far the other way a figure may go: less than a listener would notice, more than another
 #: processor's rounding moves it.

@@ -48,6 +48,10 @@ class NoSocket:
         packet, self.packet = self.packet, None
         return packet
 
+    def broken(self) -> int:
+        """Have no connections."""
+        return 0
+
     def send_to(self, datagram: bytes, target: tuple[str, int]) -> bool:
         """Send nothing."""
         return bool(datagram and target)
@@ -159,6 +163,10 @@ class NoSubscription:
         """Give the message once."""
         parts, self.parts = self.parts, None
         return parts
+
+    def broken(self) -> int:
+        """Have no connections."""
+        return 0
 
     def close(self) -> None:
         """Nothing to close."""

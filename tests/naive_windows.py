@@ -221,8 +221,15 @@ def quantile(numbers: Sequence[float], share: float) -> float:
     return ordered[below] + (place - below) * (ordered[above] - ordered[below])
 
 
-def thresholds(
-    vectors: Sequence[Matrix], classes: Sequence[int], actors: Sequence[str], rates: Sequence[float], *, floor: float
+def thresholds(  # noqa: PLR0913 - the windows with their labels, what is asked for, and how they ask
+    vectors: Sequence[Matrix],
+    classes: Sequence[int],
+    actors: Sequence[str],
+    rates: Sequence[float],
+    *,
+    floor: float,
+    asked: Sequence[Matrix] | None = None,
+    outside: Sequence[Sequence[float]] | None = None,
 ) -> list[float]:
     """Leave each class out in turn, let its windows ask, and average the quantiles of the nearest they find.
 
@@ -236,8 +243,13 @@ def thresholds(
         Shares of impostors to be answered.
     floor
         Added to squared distances before the logarithm.
+    asked, outside
+        For each group what the windows ask with, and for each window what it lies off the axes in each group, squared;
+        when not given they ask with what is in the library.
     """
     count, several = len(classes), len(set(actors)) > 1
+    asked = vectors if asked is None else asked
+    off = [[0.0] * len(vectors)] * count if outside is None else outside
     by_class = []
     for left_out in sorted(set(classes)):
         found = []
@@ -248,7 +260,12 @@ def thresholds(
                 if classes[window] != left_out and not (several and actors[window] == actors[asking])
             ]
             far = {
-                window: mean([math.log(squared_distance(each[asking], each[window]) + floor) for each in vectors])
+                window: mean(
+                    [
+                        math.log(squared_distance(own[asking], each[window]) + beyond + floor)
+                        for own, each, beyond in zip(asked, vectors, off[asking], strict=True)
+                    ]
+                )
                 for window in there
             }
             agreed = [
@@ -376,3 +393,78 @@ def vector_seen(  # noqa: PLR0913 - the measure, what was learned, and which of 
     decoder = whole(np.linalg.inv(prior) @ together)[:, seen]
     covariance = decoder.T @ prior @ decoder + np.diag(spare[seen])
     return np.asarray(prior @ decoder @ np.linalg.inv(covariance) @ (whole(measure) - whole(origin)[seen]))
+
+
+def vector_shown(  # noqa: PLR0913 - the vector, what was learned, and which numbers are seen
+    vector: Matrix,
+    *,
+    origin: Matrix,
+    axes: Matrix,
+    together: Matrix,
+    spare: Matrix,
+    seen: Sequence[int],
+    level_removed: float,
+) -> Matrix:
+    """Make the measure that a vector stands for, look at fewer of its numbers, and estimate the vector from those."""
+    prior = (together @ axes + (together @ axes).T) / 2
+    measure = origin + vector @ np.linalg.inv(prior) @ together
+    fewer = (measure + level_removed / (1 - level_removed) * measure.mean())[seen]
+    return vector_seen(
+        fewer - level_removed * fewer.mean(),
+        origin=origin,
+        axes=axes,
+        together=together,
+        spare=spare,
+        seen=seen,
+        level_removed=level_removed,
+    )
+
+
+def shape_shown(shape_vector: Sequence[float], directions: Matrix) -> list[float]:
+    """Multiply the triangle out to the covariance it is of, look at it along some directions, and take its shape."""
+    size = len(directions)
+    triangle = np.zeros((size, size))
+    numbers = iter(shape_vector)
+    for i in range(size):
+        for j in range(i + 1):
+            triangle[i, j] = next(numbers)
+    covariance = [[math.fsum(triangle[i] * triangle[j]) for j in range(size)] for i in range(size)]
+    return shape(directions.T @ np.array(covariance) @ directions)
+
+
+def named_and_known(  # noqa: PLR0913 - both of the asking window and of the library's, and the windows' labels
+    asked: Sequence[Sequence[float]],
+    outside: Sequence[float],
+    vectors: Sequence[Matrix],
+    *,
+    cut: Sequence[Sequence[float]],
+    cut_outside: Sequence[float],
+    cut_vectors: Sequence[Matrix],
+    shapes: Sequence[bool],
+    told: float,
+    classes: Sequence[int],
+    actors: Sequence[str],
+    floor: float,
+) -> list[list[float]]:
+    """Compare a window of fewer joints twice: by which it is named, and by which it is known.
+
+    Known by what is cut alone. Named by the whole vectors, but for shapes by both, the whole one weighing as much as
+    the share of directions told.
+    """
+    both = []
+    for window in range(len(classes)):
+        logs, cut_logs = [], []
+        for index, is_shape in enumerate(shapes):
+            whole = squared_distance(asked[index], vectors[index][window].tolist()) + outside[index] + floor
+            left = squared_distance(cut[index], cut_vectors[index][window].tolist()) + cut_outside[index] + floor
+            share = told if is_shape else 1.0
+            logs.append(share * math.log(whole) + (1 - share) * math.log(left))
+            cut_logs.append(math.log(left))
+        both.append((mean(logs), mean(cut_logs)))
+    return [
+        [
+            agreement([(actors[k], both[k][which]) for k in range(len(both)) if classes[k] == index])
+            for index in sorted(set(classes))
+        ]
+        for which in (0, 1)
+    ]

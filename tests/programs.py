@@ -150,8 +150,12 @@ class Publisher:
 
     def wait_for_subscriber(self) -> None:
         """Wait until a subscriber to everything is there."""
+        self.wait_for_change(b"\x01")
+
+    def wait_for_change(self, told: bytes) -> None:
+        """Wait until a subscriber to everything comes, 1, or goes, 0."""
         assert self._socket.poll(int(PATIENCE * 1000))
-        assert self._socket.recv() == b"\x01"
+        assert self._socket.recv() == told
 
     def encode(self, cue: Cue) -> Packet:
         """Make the message of a frame."""

@@ -91,14 +91,17 @@ def test_libraries_among_the_sources_are_merged(tmp_path: Path) -> None:
     assert (both.licence, both.attribution) == (hdm05.LICENCE, hdm05.ATTRIBUTION)
 
 
-def test_an_existing_library_is_replaced_whole(tmp_path: Path) -> None:
-    """Building over a file replaces it, and nothing else is left in the folder."""
+def test_an_existing_library_is_replaced_whole_if_ordered(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Building over a file is refused before anything is read; ordered, it replaces it and leaves nothing else."""
     (tmp_path / "cut").mkdir()
     (tmp_path / "made").mkdir()
     output = tmp_path / "made" / "mine.npz"
     output.write_bytes(b"something else")
     write_takes(tmp_path / "cut", takes=1)
-    assert build(tmp_path / "cut", "-o", output) == 0
+    assert build(tmp_path / "nowhere", "-o", output) == 2
+    assert capsys.readouterr().err == f"kinespace: {output}: exists already; --overwrite writes over it\n"
+    assert output.read_bytes() == b"something else"
+    assert build(tmp_path / "cut", "-o", output, "--overwrite") == 0
     assert len(MotionLibrary.load(output)) == 6
     assert list(output.parent.iterdir()) == [output]
 
@@ -113,10 +116,26 @@ def test_a_failed_build_leaves_the_old_library(tmp_path: Path, capsys: pytest.Ca
     before = output.read_bytes()
     paths[-1].write_text(paths[-1].read_text().replace("rlower", "tail"))
     capsys.readouterr()
-    assert build(tmp_path / "cut", "-o", output) == 2
+    assert build(tmp_path / "cut", "-o", output, "--overwrite") == 2
     assert output.read_bytes() == before
     assert list(output.parent.iterdir()) == [output]
     assert capsys.readouterr().err.startswith(f"kinespace: {paths[-1]}:")
+
+
+def test_long_takes_without_labels_are_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A take that lasts as no motion does is taken as one all the same, with a line that says how to cut it."""
+    write_take(tmp_path, "bd", "bendLeft", 1)
+    path = write_take(tmp_path, "bd", "bendRight", 1, frames=120 * 16)
+    assert build(tmp_path, "-o", tmp_path / "mine.npz") == 0
+    told = (
+        f"1 of 2 recordings are longer than 15 s, {path.stem} (16 s) the longest; each is taken as one motion: --labels"
+    )
+    (line,) = [line for line in capsys.readouterr().out.splitlines() if "--labels" in line]
+    assert line.startswith(told)
+    labels = tmp_path / "labels.csv"
+    labels.write_text("start_s,end_s,label\n0,15.5,down\n")
+    assert build(path, "--labels", labels, "-o", tmp_path / "other.npz") == 0
+    assert "--labels" not in capsys.readouterr().out
 
 
 def test_bodies_that_differ_cannot_be_merged(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

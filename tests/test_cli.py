@@ -14,7 +14,8 @@ from programs import ROOT, finished
 from library import Reading
 from stream import LiveSignature, Settings
 from tools import build, demo, evaluate, info, latency, live, replay
-from tools.cli import OSC_IN, OSC_OUT, main
+from tools.arguments import OSC_IN
+from tools.cli import OSC_OUT, main
 
 if TYPE_CHECKING:
     from types import ModuleType

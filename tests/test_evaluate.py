@@ -194,7 +194,8 @@ def test_a_picture_of_no_kind_writes_nothing(cut: Path, tmp_path: Path, capsys: 
     error = capsys.readouterr().err
     assert error.startswith("kinespace: ")
     assert error.count("\n") == 1
-    assert "'doc'" in error
+    assert ", svg, " in error
+    assert "got .doc" in error
     assert [path.name for path in tmp_path.iterdir()] == ["cut"]
 
 

@@ -519,7 +519,10 @@ def test_a_restricted_library_keeps_nothing_learned_together(windowed_library: M
     restricted = windowed_library.restricted_to(["root", "head", "left", "right", "foot"])
     restricted.save(tmp_path / "library.npz")
     header, arrays = libraryfile.read(tmp_path / "library.npz")
-    assert set(arrays) == {*NAMES, *WINDOW_ARRAYS, "window_thresholds", "shape1000_origin", "shape1000_axes"}
+    shown = {name for name in arrays if "shown" in name}
+    assert set(arrays) - shown == {*NAMES, *WINDOW_ARRAYS, "window_thresholds", "shape1000_origin", "shape1000_axes"}
+    assert {"directions_shown", "shown_window_vectors0", "shown_window_thresholds", "shown_shape1000_axes"} < shown
+    assert not any(name.endswith(("_together", "_spare")) for name in arrays)
     assert header["windows"]["body_scale"] != 1.0
     assert not (arrays["body_stretches"] == 1.0).all()
     loaded = MotionLibrary.load(tmp_path / "library.npz").windows
@@ -580,6 +583,13 @@ def test_a_library_without_windows_is_one(small_library: MotionLibrary, tmp_path
         pytest.param(_setting("windows", to=[]), id="windows a list"),
         pytest.param(_setting("windows", to="many"), id="windows a word"),
         pytest.param(_setting("windows", to={}), id="windows without entries"),
+        pytest.param(_without("windows", "further"), id="nothing said of fewer joints"),
+        *(
+            pytest.param(_setting("windows", "further", to=further), id=f"further by {further}")
+            for further in (-0.1, float("nan"), float("inf"), "much", None, [0.1])
+        ),
+        pytest.param(_setting("windows", "shown", to={}), id="shown without entries"),
+        pytest.param(_setting("windows", "shown", to=3), id="shown a number"),
         pytest.param(_without("windows", "groups"), id="no groups"),
         pytest.param(_without("windows", "outside"), id="no weights"),
         pytest.param(_without("windows", "outside", "shape1000"), id="a weight missing"),
@@ -606,6 +616,34 @@ def test_broken_windows_are_refused(
     path = tmp_path / "library.npz"
     windowed_library.save(path)
     header, arrays = libraryfile.read(path)
+    change(header, arrays)
+    libraryfile.write(path, header, arrays)
+    with pytest.raises(LibraryFileError, match=re.escape(f"{path}: not a usable motion library (")):
+        MotionLibrary.load(path)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        pytest.param(_setting("windows", "shown", to={}), id="shown without entries"),
+        pytest.param(_without_array("directions_shown"), id="no directions"),
+        pytest.param(_array("directions_shown", lambda array: array[:-1]), id="a direction shorter"),
+        pytest.param(_array("directions_shown", lambda array: array[:, :-1]), id="a direction missing"),
+        pytest.param(_array("directions_shown", _not_finite), id="a direction NaN"),
+        pytest.param(_without_array("shown_window_vectors0"), id="no vectors shown"),
+        pytest.param(_array("shown_window_motions", np.zeros_like), id="other motions shown"),
+        pytest.param(_array("shown_spread1000_axes", lambda axes: axes[:, 1:]), id="an axis missing"),
+    ],
+)
+def test_broken_windows_of_fewer_joints_are_refused(
+    windowed_library: MotionLibrary, tmp_path: Path, change: Callable[[dict[str, Any], dict[str, Any]], None]
+) -> None:
+    """A file of a library restricted to fewer joints, whose windows shown do not fit the others, is refused by name."""
+    path = tmp_path / "library.npz"
+    windowed_library.restricted_to(windowed_library.skeleton.joints[:5]).save(path)
+    header, arrays = libraryfile.read(path)
+    libraryfile.write(path, header, arrays)
+    assert MotionLibrary.load(path).windows is not None
     change(header, arrays)
     libraryfile.write(path, header, arrays)
     with pytest.raises(LibraryFileError, match=re.escape(f"{path}: not a usable motion library (")):

@@ -234,3 +234,19 @@ def test_an_output_alone_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
     """With somebody to answer and nobody to listen to, what is missing is said."""
     assert main(["live", "--osc-out", f"{LOOPBACK}:9"]) == 2
     assert capsys.readouterr().err == "kinespace: live: expected --osc-in or --zmq-in, got neither\n"
+
+
+def test_a_message_too_large_costs_that_message_alone() -> None:
+    """The publisher that live connected to sends too much at once: it is said, and what follows is recognised."""
+    cues = ghost_cues("squat1Reps", 1.0)
+    with live(transport="zmq") as stage:
+        assert isinstance(stage.sender, Publisher)
+        stage.play(cues[:10])
+        stage.sender.send([b"frame/ghost/", b"{}", bytes(2 * zeromq.LARGEST_MESSAGE)])
+        # ZeroMQ gives such a publisher up; we come back to it.
+        stage.sender.wait_for_change(b"\x00")
+        stage.sender.wait_for_change(b"\x01")
+        stage.play(cues[10:])
+        assert stage.answers(1)
+        assert stage.stopped()["received"] == len(cues)
+        assert "connections broken 1 (a message above 1 MB?)" in stage.program.output

@@ -14,9 +14,11 @@ from fakeqtm import fake_qtm
 from golden import LAYOUTS, Moment
 from programs import LOOPBACK, PATIENCE, finished, ghost_cues, started
 
+from library import MotionLibrary
 from library.hdm05 import SKELETON
 from stream.osc import OscReceiver
 from stream.oscpacket import Message, decode_packet
+from tools.live import fitted
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -135,3 +137,16 @@ def test_what_cannot_be_is_one_line(options: tuple[str, ...], said: str) -> None
     assert (status, output) == (2, "")
     assert errors.startswith(f"kinespace: {said}")
     assert errors.count("\n") == 1
+
+
+def test_a_joint_that_the_library_has_not_is_said(capsys: pytest.CaptureFixture[str]) -> None:
+    """A misspelt joint would be missing without a word: the line says it and the name that is nearest."""
+    library = MotionLibrary.builtin()
+    joints = [name for name in library.skeleton.joints if name != "head"]
+    assert len(fitted(library, "feed mine", [*joints, "haed", "tail"]).skeleton.joints) == 30
+    told = (
+        "feed mine: the library has no joint 'haed', perhaps head is meant\nfeed mine: 30 of the library's 31 joints\n"
+    )
+    assert capsys.readouterr().out == told
+    fitted(library, "feed mine", [*joints, "head", "haed"])
+    assert capsys.readouterr().out == ""

@@ -178,16 +178,30 @@ def test_a_narrow_terminal_has_no_bars() -> None:
     assert score_shown(0.5, 80).plain == "0.500"
 
 
-def test_long_names_fit_on_80_characters() -> None:
-    """On 80 characters the longest class names of the built-in library are folded at most: no character is cut off."""
+def test_long_names_are_whole_on_80_characters(monkeypatch: pytest.MonkeyPatch) -> None:
+    """On 80 characters the built-in library's longest class names stand side by side; figures make room for them."""
+    longest = ("elbowToKnee1RepsLelbowStart", "rotateArmsBothBackward1Reps")
+    table = LiveTable(longest)
+    table.publish(Recognition("performer 1", 1.0, Outcome.NAMED, longest, np.array([0.9, 0.8]), 0.1, 0.9, 0.8, 0.0))
+    table.publish_event(Event("performer 1", EventKind.START, longest[1], 1, 0.8, 1.0))
+    heads = {80: ["score"], 100: ["score", "margin", "frames/s"]}
+    for width, figures in heads.items():
+        monkeypatch.setattr("tools.livetable.console._width", width)
+        drawn = shown(table, width=width)
+        assert max(map(len, drawn.splitlines())) <= width
+        assert f"performer 1  {longest[1]}  {longest[0]}  0.900" in drawn
+        assert drawn.splitlines()[1].split()[4:] == figures
+
+
+def test_names_that_are_wider_than_the_terminal_are_folded(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A name for which there is no room goes on in the next line: no character is cut off."""
+    monkeypatch.setattr("tools.livetable.console._width", 60)
     longest = ("elbowToKnee1RepsLelbowStart", "rotateArmsBothBackward1Reps")
     table = LiveTable(longest)
     table.publish(Recognition("me", 1.0, Outcome.NAMED, longest, np.array([0.9, 0.8]), 0.1, 0.9, 0.8, 0.0))
-    table.publish_event(Event("me", EventKind.START, longest[1], 1, 0.8, 1.0))
-    drawn = shown(table, width=80)
-    assert max(map(len, drawn.splitlines())) <= 80
-    for name in longest:
-        assert Counter(name) <= Counter(drawn)
+    drawn = shown(table, width=60)
+    assert max(map(len, drawn.splitlines())) <= 60
+    assert Counter(longest[0]) <= Counter(drawn)
     assert "…" not in drawn
 
 

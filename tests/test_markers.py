@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import re
+import subprocess
+import sys
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,14 +15,16 @@ from written import trc_text, write_c3d
 
 from library.formats import c3d, trc
 from library.formats.c3d import C3dError
+from library.formats.c3dprocess import C3dProcess
 from library.formats.error import RecordingError
 from library.formats.gaps import LONGEST_GAP, with_missing_joints
 from library.formats.naming import chosen, short_names
 from library.formats.trc import TrcError
 from library.formats.units import guessed_metres, metres_of
+from library.recordings import read_recordings
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Iterator
     from pathlib import Path
 
     from numpy.typing import NDArray
@@ -278,6 +282,91 @@ def test_parameters_that_make_no_sense_are_refused(tmp_path: Path, old: bytes, n
     path.write_bytes(content.replace(old, new, 1))
     with pytest.raises(C3dError, match=rf"byte \d+: {message}"):
         c3d.read_clip(path)
+
+
+@pytest.fixture(scope="module")
+def process() -> Iterator[C3dProcess]:
+    """Give one process for many C3D files."""
+    with C3dProcess() as process:
+        yield process
+
+
+#: A parameter of type and dimensions that its reader does not expect under that name, so that it runs off its memory.
+BREAKS_THE_READER = (b"RATE\x09\x00\x04\x00", b"RATE\x09\x00\xff\x00")
+
+
+def test_a_c3d_that_breaks_its_reader_breaks_nothing_else(tmp_path: Path) -> None:
+    """What ends ezc3d's process, whatever it is read in, is one error that names the file; the next file is read."""
+    good = written_c3d(tmp_path / "a.c3d", walk())
+    bad = tmp_path / "b.c3d"
+    bad.write_bytes(good.read_bytes().replace(*BREAKS_THE_READER, 1))
+    alone = subprocess.run([sys.executable, "-c", "import ezc3d, sys; ezc3d.c3d(sys.argv[1])", bad], check=False)
+    assert alone.returncode != 0, "this ezc3d survives it: another file is needed"
+    assert alone.returncode != 1, "an error of Python's breaks nothing"
+    told = re.escape(f"{bad}: not a usable C3D (the reader broke down on it)")
+    with C3dProcess() as process:
+        for _ in range(2):
+            with pytest.raises(C3dError, match=told):
+                c3d.read_clip(bad, process=process)
+            assert c3d.read_clip(good, process=process).frames == 120
+    with pytest.raises(C3dError, match=told):
+        list(read_recordings([bad]))
+
+
+def test_a_c3d_that_is_never_done_is_given_up(
+    tmp_path: Path, process: C3dProcess, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What takes far longer than such a file may is ended and named, and the next file is read."""
+    path = written_c3d(tmp_path / "a.c3d", walk())
+    monkeypatch.setattr("library.formats.c3dprocess._PATIENCE", 0.0)
+    monkeypatch.setattr("library.formats.c3dprocess._SLOWEST", 1e12)
+    with pytest.raises(C3dError, match="the reader did not end within 0 s on it"):
+        c3d.read_clip(path, process=process)
+    monkeypatch.undo()
+    assert c3d.read_clip(path, process=process).frames == 120
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="memory is limited on Linux only")
+def test_a_c3d_that_takes_all_memory_is_given_up(
+    tmp_path: Path, process: C3dProcess, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What needs far more memory than such a file may is ended and named, and the next file is read."""
+    path = written_c3d(tmp_path / "a.c3d", np.tile(walk(), (200, 1, 1)))
+    monkeypatch.setattr("library.formats.c3dprocess._MEMORY", 1 << 18)
+    monkeypatch.setattr("library.formats.c3dprocess._MEMORY_TIMES", 0)
+    with pytest.raises(C3dError, match=re.escape(f"{path}: not a usable C3D")):
+        c3d.read_clip(path, process=process)
+    monkeypatch.undo()
+    assert c3d.read_clip(path, process=process).frames == 24_000
+
+
+def test_a_built_in_python_reads_c3d_itself(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where the program that runs is no Python that could be started again, nothing is started."""
+    path = written_c3d(tmp_path / "a.c3d", walk())
+    expected = c3d.read_clip(path)
+    monkeypatch.setattr(sys, "executable", "/opt/TouchDesigner/bin/TouchDesigner.exe")
+    monkeypatch.setattr(subprocess, "Popen", None)
+    np.testing.assert_array_equal(c3d.read_clip(path).positions, expected.positions)
+
+
+@settings(max_examples=400, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(
+    places=st.lists(st.tuples(st.integers(0, 1100), st.binary(max_size=3), st.integers(0, 3)), min_size=1, max_size=4)
+)
+def test_rubbish_in_a_c3d_is_refused_by_name_or_read(
+    tmp_path: Path, process: C3dProcess, places: list[tuple[int, bytes, int]]
+) -> None:
+    """Bytes changed in header and parameters end in a clip of finite numbers or in one error that names the file."""
+    content, path = written_c3d(tmp_path / "good.c3d", walk()).read_bytes(), tmp_path / "bad.c3d"
+    for place, rubbish, lost in places:
+        content = content[:place] + rubbish + content[place + lost :]
+    path.write_bytes(content)
+    told = str(path)
+    try:
+        assert np.isfinite(c3d.read_clip(path, process=process).positions).all()
+    except RecordingError as error:
+        told = str(error)
+    assert told.startswith(str(path))
 
 
 def test_a_c3d_with_one_marker_is_refused(tmp_path: Path) -> None:

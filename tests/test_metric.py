@@ -182,11 +182,13 @@ def test_vector_and_residual_are_the_whole_distance(kept: int) -> None:
     metric = windows.metric(shrinkage=1.0, kept=kept)
     assert metric.outside > 0
     for measure in windows.measures:
-        vector, residual = metric.placed(measure)
-        several, residuals = metric.placed_each(np.array([measure, measure + 1.0]))
+        vector = np.empty(kept, dtype=np.float32)
+        square = metric.place(measure, vector)
+        residual = square - float(vector @ vector)
+        np.testing.assert_allclose(vector, metric.embedded(measure), rtol=1e-5, atol=1e-6)
+        several, squares = metric.placed_each(np.array([measure, measure + 1.0]))
         np.testing.assert_allclose(several[0], vector, rtol=1e-4, atol=1e-6)
-        assert residuals[0] == pytest.approx(residual, rel=1e-4, abs=1e-5)
-        np.testing.assert_allclose(vector, metric.embedded(measure), rtol=1e-5)
+        assert squares[0] == pytest.approx(square, rel=1e-4, abs=1e-5)
         whole = metric.outside * naive_windows.squared_distance(measure.tolist(), metric.origin.tolist())
         assert residual >= 0.0
         assert residual + float(vector @ vector) == pytest.approx(whole, rel=1e-2)
@@ -199,8 +201,10 @@ def test_a_whitened_metric_drops_what_is_off_its_axes() -> None:
     metric = _Windows().metric(shrinkage=0.3, kept=2)
     far = np.full(9, 1000.0)
     assert metric.outside == 0.0
-    assert metric.placed(far)[1] == 0.0
-    assert metric.placed_each(far[None])[1].tolist() == [0.0]
+    vector = np.empty(2, dtype=np.float32)
+    square = metric.place(far, vector)
+    assert square == pytest.approx(float(vector @ vector))
+    assert metric.placed_each(far[None])[1] == pytest.approx([square], rel=1e-5)
 
 
 # --- fewer numbers -----------------------------------------------------------------------------------------------

@@ -84,7 +84,7 @@ def test_too_few_people_leave_whole_motions(tmp_path: Path, capsys: pytest.Captu
     """Without actors, or with two, there is nothing to learn how people differ from: it is said, and the rest works."""
     moves = bvh_moves(tmp_path, actors=("ann", "bob"))
     for options in ((), ("--actor-in", "name")):
-        assert main(["build", str(moves), "-o", str(tmp_path / "mine.npz"), *options]) == 0
+        assert main(["build", str(moves), "-o", str(tmp_path / "mine.npz"), "--overwrite", *options]) == 0
         assert "whole motions only, no windows" in capsys.readouterr().out
         library = MotionLibrary.load(tmp_path / "mine.npz")
         assert library.windows is None

@@ -70,11 +70,27 @@ def test_the_least_that_is_needed_is_little() -> None:
     ("old", "new", "said"),
     [
         ("port = 7000", "", "port: expected a number from 1 to 65535, got nothing"),
+        (
+            "port = 7000",
+            "prot = 7000",
+            "port: expected a number from 1 to 65535, got nothing, but 'prot', which is no key",
+        ),
+        (
+            "[[message]]",
+            "[[mesage]]",
+            "message: expected at least one that holds x, y and z, got nothing, but 'mesage'",
+        ),
+        ("address =", "adress =", "message 1, address: expected text, got nothing, but 'adress', which is no key"),
+        ("port = 7000", "port = 7000\nxyzzy = 1", "xyzzy: no such key: expected one of ask"),
         ("port = 7000", "port = 70000", "port: expected a number from 1 to 65535, got 70000"),
         ("port = 7000", "port = 7000.5", "port: expected a whole number from 1 to 65535, got 7000.5"),
         ("port = 7000", 'port = "x"', "port: expected a number from 1 to 65535, got 'x'"),
         ("port = 7000", f"port = 1{'0' * 400}", "port: expected a number from 1 to 65535, got 1000"),
-        ("port = 7000", "port = 7000\nprot = 1", "prot: expected no such key but"),
+        (
+            "port = 7000",
+            "port = 7000\nprot = 1",
+            "prot: no such key, perhaps port is meant: expected one of ask, axes, bones, c",
+        ),
         ("port = 7000", "port = 7000\nmetres = [1, 2]", "metres: expected 3 numbers, got [1, 2]"),
         ("port = 7000", "port = 7000\nmetres = 0", "metres: expected numbers above 0, got 0"),
         ("port = 7000", "port = 7000\nmetres = inf", "metres: expected 3 numbers, got inf"),
@@ -95,7 +111,11 @@ def test_the_least_that_is_needed_is_little() -> None:
             '[frame]\nwords = { Good = "x" }\n[[message]]',
             "frame, words, Good: expected a number, got 'x'",
         ),
-        ("[[message]]", "[frame]\nholdd = 1\n[[message]]", "frame, holdd: expected no such key but"),
+        (
+            "[[message]]",
+            "[frame]\nholdd = 1\n[[message]]",
+            "frame, holdd: no such key, perhaps hold is meant: expected",
+        ),
         ('"/joint/{joint}"', '"joint"', "message 1, address: expected an address that begins with /, got 'joint'"),
         (
             '"/joint/{joint}"',

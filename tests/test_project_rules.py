@@ -23,6 +23,8 @@ BELOW = {"library": set[str](), "stream": {"library"}, "tools": {"library", "str
 CORE = ("recognizer", "window", "covariance", "performers", "recognition", "frame", "answer", "oscpacket")
 CORE += ("assembler", "mapper", "kinematics", "preset", "checkedtable", "survey")
 NOT_IN_CORE = {"socket", "time", "threading", "zmq", "asyncio", "pythonosc", "selectors", "multiprocessing", "logging"}
+#: What keeps another process that reads files, and waits for it.
+KEEPS_A_PROCESS = "c3dprocess"
 #: The folders in which people keep their work; no source says where it was written.
 MACHINE_FOLDERS = tuple(f"/{name}/" for name in ("home", "root", "work", "Users"))
 TEXT = {".py", ".md", ".toml", ".txt", ".yml", ".yaml", ".cfg", ".svg", ".sh", ".csv", ""}
@@ -35,7 +37,9 @@ def package_of(path: Path) -> str:
     return path.relative_to(ROOT).parts[0]
 
 
-CORE_SOURCES = [path for path in SOURCES if package_of(path) == "library" or path.stem in CORE]
+CORE_SOURCES = [
+    path for path in SOURCES if (package_of(path) == "library" and path.stem != KEEPS_A_PROCESS) or path.stem in CORE
+]
 
 
 def name_of(path: Path) -> str:

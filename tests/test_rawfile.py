@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 import re
+import struct
 import zlib
 from typing import TYPE_CHECKING
 
@@ -43,6 +45,24 @@ def test_what_is_written_is_read(tmp_path: Path) -> None:
     for _ in range(2):
         assert list(recording.packets()) == PACKETS
         assert (recording.lost_from, recording.damage()) == (None, "")
+
+
+def test_presets_are_kept_and_older_headers_read(tmp_path: Path) -> None:
+    """The presets come back as they were; a header without them has none, and one of another kind is no header."""
+    presets = {"vmc": 'port = 1 # "søren"\n', "mine": ""}
+    with RawWriter(tmp_path / "a.kinerec", SOURCES, presets):
+        pass
+    assert RawFile(tmp_path / "a.kinerec").header.presets == presets
+    assert RawFile(write(tmp_path / "b.kinerec", [])).header.presets == {}
+    assert b"presets" not in (tmp_path / "b.kinerec").read_bytes()
+    told = {"format": rawfile.FORMAT, "version": rawfile.VERSION, "began": "", "sources": [], "presets": ["vmc"]}
+    body = b"\0" + json.dumps(told).encode()
+    (tmp_path / "c.kinerec").write_bytes(struct.pack("<II", len(body), zlib.crc32(body)) + body)
+    with pytest.raises(RawFileError, match="byte 0: not a raw recording"):
+        RawFile(tmp_path / "c.kinerec")
+    with pytest.raises(ValueError, match="presets: expected at most 2097152 bytes"):
+        RawWriter(tmp_path / "d.kinerec", SOURCES, {"mine": "#" * (1 << 21)})
+    assert not (tmp_path / "d.kinerec").exists()
 
 
 @settings(max_examples=100, suppress_health_check=[HealthCheck.function_scoped_fixture])

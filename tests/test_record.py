@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import re
 import signal
 import time
 from contextlib import contextmanager
@@ -173,13 +174,38 @@ def test_live_keeps_what_it_hears(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("program", ["record", "live"])
 def test_an_existing_file_is_refused(tmp_path: Path, program: str, capsys: pytest.CaptureFixture[str]) -> None:
-    """Neither program writes over a recording."""
+    """Neither program writes over a recording, unless ordered to."""
     path = written(tmp_path / "a.kinerec")
     before = path.read_bytes()
     ports = ["--osc-in", f"{LOOPBACK}:0"]
     assert main(["record", str(path), *ports] if program == "record" else ["live", *ports, "--record", str(path)]) == 2
-    assert capsys.readouterr().err == f"kinespace: {path}: File exists\n"
+    assert capsys.readouterr().err == f"kinespace: {path}: exists already; --overwrite writes over it\n"
     assert path.read_bytes() == before
+    path.write_bytes(b"something else")
+    assert main(["record", str(path), *ports, "--overwrite", "--seconds", "0.01"]) == 0
+    assert list(RawFile(path).packets()) == []
+
+
+def test_a_recording_stays_where_no_other_can_begin(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A port that cannot be opened costs no recording, even if it may be written over."""
+    path = written(tmp_path / "a.kinerec")
+    before = path.read_bytes()
+    for command in (["record", str(path)], ["live", "--record", str(path)]):
+        assert main([*command, "--overwrite", "--osc-in", "nowhere.invalid:9"]) == 2
+        assert "nowhere.invalid" in capsys.readouterr().err
+        assert path.read_bytes() == before
+
+
+def test_numbers_are_not_written_over(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Convert refuses a file that is there, before it reads, unless ordered to write over it."""
+    path, output = a_recording(tmp_path / "a.kinerec"), tmp_path / "a.csv"
+    output.write_text("mine")
+    command = ["convert", str(path), "-o", str(output), "--performer", "ann"]
+    assert main(command) == 2
+    assert capsys.readouterr().err == f"kinespace: {output}: exists already; --overwrite writes over it\n"
+    assert output.read_text() == "mine"
+    assert main([*command, "--overwrite"]) == 0
+    assert output.read_text().startswith("time,")
 
 
 # --- replaying ---------------------------------------------------------------------------------------------------
@@ -206,6 +232,24 @@ def test_a_cut_is_looped_until_interrupted(tmp_path: Path, stage: osc.OscReceive
         assert heard(stage, 9) == [b"packet 2", b"packet 3", b"packet 4"] * 3
         assert program.interrupt() == 0
         assert "packets sent" in program.output
+
+
+def test_a_cut_beyond_the_end_is_said(
+    tmp_path: Path, stage: osc.OscReceiver, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Where nothing lies between --from and --to, or nothing in the file, that is an error, in a loop too."""
+    path = written(tmp_path / "a.kinerec", *(RawPacket(5.0 + index / 4, 0, "", (b"x",)) for index in range(6)))
+    to = ("--osc", f"{LOOPBACK}:{stage.address[1]}")
+    for options in (("--from", 2), ("--from", 0.3, "--to", 0.4), ("--from", 2, "--loop")):
+        assert replay(path, *to, *options) == 2
+        told = f"kinespace: {path}: expected --from and --to around some of its 1.25 s\n"
+        assert capsys.readouterr() == ("", told)
+    path.write_bytes(path.read_bytes()[:-1])
+    assert replay(path, *to, "--from", 2) == 2
+    assert re.search(r"around some of its 1\.00 s; .*cut off or damaged", capsys.readouterr().err)
+    assert replay(written(tmp_path / "b.kinerec"), *to) == 2
+    assert capsys.readouterr().err == f"kinespace: {tmp_path / 'b.kinerec'}: no packets in it\n"
+    assert stage.receive() is None
 
 
 def test_messages_go_to_zeromq_and_what_has_nowhere_to_go_is_counted(
@@ -388,7 +432,7 @@ def test_a_feeds_recording_is_told_and_converted(tmp_path: Path, capsys: pytest.
     for feed in ("osceleton", str(mine)):
         assert main(["info", str(path), "--feed", feed]) == 0
         assert "performer 1: 10 frames" in capsys.readouterr().out
-        assert main(["convert", str(path), "--feed", feed, "-o", str(tmp_path / "a.npz")]) == 0
+        assert main(["convert", str(path), "--feed", feed, "-o", str(tmp_path / "a.npz"), "--overwrite"]) == 0
         assert "10 frames of 15 joints" in capsys.readouterr().out
         with np.load(tmp_path / "a.npz") as arrays:
             order = [SKELETON.joints.index(joint) for joint in arrays["joints"]]
@@ -406,6 +450,30 @@ def test_a_feeds_recording_says_what_it_is(tmp_path: Path, capsys: pytest.Captur
     path, _ = an_osceleton(tmp_path / "b.kinerec", told="osc here feed mine")
     assert main(["info", str(path)]) == 2
     assert "feed: expected a .toml file or one of native, " in capsys.readouterr().err
+
+
+def test_live_keeps_the_preset_it_reads_by(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A recording made with an edited copy of a preset is read by that copy, whatever it is called, and says so."""
+    assert main(["feeds", "osceleton"]) == 0
+    mine = tmp_path / "osceleton.toml"
+    mine.write_text(capsys.readouterr().out.replace('"/joint', '"/limb'), encoding="utf-8")
+    path, cues = tmp_path / "a.kinerec", ghost_cues("squat1Reps", 1.0)[::4]
+    with started("live", "--feed", mine, "--osc-in", f"{LOOPBACK}:0", "--record", path) as program:
+        sender = osc.OscSender(LOOPBACK, int(program.expect(r"listening on osceleton 127\.0\.0\.1:(\d+)")[1]))
+        for number, cue in enumerate(cues):
+            places = dict(zip(SKELETON.joints, cue.frame.positions, strict=True))
+            for datagram in LAYOUTS["osceleton"][1](Moment(places, number / 30, number)):
+                sender.send(datagram.replace(b"/joint\0\0", b"/limb\0\0\0"))
+                time.sleep(0.001)
+        wait_for(path, 15 * len(cues))
+        sender.close()
+        assert (program.interrupt(), program.errors) == (0, "")
+    assert main(["info", str(path)]) == 0
+    told = capsys.readouterr().out
+    assert "preset osceleton: kept in the recording, not as it is built in" in told
+    assert "performer 1: 30 frames" in told
+    assert main(["info", str(path), "--feed", "osceleton"]) == 0
+    assert "performer" not in capsys.readouterr().out
 
 
 @pytest.mark.parametrize("command", [["info"], ["info", "a.bvh"], ["convert", "a.bvh", "-o", "a.npz"]], ids=" ".join)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import threading
 import time
 from contextlib import contextmanager
@@ -15,7 +16,8 @@ import zmq
 from programs import LOOPBACK, PATIENCE, finished, free_udp_port
 from recorded import write_take, write_takes
 
-from library import MotionLibrary, read_recordings
+from library import MotionLibrary, find_recordings, read_recordings
+from library.recordings import RecordingReader
 from stream import Announcement, Frame, LiveSignature, Performers, Recognizer, Settings, osc, zeromq
 from stream.service import OscSink, OscSource, Service, ZmqSink, ZmqSource
 from tools.cli import main
@@ -136,6 +138,71 @@ def test_folders_are_replayed_clip_by_clip(stage: osc.OscReceiver, tmp_path: Pat
     assert steps[29] == pytest.approx(0.25 + 1 / 120)
 
 
+def test_recordings_are_read_while_others_play(
+    stage: osc.OscReceiver, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The first recording is sent before the fourth is read; one that is read too late moves the rest, unhurried."""
+    paths = find_recordings(write_takes(tmp_path, actors=("bd",), takes=2, frames=30))
+    clips, sent_before = list(read_recordings(paths)), list[int]()
+
+    def slowly(_: RecordingReader, path: Path) -> Iterator[Clip]:
+        if path == paths[3]:
+            time.sleep(1.0)
+        sent_before.append(len(frames_in(heard(stage))))
+        yield clips[paths.index(path)]
+
+    monkeypatch.setattr(RecordingReader, "pieces", slowly)
+    begun = time.perf_counter()
+    assert replay(tmp_path, "--osc", target(stage), "--pause", 0) == 0
+    assert time.perf_counter() - begun >= 1.0 + (3 * 30 - 1) / 120 / SPEED
+    assert sent_before[0] == 0
+    # Two are kept ready or being read while one plays.
+    assert sum(sent_before[:4]) > 0
+    assert sum(sent_before) + len(frames_in(heard(stage))) == 6 * 30
+    assert re.search(r"180 frames sent, .*\nthe feed stood still for [01]\.\d s", capsys.readouterr().out)
+
+
+def test_a_recording_that_cannot_be_read_ends_the_feed(
+    stage: osc.OscReceiver, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """What stood before it has been sent and is reported; then one line says what is wrong, and the status is 2."""
+    paths = write_takes(tmp_path, actors=("bd",), takes=1, frames=30)
+    paths[-1].write_text("no motion", encoding="utf-8")
+    assert replay(tmp_path, "--osc", target(stage), "--json") == 2
+    printed = capsys.readouterr()
+    assert json.loads(printed.out)["sent"] == len(frames_in(heard(stage))) == 60
+    assert printed.err.startswith(f"kinespace: {paths[-1]}")
+    assert printed.err.count("\n") == 1
+
+
+@pytest.mark.parametrize("cut", [(), ("--from", 0.3, "--to", 1.1)])
+def test_a_long_take_is_sent_in_pieces_as_if_whole(
+    stage: osc.OscReceiver, take: Path, monkeypatch: pytest.MonkeyPatch, cut: tuple[object, ...]
+) -> None:
+    """Read some frames at a time or all at once, cut or not, the same frames go out."""
+    assert replay(take, "--osc", target(stage), *cut) == 0
+    expected = frames_in(heard(stage))
+    monkeypatch.setattr("library.formats.acclaim._BLOCK_BYTES", 4000)
+    assert replay(take, "--osc", target(stage), *cut) == 0
+    frames = frames_in(heard(stage))
+    assert [frame.time for frame in frames] == [frame.time for frame in expected]
+    np.testing.assert_array_equal([each.positions for each in frames], [each.positions for each in expected])
+    assert len(frames) == (96 if cut else 180)
+
+
+def test_a_take_is_sent_before_all_of_it_is_read(
+    stage: osc.OscReceiver, take: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """What stands before a mistake in a long take is sent; what is beyond --to is not even read."""
+    monkeypatch.setattr("library.formats.acclaim._BLOCK_BYTES", 4000)
+    take.write_text(take.read_text() + "nonsense\n")
+    assert replay(take, "--osc", target(stage)) == 2
+    assert "nonsense" in capsys.readouterr().err
+    assert 100 < len(frames_in(heard(stage))) <= 180
+    assert replay(take, "--osc", target(stage), "--to", 1) == 0
+    assert len(frames_in(heard(stage))) == 120
+
+
 def test_a_given_skeleton_is_used(stage: osc.OscReceiver, take: Path) -> None:
     """With --asf no skeleton is looked for by name."""
     (take.parents[1] / "HDM_bd.asf").rename(take.parents[1] / "other.asf")
@@ -218,8 +285,8 @@ def _expected_answers(library: MotionLibrary, clips: Sequence[Clip]) -> tuple[in
 
 
 def test_silence_is_explained(stage: osc.OscReceiver, take: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """When nothing answers, what to look for is said instead of an empty table."""
-    assert replay(take, "--osc", target(stage), "--listen", f"{LOOPBACK}:0") == 0
+    """When nothing answers, what to look for is said instead of an empty table, and the status tells it too."""
+    assert replay(take, "--osc", target(stage), "--listen", f"{LOOPBACK}:0") == 1
     assert "no answers heard: is a recogniser running" in capsys.readouterr().out
 
 
@@ -240,12 +307,14 @@ def test_answers_to_somebody_else_are_not_ours(
     thread = threading.Thread(target=disturb)
     thread.start()
     try:
-        assert replay(take, "--osc", target(stage), "--listen", f"{LOOPBACK}:{port}", "--json") == 0
+        assert replay(take, "--osc", target(stage), "--listen", f"{LOOPBACK}:{port}", "--json") == 1
+        assert json.loads(capsys.readouterr().out)["answers"] == 0
+        assert replay(take, "--osc", target(stage), "--listen", f"{LOOPBACK}:{port}", "--performer", "[me]") == 1
     finally:
         listening.set()
         thread.join(PATIENCE)
         sender.close()
-    assert json.loads(capsys.readouterr().out)["answers"] == 0
+    assert re.search(r"no answers about '\[me\]' heard, but \d+ other packets", capsys.readouterr().out)
 
 
 def _recognition(performer: str) -> object:

@@ -25,7 +25,7 @@ from stream.rawfile import RawFile, RawHeader, RawPacket, RawWriter
 from stream.recognizer import LiveSignature
 from stream.rerun import decoded, recognitions
 from stream.service import OscSource, Service, ZmqSource
-from stream.tap import TappedSource, described
+from stream.tap import Tap, TappedMessages, TappedPackets, TappedSource, described
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -93,10 +93,11 @@ def test_a_recording_is_answered_as_the_feed_was(tmp_path: Path, signature: Live
     with ExitStack() as opened:
         datagrams = osc.OscReceiver(LOOPBACK, 0)
         messages = zeromq.ZmqReceiver(zeromq.Endpoint(f"tcp://{LOOPBACK}:*", bind=True))
-        sources = [OscSource(datagrams), ZmqSource(messages)]
-        writer = RawWriter(path, [described(source) for source in sources])
+        writer = RawWriter(path, [described(datagrams), described(messages)])
         opened.callback(writer.close)
-        taps = [TappedSource(source, writer, index) for index, source in enumerate(sources)]
+        first, second = Tap(writer, 0), Tap(writer, 1)
+        sources = OscSource(TappedPackets(datagrams, first)), ZmqSource(TappedMessages(messages, second))
+        taps = [TappedSource(sources[0], first), TappedSource(sources[1], second)]
         service = opened.enter_context(Service(Performers(library, settings), taps, [sink]))
         sender = osc.OscSender(*datagrams.address)
         opened.callback(sender.close)
@@ -149,10 +150,11 @@ def test_a_recorded_feed_is_answered_as_it_was(tmp_path: Path, name: str) -> Non
     path, sink, now = tmp_path / "a.kinerec", Kept(), [5.0]
     performers = Performers(library, Settings(hop=1 / 15))
     with ExitStack() as opened:
-        source = FeedSource(osc.OscReceiver(LOOPBACK, 0), preset)
-        writer = opened.enter_context(RawWriter(path, [described(source)]))
-        tap = TappedSource(source, writer, 0)
-        service = opened.enter_context(Service(performers, [tap], [sink], clock=lambda: now[0]))
+        receiver = osc.OscReceiver(LOOPBACK, 0)
+        writer = opened.enter_context(RawWriter(path, [described(receiver, preset)]))
+        tap = Tap(writer, 0)
+        source = FeedSource(TappedPackets(receiver, tap), preset)
+        service = opened.enter_context(Service(performers, [TappedSource(source, tap)], [sink], clock=lambda: now[0]))
         sender = opened.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM))
         for datagram, arrival in packets_of(name):
             now[0], received = arrival, source.counts.received
@@ -186,8 +188,35 @@ def test_packets_are_read_as_they_are_said_to_be(told: str) -> None:
     ]
 
 
+def test_a_recording_is_read_by_the_preset_it_was_made_with(tmp_path: Path) -> None:
+    """A preset of one's own called like a built-in one is kept in the recording, and goes before the built-in one."""
+    packets = [RawPacket(arrival, 0, "10.0.0.7:9", (datagram,)) for datagram, arrival in packets_of("osceleton")]
+    builtin = builtin_preset("osceleton")
+    mine = builtin.text.replace("/joint", "/elsewhere")
+    assert mine != builtin.text
+    sources, path = ["osc here feed osceleton"], tmp_path / "a.kinerec"
+    found = dict[str, int]()
+    for name, presets in {"older": {}, "same": {"osceleton": builtin.text}, "mine": {"osceleton": mine}}.items():
+        path.unlink(missing_ok=True)
+        with RawWriter(path, sources, presets) as writer:
+            for packet in packets:
+                writer.write(packet)
+        recording = RawFile(path)
+        assert recording.header.presets == presets
+        events = [event for each in decoded(recording.header, recording.packets()) for event in each.events]
+        found[name] = sum(isinstance(event, Frame) for event in events)
+    assert found == {"older": 60, "same": 60, "mine": 0}
+
+
+def test_a_kept_preset_that_cannot_be_read_is_said() -> None:
+    """A preset of a later version, with keys unknown here, is refused as the recording's."""
+    header = RawHeader("", ("osc here feed mine",), {"mine": "port = 7000\nfuture = 1"})
+    with pytest.raises(ValueError, match=r"^preset mine in the recording: "):
+        list(decoded(header, []))
+
+
 def test_somebodys_own_preset_must_be_given() -> None:
-    """What was recorded by a preset that is not built in cannot be read without it, and that is said."""
+    """What an older recording says of a preset that is not built in is not enough to read it, and that is said."""
     header = RawHeader("", ("osc here feed mine",))
     with pytest.raises(ValueError, match=r"feed: expected a \.toml file or one of .*, got 'mine'"):
         list(decoded(header, []))
@@ -197,9 +226,10 @@ def test_the_sender_and_the_source_are_kept(tmp_path: Path) -> None:
     """Each packet is kept under its source with its sender's address, before anybody makes sense of it."""
     datagrams, sender = osc.OscReceiver(LOOPBACK, 0), osc.OscSender(LOOPBACK, 1)
     sender.target = datagrams.address
-    source = OscSource(datagrams)
-    with RawWriter(tmp_path / "a.kinerec", [described(source)]) as writer:
-        tap = TappedSource(source, writer, 0)
+    with RawWriter(tmp_path / "a.kinerec", [described(datagrams)]) as writer:
+        kept = Tap(writer, 0)
+        source = OscSource(TappedPackets(datagrams, kept))
+        tap = TappedSource(source, kept)
         assert datagrams.sender is None
         sender.send(b"rubbish")
         until = time.monotonic() + PATIENCE

@@ -515,7 +515,7 @@ def test_classes_and_status_are_json() -> None:
     assert topic == b"status/"
     described = json.loads(encoded)
     assert described == {"v": 1, "alive": True, "frames_per_second": 120.0, "lost": 13} | dataclasses.asdict(status)
-    told = {"received": 90, "malformed": 1, "foreign": 2, "overrun": 3, "missing": 4, "incomplete": 0}
+    told = {"received": 90, "malformed": 1, "foreign": 2, "overrun": 3, "missing": 4, "incomplete": 0, "broken": 0}
     assert described["inputs"] == told
     assert set(described["outcomes"]["recognizers"]) == {"frames", "out_of_order", "restarts", "hops", "exact"}
 
@@ -774,6 +774,47 @@ def test_a_message_too_large_does_not_get_in(wire: Wire) -> None:
         if receiver.socket.poll(50):
             break
     assert {parts[1] for parts in _delivered(sender, receiver)} == {b"small"}
+
+
+@pytest.mark.parametrize("bind", [True, False], ids=["bound", "connected"])
+def test_a_message_too_large_is_counted_and_the_sender_comes_back(wire: Wire, *, bind: bool) -> None:
+    """Whoever of the two connected: the break is seen, once each time, and what comes afterwards is heard again."""
+    other = wire.receiver() if bind else wire.sender()
+    receiver, sender = (other, wire.sender(other.address, bind=False)) if bind else (None, other)
+    receiver = receiver or wire.receiver(sender.address, bind=False)
+    _greet(sender, receiver)
+    assert receiver.broken() == 0
+    for times in (1, 2):
+        sender.send([b"frame/p/", bytes(2 * zeromq.LARGEST_MESSAGE)])
+        until, heard = time.monotonic() + PATIENCE_MS / 1000, False
+        while not heard and time.monotonic() < until:
+            sender.send([b"frame/p/", b"small"])
+            seen = receiver.broken() == times
+            heard = bool(receiver.socket.poll(20)) and seen
+            while receiver.receive():
+                pass
+        assert heard
+        assert receiver.broken() == times
+
+
+@pytest.mark.parametrize("bind", [True, False], ids=["bound", "connected"])
+def test_a_sender_that_leaves_is_not_counted(wire: Wire, *, bind: bool) -> None:
+    """A sender that ends, and begins again seconds later, has broken nothing, and is heard again."""
+    if bind:
+        receiver = wire.receiver()
+        sender = wire.sender(receiver.address, bind=False)
+    else:
+        sender = wire.sender()
+        receiver = wire.receiver(sender.address, bind=False)
+    address = receiver.address if bind else sender.address
+    _greet(sender, receiver)
+    sender.close()
+    for _ in range(60):
+        assert receiver.broken() == 0
+        receiver.socket.poll(20)
+    again = wire.sender(address, bind=not bind)
+    _greet(again, receiver)
+    assert receiver.broken() == 0
 
 
 def test_closing_does_not_wait_for_anybody(wire: Wire) -> None:

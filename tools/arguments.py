@@ -9,6 +9,8 @@ from library.recordings import ActorIn, Reading
 from stream.recognizer import LiveSignature, Settings
 
 _DEFAULTS = Settings()
+#: Where a feed is expected when nothing else is said: a port that none of the usual senders uses.
+OSC_IN = "127.0.0.1:9310"
 
 
 def add_reading(parser: argparse.ArgumentParser) -> None:
@@ -21,6 +23,39 @@ def add_reading(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--joints", type=names, default=(), metavar="A,B,...", help="only these joints or markers; * and ? fit any"
     )
+
+
+def add_inputs(parser: argparse.ArgumentParser) -> None:
+    """Let a person say where packets come in."""
+    parser.add_argument("--osc-in", metavar="HOST:PORT", help=f"listen for OSC here (default {OSC_IN})")
+    parser.add_argument("--zmq-in", metavar="ENDPOINT", help="subscribe to ZeroMQ, like tcp://127.0.0.1:9320")
+
+
+def add_sender(parser: argparse.ArgumentParser) -> None:
+    """Let a person say which host is to be asked for frames."""
+    parser.add_argument("--sender", metavar="HOST", default="127.0.0.1", help="whom to ask, where a feed asks")
+
+
+def add_library(parser: argparse.ArgumentParser) -> None:
+    """Let a person choose the motion library."""
+    parser.add_argument("--library", type=Path, metavar="FILE", help="a motion library (default: the built-in one)")
+
+
+def add_labels(parser: argparse.ArgumentParser, told: str) -> None:
+    """Let a person say what is performed when in takes."""
+    parser.add_argument(
+        "--labels", nargs="+", action="extend", type=Path, default=[], metavar="CSV", help=f"start_s,end_s,label {told}"
+    )
+
+
+def add_json(parser: argparse.ArgumentParser) -> None:
+    """Let a program be heard by another."""
+    parser.add_argument("--json", action="store_true", help="print one JSON object and nothing else")
+
+
+def add_overwrite(parser: argparse.ArgumentParser) -> None:
+    """Let a file be written over."""
+    parser.add_argument("--overwrite", action="store_true", help="write over a file that is there (default: refuse)")
 
 
 def add_actor_in(parser: argparse.ArgumentParser) -> None:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import errno
-import os
 from functools import reduce
 from typing import TYPE_CHECKING
 
@@ -13,6 +11,7 @@ from library.recordings import labelled
 from library.rigidtree import with_parents
 from library.windowtable import Comparison
 from tools.console import console, progress
+from tools.output import require_place_for
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -22,6 +21,8 @@ if TYPE_CHECKING:
 
 #: People from whom it can be learned what differs between people doing the same.
 _TEACHERS = 3
+#: Seconds that one motion hardly lasts; HDM05's longest cut clip has eight.
+_LONG = 15.0
 
 
 def run(
@@ -32,6 +33,7 @@ def run(
     reading: Reading,
     licence: str | None,
     attribution: str | None,
+    overwrite: bool,
 ) -> int:
     """Build a library from recordings and libraries, save it, and say what it holds.
 
@@ -48,10 +50,12 @@ def run(
         How recordings are read.
     licence, attribution
         Of the numbers; HDM05's when not given and all recordings are named so.
+    overwrite
+        Whether a file that is there may be written over.
     """
     if labels and not any(source.suffix != ".npz" for source in sources):
         raise ValueError("--labels: expected recordings to cut, got libraries only")
-    _require_place_for(output)
+    require_place_for(output, overwrite=overwrite)
     told = list[str]()
     libraries = [MotionLibrary.load(source) for source in sources if source.suffix == ".npz"]
     places = [source for source in sources if source.suffix != ".npz"]
@@ -63,6 +67,8 @@ def run(
         known = with_parents([clip.as_of(clips[0].skeleton) for clip in clips])
         comparison = _comparison(known)
         told = _lacking(known, comparison)
+        if not labels:
+            told += _long(known)
         library = MotionLibrary.of_clips(
             known,
             comparison=comparison,
@@ -94,14 +100,6 @@ def _comparison(clips: Sequence[Clip]) -> Comparison | None:
     return MotionLibrary.builtin().comparison_for(clips[0].skeleton)
 
 
-def _require_place_for(output: Path) -> None:
-    """Refuse a place that cannot be written to before an archive is read for it, by its own name."""
-    if output.is_dir():
-        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(output))
-    if not output.absolute().parent.is_dir():
-        raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), str(output.parent))
-
-
 def _lacking(clips: Sequence[Clip], comparison: Comparison | None) -> list[str]:
     """Say what the recordings lacked, and what the library will lack."""
     told = list[str]()
@@ -115,6 +113,18 @@ def _lacking(clips: Sequence[Clip], comparison: Comparison | None) -> list[str]:
             f"learned from {_TEACHERS} of them or more who share classes (--actor-in says where their names stand)"
         )
     return told
+
+
+def _long(clips: Sequence[Clip]) -> list[str]:
+    """Say that takes which look like several motions were taken as one each."""
+    long = [clip for clip in clips if clip.duration > _LONG]
+    if not long:
+        return []
+    longest = max(long, key=lambda clip: clip.duration)
+    told = (
+        f"{len(long)} of {len(clips)} recordings are longer than {_LONG:g} s, {longest.name} ({longest.duration:.0f} s)"
+    )
+    return [f"{told} the longest; each is taken as one motion: --labels cuts takes into theirs"]
 
 
 def _labelled(clips: Iterator[Clip], paths: Sequence[Path], reading: Reading) -> Iterator[Clip]:

@@ -12,8 +12,15 @@ from typing import TYPE_CHECKING
 
 from stream.recognizer import LiveSignature
 from tools.arguments import (
+    OSC_IN,
     add_actor_in,
+    add_inputs,
+    add_json,
+    add_labels,
+    add_library,
+    add_overwrite,
     add_reading,
+    add_sender,
     add_settings,
     count,
     mapping,
@@ -27,13 +34,12 @@ from tools.arguments import (
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-#: Where a feed is expected and answers go when nothing else is said: ports that none of the usual senders use.
-OSC_IN = "127.0.0.1:9310"
+#: Where answers go when nothing else is said: a port that none of the usual receivers uses.
 OSC_OUT = "127.0.0.1:9311"
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run `kinespace`; give the exit status: 0 done, 1 ended by the user, 2 could not be done."""
+    """Run `kinespace`; give the exit status: 0 done, 1 ended by the user or not answered, 2 could not be done."""
     for stream in (sys.stdout, sys.stderr):
         # A performer's name that this terminal has no characters for must not end a recogniser.
         if isinstance(stream, TextIOWrapper):
@@ -105,7 +111,7 @@ def _add_demo(programs: Programs[argparse.ArgumentParser]) -> None:
     demo.add_argument("--seconds", type=positive, default=44.0, help="how long in all (default %(default)s)")
     demo.add_argument("--transport", choices=("osc", "zmq"), default="osc")
     demo.add_argument("--picture", type=Path, metavar="SVG", help="write the final table as a picture")
-    demo.add_argument("--json", action="store_true", help="print one JSON object and nothing else")
+    add_json(demo)
     demo.set_defaults(run=_run_demo)
 
 
@@ -122,12 +128,11 @@ def _add_live(programs: Programs[argparse.ArgumentParser]) -> None:
         description=f"Recognises frames and publishes answers until Ctrl-C. Unless told otherwise: OSC in on {OSC_IN}, "
         f"out to {OSC_OUT}. A ZeroMQ endpoint is bound; put > before it to connect instead.",
     )
-    live.add_argument("--osc-in", metavar="HOST:PORT", help="listen for OSC frames here")
+    add_inputs(live)
     live.add_argument("--osc-out", metavar="HOST:PORT", help="send OSC answers there")
-    live.add_argument("--zmq-in", metavar="ENDPOINT", help="subscribe to ZeroMQ frames, like tcp://127.0.0.1:9320")
     live.add_argument("--zmq-out", metavar="ENDPOINT", help="publish ZeroMQ answers")
     live.add_argument("--feed", metavar="NAME", help="frames are another product's: see kinespace feeds; or FILE.toml")
-    live.add_argument("--sender", metavar="HOST", default="127.0.0.1", help="whom to ask for frames, where a feed asks")
+    add_sender(live)
     live.add_argument(
         "--out",
         action="append",
@@ -135,10 +140,17 @@ def _add_live(programs: Programs[argparse.ArgumentParser]) -> None:
         metavar="NAME[=HOST:PORT]",
         help="answer as touchdesigner, max, wekinator, vmc-thru, vrchat or native hear it; sender:PORT replies",
     )
-    live.add_argument("--library", type=Path, metavar="FILE", help="a motion library (default: the built-in one)")
+    live.add_argument(
+        "--joints",
+        metavar="A,B,...",
+        help="what frames hold, in order, whose sender never names their joints: the library's names, or a preset that "
+        "lists them, like kinectv2, or FILE.toml (default: the library's joints)",
+    )
+    add_library(live)
     add_settings(live)
     live.add_argument("--performers", type=int, default=32, help="how many at once, at most (default %(default)s)")
     live.add_argument("--record", type=Path, metavar="FILE", help="keep every packet that comes, for replay")
+    add_overwrite(live)
     live.add_argument("--plain", action="store_true", help="print a line per change instead of a table")
     live.set_defaults(run=_run_live)
 
@@ -162,7 +174,8 @@ def _run_live(parsed: argparse.Namespace) -> int:
         most=parsed.performers,
         plain=parsed.plain,
         record=parsed.record,
-        feed=live.Feed(parsed.feed, parsed.sender, tuple(parsed.out)),
+        overwrite=parsed.overwrite,
+        feed=live.Feed(parsed.feed, parsed.sender, tuple(parsed.out), parsed.joints),
     )
 
 
@@ -171,7 +184,8 @@ def _add_replay(programs: Programs[argparse.ArgumentParser]) -> None:
         "replay",
         help="send recorded files as a fake live feed",
         description="Sends recordings as live packets on an absolute schedule. With --listen it hears the answers and "
-        "prints the share that was right; a clip's class is in its name (HDM05) or is its folder's name.",
+        "prints the share that was right; a clip's class is in its name (HDM05) or is its folder's name. Exit "
+        "status: 0 sent (and, with --listen, answered), 1 with --listen and without any answer, 2 could not be done.",
     )
     replay.add_argument(
         "clips", nargs="+", type=Path, metavar="CLIP", help="recordings, or folders of them, or one .kinerec"
@@ -192,7 +206,7 @@ def _add_replay(programs: Programs[argparse.ArgumentParser]) -> None:
     replay.add_argument("--jitter-ms", type=not_negative, default=0.0, metavar="MS", help="be late by up to this")
     replay.add_argument("--reorder", type=share, default=0.0, metavar="SHARE", help="swap this share with the next")
     replay.add_argument("--seed", type=int, default=0, help="of the faults (default %(default)s)")
-    replay.add_argument("--json", action="store_true", help="print one JSON object and nothing else")
+    add_json(replay)
     replay.set_defaults(run=_run_replay)
 
 
@@ -227,9 +241,9 @@ def _add_record(programs: Programs[argparse.ArgumentParser]) -> None:
         "at most. kinespace replay sends the file again bit for bit; kinespace live --record keeps what it hears.",
     )
     record.add_argument("output", type=Path, metavar="FILE", help="to make, like tonight.kinerec")
-    record.add_argument("--osc-in", metavar="HOST:PORT", help=f"listen for OSC here (default {OSC_IN})")
-    record.add_argument("--zmq-in", metavar="ENDPOINT", help="subscribe to ZeroMQ, like tcp://127.0.0.1:9320")
+    add_inputs(record)
     record.add_argument("--seconds", type=positive, help="how long (default: until Ctrl-C)")
+    add_overwrite(record)
     record.set_defaults(run=_run_record)
 
 
@@ -237,7 +251,9 @@ def _run_record(parsed: argparse.Namespace) -> int:
     from tools import record  # noqa: PLC0415 - as above
 
     osc_in = parsed.osc_in or (None if parsed.zmq_in else OSC_IN)
-    return record.run(parsed.output, osc_in=osc_in, zmq_in=parsed.zmq_in, seconds=parsed.seconds)
+    return record.run(
+        parsed.output, osc_in=osc_in, zmq_in=parsed.zmq_in, seconds=parsed.seconds, overwrite=parsed.overwrite
+    )
 
 
 def _add_convert(programs: Programs[argparse.ArgumentParser]) -> None:
@@ -249,6 +265,7 @@ def _add_convert(programs: Programs[argparse.ArgumentParser]) -> None:
     convert.add_argument("source", type=Path, metavar="FILE", help="a .kinerec or a motion file")
     convert.add_argument("-o", "--output", type=Path, required=True, metavar="FILE", help="ending in .npz or .csv")
     convert.add_argument("--performer", help="whose frames, where there are several performers")
+    add_overwrite(convert)
     _add_recorded_feed(convert)
     add_reading(convert)
     convert.set_defaults(run=_run_convert)
@@ -258,7 +275,12 @@ def _run_convert(parsed: argparse.Namespace) -> int:
     from tools import convert  # noqa: PLC0415 - as above
 
     return convert.run(
-        parsed.source, parsed.output, performer=parsed.performer, feed=parsed.feed, reading=reading_of(parsed)
+        parsed.source,
+        parsed.output,
+        performer=parsed.performer,
+        feed=parsed.feed,
+        reading=reading_of(parsed),
+        overwrite=parsed.overwrite,
     )
 
 
@@ -308,15 +330,8 @@ def _add_build(programs: Programs[argparse.ArgumentParser]) -> None:
     )
     build.add_argument("sources", nargs="+", type=Path, metavar="FOLDER", help="folders, recordings or libraries")
     build.add_argument("-o", "--output", type=Path, required=True, metavar="FILE", help="the library to write")
-    build.add_argument(
-        "--labels",
-        nargs="+",
-        action="extend",
-        type=Path,
-        default=[],
-        metavar="CSV",
-        help="start_s,end_s,label for each recording, in order: cut it into these motions",
-    )
+    add_overwrite(build)
+    add_labels(build, "for each recording, in order: cut it into these motions")
     add_reading(build)
     add_actor_in(build)
     build.add_argument("--licence", help="terms of the numbers (default: HDM05's, when all clips are named so)")
@@ -334,6 +349,7 @@ def _run_build(parsed: argparse.Namespace) -> int:
         reading=reading_of(parsed),
         licence=parsed.licence,
         attribution=parsed.attribution,
+        overwrite=parsed.overwrite,
     )
 
 
@@ -401,16 +417,8 @@ def _add_evaluate_stream(kinds: Programs[argparse.ArgumentParser]) -> None:
     )
     stream.add_argument("takes", nargs="+", type=Path, metavar="TAKE", help="recordings, or folders of them")
     add_reading(stream)
-    stream.add_argument(
-        "--labels",
-        nargs="+",
-        action="extend",
-        type=Path,
-        default=[],
-        metavar="CSV",
-        help="start_s,end_s,label for each take, in order (default: beside the take, ending in .csv)",
-    )
-    stream.add_argument("--library", type=Path, metavar="FILE", help="a motion library (default: the built-in one)")
+    add_labels(stream, "for each take, in order (default: beside the take, ending in .csv)")
+    add_library(stream)
     stream.add_argument(
         "--protocol",
         choices=("library", "leave-one-take-out"),
@@ -424,7 +432,7 @@ def _add_evaluate_stream(kinds: Programs[argparse.ArgumentParser]) -> None:
     add_settings(stream)
     stream.add_argument("--timeline", type=Path, metavar="FILE", help="draw what was performed and answered over time")
     stream.add_argument("--confusion", type=Path, metavar="FILE", help="draw what was answered to what")
-    stream.add_argument("--json", action="store_true", help="print one JSON object and nothing else")
+    add_json(stream)
     stream.set_defaults(run=_run_evaluate_stream)
 
 
@@ -490,7 +498,7 @@ def _add_bench(programs: Programs[argparse.ArgumentParser]) -> None:
         "--minutes", type=not_negative, default=10.0, help="of soak over sockets, 0 for none (default %(default)s)"
     )
     bench.add_argument("--picture", type=Path, metavar="FILE", help="draw what was found")
-    bench.add_argument("--json", action="store_true", help="print one JSON object and nothing else")
+    add_json(bench)
     bench.set_defaults(run=_run_bench)
 
 
@@ -528,9 +536,9 @@ def _add_listen(programs: Programs[argparse.ArgumentParser]) -> None:
     )
     listen.add_argument("port", nargs="?", metavar="[HOST:]PORT", help=f"default: the feed's port, else {OSC_IN}")
     listen.add_argument("--feed", metavar="NAME", help="look at it as this feed, and ask for it where it must be asked")
-    listen.add_argument("--sender", metavar="HOST", default="127.0.0.1", help="whom to ask, where a feed asks")
+    add_sender(listen)
     listen.add_argument("--seconds", type=positive, default=5.0, help="how long (default %(default)s)")
-    listen.add_argument("--json", action="store_true", help="print one JSON object and nothing else")
+    add_json(listen)
     listen.set_defaults(run=_run_listen)
 
 

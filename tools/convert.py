@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import os
 import tempfile
+from array import array
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from itertools import chain
@@ -13,20 +14,22 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from library import find_recordings, hdm05, read_recordings
+from library import find_recordings, hdm05
+from library.recordings import RecordingReader
 from library.skeleton import Skeleton, SkeletonMismatchError
 from stream.frame import Announcement
 from stream.rawfile import ENDING, RawFile
 from stream.rerun import decoded
 from tools.console import console, printable, progress
 from tools.feeds import preset_named
+from tools.output import require_place_for
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterable, Iterator
 
     from numpy.typing import NDArray
 
-    from library import Reading
+    from library import Clip, Reading
     from stream.feeds import Preset
     from stream.frame import Frame
 
@@ -36,11 +39,11 @@ _Posture = tuple[float, "NDArray[np.floating]"]
 
 @dataclass(slots=True)
 class _Motion:
-    """Frames of one performer, as they come."""
+    """Frames of one performer, as they come; how many is known where they were counted."""
 
     skeleton: Skeleton
     performer: str
-    frames: int
+    frames: int | None
     postures: Iterator[_Posture]
 
 
@@ -53,7 +56,9 @@ class _Seen:
     sizes: dict[int, int] = field(default_factory=dict)
 
 
-def run(source: Path, output: Path, *, performer: str | None, feed: str | None, reading: Reading) -> int:
+def run(
+    source: Path, output: Path, *, performer: str | None, feed: str | None, reading: Reading, overwrite: bool
+) -> int:
     """Convert one file, frame by frame.
 
     Parameters
@@ -70,9 +75,12 @@ def run(source: Path, output: Path, *, performer: str | None, feed: str | None, 
         Name or file of the preset that a raw recording's packets are read by; None for what it says of itself.
     reading
         How a motion file is read.
+    overwrite
+        Whether a file that is there may be written over.
     """
     if output.suffix.lower() not in (".npz", ".csv"):
         raise ValueError(f"{output}: expected a file that ends in .npz or .csv")
+    require_place_for(output, overwrite=overwrite)
     damage = ""
     if source.suffix.lower() == ENDING:
         recording = RawFile(source)
@@ -83,9 +91,9 @@ def run(source: Path, output: Path, *, performer: str | None, feed: str | None, 
     else:
         motion, refused = _of_file(source, reading), 0
     motion.postures = progress(motion.postures, "Writing", motion.frames)
-    (_write_csv if output.suffix.lower() == ".csv" else _write_npz)(output, motion)
+    frames = (_write_csv if output.suffix.lower() == ".csv" else _write_npz)(output, motion)
     console.print(
-        f"{output}: {motion.frames} frames of {len(motion.skeleton.joints)} joints"
+        f"{output}: {frames} frames of {len(motion.skeleton.joints)} joints"
         + (f", {refused} frames of other joints left out" if refused else ""),
         soft_wrap=True,
     )
@@ -95,8 +103,23 @@ def run(source: Path, output: Path, *, performer: str | None, feed: str | None, 
 
 
 def _of_file(source: Path, reading: Reading) -> _Motion:
-    (clip,) = read_recordings(find_recordings([source])[:1], reading)
-    return _Motion(clip.skeleton, clip.actor, clip.frames, zip(clip.times.tolist(), clip.positions, strict=True))
+    clips = _clips(find_recordings([source])[0], reading)
+    first = next(clips)
+    return _Motion(first.skeleton, first.actor, None, _postures_of(chain([first], clips)))
+
+
+def _clips(path: Path, reading: Reading) -> Iterator[Clip]:
+    with RecordingReader(reading) as reader:
+        yield from reader.pieces(path)
+
+
+def _postures_of(clips: Iterable[Clip]) -> Iterator[_Posture]:
+    """Give the frames of clips that follow each other."""
+    start = 0
+    for clip in clips:
+        times = np.arange(start, start + clip.frames) / clip.frame_rate
+        start += clip.frames
+        yield from zip(times.tolist(), clip.positions, strict=True)
 
 
 def _of_raw(recording: RawFile, performer: str | None, preset: Preset | None) -> tuple[_Motion, int]:
@@ -153,42 +176,44 @@ def _postures(recording: RawFile, preset: Preset | None, performer: str, skeleto
             yield event.time, event.positions[order]
 
 
-def _write_csv(output: Path, motion: _Motion) -> None:
+def _write_csv(output: Path, motion: _Motion) -> int:
+    frames = 0
     with _replacing(output) as part, part.open("w", newline="", encoding="utf-8") as file:
         rows = csv.writer(file)
         rows.writerow(["time", *(f"{joint}_{axis}" for joint in motion.skeleton.joints for axis in "xyz")])
         for moment, positions in motion.postures:
             # Nine digits give every 32-bit number back as it was.
             rows.writerow([repr(float(moment)), *(f"{number:.9g}" for number in positions.ravel().tolist())])
+            frames += 1
+    return frames
 
 
-def _write_npz(output: Path, motion: _Motion) -> None:
+def _write_npz(output: Path, motion: _Motion) -> int:
     """Write the arrays without ever holding them: positions go to a scratch file first, and from there into the zip."""
-    shape = (motion.frames, len(motion.skeleton.joints), 3)
-    times = np.empty(motion.frames)
+    times = array("d")
     with tempfile.TemporaryFile(dir=output.absolute().parent) as scratch:
-        for index, (moment, positions) in enumerate(motion.postures):
-            times[index] = moment
+        for moment, positions in motion.postures:
+            times.append(moment)
             scratch.write(np.ascontiguousarray(positions, dtype="<f8").tobytes())
         scratch.flush()
+        shape = (len(times), len(motion.skeleton.joints), 3)
         positions = np.memmap(scratch, dtype="<f8", mode="r", shape=shape)
         with _replacing(output) as part, part.open("wb") as file:
             np.savez(
                 file,
                 allow_pickle=False,
-                time=times,
+                time=np.array(times),
                 positions=positions,
                 joints=np.array(motion.skeleton.joints),
                 parents=np.array(motion.skeleton.parents, dtype=np.int64),
                 performer=np.array(motion.performer),
             )
+    return len(times)
 
 
 @contextmanager
 def _replacing(output: Path) -> Iterator[Path]:
     """Give a file to write beside the output, which takes its place when it is whole."""
-    if output.is_dir():
-        raise IsADirectoryError(f"{output}: is a folder")
     handle, name = tempfile.mkstemp(dir=output.absolute().parent, prefix=f".{output.name}.", suffix=".part")
     os.close(handle)
     part = Path(name)

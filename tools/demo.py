@@ -28,7 +28,9 @@ from tools.expected import AnswerMatcher, expected_answers
 from tools.feed import Cue, Pace
 from tools.ghost import ghost
 from tools.listener import Listener, answer_in
-from tools.livetable import narrow_table, score_shown
+from tools.livetable import score_shown
+from tools.output import require_place_for
+from tools.tables import narrow_table
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -73,7 +75,11 @@ def run(transport: Transport, *, seconds: float, picture: Path | None, as_json: 
     ------
     ValueError
         The seconds are too few for every class to fill a window.
+    OSError
+        The picture has no place to be written to.
     """
+    if picture:
+        require_place_for(picture)
     library, settings = MotionLibrary.builtin(), Settings()
     each = seconds / len(library.classes) - _PAUSE
     if each < settings.window + 0.2:

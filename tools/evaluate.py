@@ -27,6 +27,8 @@ from library.retrieval import (
 )
 from tools.console import console, progress
 from tools.jointsets import joints_of
+from tools.output import require_place_for
+from tools.tables import add_names
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -35,6 +37,9 @@ if TYPE_CHECKING:
     from library import Clip, Reading
 
 _WITHOUT_ROTATIONS = [Space.DISTANCES, Space.POSITIONS]
+
+#: Characters that the figures beside the names of sets of joints need.
+_BESIDE_SKELETONS = 50
 
 Results = dict[tuple[Space, SignatureKind, Protocol], Retrieval]
 
@@ -75,6 +80,8 @@ def run_retrieval(
         signature = signature or SignatureKind.EIGENVECTOR
     if signature == SignatureKind.SPREAD and space not in (None, Space.DISTANCES):
         raise ValueError(f"--signature spread: expected --space distances with it, got {space}")
+    if picture:
+        _require_place_for_confusions(picture)
     clips = _clips(places, reading, turned_by)
     protocols = [Protocol(protocol)] if protocol else _protocols(clips)
     _require_actors(clips, protocols)
@@ -117,8 +124,9 @@ def _run_by_skeleton(
         print(json.dumps(told))
         return 0
     table = Table(title="Of how many motions is the nearest neighbour of their class?", title_justify="left")
-    for heading in ("skeleton", "joints", "signature", *protocols):
-        table.add_column(heading, justify="left" if heading in ("skeleton", "signature") else "right")
+    add_names(table, "skeleton", found, beside=_BESIDE_SKELETONS)
+    for heading in ("joints", "signature", *(protocol.replace("-", " ") for protocol in protocols)):
+        table.add_column(heading, justify="left" if heading == "signature" else "right")
     for name, (joints, results) in found.items():
         for signature in SignatureKind:
             shares = [f"{results[Space.DISTANCES, signature, protocol].nearest:.1%}" for protocol in protocols]
@@ -205,6 +213,13 @@ def _print_table(results: Results, turned_by: int | None) -> None:
         row = (f"{result.motions}", f"{result.nearest:.1%}", f"{result.two_nearest:.1%}")
         table.add_row(space, signature, protocol, *row, end_section=protocol == last)
     console.print(table)
+
+
+def _require_place_for_confusions(picture: Path) -> None:
+    from tools import pictures  # noqa: PLC0415 - matplotlib is an extra, and slow to load
+
+    pictures.require_place_for_picture(picture)
+    require_place_for(picture.with_suffix(".csv"))
 
 
 def _write_confusions(picture: Path, results: Mapping[Space, Retrieval], protocol: Protocol) -> None:

@@ -16,6 +16,7 @@ from stream.recognizer import Recognizer, Settings
 from tools.console import console, progress
 from tools.jointsets import joints_of
 from tools.streamscore import Course, StreamScore, confusion, course_of, score_courses
+from tools.tables import add_names
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -25,6 +26,9 @@ if TYPE_CHECKING:
 
 #: Seconds that must lie in a segment for a moment to count as inside it, whatever the recogniser looks at.
 _INSIDE = 1.0
+
+#: Characters that the figures beside classes' names need.
+_BESIDE_CLASSES = 38
 
 LabelledTake = tuple["Clip", tuple[Segment, ...]]
 
@@ -68,6 +72,9 @@ def run(
     as_json
         Print one JSON object and nothing else.
     """
+    for picture in (timeline, confusion_file):
+        if picture:
+            _require_place_for(picture)
     takes = _labelled_takes(places, reading, labels, names)
     if skeleton:
         takes = [(take.restricted_to(joints_of(skeleton)), segments) for take, segments in takes]
@@ -175,6 +182,12 @@ def _library_of_others(takes: Sequence[LabelledTake], held_out: int) -> MotionLi
     return MotionLibrary.of_clips(clips, comparison=MotionLibrary.builtin().comparison_for(clips[0].skeleton))
 
 
+def _require_place_for(picture: Path) -> None:
+    from tools import pictures  # noqa: PLC0415 - matplotlib is an extra, and slow to load
+
+    pictures.require_place_for_picture(picture)
+
+
 def _draw(
     courses: Sequence[Course], classes: Sequence[str], timeline: Path | None, confusion_file: Path | None
 ) -> None:
@@ -194,7 +207,7 @@ def _print(score: StreamScore) -> None:
         table.add_row(name, shown)
     console.print(table)
     classes = Table(title="By class", title_justify="left")
-    classes.add_column("class", overflow="fold")
+    add_names(classes, "class", score.classes, beside=_BESIDE_CLASSES)
     for heading in ("seconds", "right", "right, last second inside"):
         classes.add_column(heading, justify="right")
     for name, each in score.classes.items():

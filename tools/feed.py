@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, NamedTuple, Protocol
+
+import numpy as np
 
 from stream import osc, zeromq
 from stream.frame import Announcement, Frame
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
-
-    import numpy as np
 
     from library import Clip
 
@@ -45,6 +45,13 @@ class Cue:
     class_name: str = ""
 
 
+class Piece(NamedTuple):
+    """Some frames of a recording, and the index of the first of them in it."""
+
+    start: int
+    clip: Clip
+
+
 def clip_cues(clips: Iterable[Clip], performer: str, *, speed: float = 1.0, pause: float = 1.0) -> Iterator[Cue]:
     """Cue clips one after the other.
 
@@ -61,14 +68,30 @@ def clip_cues(clips: Iterable[Clip], performer: str, *, speed: float = 1.0, paus
     pause
         Seconds (of recorded time) between two clips; more than the recogniser's longest gap starts its window anew.
     """
-    begin, seq = 0.0, 0
-    for clip in clips:
-        for moment, positions in zip(clip.times.tolist(), clip.positions, strict=True):
+    return piece_cues((Piece(0, clip) for clip in clips), performer, speed=speed, pause=pause)
+
+
+def piece_cues(pieces: Iterable[Piece], performer: str, *, speed: float = 1.0, pause: float = 1.0) -> Iterator[Cue]:
+    """Cue recordings one after the other, of which each comes in pieces that follow each other.
+
+    Parameters
+    ----------
+    pieces
+        In their order; one that starts at 0 begins another recording.
+    performer, speed, pause
+        As `clip_cues` has them.
+    """
+    begin, ended, seq = 0.0, 0.0, 0
+    for start, clip in pieces:
+        if not start and seq:
+            begin += ended + pause
+        times = np.arange(start, start + clip.frames) / clip.frame_rate
+        ended = (start + clip.frames) / clip.frame_rate
+        for moment, positions in zip(times.tolist(), clip.positions, strict=True):
             # Time 0 would mean "on arrival".
             frame = Frame(performer, 1.0 + begin + moment, positions)
             yield Cue((begin + moment) / speed, frame, seq, clip.class_name)
             seq += 1
-        begin += clip.duration + pause
 
 
 def with_drops(cues: Iterable[Cue], share: float, generator: np.random.Generator) -> Iterator[Cue]:
@@ -194,6 +217,11 @@ class Pace:
     def moment(self, due: float) -> float:
         """Give the `time.perf_counter` reading at which something due so many seconds from the start is due."""
         return self._start + due
+
+    def put_off(self, seconds: float) -> float:
+        """Let all that is not yet due be due so much later; give the seconds."""
+        self._start += seconds
+        return seconds
 
     def wait_for(self, due: float) -> None:
         """Sleep until it is due; return at once when it is late."""

@@ -11,11 +11,16 @@ from rich.table import Table
 
 from library import MotionLibrary, distance_rows, find_recordings, read_recordings
 from library.recordings import is_recording
+from stream.feeds import builtin_names, builtin_preset
 from stream.frame import Frame
 from stream.rawfile import ENDING, RawFile
 from stream.rerun import decoded
 from tools.console import console, printable, progress
 from tools.feeds import preset_named
+from tools.tables import add_names, narrow_table
+
+#: Characters that the figures beside names of recordings, and of classes, need.
+_BESIDE_RECORDINGS, _BESIDE_CLASSES = 34, 50
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -65,6 +70,12 @@ def _tell_raw(file: Path, preset: Preset | None) -> int:
     console.print(f"{file}: recorded {recording.header.began}, {arrivals[-1] - arrivals[0] if arrivals else 0:.1f} s")
     for sender, count in senders.items():
         console.print(f"{printable(sender)}: {count} packets", soft_wrap=True)
+    for name, text in recording.header.presets.items():
+        same = name in builtin_names() and text == builtin_preset(name).text
+        console.print(
+            f"preset {printable(name)}: kept in the recording, {'as' if same else 'not as'} it is built in",
+            soft_wrap=True,
+        )
     for performer, count in performers.items():
         console.print(f"performer {printable(performer)}: {count} frames", soft_wrap=True)
     if recording.damage():
@@ -75,14 +86,16 @@ def _tell_raw(file: Path, preset: Preset | None) -> int:
 def _tell_recordings(place: Path, reading: Reading) -> int:
     """Print a row for each recording and, of a single one, its joints."""
     paths = find_recordings([place])
-    table = Table(title=str(place), title_justify="left")
-    table.add_column("recording", overflow="fold")
-    for heading in ("seconds", "frames/s", "joints", "metres across", "filled in"):
+    table = narrow_table(str(place))
+    table.padding = 0
+    names = [str(path.relative_to(place)) if place.is_dir() else path.name for path in paths]
+    add_names(table, "recording", names, beside=_BESIDE_RECORDINGS)
+    for heading in ("seconds", "Hz", "joints", "metres across", "filled in"):
         table.add_column(heading, justify="right")
-    for path, clip in zip(paths, progress(read_recordings(paths, reading), "Reading", len(paths)), strict=True):
+    for name, clip in zip(names, progress(read_recordings(paths, reading), "Reading", len(paths)), strict=True):
         across = float(np.median(distance_rows(clip.positions, clip.skeleton).max(axis=1)))
         table.add_row(
-            str(path.relative_to(place)) if place.is_dir() else path.name,
+            name,
             f"{clip.duration:.1f}",
             f"{clip.frame_rate:g}",
             str(len(clip.skeleton.joints)),
@@ -99,8 +112,8 @@ def _tell_library(file: Path | None) -> int:
     """Print a library's motions by class, its skeleton, licence and attribution."""
     library = MotionLibrary.load(file) if file else MotionLibrary.builtin()
     table = Table(title=str(file or "the built-in library"), title_justify="left")
-    table.add_column("class", overflow="fold")
-    for heading in ("motions", "actors", "seconds", "frames/s", "on the axis"):
+    add_names(table, "class", library.classes, beside=_BESIDE_CLASSES)
+    for heading in ("motions", "actors", "seconds", "Hz", "on the axis"):
         table.add_column(heading, justify="right")
     for class_name, group in groupby(library.motions, key=lambda motion: motion.class_name):
         motions = list(group)

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from stream.feeds import builtin_names, builtin_preset
+from stream.feeds.preset import spelling
+from tools.feeds import preset_named
 
 #: Bodies without a feed of their own: what Kinect 1's own tools track.
 _FURTHER = {
@@ -17,6 +19,38 @@ _FURTHER = {
 def names() -> tuple[str, ...]:
     """Names of all sets."""
     return (*builtin_names(), *_FURTHER)
+
+
+def joints_in_order(text: str) -> tuple[str, ...]:
+    """Read which joints a sender's frames hold, in their order, as a person says it.
+
+    Parameters
+    ----------
+    text
+        Names with commas between; or a preset, by its name or a file ending in .toml, whose `order` says it.
+
+    Returns
+    -------
+    The motion library's names; the sender's own for joints that it has not.
+
+    Raises
+    ------
+    ValueError
+        A preset's messages all name their joints, so that it says no order; or a name is empty or stands twice.
+    OSError
+        The file cannot be read.
+    """
+    if "," in text:
+        joints = tuple(name.strip() for name in text.split(","))
+    else:
+        preset = preset_named(text)
+        if not preset.order:
+            raise ValueError(f"--joints: expected a preset with an order of joints, got {text}, which has none")
+        ours = {spelling(name): target for name, target in preset.joint_map.items()}
+        joints = tuple(ours.get(spelling(name)) or name for name in preset.order)
+    if not all(joints) or len(set(joints)) != len(joints):
+        raise ValueError(f"--joints: expected distinct names with commas between, got {text!r}")
+    return joints
 
 
 def joints_of(name: str) -> tuple[str, ...]:

@@ -18,7 +18,7 @@ from stream.osc import OscReceiver
 from tools.address import host_and_port
 from tools.console import console, printable
 from tools.feeds import preset_named
-from tools.livetable import narrow_table
+from tools.tables import add_names, narrow_table
 
 if TYPE_CHECKING:
     from stream.feeds import Preset
@@ -28,6 +28,8 @@ _MOST_SHOWN = 40
 #: Gaps that are worth a word, seconds, and in intervals of the message's own rate.
 _GAP_SECONDS, _GAP_INTERVALS = 0.2, 4.0
 _LONGEST_WAIT = 100
+#: Characters that what stands beside addresses needs.
+_BESIDE_ADDRESSES = 48
 
 
 def run(address: str | None, *, feed: str | None, sender: str, seconds: float, as_json: bool) -> int:
@@ -141,9 +143,10 @@ def as_object(survey: Survey, guess: Guess | None, told: list[str]) -> dict[str,
 
 def _show(survey: Survey, guess: Guess | None, told: list[str]) -> None:
     table = narrow_table("kinespace listen", _caption(survey))
-    for heading in ("address", "types", "messages", "per second", "longest gap", "for example"):
-        table.add_column(heading, overflow="fold")
     shown = sorted(survey.kinds.values(), key=lambda kind: -kind.count)
+    add_names(table, "address", [printable(kind.address) for kind in shown[:_MOST_SHOWN]], beside=_BESIDE_ADDRESSES)
+    for heading in ("types", "messages", "per second", "longest gap", "for example"):
+        table.add_column(heading, overflow="fold")
     for kind in shown[:_MOST_SHOWN]:
         example = " ".join(f"{each:.3g}" if isinstance(each, float) else printable(str(each)) for each in kind.example)
         cells = (printable(kind.address), kind.types, str(kind.count), f"{kind.rate:.1f}", f"{kind.longest_gap:.2f} s")

@@ -9,6 +9,7 @@ import threading
 import time
 from contextlib import ExitStack, nullcontext
 from dataclasses import dataclass, replace
+from difflib import get_close_matches
 from typing import TYPE_CHECKING
 
 from rich.live import Live
@@ -22,11 +23,13 @@ from stream.performers import Performers
 from stream.rawfile import RawWriter
 from stream.recognizer import Recognizer
 from stream.service import OscSink, OscSource, Service, Sink, Source, ZmqSink, ZmqSource
-from stream.tap import TappedSource, described
+from stream.tap import Tap, TappedMessages, TappedPackets, TappedSource, described
 from tools.address import host_and_port
 from tools.console import console
 from tools.feeds import preset_named
+from tools.jointsets import joints_in_order
 from tools.livetable import LiveTable, PlainLines, summary
+from tools.output import require_place_for
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -63,14 +66,20 @@ class Feed:
         Host that is told to send, for presets that ask.
     outs
         NAME or NAME=HOST:PORT of layouts; the host `sender` is whoever sent last.
+    joints
+        What frames in our own messages hold whose sender does not say so, as `tools.jointsets.joints_in_order` reads
+        it; None for the library's joints.
     """
 
     preset: str | None = None
     sender: str = "127.0.0.1"
     outs: Sequence[str] = ()
+    joints: str | None = None
 
 
 _NO_FEED = Feed()
+
+_AnyReceiver = osc.OscReceiver | zeromq.ZmqReceiver
 
 
 def run(
@@ -81,20 +90,28 @@ def run(
     most: int,
     plain: bool,
     record: Path | None = None,
+    overwrite: bool = False,
     feed: Feed = _NO_FEED,
 ) -> int:
     """Open the addresses, recognise until interrupted, print the counts."""
+    if record:
+        require_place_for(record, overwrite=overwrite)
     motions = MotionLibrary.load(library) if library else MotionLibrary.builtin()
     preset = preset_named(feed.preset) if feed.preset else None
+    joints = _assumed_joints(feed)
     if preset:
-        motions = fitted(motions, preset)
+        motions = fitted(motions, f"feed {preset.name}", preset.joints)
+    elif joints:
+        motions = fitted(motions, "--joints", joints)
     _require_room_for(motions, settings)
-    performers = Performers(motions, settings, most=most)
+    performers = Performers(motions, settings, most=most, joints=joints)
     shown: PlainLines | LiveTable = PlainLines() if plain or not console.is_terminal else LiveTable(motions.classes)
-    sources, sinks = _open(addresses, feed, preset)
+    receivers, sinks, kept = _open(addresses, feed, preset, record)
+    taps = [Tap(kept, index) if kept else None for index in range(len(receivers))]
+    sources = [_source(receiver, preset, feed.sender, tap) for receiver, tap in zip(receivers, taps, strict=True)]
     feeds = [source for source in sources if isinstance(source, FeedSource)]
-    kept = _recorded(sources, sinks, record) if record else None
-    with kept or nullcontext(), Service(performers, sources, [*sinks, shown]) as service:
+    tapped = [TappedSource(source, tap) if tap else source for source, tap in zip(sources, taps, strict=True)]
+    with kept or nullcontext(), Service(performers, tapped, [*sinks, shown]) as service:
         _announce(sources, sinks)
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, lambda *_: service.stop())
@@ -113,22 +130,13 @@ def run(
     return 0
 
 
-def _recorded(sources: list[Source], sinks: Sequence[Sink], record: Path) -> RawWriter:
-    """Let every source's packets be kept on their way; all that is open is closed again if they cannot be."""
-    taps = [source for source in sources if isinstance(source, (OscSource, ZmqSource, FeedSource))]
-    try:
-        writer = RawWriter(record, [described(source) for source in taps])
-    except OSError:
-        for source in sources:
-            source.close()
-        for sink in sinks:
-            sink.close()
-        raise
-    sources[:] = [TappedSource(source, writer, index) for index, source in enumerate(taps)]
-    return writer
+def _assumed_joints(feed: Feed) -> tuple[str, ...]:
+    if feed.joints and feed.preset:
+        raise ValueError("--joints: expected no --feed with it; a preset says which joints there are")
+    return joints_in_order(feed.joints) if feed.joints else ()
 
 
-def fitted(motions: MotionLibrary, preset: Preset) -> MotionLibrary:
+def fitted(motions: MotionLibrary, whose: str, joints: Sequence[str]) -> MotionLibrary:
     """Restrict a library to the joints a feed has, and say so.
 
     Raises
@@ -136,10 +144,14 @@ def fitted(motions: MotionLibrary, preset: Preset) -> MotionLibrary:
     SkeletonMismatchError
         Library and feed share fewer than two joints.
     """
-    shared = motions.restricted_to(preset.joints)
+    shared = motions.restricted_to(joints)
     if shared is not motions:
+        for name in joints:
+            near = [] if name in motions.skeleton.joints else get_close_matches(name, motions.skeleton.joints, n=1)
+            if near and near[0] not in joints:
+                console.print(f"{whose}: the library has no joint {name!r}, perhaps {near[0]} is meant", soft_wrap=True)
         console.print(
-            f"feed {preset.name}: {len(shared.skeleton.joints)} of the library's {len(motions.skeleton.joints)} joints",
+            f"{whose}: {len(shared.skeleton.joints)} of the library's {len(motions.skeleton.joints)} joints",
             soft_wrap=True,
         )
     return shared
@@ -166,23 +178,23 @@ def _require_room_for(motions: MotionLibrary, settings: Settings) -> None:
         raise ValueError(f"--window: expected seconds that memory has room for, got {settings.window:g}") from error
 
 
-def _open(addresses: Addresses, feed: Feed, preset: Preset | None) -> tuple[list[Source], list[Sink]]:
+def _open(
+    addresses: Addresses, feed: Feed, preset: Preset | None, record: Path | None
+) -> tuple[list[_AnyReceiver], list[Sink], RawWriter | None]:
     """Open what was asked for; what was opened before a failure is closed again."""
     if preset and not (addresses.osc_in or addresses.zmq_in):
         addresses = replace(addresses, osc_in=f"127.0.0.1:{preset.port}")
     if not (addresses.osc_in or addresses.zmq_in):
         raise ValueError("live: expected --osc-in or --zmq-in, got neither")
-    sources: list[Source] = []
+    receivers: list[_AnyReceiver] = []
     sinks: list[Sink] = []
     with ExitStack() as opened:
         if addresses.osc_in:
-            receiver = osc.OscReceiver(*host_and_port(addresses.osc_in))
-            sources.append(FeedSource(receiver, preset, sender=feed.sender) if preset else OscSource(receiver))
-            opened.callback(sources[-1].close)
+            receivers.append(osc.OscReceiver(*host_and_port(addresses.osc_in)))
+            opened.callback(receivers[-1].close)
         if addresses.zmq_in:
-            messages = zeromq.ZmqReceiver(zeromq.Endpoint.parse(addresses.zmq_in, bind=True))
-            sources.append(FeedSource(ZmqPackets(messages), preset) if preset else ZmqSource(messages))
-            opened.callback(sources[-1].close)
+            receivers.append(zeromq.ZmqReceiver(zeromq.Endpoint.parse(addresses.zmq_in, bind=True)))
+            opened.callback(receivers[-1].close)
         if addresses.osc_out:
             sinks.append(OscSink(osc.OscSender(*host_and_port(addresses.osc_out))))
             opened.callback(sinks[-1].close)
@@ -190,13 +202,32 @@ def _open(addresses: Addresses, feed: Feed, preset: Preset | None) -> tuple[list
             sinks.append(ZmqSink(zeromq.ZmqSender(zeromq.Endpoint.parse(addresses.zmq_out, bind=True))))
             opened.callback(sinks[-1].close)
         for out in feed.outs:
-            sinks.append(_layout_sink(out, sources))
+            sinks.append(_layout_sink(out, receivers))
             opened.callback(sinks[-1].close)
+        # Last, because it may take another file's place.
+        writer = _writer(record, receivers, preset) if record else None
         opened.pop_all()
-    return sources, sinks
+    return receivers, sinks, writer
 
 
-def _layout_sink(text: str, sources: Sequence[Source]) -> LayoutSink:
+def _writer(record: Path, receivers: Sequence[_AnyReceiver], preset: Preset | None) -> RawWriter:
+    record.unlink(missing_ok=True)
+    presets = {preset.name: preset.text} if preset else {}
+    return RawWriter(record, [described(receiver, preset) for receiver in receivers], presets)
+
+
+def _source(
+    receiver: _AnyReceiver, preset: Preset | None, sender: str, tap: Tap | None
+) -> FeedSource | OscSource | ZmqSource:
+    """Make the source of what comes in at one place, through the tap where there is a recording."""
+    if isinstance(receiver, osc.OscReceiver):
+        packets = TappedPackets(receiver, tap) if tap else receiver
+        return FeedSource(packets, preset, sender=sender) if preset else OscSource(packets)
+    messages = TappedMessages(receiver, tap) if tap else receiver
+    return FeedSource(ZmqPackets(messages), preset) if preset else ZmqSource(messages)
+
+
+def _layout_sink(text: str, receivers: Sequence[_AnyReceiver]) -> LayoutSink:
     """Open NAME, NAME=HOST:PORT or NAME=sender:PORT."""
     name, _, target = text.partition("=")
     if name not in LAYOUTS:
@@ -205,18 +236,14 @@ def _layout_sink(text: str, sources: Sequence[Source]) -> LayoutSink:
     if target.partition(":")[0] != "sender":
         host, port = host_and_port(target) if target else ("127.0.0.1", layout.port)
         return LayoutSink(name, layout, osc.OscSender(host, port))
-    receivers = [
-        source.receiver
-        for source in sources
-        if isinstance(source, (OscSource, FeedSource)) and isinstance(source.receiver, osc.OscReceiver)
-    ]
-    if not receivers:
+    heard = [receiver for receiver in receivers if isinstance(receiver, osc.OscReceiver)]
+    if not heard:
         raise ValueError("--out: expected an OSC feed to reply to, got none")
     port = host_and_port(target)[1] if ":" in target else layout.port
-    return LayoutSink(name, layout, ReplySender(receivers[0], port))
+    return LayoutSink(name, layout, ReplySender(heard[0], port))
 
 
-def _announce(sources: list[Source], sinks: list[Sink]) -> None:
+def _announce(sources: Sequence[Source], sinks: Sequence[Sink]) -> None:
     listening, answering = ", ".join(map(str, sources)), ", ".join(map(str, sinks)) or "nobody"
     console.print(f"listening on {listening}; answering to {answering}; Ctrl-C ends", soft_wrap=True)
 

@@ -4,18 +4,17 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from rich.box import SIMPLE_HEAD
-from rich.table import Table
 from rich.text import Text
 
 from stream.events import EventKind
 from stream.recognition import Outcome
 from tools.console import console, printable
+from tools.tables import narrow_table
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from rich.console import JustifyMethod
+    from rich.table import Table
 
     from stream.events import Event
     from stream.recognition import Recognition
@@ -24,6 +23,8 @@ if TYPE_CHECKING:
 #: Characters of a full score bar, and of a terminal wide enough to have one.
 _BAR = 20
 _WIDE = 110
+#: Characters between two columns.
+_BETWEEN = 2
 
 
 def score_shown(score: float, width: int) -> Text:
@@ -35,25 +36,13 @@ def score_shown(score: float, width: int) -> Text:
     return Text("█" * filled, style="green") + Text("░" * (_BAR - filled) + " ", style="dim") + number
 
 
-def narrow_table(title: str, caption: str | None = None) -> Table:
-    """Make an empty table without frames, so that two class names fit side by side on 80 characters."""
-    return Table(
-        title=title,
-        caption=caption,
-        box=SIMPLE_HEAD,
-        padding=(0, 1, 0, 0),
-        show_edge=False,
-        title_justify="left",
-        caption_justify="left",
-    )
-
-
 class PlainLines:
     """A sink that prints a line whenever a performer's label changes."""
 
     def __init__(self) -> None:
         self.failed = 0
         self._labels: dict[str, str] = {}
+        self._refused: dict[str, str] = {}
 
     def publish(self, recognition: Recognition) -> None:
         """Print the recognition if it says something new."""
@@ -77,6 +66,10 @@ class PlainLines:
     def publish_status(self, status: Status) -> None:
         """Forget performers who have left, so that their return is news."""
         self._labels = {name: label for name, label in self._labels.items() if name in status.performers}
+        for name, why in status.refused.items():
+            if self._refused.get(name) != why:
+                console.print(refused_frames(name, why), soft_wrap=True)
+        self._refused = status.refused
 
     def close(self) -> None:
         """Nothing to close."""
@@ -116,26 +109,47 @@ class LiveTable:
     def drawn(self) -> Table:
         """Draw the table as it is now; from any thread."""
         table = narrow_table("kinespace live", self._caption())
-        for heading in ("performer", "doing", "this moment", "score", "margin", "frames/s"):
-            justify: JustifyMethod = "right" if heading in ("margin", "frames/s") else "left"
-            table.add_column(heading, justify=justify, overflow="fold")
-        rates = self._status.performers if self._status else {}
-        for name, last in list(self._latest.items()):
-            style = "" if last.outcome is Outcome.NAMED else "dim"
-            rate = f"{rates[name]:.0f}" if name in rates else ""
-            label = Text(last.label, style=style)
-            score = score_shown(last.score, console.width)
+        latest, rates = dict(self._latest), self._status.performers if self._status else {}
+        performers = [printable(name) for name in latest]
+        figures = self._figures_beside(performers)
+        for heading in ("performer", "doing", "this moment"):
+            table.add_column(heading, overflow="fold")
+        for heading in figures:
+            table.add_column(heading, justify="left" if heading == "score" else "right", no_wrap=True)
+        for shown, (name, last) in zip(performers, latest.items(), strict=True):
+            cells = {
+                "score": score_shown(last.score, console.width),
+                "margin": Text(f"{last.margin:.3f}"),
+                "frames/s": Text(f"{rates[name]:.0f}" if name in rates else ""),
+            }
             doing = Text(self._going_on.get(name, ""), style="bold")
-            table.add_row(printable(name), doing, label, score, f"{last.margin:.3f}", rate)
+            label = Text(last.label, style="" if last.outcome is Outcome.NAMED else "dim")
+            table.add_row(shown, doing, label, *(cells[heading] for heading in figures))
         if not self._latest:
-            table.add_row("", Text("waiting for frames ...", style="dim"), "", "", "", "")
+            table.add_row("", Text("waiting for frames ...", style="dim"))
         return table
+
+    def _figures_beside(self, performers: Sequence[str]) -> list[str]:
+        """Choose the figures for which there is room when the names of performers and classes are not broken."""
+        names = max(map(len, ("performer", *performers))) + 2 * max(map(len, ("this moment", *self._classes)))
+        room = console.width - names - 3 * _BETWEEN
+        figures = []
+        for heading, width in {"score": len(score_shown(1.0, console.width)), "margin": 6, "frames/s": 8}.items():
+            room -= width + _BETWEEN
+            figures += [heading] if room >= 0 else []
+        return figures
 
     def _caption(self) -> str:
         status = self._status
         if status is None:
             return f"{len(self._classes)} classes"
-        return f"{len(self._classes)} classes · {counts(status)}"
+        told = "".join(f"\n{refused_frames(name, why)}" for name, why in status.refused.items())
+        return f"{len(self._classes)} classes · {counts(status)}{told}"
+
+
+def refused_frames(performer: str, why: str) -> str:
+    """Say why a performer's frames are refused, and what can be done about it."""
+    return f"performer {printable(performer)}: frames refused: {why}. --joints can say what they hold"
 
 
 def counts(status: Status) -> str:
@@ -147,6 +161,7 @@ def counts(status: Status) -> str:
         f"overrun {inputs.overrun}, missing {inputs.missing}, out of order {recognizers.out_of_order}, "
         f"other joints {outcomes.other_joints}, no room {outcomes.no_room}"
         f"{f', incomplete {inputs.incomplete}' if inputs.incomplete else ''}"
+        f"{f', connections broken {inputs.broken} (a message above 1 MB?)' if inputs.broken else ''}"
     )
 
 
@@ -158,4 +173,5 @@ def summary(status: Status) -> str:
         f"{recognizers.hops} answers of {recognizers.frames} frames, {recognizers.restarts} windows started anew, "
         f"{status.unsent} answers not sent, "
         f"hop {status.hop_p50 * 1000:.2f} ms (p50) {status.hop_p99 * 1000:.2f} ms (p99)"
+        + "".join(f"\n{refused_frames(name, why)}" for name, why in status.refused.items())
     )

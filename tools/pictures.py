@@ -13,6 +13,8 @@ try:
 except ImportError as error:
     raise ImportError("pictures need matplotlib: pip install kinespace[pictures]") from error
 
+from tools.output import require_place_for
+
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
     from pathlib import Path
@@ -22,6 +24,22 @@ if TYPE_CHECKING:
 
     from library.retrieval import Protocol, Retrieval, Space
     from tools.streamscore import Course
+
+
+def require_place_for_picture(path: Path) -> None:
+    """Refuse a picture that could not be written, before what it shows is worked out.
+
+    Raises
+    ------
+    ValueError
+        The ending is of no kind matplotlib draws.
+    OSError
+        It is a folder, or its folder does not exist or may not be written to.
+    """
+    require_place_for(path)
+    kinds = Figure().canvas.get_supported_filetypes()
+    if path.suffix and path.suffix.lower().lstrip(".") not in kinds:
+        raise ValueError(f"{path}: expected a picture's ending, one of {', '.join(sorted(kinds))}, got {path.suffix}")
 
 
 def draw_confusions(path: Path, results: Mapping[Space, Retrieval], protocol: Protocol) -> None:

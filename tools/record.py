@@ -14,6 +14,7 @@ from stream import osc, zeromq
 from stream.rawfile import RawPacket, RawWriter
 from tools.address import host_and_port
 from tools.console import console, progress_console
+from tools.output import require_place_for
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -24,20 +25,24 @@ _LONGEST_SLEEP = 100
 _Receivers = list[tuple[str, osc.OscReceiver | zeromq.ZmqReceiver]]
 
 
-def run(output: Path, *, osc_in: str | None, zmq_in: str | None, seconds: float | None) -> int:
+def run(output: Path, *, osc_in: str | None, zmq_in: str | None, seconds: float | None, overwrite: bool) -> int:
     """Record until interrupted, or for so many seconds; say what was kept.
 
     Parameters
     ----------
     output
-        The file to make; it must not exist.
+        The file to make.
     osc_in, zmq_in
         Where packets come in, one of them at least.
     seconds
         How long; until interrupted when not given.
+    overwrite
+        Whether a file that is there may be written over.
     """
+    require_place_for(output, overwrite=overwrite)
     with ExitStack() as opened:
         receivers = _open(opened, osc_in, zmq_in)
+        output.unlink(missing_ok=True)
         writer = opened.enter_context(RawWriter(output, [name for name, _ in receivers]))
         recording = _Recording(receivers, writer)
         for number in (signal.SIGINT, signal.SIGTERM):
@@ -48,7 +53,8 @@ def run(output: Path, *, osc_in: str | None, zmq_in: str | None, seconds: float 
     lost = sum(receiver.kernel_drops for _, receiver in receivers if isinstance(receiver, osc.OscReceiver))
     console.print(
         f"{output}: {writer.written} packets, {output.stat().st_size / 1e6:.2f} MB; "
-        f"{writer.failed} could not be written, {lost} were lost by the system before they came here",
+        f"{writer.failed} could not be written, {lost} were lost by the system before they came here"
+        + (f", {recording.broken} connections broke (a message above 1 MB?)" if recording.broken else ""),
         soft_wrap=True,
     )
     return 0
@@ -71,11 +77,18 @@ def _open(opened: ExitStack, osc_in: str | None, zmq_in: str | None) -> _Receive
 
 
 class _Recording:
-    """Packets from sockets into a file, until stopped."""
+    """Packets from sockets into a file, until stopped.
+
+    Attributes
+    ----------
+    broken
+        ZeroMQ connections that broke while the sender was there.
+    """
 
     def __init__(self, receivers: _Receivers, writer: RawWriter) -> None:
         self._receivers = [receiver for _, receiver in receivers]
         self._writer = writer
+        self.broken = 0
         self._stopped = False
         self._poller = zmq.Poller()
         for receiver in self._receivers:
@@ -91,9 +104,11 @@ class _Recording:
         while not self._stopped and (seconds is None or time.monotonic() < began + seconds):
             self._poller.poll(_LONGEST_SLEEP)
             self._keep()
-            if self._writer.written and time.monotonic() >= told + 1.0:
+            if time.monotonic() >= told + 1.0:
                 told = time.monotonic()
-                shown.update(f"{self._writer.written} packets in {told - began:.0f} s")
+                self.broken = sum(receiver.broken() for receiver in self._receivers)
+                if self._writer.written:
+                    shown.update(f"{self._writer.written} packets in {told - began:.0f} s")
         self._keep()
 
     def _keep(self) -> None:

@@ -7,37 +7,41 @@ import time
 from collections import Counter
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass, field, replace
-from itertools import cycle
+from itertools import chain
 from typing import TYPE_CHECKING
 
 import numpy as np
 from rich.table import Table
 
-from library import find_recordings, read_recordings
-from library.recordings import labelled
+from library import find_recordings
+from library.recordings import RecordingReader, labelled
 from stream import osc, zeromq
 from stream.frame import Announcement
 from stream.rawfile import ENDING
 from tools import replayraw
 from tools.address import host_and_port
-from tools.console import console, progress
+from tools.console import console, progress, progress_console
 from tools.feed import (
     ANNOUNCE_EVERY,
     OscFrameSender,
     Pace,
+    Piece,
     ZmqFrameSender,
-    clip_cues,
+    piece_cues,
     with_drops,
     with_jitter,
     with_reordering,
 )
 from tools.listener import Listener, answer_in
+from tools.readahead import ReadAhead
+from tools.tables import add_names
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
     from pathlib import Path
 
     from library import Clip, Reading
+    from library.skeleton import Skeleton
     from tools.feed import Cue, FrameSender
     from tools.listener import Heard
 
@@ -45,6 +49,10 @@ if TYPE_CHECKING:
 _LINGER = 0.3
 #: Seconds ZeroMQ peers get to meet before the first frame; what is sent before is lost to whoever is not there yet.
 _MEETING = 0.5
+#: Characters that the figures beside classes' names need.
+_BESIDE_CLASSES = 24
+#: Seconds a feed may stand still that nobody notices.
+_NOTICED = 0.05
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,6 +116,18 @@ class Score:
         """Give the share of answers that was right; None without any."""
         return self.right.total() / self.answers.total() if self.answers else None
 
+    def table(self) -> Table:
+        """Draw the shares by class, and of all answers."""
+        table = Table(title="Answers while each class was performed", title_justify="left")
+        add_names(table, "performed", self.answers, beside=_BESIDE_CLASSES)
+        table.add_column("answers", justify="right")
+        table.add_column("right", justify="right")
+        for performed, answers in sorted(self.answers.items()):
+            table.add_row(performed or "?", f"{answers}", f"{self.right[performed] / answers:.0%}")
+        table.add_section()
+        table.add_row("all", f"{self.answers.total()}", f"{self.share() or 0.0:.0%}")
+        return table
+
 
 def run(
     places: Sequence[Path],
@@ -120,34 +140,47 @@ def run(
     faults: Faults,
     as_json: bool,
 ) -> int:
-    """Send the recordings; with `listen`, print what share of the answers was right."""
+    """Send the recordings; with `listen`, print what share of the answers was right.
+
+    Returns
+    -------
+    The exit status: 1 when answers were listened for and none came, else 0.
+    """
     raw = [place for place in places if place.suffix.lower() == ENDING]
     if raw:
         return _run_raw(places, osc_to=osc_to, zmq_to=zmq_to, listen=listen, course=course, faults=faults, json=as_json)
-    paths = find_recordings(places)
-    read = list(progress(read_recordings(paths, reading), "Reading", len(paths)))
-    clips = [
-        labelled(_cut(clip.as_of(read[0].skeleton), course.begin, course.end), path)
-        for clip, path in zip(read, paths, strict=True)
-    ]
-    announcement = Announcement(course.performer, clips[0].skeleton.joints)
-    source = cycle(clips) if course.loop else clips
-    cues = faults.applied(clip_cues(source, course.performer, speed=course.speed, pause=course.pause))
-    total = None if course.loop else sum(clip.frames for clip in clips)
     with ExitStack() as opened:
+        pieces = opened.enter_context(ReadAhead(_pieces(find_recordings(places), reading, course)))
+        with progress_console.status("Reading"):
+            first = next(iter(pieces))
+        announcement = Announcement(course.performer, first.clip.skeleton.joints)
+        played = piece_cues(chain([first], pieces), course.performer, speed=course.speed, pause=course.pause)
         listener = _listener(listen) if listen else None
         if listener:
             opened.callback(listener.close)
         sender = _sender(osc_to, zmq_to)
         opened.callback(sender.close)
         replaying = _Replay(sender, listener, announcement)
-        # Ctrl-C ends the feed, not the report.
+        # Neither Ctrl-C nor a recording that cannot be read ends the report.
+        opened.callback(replaying.report, as_json=as_json)
         with suppress(KeyboardInterrupt):
             if zmq_to:
                 time.sleep(_MEETING)
-            replaying.play(progress(cues, "Sending", total))
-    replaying.report(as_json=as_json)
-    return 0
+            replaying.play(progress(faults.applied(played), "Sending", None), pieces)
+    return 0 if replaying.answered or not listener else 1
+
+
+def _pieces(paths: Sequence[Path], reading: Reading, course: Course) -> Iterator[Piece]:
+    """Read what is to be played, one recording after the other, in a loop for ever; all with the first one's joints."""
+    skeleton: Skeleton | None = None
+    with RecordingReader(reading) as reader:
+        while True:
+            for path in paths:
+                for piece in _cut(reader.pieces(path), course.begin, course.end):
+                    skeleton = skeleton or piece.clip.skeleton
+                    yield Piece(piece.start, labelled(piece.clip.as_of(skeleton), path))
+            if not course.loop:
+                return
 
 
 def _run_raw(
@@ -177,12 +210,21 @@ def _run_raw(
     )
 
 
-def _cut(clip: Clip, begin: float, end: float | None) -> Clip:
-    """Give the part of a clip between two moments, seconds from its start."""
-    first, last = round(begin * clip.frame_rate), None if end is None else round(end * clip.frame_rate)
-    if not len(clip.positions[first:last]):
-        raise ValueError(f"clip {clip.name!r}: expected --from and --to within its {clip.duration:.2f} s")
-    return replace(clip, positions=clip.positions[first:last], rotations=clip.rotations[first:last])
+def _cut(clips: Iterable[Clip], begin: float, end: float | None) -> Iterator[Piece]:
+    """Give the part of a recording between two moments, seconds from its start; no more of it is read."""
+    start = given = 0
+    clip: Clip | None = None
+    for clip in clips:
+        first, last = round(begin * clip.frame_rate), None if end is None else round(end * clip.frame_rate)
+        here = slice(max(first - start, 0), None if last is None else max(last - start, 0))
+        start += clip.frames
+        if len(positions := clip.positions[here]):
+            yield Piece(given, replace(clip, positions=positions, rotations=clip.rotations[here]))
+            given += len(positions)
+        if last is not None and start >= last:
+            break
+    if clip and not given:
+        raise ValueError(f"clip {clip.name!r}: expected --from and --to within its {start / clip.frame_rate:.2f} s")
 
 
 class _Replay:
@@ -195,13 +237,22 @@ class _Replay:
         # OSC answers name the performer in their address, where not every character may stand.
         self._names = {announcement.performer, osc.address_part(announcement.performer)}
         self._score = Score()
-        self._sent = 0
+        self._sent = self._heard = 0
+        self._stood_still = 0.0
         self._performed = ""
 
-    def play(self, cues: Iterable[Cue]) -> None:
-        """Send every frame when it is due, the skeleton before the first and every second."""
-        pace, next_announcement = Pace(), 0.0
+    def play(self, cues: Iterable[Cue], pieces: ReadAhead[Piece]) -> None:
+        """Send every frame when it is due, the skeleton before the first and every second.
+
+        When a recording is not read in time the feed stands still, and goes on from there at its own pace: frames
+        that were all sent at once to make up for it would be no feed.
+        """
+        pace, next_announcement, waited = Pace(), 0.0, pieces.waited
         for cue in cues:
+            if pieces.waited > waited:
+                late = min(time.perf_counter() - pace.moment(cue.due), pieces.waited - waited)
+                waited = pieces.waited
+                self._stood_still += pace.put_off(max(late, 0.0))
             if cue.due >= next_announcement:
                 self._sender.announce(self._announcement)
                 next_announcement = cue.due + ANNOUNCE_EVERY
@@ -220,10 +271,25 @@ class _Replay:
             pace.wait_for(due)
 
     def _hear(self, heard: Sequence[Heard]) -> None:
+        self._heard += len(heard)
         for each in heard:
             answer = answer_in(each.packet)
             if answer and answer.performer in self._names:
                 self._score.add(self._performed, answer.label)
+
+    @property
+    def answered(self) -> bool:
+        """Whether any answer was heard."""
+        return bool(self._score.answers)
+
+    def _silence(self) -> str:
+        """Say that no answer came, and where to look."""
+        if self._heard:
+            return (
+                f"no answers about {self._announcement.performer!r} heard, but {self._heard} other packets: do the "
+                "frames reach the recogniser, and can it use their joints? It counts and shows both"
+            )
+        return "no answers heard: is a recogniser running, and does it send its answers here?"
 
     def report(self, *, as_json: bool) -> None:
         """Print what was sent and, where answers were listened for, which share was right."""
@@ -234,18 +300,12 @@ class _Replay:
             print(json.dumps({**figures, "right": None if share is None else round(share, 4)}))
             return
         console.print(f"{self._sent} frames sent, {self._sender.failed} the system would not take")
+        if self._stood_still > _NOTICED:
+            console.print(f"the feed stood still for {self._stood_still:.1f} s: a recording took longer to be read")
         if self._listener and not score.answers:
-            console.print("no answers heard: is a recogniser running, and does it send its answers here?")
+            console.print(self._silence(), soft_wrap=True)
         elif self._listener:
-            table = Table(title="Answers while each class was performed", title_justify="left")
-            table.add_column("performed")
-            table.add_column("answers", justify="right")
-            table.add_column("right", justify="right")
-            for performed, answers in sorted(score.answers.items()):
-                table.add_row(performed or "?", f"{answers}", f"{score.right[performed] / answers:.0%}")
-            table.add_section()
-            table.add_row("all", f"{score.answers.total()}", f"{score.share():.0%}")
-            console.print(table)
+            console.print(score.table())
 
 
 def _listener(address: str) -> Listener:

@@ -53,6 +53,11 @@ def run(
         Seconds from the recording's first packet between which packets are sent; the end is not part of it.
     as_json
         Print one JSON object and nothing else.
+
+    Raises
+    ------
+    ValueError
+        There are no packets in it, or none between the two moments.
     """
     recording = RawFile(path)
     counts: Counter[str] = Counter()
@@ -67,7 +72,9 @@ def run(
                     last = start + due / speed
                     pace.wait_for(last)
                     counts[_send(packet, recording, senders)] += 1
-                if not (loop and counts):
+                if not counts:
+                    raise ValueError(_nothing_to_send(recording))
+                if not loop:
                     break
                 start = last
         failed = sum(sender.failed for sender in senders.values())
@@ -83,6 +90,15 @@ def run(
         if recording.damage():
             console.print(recording.damage(), soft_wrap=True)
     return 0
+
+
+def _nothing_to_send(recording: RawFile) -> str:
+    """Say why a recording, as cut, has no packets."""
+    arrivals = [packet.arrival for packet in recording.packets()]
+    damage = f"; {recording.damage()}" if recording.damage() else ""
+    if not arrivals:
+        return f"{recording.path}: no packets in it{damage}"
+    return f"{recording.path}: expected --from and --to around some of its {arrivals[-1] - arrivals[0]:.2f} s{damage}"
 
 
 def cut(packets: Iterator[RawPacket], begin: float, end: float | None) -> Iterator[tuple[float, RawPacket]]:

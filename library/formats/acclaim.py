@@ -33,6 +33,11 @@ METRES_PER_INCH = 0.0254
 #: HDM05's and CMU's rate; an AMC that says nothing of its own is taken to have it.
 DEFAULT_FRAME_RATE = 120.0
 
+#: About how much of an AMC is read at once, and how many frames of one that is read line by line: some ten seconds.
+_BLOCK_BYTES, _BLOCK_FRAMES = 1 << 20, 1024
+#: Missing frames that a long take may always have, however few have been there so far.
+_FEW_MISSING = 1024
+
 AngleUnit = Literal["deg", "rad"]
 
 
@@ -247,16 +252,45 @@ class _Motion:
     angle: AngleUnit
     frame_rate: float | None
 
+    def after(self, frames: int) -> _Motion:
+        """Give what comes after so many frames."""
+        return replace(self, channels=self.channels[frames:], frame_numbers=self.frame_numbers[frames:])
+
+
+class _IrregularError(Exception):
+    """Frames of an AMC do not all list the same bones in the same order."""
+
 
 def _read_amc(path: Path, body: AcclaimSkeleton) -> _Motion:
-    return _checked(path, _read_regular_amc(path, body) or _read_amc_by_line(path, body))
+    blocks = list(_blocks(path, body))
+    channels = np.concatenate([block.channels for block in blocks])
+    numbers = np.concatenate([block.frame_numbers for block in blocks])
+    motion = _checked(path, _Motion(channels, numbers, blocks[-1].angle, blocks[-1].frame_rate))
+    _require_most_of(path, len(numbers), int(numbers[-1] - numbers[0]) + 1)
+    return motion
 
 
-def _read_regular_amc(path: Path, body: AcclaimSkeleton) -> _Motion | None:
+def _blocks(path: Path, body: AcclaimSkeleton) -> Iterator[_Motion]:
+    """Read an AMC some frames at a time, at least one in all."""
+    given = 0
+    try:
+        for block in _regular_blocks(path, body):
+            given += len(block.frame_numbers)
+            yield block
+    except _IrregularError:
+        # What was given is not given again. Whatever is wrong is told with its line.
+        for block in _blocks_by_line(path, body):
+            left = block.after(given)
+            given -= len(block.frame_numbers) - len(left.frame_numbers)
+            if len(left.frame_numbers):
+                yield left
+
+
+def _regular_blocks(path: Path, body: AcclaimSkeleton) -> Iterator[_Motion]:
     """Read an AMC whose frames all list the same bones in the same order, as nearly every one does.
 
-    Works on columns of words and takes a fifth of the time of going line by line. None when the file is not like
-    that; then `_read_amc_by_line` reads it or says what is wrong on which line.
+    Works on columns of words and takes a fifth of the time of going line by line. _IrregularError when the file is
+    not, or from some frame on no more, like that.
     """
     with path.open(encoding="latin-1") as file:
         angle, frame_rate = body.angle, None
@@ -265,41 +299,56 @@ def _read_regular_amc(path: Path, body: AcclaimSkeleton) -> _Motion | None:
             if len(words) == 1 and _is_frame_number(words[0]):
                 break
             if words and not words[0].startswith(":"):
-                return None
+                raise _IrregularError
             if words:
                 angle, frame_rate = _read_keyword(_Line(path, number, words), angle, frame_rate)
         else:
-            return None
-        words += file.read().split()
+            raise _IrregularError
+        period = 1 + len(_channel_places(body)) + body.channel_count
+        while lines := file.readlines(_BLOCK_BYTES):
+            words += "".join(lines).split()
+            whole = len(words) // period * period
+            if whole:
+                numbers, channels = _columns(words[:whole], body)
+                yield _Motion(channels, numbers, angle, frame_rate)
+                words = words[whole:]
+    if words:
+        raise _IrregularError
+
+
+def _columns(words: list[str], body: AcclaimSkeleton) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """Read whole frames of words: their numbers and channels; _IrregularError when they are not alike."""
     places = _channel_places(body)
     period = 1 + len(places) + body.channel_count
-    frames, rest = divmod(len(words), period)
+    frames = len(words) // period
     channels = np.empty((frames, body.channel_count))
     column, unseen = 1, set(places)
-    while not rest and frames and unseen:
+    while unseen:
         name = words[column] if column < period else ""
         if name not in unseen or words[column::period].count(name) != frames:
-            return None
+            raise _IrregularError
         unseen.remove(name)
         for channel in range(places[name].start, places[name].stop):
             column += 1
             try:
                 channels[:, channel] = [float(word) for word in words[column::period]]
             except ValueError:
-                return None
+                raise _IrregularError from None
         column += 1
     numbers = words[::period]
-    if rest or not frames or not all(map(_is_frame_number, numbers)):
-        return None
-    return _Motion(channels, np.array(list(map(int, numbers)), dtype=np.int64), angle, frame_rate)
+    if not all(map(_is_frame_number, numbers)):
+        raise _IrregularError
+    return np.array(list(map(int, numbers)), dtype=np.int64), channels
 
 
-def _read_amc_by_line(path: Path, body: AcclaimSkeleton) -> _Motion:
+def _blocks_by_line(path: Path, body: AcclaimSkeleton) -> Iterator[_Motion]:
     reader = _AmcReader(body)
     line = _Line(path, 0, [])
     for line in _lines(path):
-        reader.take(line)
-    return reader.finish(line)
+        if reader.take(line) >= _BLOCK_FRAMES:
+            yield reader.taken()
+    reader.finish(line)
+    yield reader.taken()
 
 
 class _AmcReader:
@@ -313,8 +362,10 @@ class _AmcReader:
         self._numbers, self._values = array("q"), array("d")
         self._angle: AngleUnit = body.angle
         self._frame_rate: float | None = None
+        self._any = False
 
-    def take(self, line: _Line) -> None:
+    def take(self, line: _Line) -> int:
+        """Take in one line; give how many whole frames there are to be taken out."""
         word = line.words[0]
         if word in self._places:
             self._take_bone(word, line)
@@ -322,11 +373,13 @@ class _AmcReader:
             if self._unseen:
                 line.fail(f"the frame before has no {', '.join(sorted(self._unseen))}")
             self._numbers.append(int(word))
+            self._any = True
             self._unseen = set(self._places)
         elif word.startswith(":"):
             self._angle, self._frame_rate = _read_keyword(line, self._angle, self._frame_rate)
         else:
             line.fail(f"expected a frame number or a bone of the skeleton's {len(self._body.bones)}, got {word!r}")
+        return len(self._numbers) - bool(self._unseen)
 
     def _take_bone(self, word: str, line: _Line) -> None:
         place = self._places[word]
@@ -339,14 +392,20 @@ class _AmcReader:
         if not self._unseen:
             self._values.extend(self._frame)
 
-    def finish(self, last: _Line) -> _Motion:
-        if not self._numbers:
+    def finish(self, last: _Line) -> None:
+        """Refuse an end in the middle of a frame, or before the first."""
+        if not self._any:
             last.fail("no frames in it")
         if self._unseen:
             last.fail(f"the file ends in the middle of frame {self._numbers[-1]}")
-        channels = np.frombuffer(self._values, dtype=np.float64).reshape(-1, self._body.channel_count)
-        numbers = np.frombuffer(self._numbers, dtype=np.int64)
-        return _Motion(channels, numbers, self._angle, self._frame_rate)
+
+    def taken(self) -> _Motion:
+        """Take the whole frames out."""
+        frames = len(self._numbers) - bool(self._unseen)
+        numbers, self._numbers = self._numbers[:frames], self._numbers[frames:]
+        values, self._values = self._values, array("d")
+        channels = np.array(values, dtype=np.float64).reshape(-1, self._body.channel_count)
+        return _Motion(channels, np.array(numbers, dtype=np.int64), self._angle, self._frame_rate)
 
 
 def _is_frame_number(word: str) -> bool:
@@ -378,20 +437,22 @@ def _read_keyword(line: _Line, angle: AngleUnit, rate: float | None) -> tuple[An
             return angle, rate
 
 
-def _checked(path: Path, motion: _Motion) -> _Motion:
+def _checked(path: Path, motion: _Motion, before: int | None = None) -> _Motion:
+    """Refuse numbers that are none, and frame numbers that do not grow, from the one before on."""
     bad = np.flatnonzero(~np.isfinite(motion.channels).all(axis=1))
     if bad.size:
         raise AcclaimError(f"{path}: NaN or infinity in frame {motion.frame_numbers[bad[0]]}")
-    steps = np.diff(motion.frame_numbers)
+    numbers = motion.frame_numbers if before is None else np.concatenate([[before], motion.frame_numbers])
+    steps = np.diff(numbers)
     if (steps < 1).any():
-        late = motion.frame_numbers[int(np.argmax(steps < 1)) + 1]
+        late = numbers[int(np.argmax(steps < 1)) + 1]
         raise AcclaimError(f"{path}: expected growing frame numbers, frame {late} comes too late")
-    span = int(motion.frame_numbers[-1] - motion.frame_numbers[0]) + 1
-    if span > 2 * len(motion.frame_numbers):
-        raise AcclaimError(
-            f"{path}: {span - len(motion.frame_numbers)} of {span} frames are missing, more than are there"
-        )
     return motion
+
+
+def _require_most_of(path: Path, frames: int, span: int, *, spare: int = 0) -> None:
+    if span > 2 * frames + spare:
+        raise AcclaimError(f"{path}: {span - frames} of {span} frames are missing, more than are there")
 
 
 def _forward_kinematics(body: AcclaimSkeleton, channels: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -490,21 +551,72 @@ def read_clip(amc: Path, body: AcclaimSkeleton | None = None, *, frame_rate: flo
     """
     body = body or read_asf(find_asf(amc))
     motion = _read_amc(amc, body)
+    return _clip(amc, body, motion, _positions_and_angles(body, motion), frame_rate)
+
+
+def read_pieces(amc: Path, body: AcclaimSkeleton | None = None, *, frame_rate: float | None = None) -> Iterator[Clip]:
+    """Read an AMC motion as clips of some seconds that follow each other, never all of it at once.
+
+    Parameters
+    ----------
+    amc, body, frame_rate
+        As `read_clip` has them.
+
+    Yields
+    ------
+    The pieces, which are together what `read_clip` gives.
+
+    Raises
+    ------
+    AcclaimError, OSError
+        As `read_clip`, when the place is reached where something is wrong.
+    """
+    body = body or read_asf(find_asf(amc))
+    first, frames = 0, 0
+    last: tuple[int, NDArray[np.float64], NDArray[np.float64]] | None = None
+    for block in _blocks(amc, body):
+        motion = _checked(amc, block, None if last is None else last[0])
+        numbers, values = motion.frame_numbers, _positions_and_angles(body, motion)
+        first = first if last else int(numbers[0])
+        frames += len(numbers)
+        _require_most_of(amc, frames, int(numbers[-1]) - first + 1, spare=_FEW_MISSING)
+        if last is None:
+            yield _clip(amc, body, motion, values, frame_rate)
+        else:
+            # From the last frame on, so that what is missing between stands on a straight line too.
+            motion = replace(motion, frame_numbers=np.concatenate([[last[0]], numbers]))
+            joined = np.concatenate([last[1], values[0]]), np.concatenate([last[2], values[1]])
+            piece = _clip(amc, body, motion, joined, frame_rate)
+            yield replace(piece, positions=piece.positions[1:], rotations=piece.rotations[1:])
+        last = int(numbers[-1]), values[0][-1:], values[1][-1:]
+    if last:
+        _require_most_of(amc, frames, last[0] - first + 1)
+
+
+def _positions_and_angles(body: AcclaimSkeleton, motion: _Motion) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     channels = _in_si(body, motion)
-    positions = _forward_kinematics(body, channels)
     angles = channels[:, [channel[0] == "r" for bone in body.bones for channel in bone.channels]]
+    return _forward_kinematics(body, channels), angles
+
+
+def _clip(
+    amc: Path,
+    body: AcclaimSkeleton,
+    motion: _Motion,
+    values: tuple[NDArray[np.float64], NDArray[np.float64]],
+    frame_rate: float | None,
+) -> Clip:
+    """Make a clip of the frames that there are, those that are missing between them put on straight lines."""
+    numbers, (positions, angles) = motion.frame_numbers, values
     named = hdm05.read_clip_name(amc)
-    missing = int(motion.frame_numbers[-1] - motion.frame_numbers[0]) + 1 - len(motion.frame_numbers)
+    said = named.frame_rate if named else motion.frame_rate or DEFAULT_FRAME_RATE
+    missing = int(numbers[-1] - numbers[0]) + 1 - len(numbers)
     clip = Clip(
         skeleton=body.skeleton,
-        positions=with_missing_frames(motion.frame_numbers, positions.reshape(len(positions), -1)).reshape(
-            -1, len(body.bones), 3
-        ),
-        frame_rate=(named.frame_rate if named else motion.frame_rate or DEFAULT_FRAME_RATE)
-        if frame_rate is None
-        else frame_rate,
+        positions=with_missing_frames(numbers, positions.reshape(len(positions), -1)).reshape(-1, len(body.bones), 3),
+        frame_rate=said if frame_rate is None else frame_rate,
         name=amc.stem,
-        rotations=with_missing_frames(motion.frame_numbers, angles),
+        rotations=with_missing_frames(numbers, angles),
         filled=missing * len(body.bones),
     )
     return replace(clip, class_name=named.class_name, actor=named.actor, take=named.take) if named else clip

@@ -29,7 +29,7 @@ from library.formats.units import guessed_metres
 from library.skeleton import Skeleton
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Iterable, Iterator, Sequence
     from pathlib import Path
 
     from numpy.typing import NDArray
@@ -225,33 +225,65 @@ def read_bvh(path: Path) -> BvhMotion:
     OSError
         The file cannot be opened.
     """
-    statements = _statements(path)
-    hierarchy = _HierarchyReader()
-    statement = _Statement(path, 1, [])
-    for statement in statements:
-        if hierarchy.take(statement):
-            break
-    else:
-        statement.fail("expected HIERARCHY and MOTION, got a file that ends before its motion")
-    frames, frame_rate, first = _motion_header(statements, statement)
-    size = sum(len(joint.channels) for joint in hierarchy.joints)
-    values, line = array("d"), first
-    for line in statements:
-        if len(values) == frames * size:
-            line.fail(f"a frame more than the {frames} that were announced")
-        if len(line.words) != size:
-            line.fail(f"expected {size} numbers, got {len(line.words)}")
-        try:
-            values.extend(map(float, line.words))
-        except ValueError:
-            line.floats(line.words, size)
-    channels = np.frombuffer(values, dtype=np.float64).reshape(-1, size)
-    if len(channels) != frames:
-        line.fail(f"the file ends after {len(channels)} of {frames} frames")
-    finite = np.isfinite(channels).all(axis=1)
-    if not finite.all():
-        raise BvhError(f"{path}: NaN or infinity in frame {int(np.argmin(finite)) + 1}")
-    return BvhMotion(tuple(hierarchy.joints), channels, frame_rate)
+    reader = _BvhReader(path)
+    channels = np.concatenate(list(reader.blocks()))
+    return BvhMotion(reader.joints, channels, reader.frame_rate)
+
+
+class _BvhReader:
+    """Reads a BVH's head, then its frames some at a time.
+
+    Attributes
+    ----------
+    joints
+        In the file's order.
+    frame_rate
+        Frames per second.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._statements = _statements(path)
+        hierarchy = _HierarchyReader()
+        statement = _Statement(path, 1, [])
+        for statement in self._statements:
+            if hierarchy.take(statement):
+                break
+        else:
+            statement.fail("expected HIERARCHY and MOTION, got a file that ends before its motion")
+        self._frames, self.frame_rate, self._last = _motion_header(self._statements, statement)
+        self.joints = tuple(hierarchy.joints)
+        self._size = sum(len(joint.channels) for joint in self.joints)
+
+    def blocks(self) -> Iterator[NDArray[np.float64]]:
+        """Give the frames' numbers, (frames, channels) at a time; to be gone through once."""
+        frames, values, line = 0, array("d"), self._last
+        for line in self._statements:
+            if frames == self._frames:
+                line.fail(f"a frame more than the {self._frames} that were announced")
+            if len(line.words) != self._size:
+                line.fail(f"expected {self._size} numbers, got {len(line.words)}")
+            try:
+                values.extend(map(float, line.words))
+            except ValueError:
+                line.floats(line.words, self._size)
+            frames += 1
+            if not frames % _BLOCK:
+                yield self._finite(values, frames)
+                values = array("d")
+        if frames != self._frames:
+            line.fail(f"the file ends after {frames} of {self._frames} frames")
+        if values:
+            yield self._finite(values, frames)
+
+    def _finite(self, values: array[float], frames: int) -> NDArray[np.float64]:
+        """Refuse what is no number in the frames up to one."""
+        channels = np.frombuffer(values, dtype=np.float64).reshape(-1, self._size)
+        finite = np.isfinite(channels).all(axis=1)
+        if not finite.all():
+            number = frames - len(channels) + int(np.argmin(finite)) + 1
+            raise BvhError(f"{self._path}: NaN or infinity in frame {number}")
+        return channels
 
 
 def _motion_header(statements: Iterator[_Statement], last: _Statement) -> tuple[int, float, _Statement]:
@@ -283,14 +315,21 @@ def _frame_rate(period: str) -> float:
     return float(round(rate)) if rounded and round(rate) and "e" not in period.lower() else rate
 
 
-def forward_kinematics(motion: BvhMotion) -> NDArray[np.float64]:
+def forward_kinematics(motion: BvhMotion, displaced: Sequence[bool] | None = None) -> NDArray[np.float64]:
     """Work out where every joint stands, (frames, joints, 3), in the file's unit.
 
     A joint's frame is M = M_parent · R₁ · R₂ · R₃; it stands at p = p_parent + M_parent · offset. Many frames at once,
     one joint at a time.
+
+    Parameters
+    ----------
+    motion
+        All of it, or some frames of it.
+    displaced
+        Of each joint, whether its position channels say anything in the whole motion; when not given, in these frames.
     """
     positions = np.empty((len(motion.channels), len(motion.joints), 3))
-    displaced = _displaced(motion)
+    displaced = _displaced(motion) if displaced is None else displaced
     for start in range(0, len(positions), _BLOCK):
         block = slice(start, start + _BLOCK)
         _place(motion.joints, motion.channels[block], displaced, positions[block])
@@ -334,19 +373,31 @@ def _displaced(motion: BvhMotion) -> list[bool]:
     return displaced
 
 
-def _representatives(motion: BvhMotion) -> list[int]:
+def _displaced_in(path: Path) -> list[bool]:
+    """Tell the same of a file, of which no more is read than tells it: mostly the first frames."""
+    reader = _BvhReader(path)
+    movable = [any(name[0] == "p" for name in joint.channels) for joint in reader.joints]
+    displaced = [False] * len(movable)
+    for channels in reader.blocks():
+        here = _displaced(BvhMotion(reader.joints, channels, reader.frame_rate))
+        displaced = [before or now for before, now in zip(displaced, here, strict=True)]
+        if displaced == movable:
+            break
+    return displaced
+
+
+def _representatives(joints: Sequence[BvhJoint], displaced: Sequence[bool]) -> list[int]:
     """Give for each joint the first joint that it always coincides with, itself when there is none."""
-    displaced = _displaced(motion)
-    largest = max(max(map(abs, joint.offset)) for joint in motion.joints) or 1.0
+    largest = max(max(map(abs, joint.offset)) for joint in joints) or 1.0
     firsts: list[int] = []
-    for index, joint in enumerate(motion.joints):
+    for index, joint in enumerate(joints):
         first = index
         if joint.parent >= 0 and not displaced[index]:
             if max(map(abs, joint.offset)) < _NO_OFFSET * largest:
                 first = firsts[joint.parent]
             else:
                 for earlier in range(index):
-                    other = motion.joints[earlier]
+                    other = joints[earlier]
                     if other.parent == joint.parent and other.offset == joint.offset and not displaced[earlier]:
                         first = earlier
                         break
@@ -354,10 +405,12 @@ def _representatives(motion: BvhMotion) -> list[int]:
     return firsts
 
 
-def _kept(motion: BvhMotion, wanted: Sequence[str]) -> tuple[list[int], tuple[int, ...]]:
+def _kept(
+    joints: Sequence[BvhJoint], displaced: Sequence[bool], wanted: Sequence[str]
+) -> tuple[list[int], tuple[int, ...]]:
     """Choose the joints of the clip: their indices in the file, and their parents among themselves."""
-    firsts = _representatives(motion)
-    names = [joint.name for joint in motion.joints]
+    firsts = _representatives(joints, displaced)
+    names = [joint.name for joint in joints]
     kept, taken = list[int](), set[int]()
     for index in chosen(names, wanted):
         if firsts[index] not in taken:
@@ -368,9 +421,9 @@ def _kept(motion: BvhMotion, wanted: Sequence[str]) -> tuple[list[int], tuple[in
     places = {firsts[index]: place for place, index in enumerate(kept)}
     parents = []
     for place, index in enumerate(kept):
-        above = motion.joints[firsts[index]].parent
+        above = joints[firsts[index]].parent
         while above >= 0 and firsts[above] not in places:
-            above = motion.joints[firsts[above]].parent
+            above = joints[firsts[above]].parent
         # Where the joint that holds two chosen ones together is not chosen, the first chosen one does.
         parents.append(places[firsts[above]] if above >= 0 else (-1 if place == 0 else 0))
     return kept, tuple(parents)
@@ -404,24 +457,64 @@ def read_clip(
         The file cannot be opened.
     """
     motion = read_bvh(path)
-    try:
-        kept, parents = _kept(motion, joints)
-        names = short_names([motion.joints[index].name for index in kept])
-        skeleton = Skeleton(names, parents)
-    except ValueError as error:
-        raise BvhError(f"{path}: {error}") from error
-    positions = forward_kinematics(motion)[:, kept]
-    if not np.isfinite(positions).all():
-        raise BvhError(f"{path}: expected places of joints, got numbers too large to reckon with")
-    metres = metres_per_unit or guessed_metres(float(distance_rows(positions[0], skeleton).max()))
-    positions *= metres
-    turns = [name[0] == "r" for joint in motion.joints for name in joint.channels]
-    clip = Clip(
-        skeleton=skeleton,
-        positions=positions,
-        frame_rate=motion.frame_rate if frame_rate is None else frame_rate,
-        name=path.stem,
-        rotations=np.radians(motion.channels[:, turns]),
-    )
+    wanted = _Wanted(metres_per_unit, frame_rate, tuple(joints))
+    (clip,) = _clips(path, [motion], _displaced(motion), wanted)
+    return clip
+
+
+def read_pieces(
+    path: Path, *, metres_per_unit: float | None = None, frame_rate: float | None = None, joints: Sequence[str] = ()
+) -> Iterator[Clip]:
+    """Read a BVH as clips of some seconds that follow each other, never all of it at once.
+
+    Parameters
+    ----------
+    path, metres_per_unit, frame_rate, joints
+        As `read_clip` has them.
+
+    Yields
+    ------
+    The pieces, which are together what `read_clip` gives.
+
+    Raises
+    ------
+    BvhError, OSError
+        As `read_clip`, when the place is reached where something is wrong.
+    """
+    displaced = _displaced_in(path)
+    reader = _BvhReader(path)
+    motions = (BvhMotion(reader.joints, channels, reader.frame_rate) for channels in reader.blocks())
+    yield from _clips(path, motions, displaced, _Wanted(metres_per_unit, frame_rate, tuple(joints)))
+
+
+@dataclass(frozen=True, slots=True)
+class _Wanted:
+    metres_per_unit: float | None
+    frame_rate: float | None
+    joints: tuple[str, ...]
+
+
+def _clips(path: Path, motions: Iterable[BvhMotion], displaced: Sequence[bool], wanted: _Wanted) -> Iterator[Clip]:
+    """Make a clip of each of some motions of one body, the first of which shows how large it is."""
+    metres = wanted.metres_per_unit
     named = hdm05.read_clip_name(path)
-    return replace(clip, class_name=named.class_name, actor=named.actor, take=named.take) if named else clip
+    for motion in motions:
+        try:
+            kept, parents = _kept(motion.joints, displaced, wanted.joints)
+            skeleton = Skeleton(short_names([motion.joints[index].name for index in kept]), parents)
+        except ValueError as error:
+            raise BvhError(f"{path}: {error}") from error
+        positions = forward_kinematics(motion, displaced)[:, kept]
+        if not np.isfinite(positions).all():
+            raise BvhError(f"{path}: expected places of joints, got numbers too large to reckon with")
+        metres = metres or guessed_metres(float(distance_rows(positions[0], skeleton).max()))
+        positions *= metres
+        turns = [name[0] == "r" for joint in motion.joints for name in joint.channels]
+        clip = Clip(
+            skeleton=skeleton,
+            positions=positions,
+            frame_rate=motion.frame_rate if wanted.frame_rate is None else wanted.frame_rate,
+            name=path.stem,
+            rotations=np.radians(motion.channels[:, turns]),
+        )
+        yield replace(clip, class_name=named.class_name, actor=named.actor, take=named.take) if named else clip

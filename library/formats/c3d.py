@@ -3,6 +3,9 @@
 A C3D holds labelled points: markers, joint centres that a model computed, and often, among the same labels, angles,
 forces and other results that stand nowhere. Those (listed by the file in POINT:ANGLES and its like) and markers that
 nobody labelled (`*12`) are no joints and are passed over unless they are asked for by name.
+
+What a broken file says wrongly is told with its byte, as far as we look; whatever else it does to ezc3d happens in
+another process.
 """
 
 from __future__ import annotations
@@ -13,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from library.formats.c3dprocess import C3dProcess
 from library.formats.error import RecordingError
 from library.formats.markers import clip_of_markers
 from library.formats.units import guessed_metres, metres_of
@@ -109,19 +113,25 @@ def _end_of_data(section: bytes, at: int) -> int:
     return at + 2 + dimensions + abs(kind) * math.prod(sizes)
 
 
-def _read(path: Path) -> Any:  # noqa: ANN401 - ezc3d describes no types
+def _read(path: Path, process: C3dProcess | None) -> tuple[dict[str, list[Any]], NDArray[np.float64]]:
     try:
-        import ezc3d  # noqa: PLC0415 - an extra
+        if process:
+            return process.read(path)
+        with C3dProcess() as alone:
+            return alone.read(path)
     except ImportError as error:
-        raise C3dError(f"{path}: reading C3D needs ezc3d: pip install 'kinespace[c3d]'") from error
-    try:
-        return ezc3d.c3d(str(path))
-    except (OSError, RuntimeError, ValueError, IndexError, KeyError, TypeError, MemoryError) as error:
+        raise C3dError(f"{path}: {error}") from error
+    except ValueError as error:
         raise C3dError(f"{path}: not a usable C3D ({error})") from error
 
 
 def read_clip(
-    path: Path, *, metres_per_unit: float | None = None, frame_rate: float | None = None, joints: Sequence[str] = ()
+    path: Path,
+    *,
+    metres_per_unit: float | None = None,
+    frame_rate: float | None = None,
+    joints: Sequence[str] = (),
+    process: C3dProcess | None = None,
 ) -> Clip:
     """Read a C3D into a clip.
 
@@ -133,6 +143,8 @@ def read_clip(
         What its numbers are, and frames per second; what POINT:UNITS and POINT:RATE say when not given.
     joints
         Which points, by name (`library.formats.naming.chosen`); all labelled places when none are given.
+    process
+        Reads it; one for this file alone when not given. To start one takes some 0.3 s.
 
     Returns
     -------
@@ -141,16 +153,15 @@ def read_clip(
     Raises
     ------
     C3dError
-        ezc3d is not installed, the file is no C3D, is malformed or cut off, lacks a point that is asked for, or has
-        one out of sight for too long.
+        ezc3d is not installed or breaks down on the file, the file is no C3D, is malformed or cut off, lacks a point
+        that is asked for, or has one out of sight for too long.
     OSError
         The file cannot be opened.
     """
     _require_whole(path)
-    read = _read(path)
-    said = {name: each["value"] for name, each in read["parameters"]["POINT"].items() if name != "__METADATA__"}
-    labels, positions = _places(read, said, joints)
+    said, points = _read(path, process)
     try:
+        labels, positions = _places(points, said, joints)
         if len(labels) < 2:
             raise ValueError(f"expected at least 2 labelled points, got {len(labels)}")  # noqa: TRY301 - told alike
         if not positions.size:
@@ -163,17 +174,14 @@ def read_clip(
 
 
 def _places(
-    read: Any,  # noqa: ANN401 - as above
-    said: dict[str, Any],
-    named: Sequence[str],
+    points: NDArray[np.float64], said: dict[str, list[Any]], named: Sequence[str]
 ) -> tuple[list[str], NDArray[np.float64]]:
     """Give the labels of points and where they are, (frames, points, 3), NaN where a point is out of sight."""
-    labels = [label.strip() for name in _numbered("LABELS", said) for label in said[name]]
-    positions = np.array(np.moveaxis(read["data"]["points"][:3], 0, 2).swapaxes(0, 1), dtype=np.float64)
+    labels = _texts("LABELS", said)
+    positions = np.array(np.moveaxis(points[:3], 0, 2).swapaxes(0, 1))
     labels = labels[: positions.shape[1]]
-    residuals = read["data"]["meta_points"]["residuals"][0].T
-    positions[residuals < 0] = np.nan
-    no_places = {label.strip() for kind in _NO_PLACES for name in _numbered(kind, said) for label in said[name]}
+    positions[points[3].T < 0] = np.nan
+    no_places = {label for kind in _NO_PLACES for label in _texts(kind, said)}
     kept = [
         index
         for index, label in enumerate(labels)
@@ -182,23 +190,33 @@ def _places(
     return [labels[index] for index in kept], positions[:, kept]
 
 
-def _numbered(name: str, said: dict[str, Any]) -> list[str]:
-    """List the parameters that go on with one: it holds 255 entries at most, and LABELS goes on in LABELS2."""
-    return [each for each in (name, *(f"{name}{number}" for number in range(2, 100))) if each in said]
+def _texts(name: str, said: dict[str, list[Any]]) -> list[str]:
+    """Give a parameter's texts, with those of the parameters that go on with it.
+
+    A parameter holds 255 entries at most, and LABELS goes on in LABELS2.
+    """
+    names = (name, *(f"{name}{number}" for number in range(2, 100)))
+    texts = [text for each in names for text in said.get(each, ())]
+    if not all(isinstance(text, str) for text in texts):
+        raise ValueError(f"expected texts in POINT:{name}, got numbers")
+    return [text.strip() for text in texts]
 
 
-def _unit(said: dict[str, Any], positions: NDArray[np.float64]) -> float:
-    named = next((unit.strip() for unit in said.get("UNITS", ()) if unit.strip()), "")
+def _unit(said: dict[str, list[Any]], positions: NDArray[np.float64]) -> float:
+    named = next((unit for unit in _texts("UNITS", said) if unit), "")
     metres = metres_of(named) if named else None
     if named and metres is None:
         raise ValueError(f"expected POINT:UNITS like mm or m, got {named!r}")
     if metres is not None:
         return metres
-    extent = np.nanmax(positions, axis=1) - np.nanmin(positions, axis=1)
-    return guessed_metres(float(np.nanmedian(np.linalg.norm(extent, axis=1))))
+    seen = positions[~np.isnan(positions).all(axis=(1, 2))]
+    if not len(seen):
+        raise ValueError("no point is ever in sight")
+    extent = np.nanmax(seen, axis=1) - np.nanmin(seen, axis=1)
+    return guessed_metres(float(np.median(np.linalg.norm(extent, axis=1))))
 
 
-def _rate(said: dict[str, Any]) -> float:
+def _rate(said: dict[str, list[Any]]) -> float:
     rate = float(said["RATE"][0]) if len(said.get("RATE", ())) else 0.0
     if not 0 < rate < np.inf:
         raise ValueError(f"expected a positive POINT:RATE, got {rate:g}; --frame-rate can say it")

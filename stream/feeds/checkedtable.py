@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from difflib import get_close_matches
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -34,9 +35,16 @@ class CheckedTable:
 
     def fail(self, key: str, expected: str) -> PresetError:
         """Make the error of a wrong value; the caller raises it."""
-        where = f"{self._place}, {key}" if self._place else key
-        got = repr(self._values[key]) if key in self._values else "nothing"
-        return PresetError(f"{self._file}: {where}: expected {expected}, got {got}")
+        got = repr(self._values[key]) if key in self._values else f"nothing{self._misspelt(key)}"
+        return PresetError(f"{self._file}: {self._inside(key)}: expected {expected}, got {got}")
+
+    def _inside(self, key: str) -> str:
+        return f"{self._place}, {key}" if self._place else key
+
+    def _misspelt(self, key: str) -> str:
+        """Say which key that is there looks like one that is not; nothing when none does."""
+        near = get_close_matches(key, self._values.keys() - self._asked, n=1)
+        return f", but {near[0]!r}, which is no key" if near else ""
 
     def _get(self, key: str) -> object:
         self._asked.add(key)
@@ -123,8 +131,7 @@ class CheckedTable:
             raise self.fail(key, "a table")
         for name, each in value.items():
             if not isinstance(each, (int, float) if kind is float else kind) or isinstance(each, bool):
-                inside = f"{self._place}, {key}" if self._place else key
-                raise CheckedTable(self._file, inside, value).fail(
+                raise CheckedTable(self._file, self._inside(key), value).fail(
                     name, {str: "text", float: "a number", dict: "a table"}[kind]
                 )
         return dict(value)
@@ -134,7 +141,7 @@ class CheckedTable:
         value = self._get(key)
         if value is not None and not isinstance(value, dict):
             raise self.fail(key, "a table")
-        return CheckedTable(self._file, f"{self._place}, {key}" if self._place else key, value or {})
+        return CheckedTable(self._file, self._inside(key), value or {})
 
     def tables(self, key: str) -> list[CheckedTable]:
         """Read a list of tables, `[[key]]`; nothing when the key is not there."""
@@ -143,8 +150,10 @@ class CheckedTable:
             return []
         if not isinstance(value, list) or not all(isinstance(each, dict) for each in value):
             raise self.fail(key, f"tables, each headed [[{key}]]")
-        place = f"{self._place}, {key}" if self._place else key
-        return [CheckedTable(self._file, f"{place} {number}", each) for number, each in enumerate(value, start=1)]
+        return [
+            CheckedTable(self._file, f"{self._inside(key)} {number}", each)
+            for number, each in enumerate(value, start=1)
+        ]
 
     def __contains__(self, key: str) -> bool:
         return key in self._values
@@ -153,7 +162,12 @@ class CheckedTable:
         """Refuse keys that were never asked for: a misspelt one must not be passed over in silence."""
         for key in self._values:
             if key not in self._asked:
-                raise self.fail(key, f"no such key but {', '.join(sorted(self._asked))}")
+                near = get_close_matches(key, self._asked, n=1)
+                meant = f", perhaps {near[0]} is meant" if near else ""
+                known = ", ".join(sorted(self._asked))
+                raise PresetError(
+                    f"{self._file}: {self._inside(key)}: no such key{meant}: expected one of {known}, got {key!r}"
+                )
 
 
 def _finite(value: object) -> float | None:

@@ -207,6 +207,8 @@ class Preset:
         When positions are relative to a parent: the parents, and offsets for bones that come without a position.
     asking
         What the sender must be told, or None.
+    text
+        The TOML it was read from.
     """
 
     name: str
@@ -226,6 +228,7 @@ class Preset:
     order_from: int = 0
     bones: tuple[Bone, ...] = field(default=(), repr=False)
     asking: Asking | None = field(default=None, repr=False)
+    text: str = field(default="", repr=False, compare=False)
 
     @property
     def joints(self) -> tuple[str, ...]:
@@ -316,6 +319,7 @@ def parse_preset(text: str, name: str, file: str) -> Preset:
         order_from=table.integer("order_from", 0, 0, 1000),
         bones=_bones(table),
         asking=_asking(table.table("ask")) if "ask" in table else None,
+        text=text,
     )
     table.table("ask")
     table.finish()

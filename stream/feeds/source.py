@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from stream.feeds.asking import NEVER, farewells, is_due, questions
 from stream.feeds.assembler import FORGET_AFTER, FrameAssembler
 from stream.oscpacket import PacketError, decode_packet
-from stream.status import InputCounts
+from stream.receiver import ReceivingSource
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -15,12 +15,13 @@ if TYPE_CHECKING:
     from stream.feeds.preset import Preset
     from stream.frame import Announcement, Frame
     from stream.receiver import PacketReceiver
+    from stream.status import InputCounts
 
 #: Hosts that send to one port at once.
 MOST_SENDERS = 16
 
 
-class FeedSource:
+class FeedSource(ReceivingSource[bytes]):
     """Frames from OSC packets of another product.
 
     Parameters
@@ -39,12 +40,12 @@ class FeedSource:
     """
 
     def __init__(self, receiver: PacketReceiver, preset: Preset, *, sender: str = "127.0.0.1") -> None:
+        super().__init__(receiver)
         self.receiver = receiver
         self.preset = preset
         self.assembler = FrameAssembler(preset)
         self.unasked = 0
         self._sender = sender
-        self._counts = InputCounts()
         self._undecodable = 0
         self._asked = self._heard = NEVER
         self._senders = SenderNumbers()
@@ -54,11 +55,6 @@ class FeedSource:
         return f"{self.preset.name} {host}:{port}"
 
     @property
-    def pollable(self) -> object:
-        """The UDP socket."""
-        return self.receiver.socket
-
-    @property
     def counts(self) -> InputCounts:
         """What came in so far."""
         made = self.assembler.counts
@@ -66,22 +62,17 @@ class FeedSource:
         self._counts.foreign = made.foreign
         self._counts.incomplete = made.incomplete + made.absurd
         self._counts.overrun = self.receiver.kernel_drops
-        return self._counts
+        return super().counts
 
-    def take(self, arrival: float) -> Sequence[Frame | Announcement] | None:
-        """Take in one datagram."""
-        datagram = self.receiver.receive()
-        if datagram is None:
-            return None
-        self._counts.received += 1
+    def _understood(self, packet: bytes, arrival: float) -> Sequence[Frame | Announcement]:
         try:
-            messages = decode_packet(datagram)
+            messages = decode_packet(packet)
         except PacketError:
             self._undecodable += 1
             return ()
         host = self.receiver.sender[0] if self.receiver.sender else ""
         number = self._senders.number(host, arrival)
-        made = self.assembler.push(messages, arrival, bundle=datagram[:1] == b"#", sender=number)
+        made = self.assembler.push(messages, arrival, bundle=packet[:1] == b"#", sender=number)
         if made:
             self._heard = arrival
         return made
@@ -102,7 +93,7 @@ class FeedSource:
     def close(self) -> None:
         """Tell the sender to stop and close the socket."""
         self._tell(farewells(self.preset, self.receiver.address[1]))
-        self.receiver.close()
+        super().close()
 
 
 class SenderNumbers:

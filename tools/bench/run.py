@@ -88,6 +88,10 @@ def run(
     as_json
         Print one JSON object of the standard figures and nothing else.
     """
+    if picture:
+        from tools.pictures import require_place_for_picture  # noqa: PLC0415 - matplotlib is an extra, slow to load
+
+        require_place_for_picture(picture)
     with one_thread() as note:
         report = measured(parts, recorded.read(data), signature=signature, effort=effort)
     report.notes += [note] if note else []

@@ -1,0 +1,38 @@
+"""Files that a program is to write: looked at before the work, not after it."""
+
+from __future__ import annotations
+
+import errno
+import os
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+
+def require_place_for(output: Path, *, overwrite: bool = True) -> None:
+    """Refuse a place that cannot be written to, by its own name.
+
+    Parameters
+    ----------
+    output
+        The file to be written.
+    overwrite
+        Whether it may take another's place; where it may not, the message says which option lets it.
+
+    Raises
+    ------
+    IsADirectoryError, FileNotFoundError, PermissionError
+        It is a folder, or its folder does not exist or may not be written to.
+    FileExistsError
+        It exists, and may not be written over.
+    """
+    folder = output.absolute().parent
+    if output.is_dir():
+        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(output))
+    if not folder.is_dir():
+        raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), str(output.parent))
+    if not os.access(folder, os.W_OK):
+        raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), str(output.parent))
+    if output.exists() and not overwrite:
+        raise FileExistsError(f"{output}: exists already; --overwrite writes over it")

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 LONGEST_PERFORMER = 64
 #: Metres from the origin beyond which a joint is a sender's mistake; squares of what is below never overflow.
 FARTHEST = 1e8
+_FARTHEST_SQUARE = FARTHEST**2
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -46,11 +47,12 @@ class Frame:
             raise ValueError(f"performer: expected 1 to {LONGEST_PERFORMER} characters, got {len(self.performer)}")
         if not math.isfinite(self.time):
             raise ValueError(f"time: expected finite seconds, got {self.time}")
-        if self.positions.ndim != 2 or self.positions.shape[1] != 3:
-            raise ValueError(f"positions: expected (joints, 3), got {self.positions.shape}")
+        shape = self.positions.shape
+        if len(shape) != 2 or shape[1] != 3:
+            raise ValueError(f"positions: expected (joints, 3), got {shape}")
         # One sum of squares meets every NaN, infinity and absurdity at a fifth of the price of asking each number, and
-        # in BLAS no flag is raised on the way, which numpy would turn into a warning.
-        if not float(np.vdot(self.positions, self.positions)) < FARTHEST**2:
+        # of vdot, unlike of dot, numpy does not turn the processor's flags into warnings.
+        if not np.vdot(self.positions, self.positions) < _FARTHEST_SQUARE:
             raise ValueError("positions: expected finite metres, got NaN, infinity or a joint beyond any stage")
 
 

@@ -23,11 +23,12 @@ if TYPE_CHECKING:
 #: Seconds between two statuses, and between two lists of classes.
 STATUS_EVERY = 1.0
 CLASSES_EVERY = 5.0
-#: Packets of one source that are taken in, then recognised, then answered, each in one go: what a step needs is in the
-#: processor's caches then, and one send wakes up who listens. More would keep the first of them waiting for too long.
-_AT_ONCE = 32
-#: Times that is done before the other sources, and the clock, get their turn.
-_TURNS = 8
+#: Packets of one source that are taken in, then recognised, then answered, each in one go, at most: what a step needs
+#: is in the processor's caches then, and one send wakes up who listens. More would keep the first waiting for too long.
+#: How many it is follows what waits: a packet that comes alone is answered before anybody looks for another.
+_MOST_TOGETHER = 32
+#: Packets taken from one source before the others, and the clock, get their turn.
+_AT_ONCE = 256
 #: Longest sleep while nothing comes, seconds: how soon `stop` is heard.
 _LONGEST_SLEEP = 0.1
 #: Steps after being stopped: more than any socket holds, and a feed that goes on does not keep us for ever.
@@ -261,6 +262,7 @@ class Service:
         self._latest_rates: dict[str, float] = {}
         self._next_status = self._next_classes = clock()
         self._stopped = False
+        self._together = 1
         self._poller = zmq.Poller()
         for source in sources:
             self._poller.register(source.pollable, zmq.POLLIN)
@@ -304,25 +306,27 @@ class Service:
             return
         # Every source is asked: one poll is cheaper than finding out which of them it was.
         for source in self.sources:
-            for _ in range(_TURNS):
-                if not self._deal_with_waiting(source):
-                    break
+            left = _AT_ONCE
+            while left and (taken := self._deal_with_waiting(source, left)):
+                left -= taken
 
-    def _deal_with_waiting(self, source: Source) -> bool:
-        """Take in some packets, recognise, answer; whether there may be more."""
+    def _deal_with_waiting(self, source: Source, most: int) -> int:
+        """Take in some packets, recognise, answer; give how many, 0 when no more wait."""
         taken: list[Frame | Announcement] = []
         begun: list[float] = []
-        more = True
-        for _ in range(_AT_ONCE):
+        wanted = min(self._together, most)
+        for _ in range(wanted):
             started = time.perf_counter()
             events = source.take(self._clock())
             if events is None:
-                more = False
+                wanted, self._together = 0, max(self._together // 2, 1)
                 break
             taken += events
             begun += [started] * len(events)
+        else:
+            self._together = min(2 * self._together, _MOST_TOGETHER)
         self._deal_with(taken, begun)
-        return more
+        return wanted
 
     def _tend(self) -> None:
         for source in self._tended:

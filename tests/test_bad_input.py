@@ -456,10 +456,12 @@ CASES = [("osc", name, bad) for name, bad in OSC_BAD.items()] + [("zmq", name, b
 
 def _feed(begin: float | None) -> tuple[list[Cue], list[Cue]]:
     """Give the good performer's frames before and after: enough for many answers, and older than any that is late."""
-    before = ghost_cues("squat1Reps", 1.25, performer=GOOD)
+    again = begin == 1.0
+    # Further back than any window reaches: what is less late may be a frame that others overtook.
+    before = ghost_cues("squat1Reps", 1.25, performer=GOOD, begin=3.0 if again else 1.0)
     after = ghost_cues("squat1Reps", 1.25, performer=GOOD, begin=1.0 + 1.25 if begin is None else begin)
     # Only a sender that starts again counts from 0 again.
-    return before, after if begin == 1.0 else [replace(cue, seq=cue.seq + len(before)) for cue in after]
+    return before, after if again else [replace(cue, seq=cue.seq + len(before)) for cue in after]
 
 
 @cache

@@ -318,7 +318,8 @@ def measured(  # noqa: PLR0913 - a recording, its windows, and all that measures
     starts = np.maximum(ends - max(round(measure.seconds * frame_rate), 2), 0)
     if measure.kind is Kind.SHAPE:
         seen = rows @ basis.directions
-        return shape_of(np.array([np.cov(seen[a:b].T) for a, b in zip(starts, ends, strict=True)]))
+        # Of a single direction numpy gives a number, not a matrix.
+        return shape_of(np.array([np.atleast_2d(np.cov(seen[a:b].T)) for a, b in zip(starts, ends, strict=True)]))
     means = np.array([rows[a:b].mean(axis=0) for a, b in zip(starts, ends, strict=True)])
     if measure.kind is Kind.POSTURE:
         return body.posture(means)

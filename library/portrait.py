@@ -35,6 +35,8 @@ _TRIED = 24
 #: When tried: frames per second, and the frames at whose ends the portrait is compared.
 _TRIED_RATE = 60.0
 _TRIED_ENDS = (120, 130, 140, 150)
+#: Metres a second that no joint of a body moves at, and the frames per second at which a flip is faster than that.
+_FASTEST, _LOOKED_AT_RATE = 15.0, 240.0
 _TURN = 2 * np.pi
 
 
@@ -103,6 +105,8 @@ class Portrait:
 def portraits_of(clips: Sequence[Clip], table: WindowTable) -> tuple[Portrait, ...]:
     """Portray each class of a library, by the stretch whose portrait is clearest nearest to its own class.
 
+    Portraits in space in which a joint flips over to the other side of its neighbours come last.
+
     Parameters
     ----------
     clips
@@ -120,7 +124,10 @@ def portraits_of(clips: Sequence[Clip], table: WindowTable) -> tuple[Portrait, .
         stretches = [stretch for clip in clips if clip.class_name == class_name for stretch in _stretches(clip)]
         tried = stretches[:: -(-len(stretches) // _TRIED)]
         candidates = [Portrait.of_rows(stretch) for stretch in tried]
-        portraits.append(candidates[int(np.argmin([_unlike(each, index, skeleton, table) for each in candidates]))])
+        unlike = [_unlike(each, index, skeleton, table) for each in candidates]
+        clearest = sorted(range(len(candidates)), key=unlike.__getitem__)
+        steady = (each for each in clearest if _fastest(candidates[each], skeleton) < _FASTEST)
+        portraits.append(candidates[next(steady, clearest[0])])
     return tuple(portraits)
 
 
@@ -130,6 +137,12 @@ def _stretches(clip: Clip) -> list[NDArray[np.float64]]:
     length = max(round(_STRETCH * clip.frame_rate), 2)
     starts = range(0, max(len(rows) - length, 0) + 1, max(length // 2, 1))
     return [rows[start : start + length] for start in starts]
+
+
+def _fastest(portrait: Portrait, skeleton: Skeleton) -> float:
+    """Say how fast any joint of a moving portrait ever is, metres a second."""
+    positions = embedded(portrait.rows(np.arange(0.0, 1.0, 1 / _LOOKED_AT_RATE) / _STRETCH), skeleton)
+    return float(np.linalg.norm(np.diff(positions, axis=0), axis=-1).max()) * _LOOKED_AT_RATE
 
 
 def _unlike(portrait: Portrait, index: int, skeleton: Skeleton, table: WindowTable) -> float:

@@ -83,7 +83,7 @@ class Settings:
 
     signature: LiveSignature | None = None
     window: float = 1.0
-    sensitivity: float = 0.2
+    sensitivity: float = 0.22
     lead: float = 3.0
     hop: float = 1 / 30
     longest_gap: float = 0.5

@@ -14,6 +14,7 @@ from naive_live import NaiveBody, NaiveMetric
 from synthetic import STICK, STICK_CLASSES, stick_clip
 
 from library import libraryfile
+from library import portrait as portrait_module
 from library.distances import distance_rows
 from library.libraryfile import LibraryFileError
 from library.motionlibrary import MotionLibrary
@@ -162,6 +163,20 @@ def test_a_class_is_portrayed_by_its_clearest_stretch(library: MotionLibrary) ->
         # The product's distances are of half and single precision.
         assert unlike[chosen] <= min(unlike) + 0.05
         assert max(unlike) > min(unlike) + 0.1
+
+
+def test_a_portrait_in_which_a_joint_flips_comes_last(library: MotionLibrary, monkeypatch: pytest.MonkeyPatch) -> None:
+    """When the clearest stretch's joints jump in space, another is shown; when all do, the clearest."""
+    assert library.windows is not None
+    clips = _clips(STICK_CLASSES)
+    clearest = library.portraits
+    jumping = {each.mean.tobytes() for each in clearest}
+    monkeypatch.setattr(portrait_module, "_fastest", lambda each, _: 20.0 if each.mean.tobytes() in jumping else 1.0)
+    for one, other in zip(clearest, portraits_of(clips, library.windows), strict=True):
+        assert not _is_same(one, other)
+    monkeypatch.setattr(portrait_module, "_fastest", lambda *_: 20.0)
+    for one, other in zip(clearest, portraits_of(clips, library.windows), strict=True):
+        assert _is_same(one, other)
 
 
 def test_the_clearest_is_near_its_class_and_far_from_others(

@@ -37,7 +37,7 @@ LOOPBACK = "127.0.0.1"
 WINDOWS = Settings(signature=LiveSignature.WINDOWS, hop=1 / 15)
 #: What a body of few joints may lose of the share of answers that are right, label and best guess, beside all 31: of
 #: six motions by strangers one jog is not near enough for fifteen joints, and two for nine.
-LOST_LABELS, LOST_GUESSES = {9: 0.2, 15: 0.16}, {9: 0.15}
+LOST_LABELS, LOST_GUESSES = {9: 0.2, 15: 0.16}, {9: 0.15, 15: 0.07}
 #: Microseconds between two packets of one frame.
 _APART = 1e-6
 LAYOUT_OF = {preset: name for name, (preset, _) in reversed(LAYOUTS.items())}

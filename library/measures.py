@@ -24,6 +24,7 @@ from functools import cache
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.linalg.blas import dgemm
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -44,6 +45,8 @@ BASIS_SIZE = 24
 _RIGID = 1e-3
 #: How much of a direction, relative to the clearest, fewer pairs must show for it to be measured by them.
 _SEEN = 0.2
+#: Movement, relative to where a course is, below which lost digits are of no interest to anyone.
+_NO_MOVEMENT = 1e-7
 #: Frames below which a window has no covariance worth measuring.
 FEWEST_FRAMES = 8
 
@@ -175,6 +178,22 @@ class Body:
     def posture(self, mean: NDArray[np.float64]) -> NDArray[np.float64]:
         """Measure postures from mean rows (..., pairs), metres."""
         return mean / self.lengths(mean)
+
+
+def covariance_in(courses: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Take the covariance of one window's courses in the basis, (frames, n) to (n, n).
+
+    A body that does not move, to seven digits, has none: what would be left is rounding.
+    """
+    count = len(courses)
+    mean = np.full(count, 1 / count) @ courses
+    centred = courses - mean
+    # dgemm takes its operands column by column: the transposed views are that without a copy. It takes half as long as
+    # the matrix product of numpy, which fills in the other half of a symmetric matrix afterwards.
+    covariance: NDArray[np.float64] = dgemm(1 / max(count - 1, 1), centred.T, centred.T, trans_b=True)
+    if float(covariance.trace()) <= float(mean @ mean) * _NO_MOVEMENT**2:
+        covariance[:] = 0.0
+    return covariance
 
 
 def shape_of(covariance: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -318,8 +337,7 @@ def measured(  # noqa: PLR0913 - a recording, its windows, and all that measures
     starts = np.maximum(ends - max(round(measure.seconds * frame_rate), 2), 0)
     if measure.kind is Kind.SHAPE:
         seen = rows @ basis.directions
-        # Of a single direction numpy gives a number, not a matrix.
-        return shape_of(np.array([np.atleast_2d(np.cov(seen[a:b].T)) for a, b in zip(starts, ends, strict=True)]))
+        return shape_of(np.array([covariance_in(seen[a:b]) for a, b in zip(starts, ends, strict=True)]))
     means = np.array([rows[a:b].mean(axis=0) for a, b in zip(starts, ends, strict=True)])
     if measure.kind is Kind.POSTURE:
         return body.posture(means)

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Generic, NamedTuple, Self, TypeVar
+from typing import TYPE_CHECKING, NamedTuple, Self
 
 import numpy as np
 
-from library.measures import FEWEST_FRAMES, Kind, Measure, shape_of
-from stream.covariance import RollingCovariance
+from library.measures import FEWEST_FRAMES, Kind, Measure, covariance_in, shape_of
 from stream.variance import RollingVariance, means_and_deviations
 from stream.window import MOST_PENDING, SlidingWindow
 
@@ -19,22 +18,20 @@ if TYPE_CHECKING:
 
     from library.measures import Basis, Body
 
-_Rolling = TypeVar("_Rolling", RollingVariance, RollingCovariance)
 
+class _Length:
+    """The rows of one length of time, and the mean and variance that are kept of them."""
 
-class _Length(Generic[_Rolling]):
-    """The rows of one length of time, and the statistic that is kept of them."""
-
-    def __init__(self, seconds: float, width: int, rolling: _Rolling) -> None:
+    def __init__(self, seconds: float, width: int) -> None:
         self._window = SlidingWindow(seconds, width)
-        self._rolling: _Rolling = rolling
+        self._rolling = RollingVariance(width)
 
     def push(self, times: Sequence[float], rows: NDArray[np.float64]) -> None:
         if self._window.pending + len(times) > MOST_PENDING:
             self._settle()
         self._window.push(times, rows)
 
-    def settled(self) -> _Rolling:
+    def settled(self) -> RollingVariance:
         """Give the statistic of the rows up to the newest."""
         self._settle()
         return self._rolling
@@ -81,21 +78,22 @@ class WindowMeasurer:
         self._body = body
         self._directions = basis.directions
         pairs, directions = basis.directions.shape
-        shapes = [measure for measure in self._measures if measure.kind is Kind.SHAPE]
+        self._shapes = [measure for measure in self._measures if measure.kind is Kind.SHAPE]
         others = {measure.seconds for measure in self._measures if measure.kind is not Kind.SHAPE}
         #: Length of the longest window over which distances are measured, seconds.
         self.longest = max(others)
-        self._distances = {seconds: _Length(seconds, pairs, RollingVariance(pairs)) for seconds in others}
-        self._shapes = {shape: _Length(shape.seconds, directions, RollingCovariance(directions)) for shape in shapes}
-        self._covariances = np.zeros((len(shapes), directions, directions))
+        self._distances = {seconds: _Length(seconds, pairs) for seconds in others}
+        # Of so few numbers to take the covariance afresh costs less than to keep it, up to a thousand frames.
+        longest = max((shape.seconds for shape in self._shapes), default=self.longest)
+        self._courses = SlidingWindow(longest, directions)
+        self._covariances = np.zeros((len(self._shapes), directions, directions))
         self._frames = 0
 
     def clear(self) -> None:
         """Forget all rows."""
         for distances in self._distances.values():
             distances.clear()
-        for shape in self._shapes.values():
-            shape.clear()
+        self._courses.clear()
         self._frames = 0
 
     def push(self, times: Sequence[float], rows: NDArray[np.float64]) -> None:
@@ -104,9 +102,8 @@ class WindowMeasurer:
         for distances in self._distances.values():
             distances.push(times, rows)
         if self._shapes:
-            seen = rows @ self._directions
-            for shape in self._shapes.values():
-                shape.push(times, seen)
+            self._courses.push(times, rows @ self._directions)
+            self._courses.take_change()
 
     @property
     def ready(self) -> bool:
@@ -165,8 +162,8 @@ class WindowMeasurer:
 
     def write_shapes(self, covariances: NDArray[np.float64]) -> None:
         """Write the covariances in the basis, of each length whose shape is measured: (lengths, n, n)."""
-        for shape, covariance in zip(self._shapes.values(), covariances, strict=True):
-            shape.settled().written_to(covariance)
+        for shape, covariance in zip(self._shapes, covariances, strict=True):
+            covariance[:] = covariance_in(self._courses.last(shape.seconds))
 
     def _shapes_now(self) -> dict[Measure, NDArray[np.float64]]:
         """Measure the shapes of all lengths in one go: to ask for a decomposition costs as much as to make it."""

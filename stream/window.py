@@ -153,6 +153,12 @@ class SlidingWindow:
         """
         return self._rows[self._start : self._end]
 
+    def last(self, seconds: float) -> NDArray[np.float64]:
+        """Give the rows that a window of fewer seconds would hold, shape (rows, width): a view likewise."""
+        times = self._times[self._start : self._end]
+        begin = int(np.searchsorted(times, self._newest - (seconds - _TIE), side="right"))
+        return self._rows[self._start + min(begin, len(times) - 1) : self._end]
+
     @property
     def times(self) -> NDArray[np.float64]:
         """Their times, shape (rows,), seconds; a view, good until the next push."""

@@ -6,12 +6,13 @@ import math
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from rich.table import Table
-
 from stream.recognizer import LiveSignature
+from tools.tables import narrow_table
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
+
+    from rich.table import Table
 
     from tools.bench.crowd import Crowd
     from tools.bench.growth import Growth
@@ -130,7 +131,7 @@ def _rounded(value: float | None) -> float | int | None:
 
 
 def _table(title: str, names: Sequence[str], figures: Sequence[str]) -> Table:
-    table = Table(title=title, title_justify="left")
+    table = narrow_table(title)
     for name in names:
         table.add_column(name, no_wrap=name == names[0])
     for figure in figures:

@@ -21,7 +21,7 @@ import numpy as np
 import zmq
 
 from stream.answer import Answer
-from stream.connections import Connections
+from stream.connections import Connections, Endpoint
 from stream.frame import LONGEST_PERFORMER, Announcement, Frame
 
 if TYPE_CHECKING:
@@ -34,7 +34,6 @@ if TYPE_CHECKING:
 VERSION = 1
 #: A header with 31 joint names is 500 bytes; a frame of 1000 joints in doubles 24 kB.
 LARGEST_HEADER = 65_536
-LARGEST_MESSAGE = 1 << 20
 _TYPES: dict[str, np.dtype[np.floating]] = {name: np.dtype(name) for name in ("<f4", "<f8")}
 _MOST_JOINTS = 4096
 #: A topic of the longest name that a performer may have, in UTF-8.
@@ -48,12 +47,6 @@ _PLAIN_HEADER = re.compile(
 _NOT_FINITE = {"nan": "NaN", "inf": "Infinity", "-inf": "-Infinity"}
 #: As plain integers: to combine or pass on pyzmq's own costs more than to send.
 _NOW, _MORE_TO_COME = int(zmq.NOBLOCK), int(zmq.NOBLOCK | zmq.SNDMORE)
-#: Messages waiting in a socket: eight seconds of a 120 Hz feed, then ZeroMQ itself begins to throw away.
-_HIGH_WATER_MARK = 1000
-#: Seconds of silence after which the system asks whether the other machine is still there, seconds between two more
-#: questions, and how many go unanswered before the connection is made anew. A sender switched off or a cable pulled
-#: says nothing, and ZeroMQ would wait for it for hours. Not ZeroMQ's own heartbeats: older peers know nothing of them.
-_ASK_AFTER, _ASK_EVERY, _ASK_TIMES = 5, 1, 5
 #: How far behind the newest a number may be and still be a late frame, not a new beginning.
 _LATEST = 16
 _MOST_PERFORMERS = 1024
@@ -312,53 +305,6 @@ class SequenceGaps:
         if performer not in self._last and len(self._last) >= _MOST_PERFORMERS:
             self._last.clear()  # only somebody who makes up names gets here
         self._last[performer] = seq
-
-
-class Endpoint(NamedTuple):
-    """A ZeroMQ address, and whether to bind or to connect to it."""
-
-    address: str
-    bind: bool
-
-    @classmethod
-    def parse(cls, text: str, *, bind: bool) -> Endpoint:
-        """Read an address; "@" before it says bind and ">" connect, as in CZMQ, else `bind` decides.
-
-        Raises
-        ------
-        ValueError
-            There is no transport in it, like `tcp://`.
-        """
-        address = text.lstrip("@>")
-        if "://" not in address:
-            raise ValueError(f"endpoint: expected an address like tcp://127.0.0.1:5556, got {text!r}")
-        return cls(address, text.startswith("@") or (bind and not text.startswith(">")))
-
-    def open(self, kind: int) -> zmq.Socket[bytes]:
-        """Make a socket and bind or connect it.
-
-        Raises
-        ------
-        OSError
-            The address is taken, or makes no sense; the message says which address.
-        """
-        opened: zmq.Socket[bytes] = zmq.Context.instance().socket(kind)
-        opened.linger = 0
-        opened.set_hwm(_HIGH_WATER_MARK)
-        opened.setsockopt(zmq.MAXMSGSIZE, LARGEST_MESSAGE)
-        opened.setsockopt(zmq.TCP_KEEPALIVE, 1)
-        opened.setsockopt(zmq.TCP_KEEPALIVE_IDLE, _ASK_AFTER)
-        opened.setsockopt(zmq.TCP_KEEPALIVE_INTVL, _ASK_EVERY)
-        opened.setsockopt(zmq.TCP_KEEPALIVE_CNT, _ASK_TIMES)
-        try:
-            if self.bind:
-                opened.bind(self.address)
-            else:
-                opened.connect(self.address)
-        except zmq.ZMQError as error:
-            opened.close()
-            raise OSError(error.errno, f"{self.address}: {error.strerror}") from error
-        return opened
 
 
 class ZmqReceiver:

@@ -18,11 +18,11 @@ from pythonosc.osc_message_builder import OscMessageBuilder
 from library.hdm05 import SKELETON
 from library.motionlibrary import MotionLibrary
 from stream import osc, zeromq
+from stream.connections import Endpoint
 from stream.frame import Announcement, Frame
 from stream.performers import Performers
 from stream.recognizer import Recognizer, Settings
 from stream.service import OscSource, Service, ZmqSource
-from stream.zeromq import Endpoint
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence

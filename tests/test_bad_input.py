@@ -18,6 +18,7 @@ from recorded import write_take, write_takes
 
 from library import MotionLibrary, hdm05
 from stream import Announcement, Recognizer, osc, zeromq
+from stream.connections import Endpoint
 from tools.cli import main
 
 if TYPE_CHECKING:
@@ -265,7 +266,7 @@ def test_a_busy_zmq_endpoint_is_named(
 ) -> None:
     """A ZeroMQ endpoint that is bound already is named."""
     clip = write_take(tmp_path, "bd", "bendLeft", 1)
-    receiver = zeromq.ZmqReceiver(zeromq.Endpoint(f"tcp://{LOOPBACK}:*", bind=True))
+    receiver = zeromq.ZmqReceiver(Endpoint(f"tcp://{LOOPBACK}:*", bind=True))
     address = receiver.address
     try:
         error = one_line(capsys, *(each.format(clip=clip) for each in arguments), mark + address)

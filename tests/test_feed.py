@@ -12,6 +12,7 @@ from programs import LOOPBACK
 from synthetic import STICK, stick_clip
 
 from stream import Announcement, Frame, osc, zeromq
+from stream.connections import Endpoint
 from tools.feed import (
     Cue,
     OscFrameSender,
@@ -219,7 +220,7 @@ def test_a_datagram_the_system_refuses_is_counted() -> None:
 
 def test_a_zmq_sender_tells_the_joints_with_the_next_frame_only() -> None:
     """The joint names ride with the first frame after an announcement, and every frame carries its number."""
-    sender = ZmqFrameSender(zeromq.Endpoint(f"tcp://{LOOPBACK}:*", bind=True))
+    sender = ZmqFrameSender(Endpoint(f"tcp://{LOOPBACK}:*", bind=True))
     try:
         before = sender.encode(cues(1)[0])
         sender.announce(Announcement("me", STICK.joints))

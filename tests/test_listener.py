@@ -12,6 +12,7 @@ from programs import LOOPBACK, PATIENCE
 
 from stream import Outcome, Recognition, osc, zeromq
 from stream.answer import Answer
+from stream.connections import Endpoint
 from tools.listener import Listener, answer_in
 
 if TYPE_CHECKING:
@@ -50,9 +51,9 @@ def osc_pair(opened: ExitStack) -> tuple[osc.OscReceiver, osc.OscSender]:
 
 def zmq_pair(opened: ExitStack) -> tuple[zeromq.ZmqReceiver, zeromq.ZmqSender]:
     """Open a subscriber and a publisher that have met."""
-    sender = zeromq.ZmqSender(zeromq.Endpoint(f"tcp://{LOOPBACK}:*", bind=True))
+    sender = zeromq.ZmqSender(Endpoint(f"tcp://{LOOPBACK}:*", bind=True))
     opened.callback(sender.close)
-    receiver = zeromq.ZmqReceiver(zeromq.Endpoint(sender.address, bind=False))
+    receiver = zeromq.ZmqReceiver(Endpoint(sender.address, bind=False))
     opened.callback(receiver.close)
     until = time.monotonic() + PATIENCE
     while time.monotonic() < until:

@@ -15,6 +15,7 @@ from recorded import write_takes
 
 from library import MotionLibrary, read_recordings
 from stream import Announcement, LiveSignature, Settings, osc, zeromq
+from stream.connections import LARGEST_MESSAGE, Endpoint
 from tools.cli import OSC_OUT, main
 from tools.expected import expected_answers
 from tools.feed import clip_cues
@@ -168,7 +169,7 @@ def test_both_transports_at_once() -> None:
     first = ghost_cues("squat1Reps", 1.3, performer="by osc")
     second = ghost_cues("throwBasketball", 1.3, performer="by zmq")
     with ExitStack() as stack:
-        subscriber = zeromq.ZmqReceiver(zeromq.Endpoint(f"tcp://{LOOPBACK}:*", bind=True))
+        subscriber = zeromq.ZmqReceiver(Endpoint(f"tcp://{LOOPBACK}:*", bind=True))
         stack.callback(subscriber.close)
         publisher = Publisher()
         stack.callback(publisher.close)
@@ -203,7 +204,7 @@ def test_both_transports_at_once() -> None:
 def test_the_status_tells_the_counts_while_it_runs() -> None:
     """Once a second a status is published over ZeroMQ that holds every counter, and at the start the class names."""
     with ExitStack() as stack:
-        subscriber = zeromq.ZmqReceiver(zeromq.Endpoint(f"tcp://{LOOPBACK}:*", bind=True))
+        subscriber = zeromq.ZmqReceiver(Endpoint(f"tcp://{LOOPBACK}:*", bind=True))
         stack.callback(subscriber.close)
         stage = stack.enter_context(live("--plain", "--zmq-out", f">{subscriber.address}"))
         stage.play(ghost_cues("squat1Reps", 1.2))
@@ -242,7 +243,7 @@ def test_a_message_too_large_costs_that_message_alone() -> None:
     with live(transport="zmq") as stage:
         assert isinstance(stage.sender, Publisher)
         stage.play(cues[:10])
-        stage.sender.send([b"frame/ghost/", b"{}", bytes(2 * zeromq.LARGEST_MESSAGE)])
+        stage.sender.send([b"frame/ghost/", b"{}", bytes(2 * LARGEST_MESSAGE)])
         # ZeroMQ gives such a publisher up; we come back to it.
         stage.sender.wait_for_change(b"\x00")
         stage.sender.wait_for_change(b"\x01")

@@ -16,11 +16,12 @@ from programs import LOOPBACK, PATIENCE, ghost_cues
 
 from library.hdm05 import SKELETON
 from stream import onepart, osc, zeromq
+from stream.connections import Endpoint
 from stream.feeds import builtin_preset
 from stream.feeds.source import FeedSource
 from stream.frame import Announcement, Frame
 from stream.service import ZmqSource
-from stream.zeromq import Endpoint, FormatError, ZmqReceiver
+from stream.zeromq import FormatError, ZmqReceiver
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator

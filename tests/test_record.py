@@ -21,6 +21,7 @@ from synthetic import amc_text
 from library import read_recordings
 from library.hdm05 import SKELETON
 from stream import Announcement, Frame, osc, zeromq
+from stream.connections import Endpoint
 from stream.rawfile import RawFile, RawHeader, RawPacket, encode_header, encode_packet
 from tools.cli import main
 from tools.console import console
@@ -259,7 +260,7 @@ def test_messages_go_to_zeromq_and_what_has_nowhere_to_go_is_counted(
     parts = (b"frame/p/", b"{}", b"\x00\x01")
     packets = [RawPacket(0.0, 0, "", (b"datagram",)), RawPacket(0.5, 1, "", parts)]
     path = written(tmp_path / "a.kinerec", *packets, sources=("osc here", "zmq there"))
-    receiver = zeromq.ZmqReceiver(zeromq.Endpoint(f"tcp://{LOOPBACK}:*", bind=True))
+    receiver = zeromq.ZmqReceiver(Endpoint(f"tcp://{LOOPBACK}:*", bind=True))
     try:
         with started("replay", path, "--zmq", receiver.address, "--json") as program:
             until = time.monotonic() + PATIENCE

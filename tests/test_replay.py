@@ -19,6 +19,7 @@ from recorded import write_take, write_takes
 from library import MotionLibrary, find_recordings, read_recordings
 from library.recordings import RecordingReader
 from stream import Announcement, Frame, LiveSignature, Performers, Recognizer, Settings, osc, zeromq
+from stream.connections import Endpoint
 from stream.service import OscSink, OscSource, Service, ZmqSink, ZmqSource
 from tools.cli import main
 from tools.console import console
@@ -262,7 +263,7 @@ def test_zmq_answers_are_counted(tmp_path: Path, capsys: pytest.CaptureFixture[s
     takes = write_takes(tmp_path, actors=("bd",), takes=1, frames=120)
     clips = list(read_recordings(takes))
     library = MotionLibrary.of_clips(clips)
-    anywhere = zeromq.Endpoint(f"tcp://{LOOPBACK}:*", bind=True)
+    anywhere = Endpoint(f"tcp://{LOOPBACK}:*", bind=True)
     source, sink = ZmqSource(zeromq.ZmqReceiver(anywhere)), ZmqSink(zeromq.ZmqSender(anywhere))
     arguments = (*takes, "--zmq", source.receiver.address, "--listen", sink.sender.address)
     with recognising(library, source, sink):

@@ -19,6 +19,7 @@ from library import MotionLibrary
 from library.hdm05 import SKELETON
 from library.windowtable import Comparison
 from stream import Announcement, Frame, Performers, Settings, osc, zeromq
+from stream.connections import Endpoint
 from stream.feeds import builtin_preset
 from stream.feeds.source import FeedSource
 from stream.rawfile import RawFile, RawHeader, RawPacket, RawWriter
@@ -92,7 +93,7 @@ def test_a_recording_is_answered_as_the_feed_was(tmp_path: Path, signature: Live
     settings = Settings(signature=signature, window=0.25)
     with ExitStack() as opened:
         datagrams = osc.OscReceiver(LOOPBACK, 0)
-        messages = zeromq.ZmqReceiver(zeromq.Endpoint(f"tcp://{LOOPBACK}:*", bind=True))
+        messages = zeromq.ZmqReceiver(Endpoint(f"tcp://{LOOPBACK}:*", bind=True))
         writer = RawWriter(path, [described(datagrams), described(messages)])
         opened.callback(writer.close)
         first, second = Tap(writer, 0), Tap(writer, 1)

@@ -20,12 +20,12 @@ from synthetic import STICK, STICK_CLASSES, stick_clip, stick_clips
 from library.motionlibrary import MotionLibrary
 from stream import osc, zeromq
 from stream.answer import Answer
+from stream.connections import Endpoint
 from stream.frame import Announcement, Frame
 from stream.performers import Performers
 from stream.recognizer import Recognizer, Settings
 from stream.service import CLASSES_EVERY, STATUS_EVERY, OscSink, OscSource, Service, ZmqSink, ZmqSource
 from stream.status import InputCounts
-from stream.zeromq import Endpoint
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence

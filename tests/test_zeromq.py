@@ -21,12 +21,13 @@ from library import MotionLibrary
 from library.hdm05 import SKELETON
 from stream import zeromq
 from stream.answer import Answer
+from stream.connections import LARGEST_MESSAGE, Endpoint
 from stream.frame import Announcement, Frame
 from stream.performers import PerformerCounts
 from stream.recognition import Outcome, Recognition
 from stream.recognizer import LiveSignature, Recognizer, Settings
 from stream.status import InputCounts, Status
-from stream.zeromq import Endpoint, FormatError, SequenceGaps, ZmqReceiver, ZmqSender
+from stream.zeromq import FormatError, SequenceGaps, ZmqReceiver, ZmqSender
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -239,7 +240,7 @@ def _read_or_none(parts: list[bytes]) -> tuple[object, ...] | None:
     return frame.performer, frame.time, frame.positions.tobytes(), seq, announcement
 
 
-@pytest.mark.parametrize("joints", [True, zeromq.LARGEST_MESSAGE, 4097])
+@pytest.mark.parametrize("joints", [True, LARGEST_MESSAGE, 4097])
 def test_bodies_of_absurd_size(joints: int) -> None:
     """More joints than anybody has, and a truth value for their number, are refused though the buffer fits."""
     with pytest.raises(FormatError, match="shape"):
@@ -766,9 +767,9 @@ def test_a_message_too_large_does_not_get_in(wire: Wire) -> None:
     receiver = wire.receiver()
     sender = wire.sender(receiver.address, bind=False)
     _greet(sender, receiver)
-    sender.send([b"frame/p/", bytes(zeromq.LARGEST_MESSAGE - 1)])
-    assert [len(part) for part in _next(receiver)] == [8, zeromq.LARGEST_MESSAGE - 1]
-    sender.send([b"frame/p/", bytes(2 * zeromq.LARGEST_MESSAGE)])
+    sender.send([b"frame/p/", bytes(LARGEST_MESSAGE - 1)])
+    assert [len(part) for part in _next(receiver)] == [8, LARGEST_MESSAGE - 1]
+    sender.send([b"frame/p/", bytes(2 * LARGEST_MESSAGE)])
     for _ in range(PATIENCE_MS // 50):
         sender.send([b"frame/p/", b"small"])
         if receiver.socket.poll(50):
@@ -785,7 +786,7 @@ def test_a_message_too_large_is_counted_and_the_sender_comes_back(wire: Wire, *,
     _greet(sender, receiver)
     assert receiver.broken() == 0
     for times in (1, 2):
-        sender.send([b"frame/p/", bytes(2 * zeromq.LARGEST_MESSAGE)])
+        sender.send([b"frame/p/", bytes(2 * LARGEST_MESSAGE)])
         until, heard = time.monotonic() + PATIENCE_MS / 1000, False
         while not heard and time.monotonic() < until:
             sender.send([b"frame/p/", b"small"])

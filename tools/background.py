@@ -16,6 +16,7 @@ import zmq
 
 from library import MotionLibrary
 from stream import osc, zeromq
+from stream.connections import Endpoint
 from stream.performers import Performers
 from stream.recognizer import Settings
 from stream.service import OscSink, OscSource, Service, ZmqSink, ZmqSource
@@ -32,7 +33,7 @@ if TYPE_CHECKING:
 
 Transport = Literal["osc", "zmq"]
 LOOPBACK = "127.0.0.1"
-ANY_ENDPOINT = zeromq.Endpoint(f"tcp://{LOOPBACK}:*", bind=True)
+ANY_ENDPOINT = Endpoint(f"tcp://{LOOPBACK}:*", bind=True)
 #: Seconds a new process may take before it is given up.
 _LONGEST_START = 60.0
 #: Seconds between two looks of a stand-in at whether the parent wants it to stop.
@@ -172,8 +173,8 @@ class BackgroundService:
         """
         if self._receiver:
             return OscFrameSender(*self._frames_to), self._receiver
-        sender = ZmqFrameSender(zeromq.Endpoint(self._frames_to, bind=False))
-        receiver = zeromq.ZmqReceiver(zeromq.Endpoint(self._answers_at, bind=False))
+        sender = ZmqFrameSender(Endpoint(self._frames_to, bind=False))
+        receiver = zeromq.ZmqReceiver(Endpoint(self._answers_at, bind=False))
         until = time.monotonic() + _LONGEST_START
         while time.monotonic() < until:
             sender.greet()

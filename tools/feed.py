@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
 
     from library import Clip
+    from stream.connections import Endpoint
 
 #: Seconds between two announcements of the skeleton, as a live sender repeats it for receivers that start later.
 ANNOUNCE_EVERY = 1.0
@@ -176,7 +177,7 @@ class OscFrameSender:
 class ZmqFrameSender:
     """Publishes frames as ZeroMQ messages, the joint names with the first frame after each announcement."""
 
-    def __init__(self, endpoint: zeromq.Endpoint) -> None:
+    def __init__(self, endpoint: Endpoint) -> None:
         self._sender = zeromq.ZmqSender(endpoint)
         self._announced: Sequence[str] | None = None
 

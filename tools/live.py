@@ -16,6 +16,7 @@ from rich.live import Live
 
 from library import MotionLibrary
 from stream import osc, zeromq
+from stream.connections import Endpoint
 from stream.feeds.source import FeedSource
 from stream.layouts import LAYOUTS, LayoutSink, ReplySender
 from stream.onepart import ZmqPackets
@@ -193,13 +194,13 @@ def _open(
             receivers.append(osc.OscReceiver(*host_and_port(addresses.osc_in)))
             opened.callback(receivers[-1].close)
         if addresses.zmq_in:
-            receivers.append(zeromq.ZmqReceiver(zeromq.Endpoint.parse(addresses.zmq_in, bind=True)))
+            receivers.append(zeromq.ZmqReceiver(Endpoint.parse(addresses.zmq_in, bind=True)))
             opened.callback(receivers[-1].close)
         if addresses.osc_out:
             sinks.append(OscSink(osc.OscSender(*host_and_port(addresses.osc_out))))
             opened.callback(sinks[-1].close)
         if addresses.zmq_out:
-            sinks.append(ZmqSink(zeromq.ZmqSender(zeromq.Endpoint.parse(addresses.zmq_out, bind=True))))
+            sinks.append(ZmqSink(zeromq.ZmqSender(Endpoint.parse(addresses.zmq_out, bind=True))))
             opened.callback(sinks[-1].close)
         for out in feed.outs:
             sinks.append(_layout_sink(out, receivers))

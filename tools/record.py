@@ -11,6 +11,7 @@ import zmq
 from rich.status import Status
 
 from stream import osc, zeromq
+from stream.connections import Endpoint
 from stream.rawfile import RawPacket, RawWriter
 from tools.address import host_and_port
 from tools.console import console, progress_console
@@ -70,7 +71,7 @@ def _open(opened: ExitStack, osc_in: str | None, zmq_in: str | None) -> _Receive
         host, port = datagrams.address
         receivers.append((f"osc {host}:{port}", datagrams))
     if zmq_in:
-        messages = zeromq.ZmqReceiver(zeromq.Endpoint.parse(zmq_in, bind=True))
+        messages = zeromq.ZmqReceiver(Endpoint.parse(zmq_in, bind=True))
         opened.callback(messages.close)
         receivers.append((f"zmq {messages.address}", messages))
     return receivers

@@ -16,6 +16,7 @@ from rich.table import Table
 from library import find_recordings
 from library.recordings import RecordingReader, labelled
 from stream import osc, zeromq
+from stream.connections import Endpoint
 from stream.frame import Announcement
 from stream.rawfile import ENDING
 from tools import replayraw
@@ -310,12 +311,12 @@ class _Replay:
 
 def _listener(address: str) -> Listener:
     if "://" in address:
-        endpoint = zeromq.Endpoint.parse(address, bind=False)
+        endpoint = Endpoint.parse(address, bind=False)
         return Listener(zeromq.ZmqReceiver(endpoint, b"class/"))
     return Listener(osc.OscReceiver(*host_and_port(address)))
 
 
 def _sender(osc_to: str | None, zmq_to: str | None) -> FrameSender:
     if zmq_to:
-        return ZmqFrameSender(zeromq.Endpoint.parse(zmq_to, bind=False))
+        return ZmqFrameSender(Endpoint.parse(zmq_to, bind=False))
     return OscFrameSender(*host_and_port(osc_to or ""))

@@ -9,6 +9,7 @@ from contextlib import ExitStack, suppress
 from typing import TYPE_CHECKING
 
 from stream import osc, zeromq
+from stream.connections import Endpoint
 from stream.rawfile import RawFile
 from tools.address import host_and_port
 from tools.console import console, progress
@@ -124,7 +125,7 @@ def _open(opened: ExitStack, recording: RawFile, osc_to: str | None, zmq_to: str
         senders["osc"] = osc.OscSender(*host_and_port(osc_to))
         opened.callback(senders["osc"].close)
     if zmq_to and "zmq" in kinds:
-        senders["zmq"] = zeromq.ZmqSender(zeromq.Endpoint.parse(zmq_to, bind=False))
+        senders["zmq"] = zeromq.ZmqSender(Endpoint.parse(zmq_to, bind=False))
         opened.callback(senders["zmq"].close)
         time.sleep(_MEETING)
     if not senders:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from library import MotionLibrary
-from stream import zeromq
+from stream.connections import Endpoint
 from stream.frame import Frame
 from tools.background import BackgroundService
 from tools.bench.floor import EmptyRecognizer, answer_to
@@ -221,11 +221,7 @@ def _latencies(
 def _send(connection: Connection, request: _Request) -> None:
     """Run in the sender's process: encode everything, say so, send on schedule, tell when each frame was sent."""
     address = request.address
-    sender: OscFrameSender | ZmqFrameSender
-    if isinstance(address, str):
-        sender = ZmqFrameSender(zeromq.Endpoint(address, bind=False))
-    else:
-        sender = OscFrameSender(*address)
+    sender = ZmqFrameSender(Endpoint(address, bind=False)) if isinstance(address, str) else OscFrameSender(*address)
     count, frames = request.performers, len(request.positions)
     packets = [
         [sender.encode(Cue(0.0, Frame(f"p{index}", 1.0 + k / FRAME_RATE, each), k)) for index in range(count)]

@@ -10,11 +10,10 @@ stands still by chance.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
-from enum import StrEnum
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from stream.recognition import Outcome
+from stream.recognition import Event, EventKind, Outcome
 
 if TYPE_CHECKING:
     from stream.recognition import Recognition
@@ -26,39 +25,6 @@ _ENDED_AFTER = {Outcome.STILL: 0.4, Outcome.UNKNOWN: 0.8, Outcome.AMBIGUOUS: 0.4
 #: Longest time between two recognitions that counts, seconds: who was away has not led meanwhile.
 _LONGEST_HOP = 0.1
 _PER_SECOND = 30.0
-
-
-class EventKind(StrEnum):
-    """What happened."""
-
-    START = "start"
-    END = "end"
-
-
-@dataclass(frozen=True, slots=True)
-class Event:
-    """A motion has started or ended.
-
-    Attributes
-    ----------
-    performer
-        Whose.
-    kind
-        Start or end.
-    label, index
-        Class name and index.
-    score
-        Of that class when it was decided.
-    time
-        When it was decided, seconds, on the clock of the frames.
-    """
-
-    performer: str
-    kind: EventKind
-    label: str
-    index: int
-    score: float
-    time: float
 
 
 class EventDetector:

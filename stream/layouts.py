@@ -18,13 +18,12 @@ from pythonosc.osc_bundle_builder import IMMEDIATELY, OscBundleBuilder
 from pythonosc.osc_message_builder import OscMessageBuilder
 
 from stream import osc
-from stream.events import EventKind
+from stream.recognition import EventKind
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from stream.events import Event
-    from stream.recognition import Recognition
+    from stream.recognition import Event, Recognition
     from stream.status import Status
 
 #: VRChat's whole-number parameters end here.

@@ -33,8 +33,7 @@ from stream.oscpacket import Message, PacketError, decode_packet
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from stream.events import Event
-    from stream.recognition import Recognition
+    from stream.recognition import Event, Recognition
     from stream.status import Status
 
 #: Datagrams above this are cut into fragments on most networks, and one lost fragment loses them whole.

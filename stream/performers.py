@@ -17,9 +17,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from library.motionlibrary import MotionLibrary
-    from stream.events import Event
     from stream.frame import Frame
-    from stream.recognition import Recognition
+    from stream.recognition import Event, Recognition
 
 
 #: How many times as many performers' joint names are remembered as there may be performers.

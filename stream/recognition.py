@@ -1,4 +1,4 @@
-"""The answer: what a performer was doing in one window, how sure that is, and what made it none."""
+"""The answer: what a performer was doing in one window, how sure that is, what made it none, what began or ended."""
 
 from __future__ import annotations
 
@@ -11,8 +11,6 @@ import numpy as np
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from stream.events import Event
-
 
 class Outcome(StrEnum):
     """Why a recognition names a class, or none."""
@@ -24,6 +22,39 @@ class Outcome(StrEnum):
     UNKNOWN = "unknown"
     #: The two leading eigenvalues are as good as equal: the axis is any direction between two.
     AMBIGUOUS = "ambiguous"
+
+
+class EventKind(StrEnum):
+    """What happened."""
+
+    START = "start"
+    END = "end"
+
+
+@dataclass(frozen=True, slots=True)
+class Event:
+    """A motion has started or ended.
+
+    Attributes
+    ----------
+    performer
+        Whose.
+    kind
+        Start or end.
+    label, index
+        Class name and index.
+    score
+        Of that class when it was decided.
+    time
+        When it was decided, seconds, on the clock of the frames.
+    """
+
+    performer: str
+    kind: EventKind
+    label: str
+    index: int
+    score: float
+    time: float
 
 
 @dataclass(frozen=True, slots=True, eq=False)

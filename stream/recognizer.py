@@ -23,9 +23,9 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from library.motionlibrary import MotionLibrary
-    from stream.events import Event
     from stream.frame import Frame
     from stream.matcher import Matcher, Reading
+    from stream.recognition import Event
 
 
 #: Frames that wait for the next hop to be measured together, at most.

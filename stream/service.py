@@ -15,10 +15,9 @@ from stream.status import HopTimes, InputCounts, Rates, Status
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from stream.events import Event
     from stream.performers import Performers
     from stream.receiver import MessageReceiver, PacketReceiver
-    from stream.recognition import Recognition
+    from stream.recognition import Event, Recognition
 
 #: Seconds between two statuses, and between two lists of classes.
 STATUS_EVERY = 1.0

@@ -27,8 +27,7 @@ from stream.frame import LONGEST_PERFORMER, Announcement, Frame
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from stream.events import Event
-    from stream.recognition import Recognition
+    from stream.recognition import Event, Recognition
     from stream.status import Status
 
 VERSION = 1

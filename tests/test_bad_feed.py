@@ -28,8 +28,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from library.clip import Clip
-    from stream.events import Event
-    from stream.recognition import Recognition
+    from stream.recognition import Event, Recognition
     from stream.status import Status
 
 LOOPBACK = "127.0.0.1"

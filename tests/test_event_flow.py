@@ -13,9 +13,9 @@ from synthetic import stick_clip, stick_clips
 
 from library.motionlibrary import MotionLibrary
 from stream import osc, zeromq
-from stream.events import Event, EventKind
 from stream.frame import Announcement, Frame
 from stream.performers import Performers
+from stream.recognition import Event, EventKind
 from stream.recognizer import Recognizer
 from stream.service import Service
 from stream.status import InputCounts

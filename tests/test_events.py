@@ -11,8 +11,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from stream.events import Event, EventDetector, EventKind
-from stream.recognition import Outcome, Recognition
+from stream.events import EventDetector
+from stream.recognition import Event, EventKind, Outcome, Recognition
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence

@@ -9,10 +9,9 @@ import pytest
 from pythonosc.osc_packet import OscPacket
 
 from stream import osc
-from stream.events import Event, EventKind
 from stream.layouts import LAYOUTS, LayoutSink, ReplySender
 from stream.performers import PerformerCounts
-from stream.recognition import Outcome, Recognition
+from stream.recognition import Event, EventKind, Outcome, Recognition
 from stream.status import InputCounts, Status
 
 LOOPBACK = "127.0.0.1"

@@ -17,12 +17,12 @@ from programs import LOOPBACK, PATIENCE, ghost_cues, started
 from library import MotionLibrary
 from library.hdm05 import SKELETON
 from stream import layouts, osc
-from stream.events import Event, EventKind
 from stream.feeds import builtin_preset
 from stream.feeds.source import FeedSource
 from stream.frame import Announcement, Frame
 from stream.oscpacket import decode_packet
 from stream.performers import PerformerCounts
+from stream.recognition import Event, EventKind
 from stream.recognizer import Recognizer
 from stream.service import OscSink, OscSource
 from stream.status import InputCounts, Status

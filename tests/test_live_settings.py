@@ -10,9 +10,8 @@ from synthetic import stick_clip, stick_clips
 
 from library.eigen import RESIDUAL_TOLERANCE
 from library.motionlibrary import MotionLibrary
-from stream.events import EventKind
 from stream.frame import Frame
-from stream.recognition import Outcome
+from stream.recognition import EventKind, Outcome
 from stream.recognizer import LiveSignature, Recognizer, Settings
 
 if TYPE_CHECKING:

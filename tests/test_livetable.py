@@ -10,8 +10,8 @@ import pytest
 from rich.console import Console
 
 from stream import Outcome, Recognition
-from stream.events import Event, EventKind
 from stream.performers import PerformerCounts
+from stream.recognition import Event, EventKind
 from stream.recognizer import RecognizerCounts
 from stream.status import InputCounts, Status
 from tools.livetable import LiveTable, PlainLines, counts, score_shown, summary

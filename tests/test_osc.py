@@ -22,10 +22,9 @@ from library.hdm05 import SKELETON
 from library.motionlibrary import MotionLibrary
 from stream import osc
 from stream.answer import Answer
-from stream.events import Event, EventKind
 from stream.frame import Announcement, Frame
 from stream.performers import PerformerCounts
-from stream.recognition import Outcome, Recognition
+from stream.recognition import Event, EventKind, Outcome, Recognition
 from stream.status import InputCounts, Status
 
 if TYPE_CHECKING:

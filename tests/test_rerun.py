@@ -31,8 +31,7 @@ from stream.tap import Tap, TappedMessages, TappedPackets, TappedSource, describ
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from stream.events import Event
-    from stream.recognition import Recognition
+    from stream.recognition import Event, Recognition
     from stream.status import Status
 
 LOOPBACK = "127.0.0.1"

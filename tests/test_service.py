@@ -30,8 +30,7 @@ from stream.status import InputCounts
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
-    from stream.events import Event
-    from stream.recognition import Recognition
+    from stream.recognition import Event, Recognition
     from stream.status import Status
 
 LOOPBACK = "127.0.0.1"

@@ -14,8 +14,7 @@ from hypothesis import strategies as st
 from naive_live import Moment
 
 from library.labels import Segment
-from stream.events import Event, EventKind
-from stream.recognition import Outcome, Recognition
+from stream.recognition import Event, EventKind, Outcome, Recognition
 from tools.streamscore import LASTING, NONE, ClassScore, Course, confusion, course_of, score_courses
 
 if TYPE_CHECKING:

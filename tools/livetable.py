@@ -6,8 +6,7 @@ from typing import TYPE_CHECKING
 
 from rich.text import Text
 
-from stream.events import EventKind
-from stream.recognition import Outcome
+from stream.recognition import EventKind, Outcome
 from tools.console import console, printable
 from tools.tables import narrow_table
 
@@ -16,8 +15,7 @@ if TYPE_CHECKING:
 
     from rich.table import Table
 
-    from stream.events import Event
-    from stream.recognition import Recognition
+    from stream.recognition import Event, Recognition
     from stream.status import Status
 
 #: Characters of a full score bar, and of a terminal wide enough to have one.

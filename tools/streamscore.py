@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from stream.events import EventKind
+from stream.recognition import EventKind
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Sequence
@@ -19,8 +19,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from library.labels import Segment
-    from stream.events import Event
-    from stream.recognition import Recognition
+    from stream.recognition import Event, Recognition
 
 #: Seconds an answer must stay right to be called lasting; to the segment's end when that comes sooner.
 LASTING = 0.3

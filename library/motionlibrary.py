@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from library import libraryfile, windowtable
+from library import libraryfile, windowfile
 from library.aligned import aligned
 from library.distances import distance_rows
 from library.portrait import Portrait, portraits_of
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from library.clip import Clip
-    from library.windowtable import Comparison
+    from library.comparison import Comparison
 
 
 _ARRAYS = ("means", "axes", "deviations")
@@ -291,8 +291,8 @@ class MotionLibrary:
         }
         arrays = {name: getattr(self, name) for name in _ARRAYS}
         if self.windows:
-            header["windows"] = windowtable.described(self.windows)
-            arrays |= windowtable.arrays_of(self.windows)
+            header["windows"] = windowfile.described(self.windows)
+            arrays |= windowfile.arrays_of(self.windows)
         if self.portraits:
             arrays |= {
                 f"portrait_{name}": np.array([getattr(each, name) for each in self.portraits], dtype=np.float16)
@@ -485,7 +485,7 @@ def _restored_windows(
     if not isinstance(header, dict):
         raise TypeError(f"windows: expected what they are, got {header!r}")
     _, classes = np.unique([motion.class_name for motion in motions], return_inverse=True)
-    return windowtable.restored(header, arrays, skeleton, classes, np.array([motion.actor for motion in motions]))
+    return windowfile.restored(header, arrays, skeleton, classes, np.array([motion.actor for motion in motions]))
 
 
 def _restored_portraits(arrays: Mapping[str, NDArray[np.floating]]) -> tuple[Portrait, ...]:

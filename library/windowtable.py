@@ -21,10 +21,21 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from library.aligned import aligned
+from library.comparison import (
+    FOR_ANYBODY,
+    FOR_ONE_PERSON,
+    Comparison,
+    Group,
+    finite,
+    kept_in_files,
+    window_ends,
+    windows_measured,
+)
 from library.distances import distance_rows
 from library.fewerjoints import shown_by, some_of, turned
-from library.measures import FEWEST_FRAMES, LEVELS_REMOVED, Basis, Body, Kind, Measure, learned_basis, measured
-from library.metric import Metric, halved, learned_metric
+from library.measures import FEWEST_FRAMES, Basis, Kind, Measure
+from library.metric import halved
+from library.people import People
 from library.skeleton import Skeleton, SkeletonMismatchError
 
 if TYPE_CHECKING:
@@ -34,17 +45,6 @@ if TYPE_CHECKING:
 
     from library.clip import Clip
 
-#: Measures added up before the logarithm, with their weights; over the groups the logarithms are averaged.
-Group = tuple[tuple[Measure, float], ...]
-
-SPREAD_QUARTER, SPREAD_ONE = Measure(Kind.SPREAD, 0.25), Measure(Kind.SPREAD, 1.0)
-SHAPE_ONE, SHAPE_TWO = Measure(Kind.SHAPE, 1.0), Measure(Kind.SHAPE, 2.0)
-POSTURE = Measure(Kind.POSTURE, 0.125)
-MEASURES = (SPREAD_QUARTER, SPREAD_ONE, SHAPE_ONE, SHAPE_TWO, POSTURE)
-
-FOR_ANYBODY: tuple[Group, ...] = (((SPREAD_ONE, 1.0),), ((SHAPE_ONE, 1.0),), ((SHAPE_TWO, 1.0),))
-FOR_ONE_PERSON: tuple[Group, ...] = (((SPREAD_QUARTER, 1.0), (POSTURE, 2.0)),)
-
 #: Added to squared distances before the logarithm: below it two windows are as good as the same.
 NEAREST = 0.01
 #: False-acceptance rates at which a library keeps thresholds.
@@ -52,170 +52,12 @@ RATES = (0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.4)
 #: Squared distance beyond which windows are all as far: products of three stay finite.
 _FARTHEST = 1e9
 _NO_THRESHOLDS = np.full(len(RATES), np.inf, dtype=np.float32)
-#: What names of arrays begin with that are of what fewer joints show.
-_SHOWN = "shown_"
-#: The second nearest person is the one who must agree, where two perform a class.
-_PEOPLE = 2
-#: Windows learned from and kept: one in so many seconds of a motion.
-_LEARN_EVERY = 2 / 15
-#: Frames from a short clip's end at which its first window ends, so that it has one.
-_SPARE_FRAMES = 3
+#: Windows kept: one in so many seconds of a motion.
 _KEEP_EVERY_ANYBODY, _KEEP_EVERY_ONE_PERSON = 0.4, 1 / 30
-_KEPT_AXES = {Kind.SPREAD: 64, Kind.POSTURE: 64, Kind.SHAPE: 96}
-#: Whitening carries over between laboratories for spread and posture, and not for shape.
-_SHRINKAGE = {Kind.SPREAD: 0.3, Kind.POSTURE: 0.3, Kind.SHAPE: 1.0}
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Comparison:
-    """How windows are measured and compared: learned once, from several people, and shared by libraries.
-
-    Attributes
-    ----------
-    body
-        Whose rows are measured.
-    basis
-        Directions in which shapes are measured.
-    metrics
-        By measure.
-
-    Raises
-    ------
-    ValueError
-        Shapes do not fit, or a number is not finite.
-    """
-
-    body: Body = field(repr=False)
-    basis: Basis = field(repr=False)
-    metrics: Mapping[Measure, Metric] = field(repr=False)
-
-    def __post_init__(self) -> None:
-        pairs, directions = self.basis.directions.shape
-        if len(self.body.paths) != pairs:
-            raise ValueError(f"body: expected one of {pairs} pairs, got {len(self.body.paths)}")
-        for measure, metric in self.metrics.items():
-            numbers = directions * (directions + 1) // 2 if measure.kind is Kind.SHAPE else pairs
-            if metric.origin.shape != (numbers,) or metric.axes.ndim != 2 or len(metric.axes) != numbers:
-                raise ValueError(f"{measure.name}: expected {numbers} numbers, got {metric.axes.shape}")
-            if not (_finite(metric.origin, metric.axes) and 0 <= metric.outside < np.inf):
-                raise ValueError(f"{measure.name}: expected finite numbers, got NaN or infinity")
-            if metric.together.size or metric.spare.size:
-                if metric.together.shape != metric.axes.T.shape or metric.spare.shape != (numbers,):
-                    raise ValueError(f"{measure.name}: expected what varies together of {numbers} numbers")
-                if not (_finite(metric.together, metric.spare) and (metric.spare > 0).all()):
-                    raise ValueError(f"{measure.name}: expected finite variances above 0")
-
-    @property
-    def pairs(self) -> int:
-        """How many distances a row has."""
-        return len(self.basis.weights)
-
-    def is_same(self, other: Comparison) -> bool:
-        """Whether another comparison maps every window to the same vectors."""
-        same_body = np.array_equal(self.body.paths, other.body.paths) and self.body.scale == other.body.scale
-        return (
-            same_body
-            and np.array_equal(self.body.stretches, other.body.stretches)
-            and np.array_equal(self.basis.directions, other.basis.directions)
-            and all(
-                np.array_equal(metric.origin, other.metrics[measure].origin)
-                and np.array_equal(metric.axes, other.metrics[measure].axes)
-                and metric.outside == other.metrics[measure].outside
-                for measure, metric in self.metrics.items()
-            )
-        )
-
-    @property
-    def can_be_restricted(self) -> bool:
-        """Whether it was learned, not itself made from another one for fewer joints."""
-        return all(metric.together.size for measure, metric in self.metrics.items() if measure.kind is not Kind.SHAPE)
-
-    def restricted_to(self, skeleton: Skeleton, pairs: NDArray[np.intp], rows: NDArray[np.floating]) -> Comparison:
-        """Give the comparison that finds the same vectors from fewer joints, as nearly as those tell.
-
-        Parameters
-        ----------
-        skeleton
-            Of the fewer joints.
-        pairs
-            Where its pairs stand among this comparison's, shape (fewer pairs,).
-        rows
-            Distance rows of some people, shape (rows, pairs), metres.
-
-        Raises
-        ------
-        ValueError
-            It was itself made from another one so.
-        """
-        return Comparison(
-            body=self.body.restricted_to(skeleton, pairs, rows),
-            basis=_kept(self.basis.restricted_to(pairs)),
-            metrics={
-                measure: metric
-                if measure.kind is Kind.SHAPE
-                else metric.restricted_to(pairs, LEVELS_REMOVED[measure.kind])
-                for measure, metric in self.metrics.items()
-            },
-        )
-
-    @classmethod
-    def learned(cls, clips: Sequence[Clip]) -> Comparison:
-        """Learn from clips of several people doing the same classes.
-
-        Raises
-        ------
-        ValueError
-            No class is performed by two people, or the skeleton's parents are not known.
-        """
-        body = Body.of(clips[0].skeleton)
-        names = sorted({clip.class_name for clip in clips})
-        by_class: dict[str, list[NDArray[np.float64]]] = {name: [] for name in names}
-        for clip in clips:
-            by_class[clip.class_name].append(distance_rows(clip.positions, clip.skeleton))
-        basis = learned_basis([by_class[name] for name in names], body)
-        windows = [_window_ends(clip, _LEARN_EVERY, FEWEST_FRAMES / clip.frame_rate) for clip in clips]
-        classes = np.concatenate(
-            [np.full(len(ends), names.index(clip.class_name)) for clip, ends in zip(clips, windows, strict=True)]
-        )
-        actors = np.concatenate([np.full(len(ends), clip.actor) for clip, ends in zip(clips, windows, strict=True)])
-        metrics = {}
-        for measure in MEASURES:
-            numbers = np.concatenate(
-                [_measured(clip, ends, measure, body, basis) for clip, ends in zip(clips, windows, strict=True)]
-            )
-            metrics[measure] = learned_metric(
-                numbers,
-                classes,
-                actors,
-                shrinkage=_SHRINKAGE[measure.kind],
-                kept=_KEPT_AXES[measure.kind],
-                together=measure.kind is not Kind.SHAPE,
-            )
-        return cls(body, _kept(basis), metrics)
-
-
-def _kept(basis: Basis) -> Basis:
-    """Round as files keep it, so that saving and loading changes nothing."""
-    return Basis(halved(basis.directions).astype(np.float64), halved(basis.weights).astype(np.float64))
-
-
-def _finite(*arrays: NDArray[np.floating]) -> bool:
-    return all(np.isfinite(array).all() for array in arrays)
 
 
 def _ascending(indices: NDArray[np.intp]) -> bool:
     return bool((np.diff(indices) >= 0).all())
-
-
-def _window_ends(clip: Clip, every: float, first: float) -> NDArray[np.intp]:
-    """Windows end every so many seconds, the first when so many have been seen, or with the clip."""
-    earliest = max(FEWEST_FRAMES, min(round(first * clip.frame_rate), clip.frames - _SPARE_FRAMES))
-    return np.arange(earliest, clip.frames + 1, max(1, round(every * clip.frame_rate)))
-
-
-def _measured(clip: Clip, ends: NDArray[np.intp], measure: Measure, body: Body, basis: Basis) -> NDArray[np.float64]:
-    rows = distance_rows(clip.positions, clip.skeleton)
-    return measured(rows, clip.frame_rate, ends, measure, body=body, basis=basis)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -262,12 +104,12 @@ class WindowTable:
     further: float = 0.0
     shown: WindowTable | None = field(default=None, repr=False)
     directions_shown: NDArray[np.float64] | None = field(default=None, repr=False)
-    _people: _People = field(init=False, repr=False)
+    _people: People = field(init=False, repr=False)
     _factors: tuple[NDArray[np.float32], ...] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         self._check()
-        people = _People.of(self.classes[self.motions], self.actors[self.motions])
+        people = People.of(self.classes[self.motions], self.actors[self.motions])
         object.__setattr__(self, "_people", people)
         object.__setattr__(self, "_factors", tuple(_factor(each) for each in self.vectors))
 
@@ -277,7 +119,7 @@ class WindowTable:
         kept = [sum(self.comparison.metrics[measure].axes.shape[1] for measure, _ in group) for group in self.groups]
         if [each.shape for each in self.vectors] != [(len(self.motions), axes) for axes in kept]:
             raise ValueError("vectors: expected as many windows in each group as there are, of as many numbers as axes")
-        if not _finite(*self.vectors):
+        if not finite(*self.vectors):
             raise ValueError("vectors: expected finite numbers, got NaN or infinity")
         indices = np.arange(len(self.classes))
         if self.motions.ndim != 1 or not np.isin(self.motions, indices).all() or not _ascending(self.motions):
@@ -303,7 +145,7 @@ class WindowTable:
         if self.shown is None or self.directions_shown is None:
             raise ValueError("shown: expected it with the directions shown, or neither")
         sizes = tuple(each.basis.directions.shape[1] for each in (self.comparison, self.shown.comparison))
-        if self.directions_shown.shape != sizes or not _finite(self.directions_shown):
+        if self.directions_shown.shape != sizes or not finite(self.directions_shown):
             raise ValueError(f"directions_shown: expected {sizes} finite numbers, got {self.directions_shown.shape}")
         if self.shown.groups != self.groups or not np.array_equal(self.shown.motions, self.motions):
             raise ValueError("shown: expected the same windows, compared by the same measures")
@@ -332,7 +174,7 @@ class WindowTable:
         people = {clip.actor for clip in clips if clip.actor}
         groups = FOR_ANYBODY if len(people) > 1 else FOR_ONE_PERSON
         every, first = (_KEEP_EVERY_ANYBODY, 1.0) if len(people) > 1 else (_KEEP_EVERY_ONE_PERSON, 0.1)
-        windows = [_window_ends(clip, every, first) for clip in clips]
+        windows = [window_ends(clip, every, first) for clip in clips]
         _, classes = np.unique([clip.class_name for clip in clips], return_inverse=True)
         table = cls._with_thresholds(
             comparison=comparison,
@@ -393,7 +235,7 @@ class WindowTable:
         shown = WindowTable._with_thresholds(
             comparison=Comparison(
                 body=comparison.body,
-                basis=_kept(Basis(comparison.basis.directions @ directions, comparison.basis.weights)),
+                basis=kept_in_files(Basis(comparison.basis.directions @ directions, comparison.basis.weights)),
                 metrics=metrics,
             ),
             groups=self.groups,
@@ -523,58 +365,6 @@ class WindowTable:
         return float(np.interp(np.log(rate), np.log(RATES), self.known_by.thresholds))
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _People:
-    """Which windows are whose, of which class: windows of one person in one class stand together.
-
-    Attributes
-    ----------
-    starts
-        Where the windows of each person in each class start, shape (blocks,).
-    classes, actors
-        Of each block, shape (blocks,).
-    places
-        For each class its blocks, filled up with a block that is not there, shape (classes, most people).
-    """
-
-    starts: NDArray[np.intp]
-    classes: NDArray[np.intp]
-    actors: NDArray[np.str_]
-    places: NDArray[np.intp]
-
-    @classmethod
-    def of(cls, classes: NDArray[np.intp], actors: NDArray[np.str_]) -> _People:
-        """Find the blocks of windows that stand by class and, within a class, by actor."""
-        begins = np.append(True, (classes[1:] != classes[:-1]) | (actors[1:] != actors[:-1]))
-        starts = np.flatnonzero(begins)
-        counts = np.unique(classes[starts], return_counts=True)[1]
-        places = np.full((len(counts), counts.max()), len(starts))
-        places[np.arange(counts.max()) < counts[:, None]] = np.arange(len(starts))
-        return cls(starts, classes[starts], actors[starts], places)
-
-    def nearest(self, distances: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Take the least of each block's distances, (..., windows) to (..., blocks)."""
-        nearest: NDArray[np.float32] = np.minimum.reduceat(distances, self.starts, axis=-1)
-        return nearest
-
-    def agreed(self, logs: NDArray[np.floating]) -> NDArray[np.float64]:
-        """Take the mean of the two least of each class's blocks, (..., blocks) to (..., classes).
-
-        NaN is a block that is not to be counted, and a class that has none.
-        """
-        padded = np.empty((*logs.shape[:-1], logs.shape[-1] + 1))
-        padded[..., :-1] = logs
-        padded[..., -1] = np.nan
-        by_person = padded.take(self.places, axis=-1)
-        # NaN comes last, and of it and a number fmax takes the number.
-        by_person.sort(axis=-1)
-        first, last = by_person[..., 0], by_person[..., min(_PEOPLE, by_person.shape[-1]) - 1]
-        agreed: NDArray[np.float64] = np.fmax(first, last)
-        agreed += first
-        agreed /= 2
-        return agreed
-
-
 def _factor(vectors: NDArray[np.float32]) -> NDArray[np.float32]:
     """Make of vectors b, (n, axes), what gives |a - b|² + NEAREST when multiplied by `_asking(a)`, (n, axes + 2).
 
@@ -635,7 +425,7 @@ def _embedded(
     for measure, weight in group:
         metric = comparison.metrics[measure]
         vectors = [
-            metric.embedded(_measured(clip, ends, measure, comparison.body, comparison.basis))
+            metric.embedded(windows_measured(clip, ends, measure, comparison.body, comparison.basis))
             for clip, ends in zip(clips, windows, strict=True)
         ]
         parts.append(np.concatenate(vectors) * np.float32(np.sqrt(weight)))
@@ -643,7 +433,7 @@ def _embedded(
 
 
 def _thresholds(
-    asked: Sequence[NDArray[np.float32]], factors: Sequence[NDArray[np.float32]], people: _People
+    asked: Sequence[NDArray[np.float32]], factors: Sequence[NDArray[np.float32]], people: People
 ) -> NDArray[np.float32]:
     """Set thresholds by how near motions come to classes they are not of.
 
@@ -688,7 +478,7 @@ def _asked(
     numbers = {
         measure: np.concatenate(
             [
-                _measured(clip, ends, measure, comparison.body, comparison.basis)
+                windows_measured(clip, ends, measure, comparison.body, comparison.basis)
                 for clip, ends in zip(clips, windows, strict=True)
             ]
         )
@@ -700,99 +490,4 @@ def _asked(
             _asking({measure: each[k] for measure, each in numbers.items()}, group, comparison, axes)
             for k in range(count)
         ]
-    )
-
-
-def described(table: WindowTable) -> dict[str, object]:
-    """Say what a file's header must hold of a table, beside `arrays_of`."""
-    header: dict[str, object] = {
-        "groups": [[[measure.kind, measure.seconds, weight] for measure, weight in group] for group in table.groups],
-        "body_scale": table.comparison.body.scale,
-        "outside": {measure.name: metric.outside for measure, metric in table.comparison.metrics.items()},
-        "further": table.further,
-    }
-    if table.shown is not None:
-        header["shown"] = described(table.shown)
-    return header
-
-
-def arrays_of(table: WindowTable) -> dict[str, NDArray[np.floating]]:
-    """Give the arrays that a file must hold of a table."""
-    arrays: dict[str, NDArray[np.floating]] = {
-        "window_motions": table.motions.astype(np.float32),
-        "window_thresholds": table.thresholds,
-        "body_stretches": table.comparison.body.stretches.astype(np.float32),
-        "basis": table.comparison.basis.directions.astype(np.float16),
-        "basis_weights": table.comparison.basis.weights.astype(np.float16),
-    }
-    for measure, metric in table.comparison.metrics.items():
-        if metric.together.size:
-            arrays[f"{measure.name}_together"] = metric.together.astype(np.float16)
-            arrays[f"{measure.name}_spare"] = metric.spare.astype(np.float16)
-        arrays[f"{measure.name}_origin"] = metric.origin.astype(np.float16)
-        arrays[f"{measure.name}_axes"] = metric.axes.astype(np.float16)
-    for index, vectors in enumerate(table.vectors):
-        arrays[f"window_vectors{index}"] = vectors.astype(np.float16)
-    if table.shown is not None and table.directions_shown is not None:
-        arrays |= {f"{_SHOWN}{name}": array for name, array in arrays_of(table.shown).items()}
-        arrays["directions_shown"] = table.directions_shown.astype(np.float32)
-    return arrays
-
-
-def restored(  # noqa: PLR0913 - the parts of a file, and which part of a table they are
-    header: Mapping[str, Any],
-    arrays: Mapping[str, NDArray[np.floating]],
-    skeleton: Skeleton,
-    classes: NDArray[np.intp],
-    actors: NDArray[np.str_],
-    *,
-    whole: bool = True,
-) -> WindowTable:
-    """Make a table of what `described` and `arrays_of` gave; else raise KeyError, TypeError or ValueError."""
-    groups = tuple(
-        tuple((Measure(Kind(kind), float(seconds)), float(weight)) for kind, seconds, weight in group)
-        for group in header["groups"]
-    )
-    motions = arrays["window_motions"]
-    if not (_finite(motions) and np.array_equal(motions, np.rint(motions))):
-        raise ValueError("window_motions: expected indices")
-    shown = {name.removeprefix(_SHOWN): array for name, array in arrays.items() if name.startswith(_SHOWN)}
-    # What is shown is measured only as it is compared.
-    measures = MEASURES if whole else [measure for group in groups for measure, _ in group]
-    return WindowTable(
-        comparison=_restored_comparison(header, arrays, skeleton, measures),
-        groups=groups,
-        motions=motions.astype(np.intp),
-        classes=classes,
-        actors=actors,
-        vectors=tuple(arrays[f"window_vectors{index}"].astype(np.float32) for index in range(len(groups))),
-        thresholds=arrays["window_thresholds"].astype(np.float32),
-        further=float(header["further"]),
-        shown=restored(header["shown"], shown, skeleton, classes, actors, whole=False) if "shown" in header else None,
-        directions_shown=arrays["directions_shown"].astype(np.float64) if "shown" in header else None,
-    )
-
-
-def _restored_comparison(
-    header: Mapping[str, Any],
-    arrays: Mapping[str, NDArray[np.floating]],
-    skeleton: Skeleton,
-    measures: Sequence[Measure],
-) -> Comparison:
-    nothing = {"together": np.zeros((0, 0)), "spare": np.zeros(0)}
-    return Comparison(
-        body=Body.of(skeleton, float(header["body_scale"]), arrays["body_stretches"].astype(np.float64)),
-        basis=Basis(arrays["basis"].astype(np.float64), arrays["basis_weights"].astype(np.float64)),
-        metrics={
-            measure: Metric(
-                origin=arrays[f"{measure.name}_origin"].astype(np.float32),
-                axes=arrays[f"{measure.name}_axes"].astype(np.float32),
-                outside=float(header["outside"][measure.name]),
-                **{
-                    name: arrays.get(f"{measure.name}_{name}", empty).astype(np.float32)
-                    for name, empty in nothing.items()
-                },
-            )
-            for measure in measures
-        },
     )

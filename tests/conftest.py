@@ -12,9 +12,9 @@ import pytest
 from hypothesis import settings
 from liblotools import LibloTools
 
+from library.comparison import Comparison
 from library.motionlibrary import MotionLibrary
 from library.recordings import find_recordings, read_recordings
-from library.windowtable import Comparison
 from tools.bench import recorded
 
 if TYPE_CHECKING:

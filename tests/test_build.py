@@ -10,7 +10,7 @@ from recorded import JOINTS, SWINGS, TWO_ARMS, two_arms_frames, write_take, writ
 from synthetic import amc_text, stick_clips
 
 from library import MotionLibrary, hdm05, read_recordings
-from library.windowtable import FOR_ANYBODY, FOR_ONE_PERSON
+from library.comparison import FOR_ANYBODY, FOR_ONE_PERSON
 from tools.cli import main
 
 if TYPE_CHECKING:

@@ -13,12 +13,13 @@ import pytest
 from synthetic import STICK, STICK_CLASSES, stick_clip
 
 from library import MotionLibrary, windowtable
+from library.comparison import Comparison
 from library.distances import distance_rows
 from library.fewerjoints import some_of, turned
 from library.hdm05 import SKELETON
 from library.measures import LEVEL_REMOVED, Kind, covariance_of, measured, shape_of
 from library.recordings import read_recordings
-from library.windowtable import NEAREST, RATES, Comparison
+from library.windowtable import NEAREST, RATES
 from stream.feeds import builtin_preset
 from stream.recognition import Outcome
 from stream.windowmatcher import WindowMatcher

@@ -17,9 +17,9 @@ import pytest
 from synthetic import STICK_CLASSES, stick_clip, stick_clips
 
 from library import libraryfile
+from library.comparison import Comparison
 from library.libraryfile import LibraryFileError
 from library.motionlibrary import MotionLibrary
-from library.windowtable import Comparison
 
 if TYPE_CHECKING:
     from collections.abc import Callable

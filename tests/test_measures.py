@@ -13,6 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from synthetic import STICK, stick_clip, stick_clips
 
+from library.comparison import MEASURES
 from library.distances import distance_rows
 from library.measures import (
     BASIS_SIZE,
@@ -29,7 +30,6 @@ from library.measures import (
 from library.motionlibrary import MotionLibrary
 from library.retrieval import turned
 from library.skeleton import Skeleton
-from library.windowtable import MEASURES
 from stream.feeds import builtin_preset
 
 if TYPE_CHECKING:

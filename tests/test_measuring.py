@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from naive_live import last_rows
 
+from library.comparison import MEASURES
 from library.distances import distance_rows
 from library.measures import FEWEST_FRAMES, Basis, Body, Kind, Measure, measured
 from library.motionlibrary import MotionLibrary
-from library.windowtable import MEASURES
 from stream.measuring import WindowMeasurer
 
 if TYPE_CHECKING:

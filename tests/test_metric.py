@@ -10,11 +10,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from library.comparison import MEASURES, Comparison
 from library.distances import distance_rows
 from library.measures import LEVEL_REMOVED, Kind, Measure, measured
 from library.metric import Metric, halved, learned_metric, squared_distances
 from library.motionlibrary import MotionLibrary
-from library.windowtable import MEASURES, Comparison
 from stream.feeds import builtin_preset
 
 if TYPE_CHECKING:

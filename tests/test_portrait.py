@@ -15,11 +15,12 @@ from synthetic import STICK, STICK_CLASSES, stick_clip
 
 from library import libraryfile
 from library import portrait as portrait_module
+from library.comparison import Comparison
 from library.distances import distance_rows
 from library.libraryfile import LibraryFileError
 from library.motionlibrary import MotionLibrary
 from library.portrait import AXES, Portrait, portraits_of
-from library.windowtable import Comparison, WindowTable
+from library.windowtable import WindowTable
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence

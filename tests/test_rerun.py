@@ -16,8 +16,8 @@ from programs import ghost_cues
 from synthetic import STICK, STICK_CLASSES, stick_clip, stick_clips
 
 from library import MotionLibrary
+from library.comparison import Comparison
 from library.hdm05 import SKELETON
-from library.windowtable import Comparison
 from stream import Announcement, Frame, Performers, Settings, osc, zeromq
 from stream.connections import Endpoint
 from stream.feeds import builtin_preset

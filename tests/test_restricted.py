@@ -12,13 +12,13 @@ import pytest
 from synthetic import STICK, stick_clips
 
 from library import MotionLibrary
+from library.comparison import MEASURES
 from library.distances import distance_rows
 from library.hdm05 import SKELETON
 from library.labels import read_labels, renamed
 from library.measures import LEVEL_REMOVED, Kind, Measure, measured
 from library.recordings import find_recordings, read_recordings
 from library.skeleton import Skeleton, SkeletonMismatchError
-from library.windowtable import MEASURES
 from stream import Frame, Recognizer, Settings
 from stream.feeds import builtin_names, builtin_preset
 from tools.bench.recorded import NAMES
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from library import Clip
-    from library.windowtable import Comparison
+    from library.comparison import Comparison
 
 #: How clear a direction must be in fewer distances, relative to the clearest, for them to tell of it.
 CLEAR = 0.2

@@ -11,20 +11,13 @@ import numpy as np
 import pytest
 from synthetic import STICK, STICK_CLASSES, stick_clip, stick_clips
 
+from library.comparison import FOR_ANYBODY, FOR_ONE_PERSON, MEASURES, Comparison
 from library.distances import distance_rows
 from library.measures import FEWEST_FRAMES, Basis, Body, Kind, Measure, measured
 from library.metric import squared_distances
 from library.motionlibrary import MotionLibrary
 from library.skeleton import Skeleton, SkeletonMismatchError
-from library.windowtable import (
-    FOR_ANYBODY,
-    FOR_ONE_PERSON,
-    MEASURES,
-    NEAREST,
-    RATES,
-    Comparison,
-    WindowTable,
-)
+from library.windowtable import NEAREST, RATES, WindowTable
 from stream.feeds import builtin_preset
 
 if TYPE_CHECKING:

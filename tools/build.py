@@ -6,10 +6,10 @@ from functools import reduce
 from typing import TYPE_CHECKING
 
 from library import Clip, MotionLibrary, find_recordings, hdm05, read_recordings
+from library.comparison import Comparison
 from library.labels import cut, read_labels
 from library.recordings import labelled
 from library.rigidtree import with_parents
-from library.windowtable import Comparison
 from tools.console import console, progress
 from tools.output import require_place_for
 

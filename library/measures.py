@@ -20,7 +20,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 from enum import StrEnum
-from functools import cache
+from functools import cache, lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -186,7 +186,7 @@ def covariance_in(courses: NDArray[np.float64]) -> NDArray[np.float64]:
     A body that does not move, to seven digits, has none: what would be left is rounding.
     """
     count = len(courses)
-    mean = np.full(count, 1 / count) @ courses
+    mean = _even(count) @ courses
     centred = courses - mean
     # dgemm takes its operands column by column: the transposed views are that without a copy. It takes half as long as
     # the matrix product of numpy, which fills in the other half of a symmetric matrix afterwards.
@@ -194,6 +194,12 @@ def covariance_in(courses: NDArray[np.float64]) -> NDArray[np.float64]:
     if float(covariance.trace()) <= float(mean @ mean) * _NO_MOVEMENT**2:
         covariance[:] = 0.0
     return covariance
+
+
+@lru_cache(256)
+def _even(count: int) -> NDArray[np.float64]:
+    """Give weights with which so many rows add up to their mean, shape (count,)."""
+    return np.full(count, 1 / count)
 
 
 def shape_of(covariance: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -336,8 +336,8 @@ class WindowTable:
         """
         if self.groups != other.groups or not self.comparison.is_same(other.comparison):
             raise ValueError(
-                "windows: expected them measured alike, for one person both or for several, by one comparison; "
-                "build one library from all recordings instead"
+                "libraries: expected all of one person each, or all of several and compared as the built-in one is; "
+                "three people or more teach a comparison of their own. Build one library from all recordings instead"
             )
         kept = np.isin(other.motions, new)
         count = len(self.classes)

@@ -42,7 +42,7 @@ LARGEST_ANSWER = 1200
 RECEIVE_BUFFER = 4 << 20
 
 _FRAME = "/motion/frame"
-_SKELETON = "/motion/skeleton"
+SKELETON = "/motion/skeleton"
 _FRAME_START = b"/motion/frame\0\0\0,sd"
 _DOUBLE = struct.Struct(">d")
 #: As they stand in packets; made once, for numpy takes as long to find out what a name means as to read them.
@@ -191,7 +191,7 @@ def _understood(message: Message, arrival: float) -> Frame | Announcement | None
             raise ValueError(f"positions: expected three numbers per joint, got {positions.size}")
         moment = float(time)  # type: ignore[arg-type]  # checked above
         return Frame(_performer(performer), moment or arrival, positions.reshape(-1, 3))
-    if message.address == _SKELETON:
+    if message.address == SKELETON:
         performer, *joints = message.arguments
         if not all(isinstance(joint, str) for joint in joints):
             raise TypeError("joints: expected strings")
@@ -222,7 +222,7 @@ def _padded(text: str) -> bytes:
 
 def encode_announcement(announcement: Announcement) -> bytes:
     """Encode which joints a performer's frames hold, as `/motion/skeleton`."""
-    return _message(_SKELETON, announcement.performer, *announcement.joints)
+    return _message(SKELETON, announcement.performer, *announcement.joints)
 
 
 def encode_recognition(recognition: Recognition) -> bytes:

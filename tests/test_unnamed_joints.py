@@ -45,7 +45,7 @@ def test_what_was_never_named_is_seen_in_a_running_recogniser() -> None:
         counts = stage.stopped()
         assert counts["other joints"] == len(cues) - 1
         assert counts["answers"] == 0
-        assert stage.program.output.count("--joints can say what they hold") == 2  # when it began, and at the end
+        assert stage.program.output.count("or say them with --joints") == 2  # when it began, and at the end
 
 
 @pytest.mark.parametrize("joints", ["kinectv2", ",".join(KINECT)])
@@ -131,7 +131,7 @@ def test_joints_are_told_by_name_or_by_preset(tmp_path: Path) -> None:
     [
         ("a,,b", "--joints: expected distinct names"),
         ("a,b,a", "--joints: expected distinct names"),
-        ("vmc", "--joints: expected a preset with an order of joints, got vmc"),
+        ("vmc", "got vmc, whose messages name them"),
         ("head", "feed: expected a .toml file or one of"),
     ],
 )

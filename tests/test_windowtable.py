@@ -636,7 +636,7 @@ def test_windows_measured_differently_are_not_merged(anybody: MotionLibrary, one
     """A library for anybody and one for one person, or two of different comparisons, are not merged either way."""
     other = MotionLibrary.of_clips(_long_clips(), comparison=Comparison.learned(_long_clips(takes=1)))
     for first, second in ((anybody, one_person), (one_person, anybody), (anybody, other), (other, anybody)):
-        with pytest.raises(ValueError, match="windows: expected them measured alike, for one person both or for sever"):
+        with pytest.raises(ValueError, match="libraries: expected all of one person each, or all of sever"):
             first.merged_with(second)
 
 

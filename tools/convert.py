@@ -137,7 +137,7 @@ def _of_raw(recording: RawFile, performer: str | None, preset: Preset | None) ->
         raise ValueError(f"{recording.path}: expected --performer, one of {', '.join(map(printable, performing))}")
     chosen = performer if performer is not None else next(iter(performing), "")
     if chosen not in performing:
-        raise ValueError(f"{recording.path}: no frame of {chosen or 'anybody'!r} in it")
+        raise ValueError(f"{recording.path}: no frame{f' of {chosen!r}' if chosen else ''} in it")
     skeleton = _skeleton(seen[chosen])
     frames = sum(1 for _ in _postures(recording, preset, chosen, skeleton))
     if not frames:

@@ -45,7 +45,10 @@ def joints_in_order(text: str) -> tuple[str, ...]:
     else:
         preset = preset_named(text)
         if not preset.order:
-            raise ValueError(f"--joints: expected a preset with an order of joints, got {text}, which has none")
+            ordered = ", ".join(each for each in builtin_names() if builtin_preset(each).order)
+            raise ValueError(
+                f"--joints: expected a preset with an order of joints ({ordered}), got {text}, whose messages name them"
+            )
         ours = {spelling(name): target for name, target in preset.joint_map.items()}
         joints = tuple(ours.get(spelling(name)) or name for name in preset.order)
     if not all(joints) or len(set(joints)) != len(joints):

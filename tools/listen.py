@@ -14,7 +14,7 @@ from library import MotionLibrary
 from stream.feeds import builtin_names, builtin_preset
 from stream.feeds.asking import NEVER, farewells, is_due, questions
 from stream.feeds.survey import MOST_KINDS, Guess, Survey
-from stream.osc import OscReceiver
+from stream.osc import SKELETON, OscReceiver
 from tools.address import host_and_port
 from tools.console import console, printable
 from tools.feeds import preset_named
@@ -23,6 +23,8 @@ from tools.tables import add_names, narrow_table
 if TYPE_CHECKING:
     from stream.feeds import Preset
 
+#: The preset of our own messages, in which joints need not be named.
+_NATIVE = "native"
 #: Kinds of messages that are shown.
 _MOST_SHOWN = 40
 #: Gaps that are worth a word, seconds, and in intervals of the message's own rate.
@@ -99,6 +101,26 @@ def advice(survey: Survey, guess: Guess | None, address: str | None) -> list[str
     if guess is None:
         lines.append("no feed we know: write a preset (kinespace feeds native > my.toml) with the addresses above")
         return lines
+    lines += _lacking(survey, guess)
+    shared = MotionLibrary.builtin().skeleton.joints
+    if not set(guess.preset.joints) & set(shared):
+        lines.append("none of the joints is the built-in library's: build your own library from this feed")
+    lines += [
+        f"{kind.address}: nothing for {kind.longest_gap:.2f} s once"
+        for kind in survey.kinds.values()
+        if kind.rate > 1 and kind.longest_gap > max(_GAP_SECONDS, _GAP_INTERVALS / kind.rate)
+    ][:3]
+    return lines
+
+
+def _lacking(survey: Survey, guess: Guess) -> list[str]:
+    """Say what a feed lacks to be recognised."""
+    if guess.missing and guess.preset.name == _NATIVE and not any(k.address == SKELETON for k in survey.kinds.values()):
+        return [
+            f"{len(guess.joints)} joints whose names were never sent: let the sender send {SKELETON}, or",
+            "say which they are: kinespace live --joints A,B,... or --joints PRESET",
+        ]
+    lines = list[str]()
     if guess.missing:
         lines.append(f"missing for recognition: {', '.join(guess.missing)}")
         lines.append("let the sender send them, or leave them out of [joints] in a copy of the preset")
@@ -108,14 +130,6 @@ def advice(survey: Survey, guess: Guess | None, address: str | None) -> list[str
         lines.append("no whole frame: too short a time, or joints that come too far apart")
     elif guess.refused:
         lines.append(f"{guess.refused} frames refused, because joints in them were absent for too long")
-    shared = MotionLibrary.builtin().skeleton.joints
-    if not set(guess.preset.joints) & set(shared):
-        lines.append("none of the joints is the built-in library's: build your own library from this feed")
-    lines += [
-        f"{kind.address}: nothing for {kind.longest_gap:.2f} s once"
-        for kind in survey.kinds.values()
-        if kind.rate > 1 and kind.longest_gap > max(_GAP_SECONDS, _GAP_INTERVALS / kind.rate)
-    ][:3]
     return lines
 
 

@@ -151,6 +151,9 @@ def fitted(motions: MotionLibrary, whose: str, joints: Sequence[str]) -> MotionL
             near = [] if name in motions.skeleton.joints else get_close_matches(name, motions.skeleton.joints, n=1)
             if near and near[0] not in joints:
                 console.print(f"{whose}: the library has no joint {name!r}, perhaps {near[0]} is meant", soft_wrap=True)
+        further = [name for name in joints if name not in motions.skeleton.joints]
+        if further:
+            console.print(f"{whose}: not compared, for the library has none: {', '.join(further)}", soft_wrap=True)
         console.print(
             f"{whose}: {len(shared.skeleton.joints)} of the library's {len(motions.skeleton.joints)} joints",
             soft_wrap=True,

@@ -147,7 +147,9 @@ class LiveTable:
 
 def refused_frames(performer: str, why: str) -> str:
     """Say why a performer's frames are refused, and what can be done about it."""
-    return f"performer {printable(performer)}: frames refused: {why}. --joints can say what they hold"
+    return (
+        f"performer {printable(performer)}: frames refused: {why}. Let the sender send them, or say them with --joints"
+    )
 
 
 def counts(status: Status) -> str:

@@ -52,6 +52,20 @@ def test_every_feed_is_guessed(layout: str) -> None:
     assert advice(survey, guess, None) == []
 
 
+def test_joints_never_named_are_not_taken_for_the_first_ones() -> None:
+    """Fifteen joints without names are told as such, with what would name them, and none is said to be missing."""
+    survey = Survey()
+    for number in range(20):
+        places = np.linspace(0.0, 1.5, 45, dtype=np.float32).tolist()
+        packet = message("/motion/frame", "sd" + "f" * 45, "me", 1.0 + number / 30, *places)
+        survey.see(packet, "10.0.0.7:5000", 1.0 + number / 30)
+    told = " ".join(advice(survey, survey.guess(PRESETS), None))
+    assert told.startswith("15 joints whose names were never sent: let the sender send /motion/skeleton")
+    assert "--joints" in told
+    assert "missing" not in told
+    assert "absent" not in told
+
+
 def test_kinds_of_messages_are_counted() -> None:
     """Addresses that differ in numbers only are one kind, with count, rate, types, an example and the longest gap."""
     survey = Survey()

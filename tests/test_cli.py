@@ -13,7 +13,7 @@ from programs import ROOT, finished
 
 from library import Reading
 from stream import LiveSignature, Settings
-from tools import build, demo, evaluate, info, latency, live, replay
+from tools import build, demo, entry, evaluate, info, latency, live, replay
 from tools.arguments import OSC_IN
 from tools.cli import OSC_OUT, main
 
@@ -51,7 +51,7 @@ def fails_with(monkeypatch: pytest.MonkeyPatch, error: BaseException, module: Mo
 def test_the_command_is_installed() -> None:
     """The installed distribution has one command, kinespace, and it is this one."""
     (command,) = entry_points(group="console_scripts", name="kinespace")
-    assert command.load() is main
+    assert command.load() is entry.main
 
 
 def test_the_command_tells_its_version() -> None:

@@ -145,7 +145,9 @@ def test_a_joint_that_the_library_has_not_is_said(capsys: pytest.CaptureFixture[
     joints = [name for name in library.skeleton.joints if name != "head"]
     assert len(fitted(library, "feed mine", [*joints, "haed", "tail"]).skeleton.joints) == 30
     told = (
-        "feed mine: the library has no joint 'haed', perhaps head is meant\nfeed mine: 30 of the library's 31 joints\n"
+        "feed mine: the library has no joint 'haed', perhaps head is meant\n"
+        "feed mine: not compared, for the library has none: haed, tail\n"
+        "feed mine: 30 of the library's 31 joints\n"
     )
     assert capsys.readouterr().out == told
     fitted(library, "feed mine", [*joints, "head", "haed"])

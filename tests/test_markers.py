@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import signal
 import subprocess
 import sys
 from typing import TYPE_CHECKING
@@ -313,12 +314,16 @@ def test_a_c3d_that_breaks_its_reader_breaks_nothing_else(tmp_path: Path) -> Non
         list(read_recordings([bad]))
 
 
+@pytest.mark.skipif(not hasattr(signal, "SIGSTOP"), reason="this system cannot hold a process")
 def test_a_c3d_that_is_never_done_is_given_up(
     tmp_path: Path, process: C3dProcess, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """What takes far longer than such a file may is ended and named, and the next file is read."""
     path = written_c3d(tmp_path / "a.c3d", walk())
-    monkeypatch.setattr("library.formats.c3dprocess._PATIENCE", 0.0)
+    assert c3d.read_clip(path, process=process).frames == 120
+    assert process._process is not None
+    process._process.send_signal(signal.SIGSTOP)
+    monkeypatch.setattr("library.formats.c3dprocess._PATIENCE", 0.2)
     monkeypatch.setattr("library.formats.c3dprocess._SLOWEST", 1e12)
     with pytest.raises(C3dError, match="the reader did not end within 0 s on it"):
         c3d.read_clip(path, process=process)

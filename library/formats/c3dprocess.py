@@ -104,6 +104,8 @@ class C3dProcess:
         finally:
             timer.cancel()
             timer.join()
+            if given_up.is_set():
+                self.close()
 
 
 def _started() -> subprocess.Popen[bytes]:

@@ -40,6 +40,11 @@ class C3dProcess:
     def __exit__(self, *_: object) -> None:
         self.close()
 
+    @property
+    def process_id(self) -> int | None:
+        """The system's number of the process; None when none runs."""
+        return self._process.pid if self._process else None
+
     def close(self) -> None:
         """End the process, if it runs; the next file starts another."""
         process, self._process = self._process, None

@@ -11,24 +11,15 @@ moves that happens every ten seconds or so, right after a stop at once.
 from __future__ import annotations
 
 import math
-from functools import lru_cache
 
 import numpy as np
 from scipy.linalg.blas import dgemm, dger
 
 from library.signature import Moments
-from stream.rolling import DRIFT_TOLERANCE, EPSILON, Rolling, Rows
+from stream.rolling import DRIFT_TOLERANCE, EPSILON, Rolling, Rows, signs
 
 #: Movement, relative to the body's size, below which lost digits are of no interest to anyone.
 _NO_MOVEMENT = 1e-7
-
-
-@lru_cache(256)
-def signs(entered: int, left: int) -> Rows:
-    """Give 1 for each row that entered and then -1 for each that left, shape (entered + left,)."""
-    weights = np.repeat((1.0, -1.0), (entered, left))
-    weights.flags.writeable = False
-    return weights
 
 
 class RollingCovariance(Rolling):
@@ -104,15 +95,11 @@ class RollingCovariance(Rolling):
         """
         if not self._count:
             raise ValueError("moments: expected at least one row, got none")
-        return Moments(self._count, self._mean(), self.written_to(self._covariance))
-
-    def written_to(self, covariance: Rows) -> Rows:
-        """Write the covariance of one row or more over a matrix, (width, width), and give that; see `moments`."""
         if self._scatter() <= self._no_scatter():
-            covariance[:] = 0.0
-            return covariance
-        weight = 1.0 / max(self._count - 1, 1)
-        # Symmetric, so that its transpose, which BLAS writes to in place, is itself.
-        np.multiply(self._products.T, weight, out=covariance)
-        dger(-weight / self._count, self._sum, self._sum, a=covariance.T, overwrite_a=True)
-        return covariance
+            self._covariance[:] = 0.0
+        else:
+            weight = 1.0 / max(self._count - 1, 1)
+            # Symmetric, so that its transpose, which BLAS writes to in place, is itself.
+            np.multiply(self._products.T, weight, out=self._covariance)
+            dger(-weight / self._count, self._sum, self._sum, a=self._covariance.T, overwrite_a=True)
+        return Moments(self._count, self._mean(), self._covariance)

@@ -74,7 +74,7 @@ class WindowMeasurer:
     """
 
     def __init__(self, measures: Iterable[Measure], body: Body, basis: Basis) -> None:
-        self._measures = frozenset(measures)
+        self._measures = tuple(measures)
         self._body = body
         self._directions = basis.directions
         pairs, directions = basis.directions.shape
@@ -119,10 +119,7 @@ class WindowMeasurer:
             mean, deviation = rolling.mean(), rolling.deviation()
             if seconds == self.longest:
                 movement = math.sqrt(float(deviation @ deviation) / float(mean @ mean))
-            if Measure(Kind.SPREAD, seconds) in self._measures:
-                numbers[Measure(Kind.SPREAD, seconds)] = self._body.spread(mean, deviation)
-            if Measure(Kind.POSTURE, seconds) in self._measures:
-                numbers[Measure(Kind.POSTURE, seconds)] = self._body.posture(mean)
+            numbers |= self._of_distances(seconds, mean, deviation)
         return Measured(numbers, movement)
 
     def read_with(self, others: Sequence[Self]) -> tuple[dict[Measure, NDArray[np.float64]], list[float]]:
@@ -150,11 +147,18 @@ class WindowMeasurer:
             if seconds == self.longest:
                 squares = (np.square(each).sum(axis=1) for each in (deviation, mean))
                 movements = np.sqrt(np.divide(*squares)).tolist()
-            if Measure(Kind.SPREAD, seconds) in self._measures:
-                numbers[Measure(Kind.SPREAD, seconds)] = self._body.spread(mean, deviation)
-            if Measure(Kind.POSTURE, seconds) in self._measures:
-                numbers[Measure(Kind.POSTURE, seconds)] = self._body.posture(mean)
+            numbers |= self._of_distances(seconds, mean, deviation)
         return numbers, movements
+
+    def _of_distances(
+        self, seconds: float, mean: NDArray[np.float64], deviation: NDArray[np.float64]
+    ) -> dict[Measure, NDArray[np.float64]]:
+        """Measure what is asked of one length, of one performer or of several: both (..., pairs), metres."""
+        return {
+            measure: self._body.spread(mean, deviation) if measure.kind is Kind.SPREAD else self._body.posture(mean)
+            for measure in self._measures
+            if measure.seconds == seconds and measure.kind is not Kind.SHAPE
+        }
 
     def settled(self, seconds: float) -> RollingVariance:
         """Give mean and variance of the distances over one of the lengths, up to the newest row."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from typing import TYPE_CHECKING, Generic, Protocol, TypeVar
 
 from stream.status import InputCounts
@@ -59,7 +60,7 @@ class MessageReceiver(Receiver[list[bytes]], Protocol):
         """The endpoint."""
 
 
-class ReceivingSource(Generic[_Packet]):
+class ReceivingSource(ABC, Generic[_Packet]):
     """What all sources have in common: packets are received and counted; what they hold, each kind of source knows.
 
     Parameters
@@ -91,9 +92,9 @@ class ReceivingSource(Generic[_Packet]):
         self._counts.received += 1
         return self._understood(packet, arrival)
 
+    @abstractmethod
     def _understood(self, packet: _Packet, arrival: float) -> Sequence[Frame | Announcement]:
         """Make sense of a packet; what makes none is counted."""
-        raise NotImplementedError
 
     def close(self) -> None:
         """Close the socket."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +14,14 @@ Rows = NDArray[np.float64]
 DRIFT_TOLERANCE = 1e-11
 #: Rounding of a number, relative to it.
 EPSILON = float(np.finfo(np.float64).eps)
+
+
+@lru_cache(256)
+def signs(entered: int, left: int) -> Rows:
+    """Give 1 for each row that entered and then -1 for each that left, shape (entered + left,)."""
+    weights = np.repeat((1.0, -1.0), (entered, left))
+    weights.flags.writeable = False
+    return weights
 
 
 class Rolling(ABC):

@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from stream.covariance import signs
-from stream.rolling import DRIFT_TOLERANCE, EPSILON, Rolling, Rows
+from stream.rolling import DRIFT_TOLERANCE, EPSILON, Rolling, Rows, signs
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

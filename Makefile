@@ -12,11 +12,12 @@ export OMP_NUM_THREADS := 1
 
 setup: $(MADE)
 
-$(MADE): pyproject.toml
+$(MADE): pyproject.toml library/compiled.c library/loops.h
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { echo "kinespace needs Python 3.11 or newer: make PYTHON=python3.12 ..."; exit 2; }
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --upgrade pip
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev]'
+	@# Two of setuptools' keys are still called experimental, as often as they are read.
+	PYTHONWARNINGS=ignore $(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev]'
 	@touch $@
 
 demo: setup
@@ -49,5 +50,5 @@ wheel-check: setup
 	cd build/wheel && venv/bin/kinespace info && venv/bin/kinespace demo --json
 
 clean:
-	rm -rf $(VENV) build dist *.egg-info .mypy_cache .ruff_cache .pytest_cache .hypothesis
+	rm -rf $(VENV) build dist *.egg-info library/_compiled.* .mypy_cache .ruff_cache .pytest_cache .hypothesis
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from library import compiled
+
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
@@ -62,6 +64,7 @@ class DistanceMeasurer:
 
     def __init__(self, skeleton: Skeleton, most: int) -> None:
         self._skeleton = skeleton
+        self._pairs = np.ascontiguousarray(skeleton.pairs)
         self._numbers = np.empty(3 * most * (len(skeleton.joints) + 2 * len(skeleton.pairs)))
         self._by_frames: dict[int, _Memory] = {}
 
@@ -75,6 +78,10 @@ class DistanceMeasurer:
         rows
             Where to write the distances: contiguous, shape (frames, pairs), metres.
         """
+        loops = compiled.loops
+        if loops and len(self._skeleton.joints) <= loops.MOST_JOINTS:
+            loops.measure_distances(np.ascontiguousarray(positions, dtype=np.float64), self._pairs, rows)
+            return
         frames, joints, _ = positions.shape
         # Two or four frames lie side by side, number by number: to pick out a pair's joints is then to copy 16 or 32
         # bytes at once, for which numpy has a quick way.

@@ -19,6 +19,8 @@ import numpy as np
 from scipy.linalg import eigh
 from scipy.linalg.lapack import dgeqrf, dorgqr, dsyev
 
+from library import compiled
+
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
@@ -214,6 +216,10 @@ def _iterated(matrix: SymmetricMatrix, rows: NDArray[np.float64]) -> Leading | N
 
 
 def _orthonormal(rows: NDArray[np.float64]) -> NDArray[np.float64]:
+    if compiled.loops:
+        found = np.empty(rows.shape)
+        if compiled.loops.orthonormal(np.ascontiguousarray(rows), found):
+            return found
     reflectors, scales, _, _ = dgeqrf(rows.T, overwrite_a=True)
     basis, _, _ = dorgqr(reflectors, scales, overwrite_a=True)
     orthonormal: NDArray[np.float64] = basis.T

@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from library.measures import LEVELS_REMOVED, Basis, Kind, covariance_of, shape_of
+from library import compiled
+from library.measures import LEVELS_REMOVED, SHAPE_FLOOR, Basis, Kind, covariance_of, shape_of
 from library.metric import halved, principal_metric
 
 if TYPE_CHECKING:
@@ -122,7 +123,16 @@ def _shown_directions(
 
 def turned(shapes: NDArray[np.float64], directions: NDArray[np.float64]) -> NDArray[np.float64]:
     """Give shapes, (..., n (n + 1) / 2), in other directions, (n, fewer): as many numbers as those make."""
-    return shape_of(directions.T @ covariance_of(shapes) @ directions)
+    loops, size = compiled.loops, len(directions)
+    if loops is None or size > loops.MOST_DIRECTIONS or shapes.ndim != 2:
+        return shape_of(directions.T @ covariance_of(shapes) @ directions)
+    fewer = directions.shape[1]
+    others = np.empty((len(shapes), fewer * (fewer + 1) // 2))
+    # Those of a file lie as they lie there.
+    directions = np.ascontiguousarray(directions)
+    for shape, numbers in zip(shapes, others, strict=True):
+        loops.turn_shape(shape, directions, SHAPE_FLOOR, numbers)
+    return others
 
 
 def some_of(joints: int) -> tuple[tuple[int, ...], ...]:

@@ -21,10 +21,12 @@ import math
 from dataclasses import dataclass, field
 from enum import StrEnum
 from functools import cache, lru_cache
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from scipy.linalg.blas import dgemm
+
+from library import compiled
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -63,8 +65,7 @@ class Kind(StrEnum):
 LEVELS_REMOVED = {Kind.SPREAD: LEVEL_REMOVED, Kind.POSTURE: 0.0}
 
 
-@dataclass(frozen=True, slots=True)
-class Measure:
+class Measure(NamedTuple):
     """Numbers of one kind, of a window of so many seconds."""
 
     kind: Kind
@@ -92,6 +93,8 @@ class Body:
         By how much that body's paths are longer, shape (pairs,).
     parents
         The skeleton's.
+    sizing
+        A distance row times these is the body's size, shape (pairs,).
 
     Raises
     ------
@@ -105,7 +108,7 @@ class Body:
     scale: float
     stretches: NDArray[np.float64] = field(repr=False)
     parents: tuple[int, ...] = field(repr=False)
-    _sizing: NDArray[np.float64] = field(init=False, repr=False)
+    sizing: NDArray[np.float64] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         if not 0 < self.scale < np.inf:
@@ -114,10 +117,10 @@ class Body:
             raise ValueError(f"stretches: expected one for each of {len(self.paths)} pairs, got {self.stretches.shape}")
         if not (np.isfinite(self.stretches) & (self.stretches > 0)).all():
             raise ValueError("stretches: expected positive numbers")
-        # Rows times these are sizes: one product costs a fifth of picking the segments and taking their mean.
+        # One product costs a fifth of picking the segments and taking their mean.
         sizing = np.zeros(len(self.paths))
         np.add.at(sizing, self.segments, self.scale / len(self.segments))
-        object.__setattr__(self, "_sizing", sizing)
+        object.__setattr__(self, "sizing", sizing)
 
     @classmethod
     def of(cls, skeleton: Skeleton, scale: float = 1.0, stretches: NDArray[np.float64] | None = None) -> Body:
@@ -161,7 +164,7 @@ class Body:
 
     def size(self, rows: NDArray[np.floating]) -> NDArray[np.float64]:
         """Mean length of the segments in distance rows (..., pairs), metres: shape (...)."""
-        size: NDArray[np.float64] = rows @ self._sizing
+        size: NDArray[np.float64] = rows @ self.sizing
         return size
 
     def lengths(self, rows: NDArray[np.floating]) -> NDArray[np.float64]:
@@ -178,6 +181,22 @@ class Body:
     def posture(self, mean: NDArray[np.float64]) -> NDArray[np.float64]:
         """Measure postures from mean rows (..., pairs), metres."""
         return mean / self.lengths(mean)
+
+
+def shapes_in(courses: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
+    """Measure the shapes of windows, of one at least, by their courses in the basis, each (frames, n).
+
+    Returns
+    -------
+    As `shape_of` has them, shape (windows, n (n + 1) / 2).
+    """
+    size, loops = courses[0].shape[1], compiled.loops
+    if loops is None or size > loops.MOST_DIRECTIONS:
+        return shape_of(np.array([covariance_in(each) for each in courses]))
+    shapes = np.empty((len(courses), size * (size + 1) // 2))
+    for each, shape in zip(courses, shapes, strict=True):
+        loops.read_shape(each, SHAPE_FLOOR, _NO_MOVEMENT, shape)
+    return shapes
 
 
 def covariance_in(courses: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -343,7 +362,7 @@ def measured(  # noqa: PLR0913 - a recording, its windows, and all that measures
     starts = np.maximum(ends - max(round(measure.seconds * frame_rate), 2), 0)
     if measure.kind is Kind.SHAPE:
         seen = rows @ basis.directions
-        return shape_of(np.array([covariance_in(seen[a:b]) for a, b in zip(starts, ends, strict=True)]))
+        return shapes_in([seen[a:b] for a, b in zip(starts, ends, strict=True)])
     means = np.array([rows[a:b].mean(axis=0) for a, b in zip(starts, ends, strict=True)])
     if measure.kind is Kind.POSTURE:
         return body.posture(means)

@@ -20,8 +20,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from library import compiled
+
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterable, Sequence
 
     from numpy.typing import NDArray
 
@@ -53,16 +55,24 @@ class Shortlist:
     def __init__(self, axes: NDArray[np.float32], class_starts: NDArray[np.intp]) -> None:
         self._axes = axes
         self._starts = class_starts
-        self._counts = np.diff(class_starts, append=len(axes))
-        self._classes = np.repeat(np.arange(len(class_starts)), self._counts)
+        self._classes = np.repeat(np.arange(len(class_starts)), np.diff(class_starts, append=len(axes)))
         sample = axes[:: -(-len(axes) // _SAMPLE)]
         _, vectors = np.linalg.eigh((sample.T @ sample).astype(np.float64))
         strongest = vectors[:, ::-1].astype(np.float32)
         self._looks = [_Look(strongest[:, a:b]) for a, b in pairwise((0, *DIRECTIONS))]
         within = [look.of(axes) for look in self._looks]
         self._outside = _lengths_outside(axes, within)
-        # The first look reads all of its numbers: direction by direction in half the time.
-        self._first, *self._later = np.ascontiguousarray(within[0].T), *within[1:]
+        loops = compiled.loops
+        self._first: _FirstLook | _CompiledFirstLook = (
+            _CompiledFirstLook(loops, within[0], self._outside[0], class_starts)
+            if loops
+            else _FirstLook(within[0], self._outside[0], class_starts)
+        )
+        self._later = within[1:]
+
+    def __reduce__(self) -> tuple[type[Shortlist], tuple[NDArray[np.float32], NDArray[np.intp]]]:
+        """Say how to make another: a copy, or one in another process, looks at memory of its own."""
+        return Shortlist, (self._axes, self._starts)
 
     def class_scores(self, axes: NDArray[np.float32]) -> NDArray[np.float32]:
         """Give the best score of each class: the largest absolute inner product with its axes.
@@ -79,41 +89,129 @@ class Shortlist:
         """
         within = [look.of(axes) for look in self._looks]
         outside = _lengths_outside(axes, within)
-        firsts = within[0] @ self._first
         return np.array(
             [
-                self._best(axis, first, [each[hop] for each in within], [each[hop] for each in outside])
-                for hop, (axis, first) in enumerate(zip(axes, firsts, strict=True))
+                self._best(axis, products, [each[hop] for each in within], [each[hop] for each in outside])
+                for hop, (axis, products) in enumerate(zip(axes, self._first.products(within[0]), strict=True))
             ]
         )
 
     def _best(
         self,
         axis: NDArray[np.float32],
-        first: NDArray[np.float32],
+        products: NDArray[np.float32],
         within: Sequence[NDArray[np.float32]],
         outside: Sequence[np.float32],
     ) -> NDArray[np.float32]:
-        """Give the best score of each class for one axis, of which the first look is known."""
-        scores = np.abs(first)
-        likely = np.flatnonzero(scores == np.repeat(np.maximum.reduceat(scores, self._starts), self._counts))
-        # Of equals one will do.
-        likely = likely[np.searchsorted(likely, self._starts)]
-        best: NDArray[np.float32] = np.abs(self._axes[likely] @ axis)
+        """Give the best score of each class for one axis, of which the first look's products are known."""
+        best: NDArray[np.float32] = np.abs(self._axes[self._first.likely(products)] @ axis)
         least = best - np.float32(_ROUNDING)
-        scores += self._outside[0] * outside[0]
-        listed = np.flatnonzero(scores >= np.repeat(least, self._counts))
-        seen = first[listed]
+        listed = self._first.listed(products, least, outside[0])
+        seen, rounded = products[listed], self._first.rounded[listed]
         looks = zip(self._later, within[1:], self._outside[1:], outside[1:], strict=True)
         for theirs, ours, theirs_outside, ours_outside in looks:
-            seen += theirs[listed] @ ours
-            doubt = theirs_outside[listed] * ours_outside
+            _add_products(theirs, ours, listed, seen)
+            doubt = theirs_outside[listed] * ours_outside + rounded
             may_be = np.abs(seen) + doubt >= least[self._classes[listed]]
-            listed, seen = listed[may_be], seen[may_be]
-        if len(listed) > _TOO_MANY * len(first):
+            listed, seen, rounded = listed[may_be], seen[may_be], rounded[may_be]
+        if len(listed) > _TOO_MANY * len(products):
             return np.maximum.reduceat(np.abs(self._axes @ axis), self._starts)
-        np.maximum.at(best, self._classes[listed], np.abs(self._axes[listed] @ axis))
+        scores = np.zeros(len(listed), dtype=np.float32)
+        _add_products(self._axes, axis, listed, scores)
+        np.maximum.at(best, self._classes[listed], np.abs(scores))
         return best
+
+
+def _add_products(
+    rows: NDArray[np.float32], vector: NDArray[np.float32], listed: NDArray[np.intp], sums: NDArray[np.float32]
+) -> None:
+    """Add to sums, (listed,), the products of a vector with some rows."""
+    if compiled.loops:
+        compiled.loops.add_products(rows, vector, listed, sums)
+    else:
+        sums += rows[listed] @ vector
+
+
+class _FirstLook:
+    """The look at all motions.
+
+    Parameters
+    ----------
+    within, outside
+        What of their axes lies along its directions, (motions, directions), and the length of the rest, (motions,).
+    class_starts
+        Index of each class's first motion.
+
+    Attributes
+    ----------
+    rounded
+        How much a product may be off by rounding, (motions,).
+    """
+
+    def __init__(
+        self, within: NDArray[np.float32], outside: NDArray[np.float32], class_starts: NDArray[np.intp]
+    ) -> None:
+        # All of the numbers are read: direction by direction in half the time.
+        self._within = np.ascontiguousarray(within.T)
+        self._outside = outside
+        self._starts = class_starts
+        self._counts = np.diff(class_starts, append=len(within))
+        self.rounded: NDArray[np.float32] = np.broadcast_to(np.float32(0), len(within))
+
+    def products(self, within: NDArray[np.float32]) -> Iterable[NDArray[np.float32]]:
+        """Give the products of axes, (hops, directions), with all motions': each (motions,), good until the next."""
+        products: NDArray[np.float32] = within @ self._within
+        return products
+
+    def likely(self, products: NDArray[np.float32]) -> NDArray[np.intp]:
+        """Give the motion of each class with the largest of these products, (classes,)."""
+        scores = np.abs(products)
+        likely = np.flatnonzero(scores == np.repeat(np.maximum.reduceat(scores, self._starts), self._counts))
+        # Of equals one will do.
+        return likely[np.searchsorted(likely, self._starts)]
+
+    def listed(
+        self, products: NDArray[np.float32], least: NDArray[np.float32], outside: np.float32
+    ) -> NDArray[np.intp]:
+        """List the motions that may score the least of their class, (classes,), or more; good until the next."""
+        scores = np.abs(products)
+        scores += self._outside * outside
+        return np.flatnonzero(scores >= np.repeat(least, self._counts))
+
+
+class _CompiledFirstLook:
+    """The same, compiled, from numbers in half precision: half as much to read."""
+
+    def __init__(
+        self,
+        loops: compiled.Loops,
+        within: NDArray[np.float32],
+        outside: NDArray[np.float32],
+        class_starts: NDArray[np.intp],
+    ) -> None:
+        halves = within.astype(np.float16)
+        # The axis asked for is of unit length, so that this is the most by which a product may be off.
+        self.rounded = np.sqrt(np.square(within - halves).sum(axis=1))
+        self._look = loops.Look(halves, outside, self.rounded, class_starts)
+        self._products = np.empty(len(within), dtype=np.float32)
+        self._likely = np.empty(len(class_starts), dtype=np.intp)
+        self._listed = np.empty(len(within), dtype=np.intp)
+
+    def products(self, within: NDArray[np.float32]) -> Iterable[NDArray[np.float32]]:
+        """Give the products, as `_FirstLook` does."""
+        for axis in within:
+            self._look.products(axis, self._products, self._likely)
+            yield self._products
+
+    def likely(self, products: NDArray[np.float32]) -> NDArray[np.intp]:  # noqa: ARG002 - found with the products
+        """Give the motion of each class with the largest of the last products."""
+        return self._likely
+
+    def listed(
+        self, products: NDArray[np.float32], least: NDArray[np.float32], outside: np.float32
+    ) -> NDArray[np.intp]:
+        """List the motions, as `_FirstLook` does."""
+        return self._listed[: self._look.listed(products, least, float(outside), self._listed)]
 
 
 class _Look:

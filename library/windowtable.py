@@ -15,11 +15,12 @@ the fewer joints show of the library's (is it known?); see `library.fewerjoints`
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from library import compiled
 from library.aligned import aligned
 from library.comparison import (
     FOR_ANYBODY,
@@ -106,12 +107,38 @@ class WindowTable:
     directions_shown: NDArray[np.float64] | None = field(default=None, repr=False)
     _people: People = field(init=False, repr=False)
     _factors: tuple[NDArray[np.float32], ...] = field(init=False, repr=False)
+    _mixing: NDArray[np.float32] | None = field(init=False, repr=False)
+    _compiled: compiled.Table | None = field(init=False, repr=False)
+    #: What must be measured of a live window.
+    measures: tuple[Measure, ...] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         self._check()
+        object.__setattr__(self, "measures", tuple(measure for group in self.groups for measure, _ in group))
         people = People.of(self.classes[self.motions], self.actors[self.motions])
         object.__setattr__(self, "_people", people)
         object.__setattr__(self, "_factors", tuple(_factor(each) for each in self.vectors))
+        shown = self.directions_shown
+        mixing = None if shown is None else _mixing(self.groups, shown.shape[1] / shown.shape[0])
+        object.__setattr__(self, "_mixing", mixing)
+        object.__setattr__(self, "_compiled", self._laid_out())
+
+    def __reduce__(self) -> tuple[type[WindowTable], tuple[Any, ...]]:
+        """Say how to make another: a copy, or one in another process, lays its own windows out."""
+        return WindowTable, tuple(getattr(self, each.name) for each in fields(self) if each.init)
+
+    def _laid_out(self) -> compiled.Table | None:
+        """Lay the windows out for the compiled loops; None where those are not there."""
+        people, metrics = self._people, self.comparison.metrics
+        parts = [
+            [
+                (metrics[measure].origin, metrics[measure].axes, metrics[measure].outside, weight)
+                for measure, weight in group
+            ]
+            for group in self.groups
+        ]
+        class_starts = np.flatnonzero(np.diff(people.classes, prepend=-1))
+        return compiled.laid_out(parts, self.vectors, people.starts, class_starts, nearest=NEAREST, farthest=_FARTHEST)
 
     def _check(self) -> None:
         if self.groups not in (FOR_ANYBODY, FOR_ONE_PERSON):
@@ -253,11 +280,6 @@ class WindowTable:
     def __len__(self) -> int:
         return len(self.vectors[0])
 
-    @property
-    def measures(self) -> tuple[Measure, ...]:
-        """What must be measured of a live window."""
-        return tuple(measure for group in self.groups for measure, _ in group)
-
     def log_distances(self, measures: Mapping[Measure, NDArray[np.float64]]) -> NDArray[np.float64]:
         """Compare a live window with every window of the library, or those of several performers at once.
 
@@ -283,23 +305,26 @@ class WindowTable:
         Shape (1, classes) where both are the same, (2, classes) in a table restricted to fewer joints; of several
         windows (hops, 1 or 2, classes).
         """
-        squared = self.squared_distances(measures)
-        if self.shown is None or self.directions_shown is None:
-            return self.nearest(squared)[..., None, :]
+        if self.shown is None or self.directions_shown is None or self._mixing is None:
+            if compiled.loops and self._compiled and _is_one(measures):
+                distances = np.empty((1, len(self._people.places)))
+                self._compiled.compared(*(measures[measure] for measure in self.measures), distances[0])
+                return distances
+            return self.nearest(self.squared_distances(measures))[..., None, :]
         shapes = {measure: numbers for measure, numbers in measures.items() if measure.kind is Kind.SHAPE}
         cut = turned(np.stack(list(shapes.values())), self.directions_shown) if shapes else ()
         shown = self.shown.squared_distances({**measures, **dict(zip(shapes, cut, strict=True))})
-        # Of a shape whole directions are missing, and nothing stands in for them: what is left of it counts as well.
-        told = np.float32(self.directions_shown.shape[1] / self.directions_shown.shape[0])
-        named = [
-            each**told * cut ** (1 - told) if group[0][0].kind is Kind.SHAPE else each
-            for group, each, cut in zip(self.groups, squared, shown, strict=True)
-        ]
-        return np.stack([self.nearest(named), self.nearest(shown)], axis=-2)
+        logs = np.log(np.array([*self.squared_distances(measures), *shown]))
+        both = (self._mixing @ logs.reshape(len(logs), -1)).reshape(-1, *logs.shape[1:])
+        return np.moveaxis(self._people.agreed(self._people.nearest(both)), 0, -2)
 
     def squared_distances(self, measures: Mapping[Measure, NDArray[np.float64]]) -> list[NDArray[np.float32]]:
         """For each group give live windows' squared distances to all windows, and a little more, ([hops,] windows)."""
-        asking = _asking if next(iter(measures.values())).ndim == 1 else _asking_each
+        if compiled.loops and self._compiled and _is_one(measures):
+            squares = np.empty((len(self.groups), len(self)), dtype=np.float32)
+            self._compiled.squares(*(measures[measure] for measure in self.measures), squares)
+            return list(squares)
+        asking = _asking if _is_one(measures) else _asking_each
         squared = [
             (factor @ asking(measures, group, self.comparison, vectors.shape[1])).T
             for group, vectors, factor in zip(self.groups, self.vectors, self._factors, strict=True)
@@ -363,6 +388,21 @@ class WindowTable:
         """Give the largest log distance by which a motion is known that is answered at a false-acceptance rate."""
         rate = min(max(rate, RATES[0]), RATES[-1])
         return float(np.interp(np.log(rate), np.log(RATES), self.known_by.thresholds))
+
+
+def _mixing(groups: Sequence[Group], told: float) -> NDArray[np.float32]:
+    """Say what becomes of log distances, by estimates and then as shown: those for naming and for knowing, (2, both).
+
+    Of a shape whole directions are missing, and nothing stands in for them: what is left of it counts as well.
+    """
+    estimated = np.array([told if group[0][0].kind is Kind.SHAPE else 1.0 for group in groups])
+    named, known = np.append(estimated, 1 - estimated), np.append(0 * estimated, np.ones(len(groups)))
+    return np.array([named, known], dtype=np.float32) / np.float32(len(groups))
+
+
+def _is_one(measures: Mapping[Measure, NDArray[np.float64]]) -> bool:
+    """Whether these are the measures of one live window, not of several."""
+    return next(iter(measures.values())).ndim == 1
 
 
 def _factor(vectors: NDArray[np.float32]) -> NDArray[np.float32]:

@@ -13,8 +13,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from library import compiled
 from library.aligned import aligned_zeros
-from stream.rolling import DRIFT_TOLERANCE, EPSILON, Rolling, Rows
+from stream.rolling import DRIFT_TOLERANCE, EPSILON, Rolling, Rows, side_by_side
 
 #: Movement, relative to the body's size, below which lost digits are of no interest to anyone.
 _NO_MOVEMENT = 1e-7
@@ -59,6 +60,11 @@ class CentredGram:
     def times(self, rows: Rows) -> Rows:
         """Multiply with vectors whose numbers add up to 0, shape (vectors, rows); others are taken as if they did."""
         # Centred on both sides. What is left of the first centring, once done, is rounding.
+        loops = compiled.loops
+        if loops and len(rows) == loops.TOGETHER:
+            image = np.empty(rows.shape)
+            loops.times_centred(np.ascontiguousarray(rows), self._products, image)
+            return image
         image = rows @ self._products
         self.centre(image)
         return image
@@ -85,6 +91,8 @@ class RollingGram(Rolling):
 
     def __init__(self, width: int) -> None:
         super().__init__()
+        #: Where the compiled loops hold some rows relative to the reference.
+        self._some = np.empty((compiled.loops.TOGETHER if compiled.loops else 0, width))
         self._reference: Rows = aligned_zeros(1, width)[0]
         self._relative: Rows = aligned_zeros(_FIRST_ENTERED, width)
         self._reference_square = self._still = 0.0
@@ -102,6 +110,10 @@ class RollingGram(Rolling):
             self._make_room(len(window))
         start, end = self._start, self._end
         self._end = end + new
+        if compiled.loops and len(self._some) and side_by_side(window):
+            of_each = self._of_each[:, start : self._end]
+            compiled.loops.add_frames(window, new, self._reference, self._some, self._held, of_each)
+            return
         relative = self._relative_to_reference(entered)
         # One factor alone needs to be relative to the reference: what the other has too much is the same for all.
         along = relative @ self._reference

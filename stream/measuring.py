@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING, NamedTuple, Self
 
 import numpy as np
 
-from library.measures import FEWEST_FRAMES, Kind, Measure, covariance_in, shape_of
+from library.measures import FEWEST_FRAMES, Kind, Measure, shapes_in
 from stream.variance import RollingVariance, means_and_deviations
 from stream.window import MOST_PENDING, SlidingWindow
 
@@ -75,18 +74,20 @@ class WindowMeasurer:
 
     def __init__(self, measures: Iterable[Measure], body: Body, basis: Basis) -> None:
         self._measures = tuple(measures)
+        self._shapes, self._spreads, self._postures = (
+            [measure for measure in self._measures if measure.kind is kind]
+            for kind in (Kind.SHAPE, Kind.SPREAD, Kind.POSTURE)
+        )
         self._body = body
         self._directions = basis.directions
         pairs, directions = basis.directions.shape
-        self._shapes = [measure for measure in self._measures if measure.kind is Kind.SHAPE]
-        others = {measure.seconds for measure in self._measures if measure.kind is not Kind.SHAPE}
-        #: Length of the longest window over which distances are measured, seconds.
-        self.longest = max(others)
-        self._distances = {seconds: _Length(seconds, pairs) for seconds in others}
+        #: Length of the longest window whose spread is measured, seconds.
+        self.longest = max(measure.seconds for measure in self._spreads)
+        lengths = {measure.seconds for measure in (*self._spreads, *self._postures)}
+        self._distances = {seconds: _Length(seconds, pairs) for seconds in lengths}
         # Of so few numbers to take the covariance afresh costs less than to keep it, up to a thousand frames.
         longest = max((shape.seconds for shape in self._shapes), default=self.longest)
         self._courses = SlidingWindow(longest, directions)
-        self._covariances = np.zeros((len(self._shapes), directions, directions))
         self._frames = 0
 
     def clear(self) -> None:
@@ -103,7 +104,7 @@ class WindowMeasurer:
             distances.push(times, rows)
         if self._shapes:
             self._courses.push(times, rows @ self._directions)
-            self._courses.take_change()
+            self._courses.pass_over_change()
 
     @property
     def ready(self) -> bool:
@@ -112,15 +113,15 @@ class WindowMeasurer:
 
     def read(self) -> Measured:
         """Measure the windows that end with the newest row."""
-        numbers = self._shapes_now()
-        movement = 0.0
-        for seconds, distances in self._distances.items():
-            rolling = distances.settled()
-            mean, deviation = rolling.mean(), rolling.deviation()
-            if seconds == self.longest:
-                movement = math.sqrt(float(deviation @ deviation) / float(mean @ mean))
-            numbers |= self._of_distances(seconds, mean, deviation)
-        return Measured(numbers, movement)
+        numbers: dict[Measure, NDArray[np.float64]] = {}
+        if self._shapes:
+            numbers |= zip(self._shapes, shapes_in(self.courses()), strict=True)
+        for measure in self._postures:
+            numbers[measure] = self._body.posture(self.settled(measure.seconds).mean())
+        movements: dict[float, float] = {}
+        for measure in self._spreads:
+            numbers[measure], movements[measure.seconds] = self.settled(measure.seconds).spread(self._body)
+        return Measured(numbers, movements[self.longest])
 
     def read_with(self, others: Sequence[Self]) -> tuple[dict[Measure, NDArray[np.float64]], list[float]]:
         """Measure the windows of several performers, which takes little longer than those of one.
@@ -137,10 +138,9 @@ class WindowMeasurer:
         everybody = (self, *others)
         numbers: dict[Measure, NDArray[np.float64]] = {}
         if self._shapes:
-            covariances = np.empty((len(everybody), *self._covariances.shape))
-            for each, covariance in zip(everybody, covariances, strict=True):
-                each.write_shapes(covariance)
-            numbers |= zip(self._shapes, shape_of(covariances).swapaxes(0, 1), strict=True)
+            shapes = shapes_in([course for each in everybody for course in each.courses()])
+            by_performer = shapes.reshape(len(everybody), len(self._shapes), -1)
+            numbers |= zip(self._shapes, by_performer.swapaxes(0, 1), strict=True)
         movements: list[float] = []
         for seconds in self._distances:
             mean, deviation = means_and_deviations([each.settled(seconds) for each in everybody])
@@ -164,14 +164,6 @@ class WindowMeasurer:
         """Give mean and variance of the distances over one of the lengths, up to the newest row."""
         return self._distances[seconds].settled()
 
-    def write_shapes(self, covariances: NDArray[np.float64]) -> None:
-        """Write the covariances in the basis, of each length whose shape is measured: (lengths, n, n)."""
-        for shape, covariance in zip(self._shapes, covariances, strict=True):
-            covariance[:] = covariance_in(self._courses.last(shape.seconds))
-
-    def _shapes_now(self) -> dict[Measure, NDArray[np.float64]]:
-        """Measure the shapes of all lengths in one go: to ask for a decomposition costs as much as to make it."""
-        if not self._shapes:
-            return {}
-        self.write_shapes(self._covariances)
-        return dict(zip(self._shapes, shape_of(self._covariances), strict=True))
+    def courses(self) -> list[NDArray[np.float64]]:
+        """Give the courses in the basis over each length whose shape is measured, (frames, n): views."""
+        return [self._courses.last(shape.seconds) for shape in self._shapes]

@@ -24,6 +24,11 @@ def signs(entered: int, left: int) -> Rows:
     return weights
 
 
+def side_by_side(rows: Rows) -> bool:
+    """Whether the numbers of each row are, as the compiled loops need them; a sliding window's are."""
+    return rows.strides[1] == rows.itemsize
+
+
 class Rolling(ABC):
     """Numbers that follow a sliding window's rows.
 

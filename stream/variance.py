@@ -6,14 +6,19 @@ and the rounding that may have gathered is bounded and, when it no longer is sma
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from stream.rolling import DRIFT_TOLERANCE, EPSILON, Rolling, Rows, signs
+from library import compiled
+from library.measures import LEVEL_REMOVED, SPREAD_FLOOR
+from stream.rolling import DRIFT_TOLERANCE, EPSILON, Rolling, Rows, side_by_side, signs
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
+
+    from library.measures import Body
 
 #: Movement, relative to the distance, below which lost digits are of no interest to anyone.
 _NO_MOVEMENT = 1e-6
@@ -43,13 +48,20 @@ class RollingVariance(Rolling):
 
     def _follow(self, entered: Rows, left: Rows, window: Rows) -> None:
         count = self._count
-        self._add(np.concatenate([entered, left]), signs(len(entered), len(left)))
         # The largest sum bounds the rounding of all: one distance that stood still while others moved must not be lost.
-        largest = int(self._squares.argmax())
-        squares, total = self._squares.item(largest), self._sum.item(largest)
+        if compiled.loops and side_by_side(window):
+            squares, total = compiled.loops.follow(self.sums, entered, left)
+        else:
+            squares, total = self._follow_by_numpy(entered, left)
         self._rounding += EPSILON * (len(entered) + len(left)) * squares
         if self._rounding > DRIFT_TOLERANCE * max(squares - total * total / count, count * self._no_movement):
             self._refresh(window)
+
+    def _follow_by_numpy(self, entered: Rows, left: Rows) -> tuple[float, float]:
+        """Add what entered, take away what left; give the largest sum of squares and the sum that belongs to it."""
+        self._add(np.concatenate([entered, left]), signs(len(entered), len(left)))
+        largest = int(self._squares.argmax())
+        return self._squares.item(largest), self._sum.item(largest)
 
     def _add(self, rows: Rows, weights: Rows) -> None:
         """Add rows (rows, width) times their weights (rows,); the rows are overwritten."""
@@ -78,6 +90,22 @@ class RollingVariance(Rolling):
         np.maximum(scatter, 0.0, out=scatter)
         scatter /= max(self._count - 1, 1)
         return np.sqrt(scatter, out=scatter)
+
+    def spread(self, body: Body) -> tuple[Rows, float]:
+        """Measure the rows' spread, as `Body.spread` does, and their movement; needs a row.
+
+        Returns
+        -------
+        The spread, shape (width,), and the root mean square deviation of a distance, relative to its mean square.
+        """
+        if compiled.loops:
+            numbers = np.empty(self.sums.shape[1])
+            movement = compiled.loops.read_spread(
+                self.sums, self._count, body.sizing, SPREAD_FLOOR, LEVEL_REMOVED, numbers
+            )
+            return numbers, movement
+        mean, deviation = self.mean(), self.deviation()
+        return body.spread(mean, deviation), math.sqrt(float(deviation @ deviation) / float(mean @ mean))
 
 
 def means_and_deviations(windows: Sequence[RollingVariance]) -> tuple[Rows, Rows]:

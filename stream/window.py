@@ -142,8 +142,12 @@ class SlidingWindow:
         """Say what entered and what left since the last call; a row that did both is in neither."""
         fresh = max(self._fresh, self._start)
         change = Change(self._rows[fresh : self._end], self._rows[self._kept : min(self._start, self._fresh)])
-        self._kept, self._fresh = self._start, self._end
+        self.pass_over_change()
         return change
+
+    def pass_over_change(self) -> None:
+        """Go on as if the change had been taken, for who looks at the rows alone."""
+        self._kept, self._fresh = self._start, self._end
 
     @property
     def rows(self) -> NDArray[np.float64]:
@@ -155,8 +159,10 @@ class SlidingWindow:
 
     def last(self, seconds: float) -> NDArray[np.float64]:
         """Give the rows that a window of fewer seconds would hold, shape (rows, width): a view likewise."""
+        if seconds >= self.seconds:
+            return self.rows
         times = self._times[self._start : self._end]
-        begin = int(np.searchsorted(times, self._newest - (seconds - _TIE), side="right"))
+        begin = int(times.searchsorted(self._newest - (seconds - _TIE), side="right"))
         return self._rows[self._start + min(begin, len(times) - 1) : self._end]
 
     @property

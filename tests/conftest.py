@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 import os
 import shutil
+from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, NoReturn
 
@@ -12,12 +13,14 @@ import pytest
 from hypothesis import settings
 from liblotools import LibloTools
 
+from library import compiled
 from library.comparison import Comparison
 from library.motionlibrary import MotionLibrary
 from library.recordings import find_recordings, read_recordings
 from tools.bench import recorded
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
     from types import ModuleType
 
     from library.clip import Clip
@@ -26,6 +29,10 @@ if TYPE_CHECKING:
 # The same examples in every run, and no deadline: a slow machine is not a failure.
 settings.register_profile("kinespace", derandomize=True, deadline=None)
 settings.load_profile("kinespace")
+
+
+#: Why tests of the compiled loops skip.
+NO_LOOPS = "no compiled loops here: gcc or clang and Python's headers make them"
 
 
 def _without(reason: str, what: str) -> NoReturn:
@@ -39,6 +46,15 @@ def _folder(path: Path) -> Path:
     if not path.is_dir():
         _without(f"no folder {path}; KINESPACE_DATA may name the one that holds the recordings", "the recordings")
     return path
+
+
+@pytest.fixture(scope="module", params=["compiled", "numpy"])
+def arithmetic(request: pytest.FixtureRequest) -> Iterator[str]:
+    """Do the arithmetic in the compiled loops, and then again in numpy."""
+    if compiled.loops is None and request.param == "compiled":
+        pytest.skip(NO_LOOPS)
+    with compiled.left_aside() if request.param == "numpy" else nullcontext():
+        yield request.param
 
 
 @pytest.fixture(scope="session")

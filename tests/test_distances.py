@@ -18,6 +18,9 @@ from library.skeleton import Skeleton
 if TYPE_CHECKING:
     from library.clip import Clip
 
+#: Everything holds of the compiled loops and of numpy.
+pytestmark = pytest.mark.usefixtures("arithmetic")
+
 BODY = hdm05.SKELETON
 
 

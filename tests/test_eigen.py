@@ -16,6 +16,9 @@ from library.eigen import BLOCK, RESIDUAL_TOLERANCE, LeadingAxis, leading_axis
 if TYPE_CHECKING:
     from library.clip import Clip
 
+#: Everything holds of the compiled loops and of numpy.
+pytestmark = pytest.mark.usefixtures("arithmetic")
+
 SEEDS = st.integers(0, 2**32 - 1)
 
 

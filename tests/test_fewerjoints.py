@@ -33,6 +33,9 @@ if TYPE_CHECKING:
     from library.measures import Measure
     from library.windowtable import WindowTable
 
+#: Everything holds of the compiled loops and of numpy.
+pytestmark = pytest.mark.usefixtures("arithmetic")
+
 #: Seconds between the windows that a library of several people keeps.
 EVERY = 0.4
 FEWER = ("root", "head", "left", "right", "foot")

@@ -17,6 +17,9 @@ from stream.window import SlidingWindow
 if TYPE_CHECKING:
     from library.clip import Clip
 
+#: Everything holds of the compiled loops and of numpy.
+pytestmark = pytest.mark.usefixtures("arithmetic")
+
 SEEDS = st.integers(0, 2**32 - 1)
 
 

@@ -17,6 +17,9 @@ if TYPE_CHECKING:
     from library.clip import Clip
     from stream.leading import WindowAxis
 
+#: Everything holds of the compiled loops and of numpy.
+pytestmark = pytest.mark.usefixtures("arithmetic")
+
 EITHER = pytest.mark.parametrize("form", [GramAxis, CovarianceAxis])
 
 

@@ -37,6 +37,9 @@ if TYPE_CHECKING:
 
     from library.clip import Clip
 
+#: Everything holds of the compiled loops and of numpy.
+pytestmark = pytest.mark.usefixtures("arithmetic")
+
 #: Measures that need no basis.
 OF_DISTANCES = (Kind.SPREAD, Kind.POSTURE)
 #: Relative error of a number that is kept in single precision.

@@ -21,6 +21,9 @@ if TYPE_CHECKING:
     from library.clip import Clip
     from library.skeleton import Skeleton
 
+#: Everything holds of the compiled loops and of numpy.
+pytestmark = pytest.mark.usefixtures("arithmetic")
+
 #: Frames between two hops; at 30 Hz every frame is one.
 HOPS = {120: 12, 60: 6, 30: 3}
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 import subprocess
 import tomllib
@@ -67,13 +68,30 @@ def test_whatever_lies_in_a_package_is_declared() -> None:
     """No file lies in a package that is neither Python nor declared as its data: it would be missing from the wheel."""
     setuptools = project()["tool"]["setuptools"]
     assert isinstance(setuptools, dict)
+    modules = setuptools["ext-modules"]
+    sources = {name for module in modules for name in (*module["sources"], *module["depends"])}
     for package in PACKAGES:
+        folder = ROOT / package.replace(".", "/")
         others = {
             path.name
-            for path in (ROOT / package.replace(".", "/")).iterdir()
-            if path.is_file() and path.suffix != ".py"
+            for path in folder.iterdir()
+            if path.is_file() and path.suffix not in (".py", ".so", ".pyd") and f"{package}/{path.name}" not in sources
         }
         assert others == set(setuptools["package-data"].get(package, []))
+
+
+def test_nobody_needs_what_is_compiled() -> None:
+    """Compiled modules are optional, serve every Python from 3.11 on, and all they are made of is in the house."""
+    setuptools = project()["tool"]["setuptools"]
+    distutils = project()["tool"]["distutils"]
+    assert isinstance(setuptools, dict)
+    assert isinstance(distutils, dict)
+    for module in setuptools["ext-modules"]:
+        assert module["optional"] is True
+        assert module["py-limited-api"] is True
+        included = re.findall(r'^#include "(.+)"$', (ROOT / module["sources"][0]).read_text("utf-8"), re.MULTILINE)
+        assert {f"library/{name}" for name in included} == set(module["depends"])
+    assert distutils["bdist_wheel"]["py-limited-api"] == "cp311"
 
 
 def test_the_librarys_terms_stand_beside_it() -> None:

@@ -26,6 +26,9 @@ if TYPE_CHECKING:
 
     from library.clip import Clip
 
+#: Everything holds of the compiled loops and of numpy.
+pytestmark = pytest.mark.usefixtures("arithmetic")
+
 #: Promised while a performer moves: largest error, relative to the largest entry.
 MOVING = 1e-9
 #: The same in a window that is still after motion.

@@ -32,6 +32,9 @@ if TYPE_CHECKING:
     from library import Clip
     from library.comparison import Comparison
 
+#: Everything holds of the compiled loops and of numpy.
+pytestmark = pytest.mark.usefixtures("arithmetic")
+
 #: How clear a direction must be in fewer distances, relative to the clearest, for them to tell of it.
 CLEAR = 0.2
 #: Relative error of a number rounded to half precision.

@@ -19,6 +19,9 @@ from library.signature import Moments, signature_of
 if TYPE_CHECKING:
     from library.clip import Clip
 
+#: Everything holds of the compiled loops and of numpy.
+pytestmark = pytest.mark.usefixtures("arithmetic")
+
 #: Two products in single precision, summed in another order.
 SAME = 1e-6
 

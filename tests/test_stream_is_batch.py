@@ -28,6 +28,9 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
     from pathlib import Path
 
+#: Everything holds of the compiled loops and of numpy.
+pytestmark = pytest.mark.usefixtures("arithmetic")
+
 #: How far a class score may be from the twin's; library and window are compared in single precision.
 SAME_SCORE = 1e-5
 #: How far the told gap between eigenvalues may stay below the true one, for windows that are not still.

@@ -9,6 +9,9 @@ from hypothesis import strategies as st
 
 from stream.variance import RollingVariance, means_and_deviations
 
+#: Everything holds of the compiled loops and of numpy.
+pytestmark = pytest.mark.usefixtures("arithmetic")
+
 SEEDS = st.integers(0, 2**32 - 1)
 NO_ROWS = np.empty((0, 5))
 

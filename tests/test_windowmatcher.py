@@ -26,6 +26,9 @@ if TYPE_CHECKING:
     from library.clip import Clip
     from stream.matcher import Reading
 
+#: Everything holds of the compiled loops and of numpy.
+pytestmark = pytest.mark.usefixtures("arithmetic")
+
 STILLNESS, SENSITIVITY = 0.01, 0.1
 RATE = 60
 

@@ -26,6 +26,9 @@ if TYPE_CHECKING:
 
     from library.clip import Clip
 
+#: Everything holds of the compiled loops and of numpy.
+pytestmark = pytest.mark.usefixtures("arithmetic")
+
 #: What a window at no distance scores: logarithms begin here.
 NO_DISTANCE = np.log(NEAREST)
 
@@ -44,7 +47,7 @@ def _long_clips(*, takes: int = 2, actors: Sequence[str] = ("aa", "bb"), frames:
 
 
 @pytest.fixture(scope="module")
-def comparison() -> Comparison:
+def comparison(arithmetic: str) -> Comparison:  # noqa: ARG001 - rounded as the tests round
     return Comparison.learned(_long_clips())
 
 

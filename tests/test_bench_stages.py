@@ -47,6 +47,7 @@ def test_every_step_has_its_cost_and_share(signature: LiveSignature, recordings:
     assert found.frames_per_second == pytest.approx(1e6 / found.us_per_frame)
     assert found.osc_decode_us == by_name["decode OSC"].us_per_frame
     assert found.osc_decode_python_osc_us > 0
+    assert found.us_per_frame_numpy > 0
 
 
 def test_what_is_kept_is_seen(recordings: Recorded, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from rich.table import Table
 
-from library import MotionLibrary, distance_rows, find_recordings, read_recordings
+from library import MotionLibrary, compiled, distance_rows, find_recordings, read_recordings
 from library.recordings import is_recording
 from stream.feeds import builtin_names, builtin_preset
 from stream.frame import Frame
@@ -131,6 +131,7 @@ def _tell_library(file: Path | None) -> int:
     console.print(f"index of each class: {indices}", soft_wrap=True)
     skeleton = library.skeleton
     console.print(f"{len(library)} motions of {len(skeleton.joints)} joints, {len(skeleton.pairs)} pairs measured")
+    console.print(f"arithmetic: {compiled.kind()}")
     console.print(f"licence: {library.licence or 'not stated'}", soft_wrap=True)
     console.print(f"attribution: {library.attribution or 'none'}", soft_wrap=True)
     return 0

@@ -52,6 +52,7 @@ class Report:
         stages = self.stages[self.signature] if self.stages else None
         return {
             "us_per_frame": stages.us_per_frame if stages else None,
+            "us_per_frame_numpy": stages.us_per_frame_numpy if stages else None,
             "frames_per_second": stages.frames_per_second if stages else None,
             "osc_decode_us": stages.osc_decode_us if stages else None,
             "osc_decode_python_osc_us": stages.osc_decode_python_osc_us if stages else None,
@@ -148,6 +149,9 @@ def _stages_table(signature: str, stages: Stages) -> Table:
     table.add_section()
     whole, theirs, memory = f"{stages.us_per_frame:.1f}", f"{stages.osc_decode_python_osc_us:.1f}", stages.memory
     table.add_row("recogniser, all in", "frame", whole, whole, f"{stages.frames_per_second:,.0f} frames/s")
+    bought = f"{stages.us_per_frame_numpy / stages.us_per_frame:.1f} times that"
+    numpy = f"{stages.us_per_frame_numpy:.1f}"
+    table.add_row("... where nothing is compiled", "frame", numpy, numpy, bought)
     table.add_row("python-osc decoding the same", "frame", theirs, theirs, "")
     table.add_section()
     table.add_row("bytes kept for good", "frame", f"{memory.kept:.1f}", "", "")

@@ -8,6 +8,7 @@ import platform
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal, get_args
 
+from library import compiled
 from stream.recognizer import LiveSignature
 from tools.bench import growth, peers, recorded, soak, sockets, stages
 from tools.bench.report import Report
@@ -154,4 +155,4 @@ def measured(parts: Sequence[Part], recordings: Recorded, *, signature: LiveSign
 def _machine() -> str:
     """Say on what this was measured, and how busy that was with other things."""
     load = f", load {os.getloadavg()[0]:.1f}" if hasattr(os, "getloadavg") else ""
-    return f"{os.cpu_count()} cores{load}, Python {platform.python_version()}, {platform.system()}"
+    return f"{os.cpu_count()} cores{load}, Python {platform.python_version()}, {platform.system()}; {compiled.kind()}"

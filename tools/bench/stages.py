@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import tracemalloc
 from collections import defaultdict
+from contextlib import nullcontext
 from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Literal
@@ -11,7 +12,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from pythonosc.osc_packet import OscPacket
 
-from library import MotionLibrary
+from library import MotionLibrary, compiled
 from library.distances import DistanceMeasurer
 from stream import osc, zeromq
 from stream.recognizer import LiveSignature, Recognizer, Settings
@@ -91,6 +92,8 @@ class Stages:
         In their order; the recogniser's own, whatever is not among the named, last but the encoding.
     us_per_frame
         Of `Recognizer.push`: distances to recognition, the hops' share included.
+    us_per_frame_numpy
+        The same where nothing is compiled.
     osc_decode_us, osc_decode_python_osc_us
         Of a frame's datagram, by ours and by python-osc.
     memory
@@ -99,6 +102,7 @@ class Stages:
 
     stages: tuple[Stage, ...]
     us_per_frame: float
+    us_per_frame_numpy: float
     osc_decode_us: float
     osc_decode_python_osc_us: float
     memory: Memory
@@ -144,6 +148,7 @@ def _measured(
             {
                 **_transports(library, positions, settings),
                 "push": _Pushing(library, positions, settings).round,
+                "push, numpy": _Pushing(library, positions, settings, by_numpy=True).round,
                 **_inner(library, positions, settings),
             },
             rounds,
@@ -152,6 +157,7 @@ def _measured(
     return Stages(
         stages=tuple(_shared(costs, frames_per_hop=settings.hop * FRAME_RATE)),
         us_per_frame=costs["push"],
+        us_per_frame_numpy=costs["push, numpy"],
         osc_decode_us=costs["decode OSC"],
         osc_decode_python_osc_us=costs["decode OSC, python-osc"],
         memory=memory,
@@ -208,21 +214,28 @@ def _recognitions(library: MotionLibrary, settings: Settings, frames: Sequence[F
 class _Pushing:
     """The whole recogniser, round after round of one feed."""
 
-    def __init__(self, library: MotionLibrary, positions: NDArray[np.float32], settings: Settings) -> None:
-        self._recognizer = Recognizer(library, settings)
+    def __init__(
+        self, library: MotionLibrary, positions: NDArray[np.float32], settings: Settings, *, by_numpy: bool = False
+    ) -> None:
+        self._arithmetic = compiled.left_aside if by_numpy else nullcontext
+        with self._arithmetic():
+            self._recognizer = Recognizer(library, settings)
         self._feed = Feed(positions)
-        for frame in self._feed.take(WARM_UP):
-            self._recognizer.push(frame)
+        self._push(WARM_UP)
 
     def round(self) -> float:
         """Push the next four seconds; microseconds per frame."""
-        frames = self._feed.take(_ROUND)
+        return self._push(_ROUND)
+
+    def _push(self, count: int) -> float:
+        frames = self._feed.take(count)
 
         def push() -> None:
             for frame in frames:
                 self._recognizer.push(frame)
 
-        return timed(push) * 1e6 / _ROUND
+        with self._arithmetic():
+            return timed(push) * 1e6 / count
 
 
 class _Stepping:

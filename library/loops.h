@@ -92,7 +92,8 @@ LOOP static double KIND(spread)(const double *restrict sums, Py_ssize_t width, d
         variances += variance;
         numbers[i] = variance;
     }
-    const double per_size = 1.0 / size;
+    /* All joints in one point do not swing. */
+    const double per_size = size > 0.0 ? 1.0 / size : 0.0;
     for (Py_ssize_t i = 0; i < width; i++) {
         numbers[i] = sqrt(numbers[i]) * per_size + floor;
     }
@@ -105,7 +106,7 @@ LOOP static double KIND(spread)(const double *restrict sums, Py_ssize_t width, d
     for (Py_ssize_t i = 0; i < width; i++) {
         numbers[i] -= removed;
     }
-    return sqrt(variances / means);
+    return means > 0.0 ? sqrt(variances / means) : 0.0;
 }
 
 /* Add the products of one band of directions with all up to it, `wide` times eight of them, over some centred frames. */

@@ -173,14 +173,19 @@ class Body:
         return lengths
 
     def spread(self, mean: NDArray[np.float64], deviation: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Measure spreads from mean rows and standard deviations, both (..., pairs), metres."""
-        logs: NDArray[np.float64] = np.log(deviation / self.size(mean)[..., None] + SPREAD_FLOOR)
+        """Measure spreads from mean rows and standard deviations, both (..., pairs), metres.
+
+        A body without size, all joints in one point as some trackers send who see nobody, does not swing.
+        """
+        size = self.size(mean)[..., None]
+        logs: NDArray[np.float64] = np.log(deviation / np.where(size > 0, size, np.inf) + SPREAD_FLOOR)
         logs -= LEVEL_REMOVED * logs.mean(axis=-1, keepdims=True)
         return logs
 
     def posture(self, mean: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Measure postures from mean rows (..., pairs), metres."""
-        return mean / self.lengths(mean)
+        """Measure postures from mean rows (..., pairs), metres; 0 where there is no length between two joints."""
+        lengths = self.lengths(mean)
+        return mean / np.where(lengths > 0, lengths, np.inf)
 
 
 def shapes_in(courses: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:

@@ -4,15 +4,14 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, NamedTuple, Self
 
-import numpy as np
-
 from library.measures import FEWEST_FRAMES, Kind, Measure, shapes_in
-from stream.variance import RollingVariance, means_and_deviations
+from stream.variance import RollingVariance, means_and_deviations, movements
 from stream.window import MOST_PENDING, SlidingWindow
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
+    import numpy as np
     from numpy.typing import NDArray
 
     from library.measures import Basis, Body
@@ -118,10 +117,10 @@ class WindowMeasurer:
             numbers |= zip(self._shapes, shapes_in(self.courses()), strict=True)
         for measure in self._postures:
             numbers[measure] = self._body.posture(self.settled(measure.seconds).mean())
-        movements: dict[float, float] = {}
+        moved: dict[float, float] = {}
         for measure in self._spreads:
-            numbers[measure], movements[measure.seconds] = self.settled(measure.seconds).spread(self._body)
-        return Measured(numbers, movements[self.longest])
+            numbers[measure], moved[measure.seconds] = self.settled(measure.seconds).spread(self._body)
+        return Measured(numbers, moved[self.longest])
 
     def read_with(self, others: Sequence[Self]) -> tuple[dict[Measure, NDArray[np.float64]], list[float]]:
         """Measure the windows of several performers, which takes little longer than those of one.
@@ -141,14 +140,13 @@ class WindowMeasurer:
             shapes = shapes_in([course for each in everybody for course in each.courses()])
             by_performer = shapes.reshape(len(everybody), len(self._shapes), -1)
             numbers |= zip(self._shapes, by_performer.swapaxes(0, 1), strict=True)
-        movements: list[float] = []
+        moved: list[float] = []
         for seconds in self._distances:
             mean, deviation = means_and_deviations([each.settled(seconds) for each in everybody])
             if seconds == self.longest:
-                squares = (np.square(each).sum(axis=1) for each in (deviation, mean))
-                movements = np.sqrt(np.divide(*squares)).tolist()
+                moved = movements(mean, deviation).tolist()
             numbers |= self._of_distances(seconds, mean, deviation)
-        return numbers, movements
+        return numbers, moved
 
     def _of_distances(
         self, seconds: float, mean: NDArray[np.float64], deviation: NDArray[np.float64]

@@ -6,7 +6,6 @@ and the rounding that may have gathered is bounded and, when it no longer is sma
 
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -96,7 +95,7 @@ class RollingVariance(Rolling):
 
         Returns
         -------
-        The spread, shape (width,), and the root mean square deviation of a distance, relative to its mean square.
+        The spread, shape (width,), and the movement, as `movements` has it.
         """
         if compiled.loops:
             numbers = np.empty(self.sums.shape[1])
@@ -105,7 +104,24 @@ class RollingVariance(Rolling):
             )
             return numbers, movement
         mean, deviation = self.mean(), self.deviation()
-        return body.spread(mean, deviation), math.sqrt(float(deviation @ deviation) / float(mean @ mean))
+        return body.spread(mean, deviation), float(movements(mean, deviation))
+
+
+def movements(mean: Rows, deviation: Rows) -> Rows:
+    """Give root mean square deviations of a distance, relative to the root mean square distance.
+
+    Parameters
+    ----------
+    mean, deviation
+        Of each distance, shape (..., width), metres.
+
+    Returns
+    -------
+    Shape (...); 0 where all distances are 0: all joints in one point are a body that does not move.
+    """
+    lengths = np.square(mean).sum(axis=-1)
+    moved: Rows = np.sqrt(np.square(deviation).sum(axis=-1) / np.where(lengths > 0, lengths, np.inf))
+    return moved
 
 
 def means_and_deviations(windows: Sequence[RollingVariance]) -> tuple[Rows, Rows]:

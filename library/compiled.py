@@ -159,9 +159,12 @@ def _built() -> Loops | None:
     if os.environ.get("KINESPACE_COMPILED") == "0":
         return None
     try:
-        return cast("Loops", importlib.import_module("library._compiled"))
+        built = importlib.import_module("library._compiled")
     except ImportError:
         return None
+    # What was built from older sources may lack something: until it is built anew numpy does it all.
+    wanted = {name for name in (*vars(Loops), *Loops.__annotations__) if not name.startswith("_")}
+    return cast("Loops", built) if wanted <= set(dir(built)) else None
 
 
 #: The compiled loops; None where there are none.

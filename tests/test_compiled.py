@@ -393,6 +393,17 @@ def test_they_can_be_left_aside_for_a_while() -> None:
     assert compiled.loops is before is not None
 
 
+def test_what_was_built_from_older_sources_is_left_aside() -> None:
+    """A module that lacks one of the loops is as good as none."""
+    lacking = (
+        "import sys, types; old = types.ModuleType('library._compiled'); old.follow = None; "
+        "sys.modules['library._compiled'] = old; from library import compiled; print(compiled.kind())"
+    )
+    asked = [sys.executable, "-c", lacking]
+    told = subprocess.run(asked, cwd=ROOT, capture_output=True, text=True, check=True, timeout=60)
+    assert told.stdout == "numpy\n"
+
+
 def test_they_can_be_left_aside() -> None:
     """With KINESPACE_COMPILED=0 numpy does the arithmetic."""
     asked = [sys.executable, "-c", "from library import compiled; print(compiled.kind())"]

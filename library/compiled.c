@@ -1,4 +1,4 @@
-/* The inner loops of a hop, compiled: what numpy does in some sixty calls is done here in six.
+/* The inner loops of a hop, compiled: what numpy does in many calls is done here in a few.
  *
  * Each function is the twin of Python code that is named above it and does the same but for rounding; the tests compare
  * the two with each other and with the slow twins. Nobody needs it: `compiled.py` says whether it was built, and numpy

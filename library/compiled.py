@@ -2,8 +2,8 @@
 
 Without them numpy does the same, at three times the cost. `KINESPACE_COMPILED=0` in the environment leaves them aside.
 
-They are in C because what else compiles loops costs more than it is worth to those who watch a single performer: numba
-took 0.3 s of every start and 120 MB of memory, half as much again as all the rest.
+They are in C because what else compiles loops costs every start time, and memory more than all the rest takes: what was
+measured of numba stands in tests/TRIED.md.
 """
 
 from __future__ import annotations

@@ -8,9 +8,9 @@ that may still be better than that one: after two more looks, along more directi
 those of the whole comparison, none is missed; only the time is another.
 
 Kept indices of vectors were tried in its place: one for each class, for the best of each is wanted, asked for an axis
-and for its opposite. With 200,000 motions in 11 classes, where this takes some 3 ms, faiss 1.15 (HNSW) took 1 to 3.5 ms
-and usearch 2.26 1.7 to 5.5 ms, and they found a third to a half of the classes' best; faiss with inverted lists found
-94 % in 3 ms and all in 10 ms.
+and for its opposite. With 200,000 motions in 11 classes, where this takes some 3 ms and compiled half of that, faiss
+1.15 (HNSW) took 1 to 3.5 ms and usearch 2.26 1.7 to 5.5 ms, and they found a third to a half of the classes' best;
+faiss with inverted lists found 94 % in 3 ms and all in 10 ms.
 """
 
 from __future__ import annotations
@@ -27,8 +27,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-#: Motions from which a short list is quicker than comparing with every motion: measured, the two are equal at 1,700; at
-#: 2,300 the short list takes 70 %, at 20,000 20 %, at 200,000 10 % of the other's time.
+#: Motions from which a short list is quicker than comparing with every motion: measured, the two are equal at 1,700,
+#: compiled at 1,200; at 20,000 the short list takes 20 %, compiled 13 %, of the other's time.
 FEWEST_MOTIONS = 2000
 #: Directions of the first look, of the first two, and so on: with fewer too many motions have to be looked at again, or
 #: compared in full, with more the looks themselves take longer.

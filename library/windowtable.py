@@ -286,8 +286,8 @@ class WindowTable:
         Parameters
         ----------
         measures
-            Of the live window, each (numbers,); or of several, each (hops, numbers): together they take a third of the
-            time.
+            Of the live window, each (numbers,); or of several, each (hops, numbers): where nothing is compiled they
+            take a third of the time together.
 
         Returns
         -------

@@ -2,19 +2,16 @@
 
 from library.clip import Clip
 from library.distances import distance_rows
-from library.motionlibrary import Match, Motion, MotionLibrary
+from library.motionlibrary import NOTHING, MotionLibrary
 from library.recordings import Reading, find_recordings, read_recordings
-from library.signature import Moments, Signature, signature_of, similarity
+from library.signature import signature_of, similarity
 from library.skeleton import Skeleton, SkeletonMismatchError
 
 __all__ = [
+    "NOTHING",
     "Clip",
-    "Match",
-    "Moments",
-    "Motion",
     "MotionLibrary",
     "Reading",
-    "Signature",
     "Skeleton",
     "SkeletonMismatchError",
     "distance_rows",

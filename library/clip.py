@@ -33,6 +33,9 @@ class Clip:
         What the clip is called, usually its file's name without the ending.
     class_name, actor, take
         Which movement it shows, by whom, which repetition; empty where the source does not say.
+    source, licence, attribution
+        The file or database that the clip comes from, the terms it may be passed on under, and whom to name; empty
+        where nobody has said.
     rotations
         Joint rotations as recorded, shape (frames, angles), radians; (frames, 0) when the source has none. Only
         the comparison of spaces (`library.retrieval`) looks at them.
@@ -53,6 +56,9 @@ class Clip:
     class_name: str = ""
     actor: str = ""
     take: str = ""
+    source: str = ""
+    licence: str = ""
+    attribution: str = ""
     rotations: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 0)), repr=False)
     filled: int = 0
 

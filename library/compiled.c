@@ -1,8 +1,7 @@
 /* The inner loops of a hop, compiled: what numpy does in many calls is done here in a few.
  *
  * Each function is the twin of Python code that is named above it and does the same but for rounding; the tests compare
- * the two with each other and with the slow twins. Nobody needs it: `compiled.py` says whether it was built, and numpy
- * does the same without it, more slowly.
+ * the two. Nobody needs it: `compiled.py` says whether it was built, and numpy does the same without it, more slowly.
  *
  * Memory is the caller's, in numpy's arrays; none is allocated while a feed runs. Shapes and types are checked here, once
  * a call, and a wrong one raises ValueError; the loops in `loops.h` take for granted that they fit.
@@ -11,6 +10,7 @@
 #define PY_SSIZE_T_CLEAN
 #include <Python.h>
 
+#include <float.h>
 #include <math.h>
 #include <stdint.h>
 #include <string.h>
@@ -24,77 +24,71 @@
 /* What memory on the stack has room for; what is larger is left to numpy. */
 #define MOST_JOINTS 256
 #define MOST_DIRECTIONS 32
-#define MOST_PARTS 4
+#define MOST_PARTS 8
+#define MOST_VIEWS 4
 #define MOST_AXES 256
-#define MOST_OWNED (4 * MOST_PARTS + 4)
+#define MOST_WINDOWS 10000000
+#define MOST_NUMBERS (MOST_JOINTS * (MOST_JOINTS - 1) / 2)
+#define MOST_OWNED (6 * MOST_PARTS + 6)
+#define MOST_ARGUMENTS 12
+/* Eigenvectors of a window that are compared with another's. */
+#define EIGENVECTORS 4
 /* Bytes of a cache line. */
 #define LINE 64
-/* Directions, axes and windows whose sums are kept in registers. */
-#define BAND 4
-#define SOME_AXES 32
+/* Axes, windows and pairs whose sums are kept in registers. */
 #define LANE 64
-/* Rows from which the memory is asked for the one that comes so many later. */
-#define AHEAD 8
-/* Frames centred at a time. */
-#define SOME_FRAMES 32
+/* Points whose products are added up in registers. */
+#define SOME_POINTS 16
+/* Numbers beside a tridiagonal matrix's diagonal that are none, when its trace is 1; turns after which they always are. */
+#define NO_EIGENVALUE 1e-12
+#define MOST_TURNS 60
+/* Bounds between which each eigenvalue is looked for at once, and how often. */
+#define SECTIONS 8
+#define PASSES 6
+#define BOUNDS (SECTIONS * EIGENVECTORS)
+/* Squared distance that is as far as any. */
+#define FARTHEST 1e30F
 
-/* Numbers that are worked on together, as wide as the widest registers; where those are narrower, in several. */
-typedef double Doubles __attribute__((vector_size(64), aligned(8), may_alias));
-typedef float Floats __attribute__((vector_size(64), aligned(4), may_alias));
-
-/* A number in half precision, as library files keep vectors and axes: half as much to read is a third less to wait. */
+/* A number in half precision: half as much to read is a third less to wait. */
 typedef uint16_t Half;
 
-/* What an object has allocated. */
+/* How numbers become a vector: library.windows.metric.Metric. */
 typedef struct {
-    void *blocks[MOST_OWNED];
-    int count;
-} Memory;
-
-/* How a measure becomes part of a vector: library.metric.Metric. */
-typedef struct {
-    Py_ssize_t numbers, axes, stride; /* from one number's axes to the next's: a multiple of SOME_AXES */
-    float outside, root;              /* the root of its weight */
+    Py_ssize_t numbers, kept, stride; /* from one number's axes to the next's: a multiple of LANE */
     float *origin;                    /* (numbers) */
-    Half *directions;                 /* (numbers, stride) */
+    Half *axes;                       /* (numbers, stride) */
+} Metric;
+
+/* A part of a signature: of distances, or so many scaled eigenvectors in so many directions. */
+typedef struct {
+    Py_ssize_t vectors, directions; /* 0 for a part of distances */
+    Metric metric;                  /* keeps nothing of eigenvectors that are only compared as they are */
 } Part;
 
-/* Measures added up before the logarithm, and the library's windows as they have them. */
+/* Parts compared as one vector, and the library's windows as they have it. */
 typedef struct {
-    int begin, end; /* of its parts */
-    Py_ssize_t axes;
-    Half *windows;  /* b, (lanes, axes, LANE) */
-    float *lengths; /* |b|² + nearest, (lanes, LANE) */
+    int members[MOST_PARTS], count, between; /* whether eigenvectors are compared as they are */
+    Py_ssize_t axes;                         /* directions, where they are */
+    Metric joint;                            /* keeps nothing where there is none */
+    Half *windows;                           /* (lanes, axes or EIGENVECTORS * axes, LANE) */
+    float *lengths;                          /* |b|² + nearest, (lanes, LANE) */
 } Group;
 
-/* library.windowtable.WindowTable with library.people.People. */
+/* library.windows.index.WindowIndex */
 typedef struct {
     PyObject_HEAD
-    int parts, groups;
+    int parts, groups, views;
     Part part[MOST_PARTS];
     Group group[MOST_PARTS];
-    Py_ssize_t windows, lanes, blocks, classes;
+    float weights[MOST_VIEWS][MOST_PARTS], nearest;
+    Py_ssize_t windows, lanes, blocks, classes, wanted; /* so many groups */
     Py_ssize_t *block_starts, *class_starts; /* one more than there are: where the last one ends */
-    float nearest, farthest;
-    float *difference; /* (most numbers): what place() works on */
-    float *products;   /* (lanes, LANE) */
-    Memory memory;
+    float *room;                             /* (MOST_NUMBERS): what place() works on */
+    float (*placed)[MOST_AXES];              /* (MOST_PARTS) */
+    float *products;                         /* (MOST_VIEWS, lanes, LANE) */
+    void *owned[MOST_OWNED];
+    int blocks_owned;
 } Table;
-
-/* What a first look knows of axes: library.shortlist.Shortlist. */
-typedef struct {
-    PyObject_HEAD
-    Py_ssize_t motions, lanes, directions, classes;
-    Py_ssize_t *class_starts; /* and where the last one ends */
-    Half *within;             /* (lanes, directions, LANE) */
-    float *outside, *doubt;   /* lengths outside the directions, and of what was rounded off within: (lanes, LANE) */
-    Memory memory;
-} Look;
-
-/* A live window's vector in one group, and its squared length and what more counts. */
-typedef struct {
-    float vector[MOST_AXES], square;
-} Asking;
 
 /* gcc on Windows spills wide registers to where the stack is not aligned for them, and crashes (its bug 54412). */
 #if defined(__x86_64__) && (!defined(_WIN32) || defined(__clang__))
@@ -133,20 +127,14 @@ typedef struct {
 /* The loops for the processor that this runs on. */
 static struct {
     const char *name;
-    void (*distances)(const double *, Py_ssize_t, Py_ssize_t, const Py_ssize_t *, Py_ssize_t, double *, Py_ssize_t);
-    void (*add_rows)(double *, Py_ssize_t, const double *, Py_ssize_t, Py_ssize_t, double);
-    double (*spread)(const double *, Py_ssize_t, double, const double *, double, double, double *);
-    void (*shape)(const double *, Py_ssize_t, Py_ssize_t, int, double, double, double *);
-    void (*turned)(const double *, int, const double *, int, double, double *);
-    void (*compare)(const Table *, const double *const *, double *);
-    void (*squares)(const Table *, const double *const *, float *);
-    void (*products)(const Look *, const float *, float *, Py_ssize_t *);
-    Py_ssize_t (*listed)(const Look *, const float *, const float *, float, Py_ssize_t *);
-    void (*add_frames)(const double *, Py_ssize_t, Py_ssize_t, Py_ssize_t, Py_ssize_t, const double *, double *, double *,
-                       Py_ssize_t, double *, Py_ssize_t);
-    void (*times_centred)(const double *, const double *, Py_ssize_t, Py_ssize_t, double *);
-    int (*orthonormal)(const double *, Py_ssize_t, Py_ssize_t, double *);
-    void (*add_products_of)(const float *, Py_ssize_t, Py_ssize_t, const float *, const Py_ssize_t *, Py_ssize_t, float *);
+    __typeof__(distances_any) *distances;
+    __typeof__(add_rows_any) *add_rows;
+    __typeof__(largest_any) *largest;
+    __typeof__(add_products_any) *add_products;
+    __typeof__(parts_any) *parts;
+    __typeof__(covariance_any) *covariance;
+    __typeof__(eigenpairs_any) *eigenpairs;
+    __typeof__(compare_any) *compare;
 } loops;
 
 #define CHOOSE(kind)                                                                                                    \
@@ -154,17 +142,12 @@ static struct {
         loops.name = #kind;                                                                                             \
         loops.distances = distances_##kind;                                                                             \
         loops.add_rows = add_rows_##kind;                                                                               \
-        loops.spread = spread_##kind;                                                                                   \
-        loops.shape = shape_##kind;                                                                                     \
-        loops.turned = turned_##kind;                                                                                   \
+        loops.largest = largest_##kind;                                                                                 \
+        loops.add_products = add_products_##kind;                                                                       \
+        loops.parts = parts_##kind;                                                                                     \
+        loops.covariance = covariance_##kind;                                                                           \
+        loops.eigenpairs = eigenpairs_##kind;                                                                           \
         loops.compare = compare_##kind;                                                                                 \
-        loops.squares = squares_##kind;                                                                                 \
-        loops.products = products_##kind;                                                                               \
-        loops.listed = listed_##kind;                                                                                   \
-        loops.add_frames = add_frames_##kind;                                                                           \
-        loops.times_centred = times_centred_##kind;                                                                     \
-        loops.orthonormal = orthonormal_##kind;                                                                         \
-        loops.add_products_of = add_products_of_##kind;                                                                 \
     } while (0)
 
 #if defined(WIDE_REGISTERS)
@@ -219,6 +202,24 @@ static int choose(const char *kind) {
 
 /* ---- what comes in -----------------------------------------------------------------------------------------------*/
 
+/* An argument: its name, numpy's type of its numbers, and its shape, a letter or digit for each dimension. Where a letter
+ * stands again the length must be the same, a star stands for any; an argument without dimensions is a number. */
+typedef struct {
+    const char *name, *type, *shape;
+    int how;
+} Wanted;
+#define WRITTEN 1
+/* Between rows there may be room. */
+#define ROOM 2
+
+/* Arguments as they came: arrays held, numbers read, and the lengths that the letters stand for. */
+typedef struct {
+    int count;
+    Py_buffer held[MOST_ARGUMENTS];
+    double number[MOST_ARGUMENTS];
+    Py_ssize_t length[128];
+} Taken;
+
 static int expect(const char *name, Py_ssize_t expected, Py_ssize_t got) {
     if (expected != got) {
         PyErr_Format(PyExc_ValueError, "%s: expected %zd, got %zd", name, expected, got);
@@ -243,52 +244,55 @@ static int expect_arguments(Py_ssize_t expected, Py_ssize_t got) {
     return 0;
 }
 
-/* PyArg_ParseTuple takes what is no tuple for a mistake in this file; it is one of whoever calls. */
-static int expect_tuple(const char *name, PyObject *tuple) {
-    if (!PyTuple_Check(tuple)) {
-        PyErr_Format(PyExc_TypeError, "%s: expected a tuple", name);
-        return -1;
-    }
-    return 0;
-}
-
-/* Read a number; the next may be asked for only when this one was there. */
-static int take_number(PyObject *object, double *number) {
-    *number = PyFloat_AsDouble(object);
-    return *number == -1.0 && PyErr_Occurred() ? -1 : 0;
-}
-
-static void let_go(Py_buffer *held, int count) {
-    for (int i = 0; i < count; i++) {
-        PyBuffer_Release(&held[i]); /* of one that is not held nothing happens */
+static void let_go(Taken *taken) {
+    for (int i = 0; i < taken->count; i++) {
+        PyBuffer_Release(&taken->held[i]); /* of one that is not held nothing happens */
     }
 }
 
-/* Hold an array of so many dimensions, of numbers of this type. They lie side by side; between rows there may be room. */
-static int hold(Py_buffer *held, PyObject *array, const char *name, int dimensions, const char *type, int writable) {
-    if (PyObject_GetBuffer(array, held, PyBUF_STRIDES | PyBUF_FORMAT | (writable ? PyBUF_WRITABLE : 0)) < 0) {
-        return -1;
-    }
-    if (held->ndim != dimensions || held->format == NULL || strcmp(held->format, type) != 0) {
-        PyErr_Format(PyExc_ValueError, "%s: expected %d dimensions of type %s, got %d of %s", name, dimensions, type,
-                     held->ndim, held->format ? held->format : "B");
-        return -1;
+/* Whether a held array is as wanted: so many dimensions of this type, its numbers side by side where they must be. */
+static int fits(const Py_buffer *held, const Wanted *wanted) {
+    const int dimensions = (int)strlen(wanted->shape);
+    if (held->ndim != dimensions || held->format == NULL || strcmp(held->format, wanted->type) != 0) {
+        PyErr_Format(PyExc_ValueError, "%s: expected %d dimensions of type %s, got %d of %s", wanted->name, dimensions,
+                     wanted->type, held->ndim, held->format ? held->format : "B");
+        return 0;
     }
     if ((uintptr_t)held->buf % (size_t)held->itemsize != 0) {
-        PyErr_Format(PyExc_ValueError, "%s: expected numbers that begin at multiples of their size", name);
-        return -1;
+        PyErr_Format(PyExc_ValueError, "%s: expected numbers that begin at multiples of their size", wanted->name);
+        return 0;
     }
     Py_ssize_t apart = held->itemsize;
     for (int i = dimensions - 1; i >= 0; i--) {
-        Py_ssize_t stride = held->strides[i];
-        int fits = dimensions == 2 && i == 0 ? stride >= apart && stride % held->itemsize == 0 : stride == apart;
-        if (held->shape[i] > 1 && !fits) {
-            PyErr_Format(PyExc_ValueError, "%s: expected numbers side by side, got some %zd bytes apart", name, stride);
-            return -1;
+        const Py_ssize_t stride = held->strides[i];
+        const int room = (wanted->how & ROOM) && i == 0 && stride > apart && stride % held->itemsize == 0;
+        if (held->shape[i] > 1 && stride != apart && !room) {
+            PyErr_Format(PyExc_ValueError, "%s: expected numbers side by side, got some %zd bytes apart", wanted->name,
+                         stride);
+            return 0;
         }
         apart *= held->shape[i];
     }
-    return 0;
+    return 1;
+}
+
+/* Whether an array's lengths are those of the letters so far; new letters stand for its lengths from now on. */
+static int agrees(Taken *taken, const Py_buffer *held, const Wanted *wanted) {
+    for (int i = 0; i < held->ndim; i++) {
+        const unsigned char letter = (unsigned char)wanted->shape[i] & 127;
+        if (letter == '*') {
+            continue;
+        }
+        if (letter >= '0' && letter <= '9') {
+            taken->length[letter] = letter - '0';
+        } else if (taken->length[letter] < 0) {
+            taken->length[letter] = held->shape[i];
+        }
+        if (expect(wanted->name, taken->length[letter], held->shape[i]) < 0) {
+            return 0;
+        }
+    }
+    return 1;
 }
 
 /* Whether some bytes may be in both, those between rows counted. */
@@ -301,267 +305,253 @@ static int overlap(const Py_buffer *one, const Py_buffer *other) {
     return begin < stop && start < end;
 }
 
-/* Nothing may be read from where something is written: indices that were checked would be others when they are used. */
-static int expect_apart(const char *name, const Py_buffer *written, const Py_buffer *held, int count) {
+/* Take arguments; whether they are taken or not, they must be let go. */
+static int take(Taken *taken, const Wanted *wanted, int count, PyObject *const *arguments, Py_ssize_t given) {
+    taken->count = 0;
+    memset(taken->length, -1, sizeof taken->length);
+    if (expect_arguments(count, given) < 0) {
+        return -1;
+    }
     for (int i = 0; i < count; i++) {
-        if (held + i != written && overlap(held + i, written)) {
-            PyErr_Format(PyExc_ValueError, "%s: expected memory that is in no other array", name);
+        Py_buffer *held = &taken->held[taken->count++];
+        held->obj = NULL;
+        held->len = 0;
+        if (wanted[i].shape[0] == 0) {
+            taken->number[i] = PyFloat_AsDouble(arguments[i]);
+            if (taken->number[i] == -1.0 && PyErr_Occurred()) {
+                return -1;
+            }
+        } else if (PyObject_GetBuffer(arguments[i], held,
+                                      PyBUF_STRIDES | PyBUF_FORMAT | (wanted[i].how & WRITTEN ? PyBUF_WRITABLE : 0)) < 0 ||
+                   !fits(held, &wanted[i]) || !agrees(taken, held, &wanted[i])) {
             return -1;
+        }
+    }
+    /* Nothing may be read from where something is written: indices that were checked would be others when used. */
+    for (int i = 0; i < count; i++) {
+        for (int j = 0; j < count && wanted[i].how & WRITTEN; j++) {
+            if (i != j && overlap(&taken->held[i], &taken->held[j])) {
+                PyErr_Format(PyExc_ValueError, "%s: expected memory that is in no other array", wanted[i].name);
+                return -1;
+            }
         }
     }
     return 0;
 }
+
+#define TAKE(taken, wanted) take(taken, wanted, (int)(sizeof(wanted) / sizeof(wanted)[0]), arguments, given)
 
 static Py_ssize_t stride_of(const Py_buffer *held) { return held->strides[0] / held->itemsize; }
 
-/* ---- distances: library.distances.DistanceMeasurer.measure -------------------------------------------------------*/
-
-static int expect_pairs(const Py_buffer *pairs, Py_ssize_t joints) {
-    const Py_ssize_t *ends = pairs->buf;
-    if (expect("pairs", 2, pairs->shape[1]) < 0 || (pairs->shape[0] > 1 && expect("pairs", 2, stride_of(pairs)) < 0)) {
-        return -1;
-    }
-    for (Py_ssize_t i = 0; i < 2 * pairs->shape[0]; i++) {
-        if (ends[i] < 0 || ends[i] >= joints) {
-            PyErr_Format(PyExc_ValueError, "pairs: expected indices of %zd joints, got %zd", joints, ends[i]);
+static int expect_indices(const char *name, const Py_buffer *held, Py_ssize_t below) {
+    const Py_ssize_t *indices = held->buf;
+    for (Py_ssize_t i = 0; i < held->len / held->itemsize; i++) {
+        if (indices[i] < 0 || indices[i] >= below) {
+            PyErr_Format(PyExc_ValueError, "%s: expected indices below %zd, got %zd", name, below, indices[i]);
             return -1;
         }
     }
     return 0;
 }
 
-/* measure_distances(positions, pairs, rows) */
+/* ---- a hop's loops ------------------------------------------------------------------------------------------------*/
+
+/* library.distances.DistanceMeasurer.measure: measure_distances(positions, pairs, rows) */
 static PyObject *measure_distances(PyObject *module, PyObject *const *arguments, Py_ssize_t given) {
-    (void)module;
-    Py_buffer held[3] = {{.obj = NULL}, {.obj = NULL}, {.obj = NULL}}, *positions = held, *pairs = held + 1, *rows = held + 2;
+    static const Wanted wanted[] = {
+        {"positions", "d", "fj3", 0}, {"pairs", INDEX, "p2", 0}, {"rows", "d", "fp", WRITTEN | ROOM}};
+    Taken taken;
     PyObject *result = NULL;
-    if (expect_arguments(3, given) == 0 && hold(positions, arguments[0], "positions", 3, "d", 0) == 0 &&
-        hold(pairs, arguments[1], "pairs", 2, INDEX, 0) == 0 && hold(rows, arguments[2], "rows", 2, "d", 1) == 0 &&
-        expect_most("joints", MOST_JOINTS, positions->shape[1]) == 0 && expect("axes", 3, positions->shape[2]) == 0 &&
-        expect_pairs(pairs, positions->shape[1]) == 0 && expect("rows", positions->shape[0], rows->shape[0]) == 0 &&
-        expect("pairs", pairs->shape[0], rows->shape[1]) == 0 && expect_apart("rows", rows, held, 3) == 0) {
-        loops.distances(positions->buf, positions->shape[0], positions->shape[1], pairs->buf, pairs->shape[0], rows->buf,
-                        stride_of(rows));
+    (void)module;
+    if (TAKE(&taken, wanted) == 0 && expect_most("joints", MOST_JOINTS, taken.length['j']) == 0 &&
+        expect_indices("pairs", &taken.held[1], taken.length['j']) == 0) {
+        loops.distances(taken.held[0].buf, taken.length['f'], taken.length['j'], taken.held[1].buf, taken.length['p'],
+                        taken.held[2].buf, stride_of(&taken.held[2]));
         result = Py_NewRef(Py_None);
     }
-    let_go(held, 3);
+    let_go(&taken);
     return result;
 }
 
-/* ---- sums: stream.variance.RollingVariance._follow ---------------------------------------------------------------*/
-
-static int expect_sums(const Py_buffer *sums) {
-    int fits = expect("sums", 3, sums->shape[0]) == 0 && expect_most("sums", PY_SSIZE_T_MAX, sums->shape[1]) == 0 &&
-               expect("sums", sums->shape[1], stride_of(sums)) == 0;
-    return fits ? 0 : -1;
-}
-
-/* follow(sums, entered, left) -> (the largest sum of squares, the sum that belongs to it) */
+/* stream.rolling.RollingMoments._add: follow(sums, clock, entered, left, entered_times, left_times) -> (the largest sum of
+ * squares, the sum that belongs to it) */
 static PyObject *follow(PyObject *module, PyObject *const *arguments, Py_ssize_t given) {
-    (void)module;
-    Py_buffer held[3] = {{.obj = NULL}, {.obj = NULL}, {.obj = NULL}}, *sums = held, *entered = held + 1, *left = held + 2;
+    static const Wanted wanted[] = {{"sums", "d", "4w", WRITTEN}, {"clock", "d", "3", WRITTEN}, {"entered", "d", "ew", ROOM},
+                                    {"left", "d", "lw", ROOM}, {"entered_times", "d", "e", 0}, {"left_times", "d", "l", 0}};
+    Taken taken;
     PyObject *result = NULL;
-    if (expect_arguments(3, given) == 0 && hold(sums, arguments[0], "sums", 2, "d", 1) == 0 &&
-        hold(entered, arguments[1], "entered", 2, "d", 0) == 0 && hold(left, arguments[2], "left", 2, "d", 0) == 0 &&
-        expect_sums(sums) == 0 && expect("entered", sums->shape[1], entered->shape[1]) == 0 &&
-        expect("left", sums->shape[1], left->shape[1]) == 0 && expect_apart("sums", sums, held, 3) == 0) {
-        Py_ssize_t width = sums->shape[1], largest = 0;
-        const double *squares = (double *)sums->buf + 2 * width;
-        loops.add_rows(sums->buf, width, entered->buf, stride_of(entered), entered->shape[0], 1.0);
-        loops.add_rows(sums->buf, width, left->buf, stride_of(left), left->shape[0], -1.0);
-        for (Py_ssize_t i = 1; i < width; i++) {
-            largest = squares[i] > squares[largest] ? i : largest;
+    (void)module;
+    if (TAKE(&taken, wanted) == 0 && expect_most("sums", PY_SSIZE_T_MAX, taken.length['w']) == 0) {
+        const Py_ssize_t width = taken.length['w'];
+        Py_buffer *held = taken.held;
+        double *sums = held[0].buf, *squares = sums + 3 * width;
+        loops.add_rows(sums, width, held[1].buf, held[2].buf, stride_of(&held[2]), held[4].buf, taken.length['e'], 1.0);
+        loops.add_rows(sums, width, held[1].buf, held[3].buf, stride_of(&held[3]), held[5].buf, taken.length['l'], -1.0);
+        const Py_ssize_t largest = loops.largest(squares, width);
+        result = Py_BuildValue("dd", squares[largest], squares[largest - 2 * width]);
+    }
+    let_go(&taken);
+    return result;
+}
+
+/* stream.rolling.RollingCovariance._add: follow_products(reference, sum, products, entered, left) -> (the trace
+ * of the products, the squared length of the sum) */
+static PyObject *follow_products(PyObject *module, PyObject *const *arguments, Py_ssize_t given) {
+    static const Wanted wanted[] = {{"reference", "d", "w", 0},
+                                    {"sum", "d", "w", WRITTEN},
+                                    {"products", "d", "ww", WRITTEN},
+                                    {"entered", "d", "ew", ROOM},
+                                    {"left", "d", "lw", ROOM}};
+    Taken taken;
+    PyObject *result = NULL;
+    (void)module;
+    if (TAKE(&taken, wanted) == 0 && expect_most("directions", MOST_DIRECTIONS, taken.length['w']) == 0) {
+        const int width = (int)taken.length['w'];
+        Py_buffer *held = taken.held;
+        loops.add_products(held[0].buf, held[1].buf, held[2].buf, width, held[3].buf, stride_of(&held[3]),
+                           taken.length['e'], 1.0);
+        loops.add_products(held[0].buf, held[1].buf, held[2].buf, width, held[4].buf, stride_of(&held[4]),
+                           taken.length['l'], -1.0);
+        const double *sum = held[1].buf, *products = held[2].buf;
+        double trace = 0.0, square = 0.0;
+        for (int i = 0; i < width; i++) {
+            trace += products[i * width + i];
+            square += sum[i] * sum[i];
         }
-        result = Py_BuildValue("dd", squares[largest], squares[largest - width]);
+        result = Py_BuildValue("dd", trace, square);
     }
-    let_go(held, 3);
+    let_go(&taken);
     return result;
 }
 
-/* ---- spread: RollingVariance.mean and .deviation, library.measures.Body.spread -----------------------------------*/
-
-/* read_spread(sums, count, sizing, floor, level, numbers) -> movement */
-static PyObject *read_spread(PyObject *module, PyObject *const *arguments, Py_ssize_t given) {
-    (void)module;
-    Py_buffer held[3] = {{.obj = NULL}, {.obj = NULL}, {.obj = NULL}}, *sums = held, *sizing = held + 1, *numbers = held + 2;
+/* RollingMoments.read, library.windows.parts.spread, posture, trend and movement:
+ * read_parts(sums, clock, count, sizing, segments, paths, floor, level, parts) -> (movement, the body's size) */
+static PyObject *read_parts(PyObject *module, PyObject *const *arguments, Py_ssize_t given) {
+    static const Wanted wanted[] = {{"sums", "d", "4w", 0},   {"clock", "d", "3", 0},        {"count", "d", "", 0},
+                                    {"sizing", "d", "w", 0},  {"segments", INDEX, "s", 0},   {"paths", "d", "sw", 0},
+                                    {"floor", "d", "", 0},    {"level", "d", "", 0},         {"parts", "d", "3w", WRITTEN}};
+    Taken taken;
     PyObject *result = NULL;
-    double count, floor, level;
-    if (expect_arguments(6, given) == 0 && hold(sums, arguments[0], "sums", 2, "d", 0) == 0 &&
-        hold(sizing, arguments[2], "sizing", 1, "d", 0) == 0 && hold(numbers, arguments[5], "numbers", 1, "d", 1) == 0 &&
-        expect_sums(sums) == 0 && expect("sizing", sums->shape[1], sizing->shape[0]) == 0 &&
-        expect("numbers", sums->shape[1], numbers->shape[0]) == 0 && expect_apart("numbers", numbers, held, 3) == 0 &&
-        take_number(arguments[1], &count) == 0 && take_number(arguments[3], &floor) == 0 &&
-        take_number(arguments[4], &level) == 0) {
-        result = PyFloat_FromDouble(
-            loops.spread(sums->buf, sums->shape[1], count, sizing->buf, floor, level, numbers->buf));
+    (void)module;
+    if (TAKE(&taken, wanted) == 0 && expect_most("sums", PY_SSIZE_T_MAX, taken.length['w']) == 0 &&
+        expect_most("segments", MOST_JOINTS, taken.length['s'] + 1) == 0 &&
+        expect_indices("segments", &taken.held[4], taken.length['w']) == 0) {
+        Py_buffer *held = taken.held;
+        double movement;
+        const double size = loops.parts(held[0].buf, taken.length['w'], held[1].buf, taken.number[2], held[3].buf, held[4].buf,
+                                        held[5].buf, taken.length['s'], taken.number[6], taken.number[7], held[8].buf, &movement);
+        result = Py_BuildValue("dd", movement, size);
     }
-    let_go(held, 3);
+    let_go(&taken);
     return result;
 }
 
-/* ---- shape: library.measures.covariance_in and shape_of ----------------------------------------------------------*/
+static int expect_eigenpairs(Py_ssize_t size, Py_ssize_t most) {
+    return expect_most("directions", MOST_DIRECTIONS, size) == 0 &&
+                   expect_most("values", size < EIGENVECTORS ? size : EIGENVECTORS, most) == 0
+               ? 0
+               : -1;
+}
 
-/* read_shape(courses, floor, no_movement, numbers) */
-static PyObject *read_shape(PyObject *module, PyObject *const *arguments, Py_ssize_t given) {
-    (void)module;
-    Py_buffer held[2] = {{.obj = NULL}, {.obj = NULL}}, *courses = held, *numbers = held + 1;
+/* library.windows.cutting.eigenpairs_of: eigenpairs(covariances, values, vectors) -> whether all were found */
+static PyObject *eigenpairs(PyObject *module, PyObject *const *arguments, Py_ssize_t given) {
+    static const Wanted wanted[] = {{"covariances", "d", "cnn", 0}, {"values", "d", "ck", WRITTEN}, {"vectors", "d", "ckn", WRITTEN}};
+    Taken taken;
     PyObject *result = NULL;
-    double floor, no_movement;
-    if (expect_arguments(4, given) == 0 && hold(courses, arguments[0], "courses", 2, "d", 0) == 0 &&
-        hold(numbers, arguments[3], "numbers", 1, "d", 1) == 0 &&
-        expect_most("frames", PY_SSIZE_T_MAX, courses->shape[0]) == 0 &&
-        expect_most("directions", MOST_DIRECTIONS, courses->shape[1]) == 0 &&
-        expect("numbers", courses->shape[1] * (courses->shape[1] + 1) / 2, numbers->shape[0]) == 0 &&
-        expect_apart("numbers", numbers, held, 2) == 0 && take_number(arguments[1], &floor) == 0 &&
-        take_number(arguments[2], &no_movement) == 0) {
-        loops.shape(courses->buf, stride_of(courses), courses->shape[0], (int)courses->shape[1], floor, no_movement,
-                    numbers->buf);
-        result = Py_NewRef(Py_None);
+    (void)module;
+    if (TAKE(&taken, wanted) == 0 && expect_eigenpairs(taken.length['n'], taken.length['k']) == 0) {
+        const int size = (int)taken.length['n'], count = (int)taken.length['k'];
+        const double *covariances = taken.held[0].buf;
+        double *values = taken.held[1].buf, *vectors = taken.held[2].buf;
+        int found = 1;
+        for (Py_ssize_t c = 0; c < taken.length['c'] && found; c++) {
+            found = loops.eigenpairs(covariances + c * size * size, size, count, values + c * count, vectors + c * count * size);
+        }
+        result = PyBool_FromLong(found);
     }
-    let_go(held, 2);
+    let_go(&taken);
     return result;
 }
 
-/* turn_shape(shape, directions, floor, numbers): library.fewerjoints.turned */
-static PyObject *turn_shape(PyObject *module, PyObject *const *arguments, Py_ssize_t given) {
-    (void)module;
-    Py_buffer held[3] = {{.obj = NULL}, {.obj = NULL}, {.obj = NULL}}, *shape = held, *directions = held + 1;
-    Py_buffer *numbers = held + 2;
+/* RollingCovariance.read, library.windows.cutting.eigenpairs_of and library.windows.parts.eigen:
+ * read_eigen(sum, products, count, none, values, vectors, scaled) -> the covariance's trace */
+static PyObject *read_eigen(PyObject *module, PyObject *const *arguments, Py_ssize_t given) {
+    static const Wanted wanted[] = {{"sum", "d", "n", 0},          {"products", "d", "nn", 0},        {"count", "d", "", 0},
+                                    {"none", "d", "", 0},          {"values", "d", "k", WRITTEN},     {"vectors", "d", "kn", WRITTEN},
+                                    {"scaled", "d", "kn", WRITTEN}};
+    Taken taken;
     PyObject *result = NULL;
-    double floor;
-    if (expect_arguments(4, given) == 0 && hold(shape, arguments[0], "shape", 1, "d", 0) == 0 &&
-        hold(directions, arguments[1], "directions", 2, "d", 0) == 0 &&
-        hold(numbers, arguments[3], "numbers", 1, "d", 1) == 0 &&
-        expect_most("directions", MOST_DIRECTIONS, directions->shape[0]) == 0 &&
-        expect_most("directions", MOST_DIRECTIONS, directions->shape[1]) == 0 &&
-        expect("directions", directions->shape[1], stride_of(directions)) == 0 &&
-        expect("shape", directions->shape[0] * (directions->shape[0] + 1) / 2, shape->shape[0]) == 0 &&
-        expect("numbers", directions->shape[1] * (directions->shape[1] + 1) / 2, numbers->shape[0]) == 0 &&
-        expect_apart("numbers", numbers, held, 3) == 0 && take_number(arguments[2], &floor) == 0) {
-        loops.turned(shape->buf, (int)directions->shape[0], directions->buf, (int)directions->shape[1], floor,
-                     numbers->buf);
-        result = Py_NewRef(Py_None);
-    }
-    let_go(held, 3);
-    return result;
-}
-
-/* ---- the leading axis: stream.gram.RollingGram._follow, CentredGram.times, library.eigen -------------------------*/
-
-/* add_frames(rows, fresh, reference, relative, square, of_each): the last `fresh` of the rows are new in the square */
-static PyObject *add_frames(PyObject *module, PyObject *const *arguments, Py_ssize_t given) {
     (void)module;
-    Py_buffer held[5] = {{.obj = NULL}, {.obj = NULL}, {.obj = NULL}, {.obj = NULL}, {.obj = NULL}};
-    Py_buffer *rows = held, *reference = held + 1, *relative = held + 2, *square = held + 3, *of_each = held + 4;
-    PyObject *result = NULL;
-    if (expect_arguments(6, given) == 0 && hold(rows, arguments[0], "rows", 2, "d", 0) == 0 &&
-        hold(reference, arguments[2], "reference", 1, "d", 0) == 0 &&
-        hold(relative, arguments[3], "relative", 2, "d", 1) == 0 && hold(square, arguments[4], "square", 2, "d", 1) == 0 &&
-        hold(of_each, arguments[5], "of_each", 2, "d", 1) == 0 &&
-        expect("reference", rows->shape[1], reference->shape[0]) == 0 &&
-        expect("relative", TOGETHER, relative->shape[0]) == 0 && expect("relative", rows->shape[1], relative->shape[1]) == 0 &&
-        expect("relative", rows->shape[1], stride_of(relative)) == 0 &&
-        expect("square", rows->shape[0], square->shape[0]) == 0 && expect("square", rows->shape[0], square->shape[1]) == 0 &&
-        expect("of_each", 2, of_each->shape[0]) == 0 && expect("of_each", rows->shape[0], of_each->shape[1]) == 0 &&
-        expect_apart("relative", relative, held, 5) == 0 && expect_apart("square", square, held, 5) == 0 &&
-        expect_apart("of_each", of_each, held, 5) == 0) {
-        Py_ssize_t fresh = PyLong_AsSsize_t(arguments[1]);
-        if (!(fresh == -1 && PyErr_Occurred()) && expect_most("fresh", rows->shape[0], fresh) == 0) {
-            loops.add_frames(rows->buf, stride_of(rows), rows->shape[0], rows->shape[1], fresh, reference->buf, relative->buf,
-                             square->buf, stride_of(square), of_each->buf, stride_of(of_each));
-            result = Py_NewRef(Py_None);
+    if (TAKE(&taken, wanted) == 0 && expect_eigenpairs(taken.length['n'], taken.length['k']) == 0) {
+        const int size = (int)taken.length['n'], most = (int)taken.length['k'];
+        double covariance[MOST_DIRECTIONS * MOST_DIRECTIONS], total = 0.0;
+        double *values = taken.held[4].buf, *vectors = taken.held[5].buf, *scaled = taken.held[6].buf;
+        const double trace = loops.covariance(taken.held[0].buf, taken.held[1].buf, size, taken.number[2], taken.number[3], covariance);
+        if (loops.eigenpairs(covariance, size, most, values, vectors)) {
+            for (int k = 0; k < most; k++) {
+                total += values[k] > 0.0 ? values[k] : 0.0;
+            }
+            for (int k = 0; k < most; k++) {
+                const double root = values[k] > 0.0 ? sqrt(sqrt(values[k] / total)) : 0.0;
+                for (int i = 0; i < size; i++) {
+                    scaled[k * size + i] = root * vectors[k * size + i];
+                }
+            }
+            result = PyFloat_FromDouble(trace);
+        } else {
+            PyErr_SetString(PyExc_ValueError, "products: expected finite numbers");
         }
     }
-    let_go(held, 5);
+    let_go(&taken);
     return result;
 }
 
-/* times_centred(vectors, square, images) */
-static PyObject *times_centred(PyObject *module, PyObject *const *arguments, Py_ssize_t given) {
-    (void)module;
-    Py_buffer held[3] = {{.obj = NULL}, {.obj = NULL}, {.obj = NULL}}, *vectors = held, *square = held + 1, *images = held + 2;
-    PyObject *result = NULL;
-    if (expect_arguments(3, given) == 0 && hold(vectors, arguments[0], "vectors", 2, "d", 0) == 0 &&
-        hold(square, arguments[1], "square", 2, "d", 0) == 0 && hold(images, arguments[2], "images", 2, "d", 1) == 0 &&
-        expect("vectors", TOGETHER, vectors->shape[0]) == 0 && expect("images", TOGETHER, images->shape[0]) == 0 &&
-        expect("square", square->shape[0], square->shape[1]) == 0 &&
-        expect("vectors", square->shape[0], vectors->shape[1]) == 0 &&
-        expect("images", square->shape[0], images->shape[1]) == 0 &&
-        expect("vectors", vectors->shape[1], stride_of(vectors)) == 0 &&
-        expect("images", images->shape[1], stride_of(images)) == 0 && expect_apart("images", images, held, 3) == 0) {
-        loops.times_centred(vectors->buf, square->buf, stride_of(square), square->shape[0], images->buf);
-        result = Py_NewRef(Py_None);
-    }
-    let_go(held, 3);
-    return result;
-}
-
-/* orthonormal(vectors, basis) -> whether there is one */
-static PyObject *orthonormal(PyObject *module, PyObject *const *arguments, Py_ssize_t given) {
-    (void)module;
-    Py_buffer held[2] = {{.obj = NULL}, {.obj = NULL}}, *vectors = held, *basis = held + 1;
-    PyObject *result = NULL;
-    if (expect_arguments(2, given) == 0 && hold(vectors, arguments[0], "vectors", 2, "d", 0) == 0 &&
-        hold(basis, arguments[1], "basis", 2, "d", 1) == 0 && expect("basis", vectors->shape[0], basis->shape[0]) == 0 &&
-        expect("basis", vectors->shape[1], basis->shape[1]) == 0 &&
-        expect("vectors", vectors->shape[1], stride_of(vectors)) == 0 &&
-        expect("basis", basis->shape[1], stride_of(basis)) == 0 && expect_apart("basis", basis, held, 2) == 0) {
-        result = PyBool_FromLong(loops.orthonormal(vectors->buf, vectors->shape[0], vectors->shape[1], basis->buf));
-    }
-    let_go(held, 2);
-    return result;
-}
-
-/* ---- windows compared: library.windowtable.WindowTable.compared --------------------------------------------------*/
+/* ---- windows compared: library.windows.index.WindowIndex ----------------------------------------------------------*/
 
 /* Give zeros that begin with a cache line; NULL and an error when there are none to be had. */
-static void *zeros(Memory *memory, Py_ssize_t count, size_t bytes) {
-    void *block = memory->count < MOST_OWNED ? PyMem_Calloc((size_t)count + LINE, bytes) : NULL;
+static void *zeros(Table *table, Py_ssize_t count, size_t bytes) {
+    void *block = table->blocks_owned < MOST_OWNED ? PyMem_Calloc((size_t)count + LINE, bytes) : NULL;
     if (block == NULL) {
         return PyErr_NoMemory();
     }
-    memory->blocks[memory->count++] = block;
+    table->owned[table->blocks_owned++] = block;
     return (char *)block + (LINE - (uintptr_t)block % LINE) % LINE;
 }
 
-/* Free an object, and its memory. */
-static void give_back(PyObject *self, Memory *memory) {
+static void table_dealloc(PyObject *self) {
+    Table *table = (Table *)self;
     PyTypeObject *type = Py_TYPE(self);
-    while (memory->count > 0) {
-        PyMem_Free(memory->blocks[--memory->count]);
+    while (table->blocks_owned > 0) {
+        PyMem_Free(table->owned[--table->blocks_owned]);
     }
     ((freefunc)PyType_GetSlot(type, Py_tp_free))(self);
     Py_DECREF(type);
 }
 
 /* Take over where things start, ascending from 0, and set where the last of them ends. */
-static Py_ssize_t *take_starts(Memory *memory, PyObject *starts, const char *name, Py_ssize_t end, Py_ssize_t *count) {
-    Py_buffer held = {.obj = NULL};
-    Py_ssize_t *taken = NULL;
-    if (hold(&held, starts, name, 1, INDEX, 0) == 0 && expect_most(name, end, held.shape[0]) == 0 &&
-        (taken = zeros(memory, held.shape[0] + 1, sizeof(Py_ssize_t))) != NULL) {
-        *count = held.shape[0];
-        memcpy(taken, held.buf, sizeof(Py_ssize_t) * (size_t)*count);
-        taken[*count] = end;
-        int ascending = taken[0] == 0;
-        for (Py_ssize_t i = 0; i < *count; i++) {
-            ascending = ascending && taken[i] < taken[i + 1];
-        }
-        if (!ascending) {
+static Py_ssize_t *take_starts(Table *table, const Py_buffer *starts, const char *name, Py_ssize_t end, Py_ssize_t *count) {
+    *count = starts->shape[0];
+    Py_ssize_t *taken = expect_most(name, end, *count) < 0 ? NULL : zeros(table, *count + 1, sizeof(Py_ssize_t));
+    if (taken == NULL) {
+        return NULL;
+    }
+    memcpy(taken, starts->buf, sizeof(Py_ssize_t) * (size_t)*count);
+    taken[*count] = end;
+    for (Py_ssize_t i = 0; i < *count; i++) {
+        if (taken[0] != 0 || taken[i] >= taken[i + 1]) {
             PyErr_Format(PyExc_ValueError, "%s: expected to start at 0 and ascend below %zd", name, end);
-            taken = NULL;
+            return NULL;
         }
     }
-    let_go(&held, 1);
     return taken;
 }
 
-/* Lay halves (rows, columns) out, lane by lane of rows. */
-static Half *take_lanes(Memory *memory, const Py_buffer *halves) {
-    Py_ssize_t columns = halves->shape[1], lanes = (halves->shape[0] + LANE - 1) / LANE;
-    Half *taken = zeros(memory, lanes * columns * LANE, sizeof(Half));
-    for (Py_ssize_t row = 0; taken != NULL && row < halves->shape[0]; row++) {
-        const Half *numbers = (Half *)halves->buf + row * stride_of(halves);
+/* Lay halves (windows, columns) out, lane by lane of windows. */
+static Half *take_lanes(Table *table, const Py_buffer *halves) {
+    const Py_ssize_t columns = halves->shape[1];
+    Half *taken = zeros(table, table->lanes * columns * LANE, sizeof(Half));
+    for (Py_ssize_t row = 0; taken != NULL && row < table->windows; row++) {
+        const Half *numbers = (Half *)halves->buf + row * columns;
         for (Py_ssize_t k = 0; k < columns; k++) {
             taken[(row / LANE * columns + k) * LANE + row % LANE] = numbers[k];
         }
@@ -569,268 +559,175 @@ static Half *take_lanes(Memory *memory, const Py_buffer *halves) {
     return taken;
 }
 
-/* Take over (origin, axes, outside, weight). */
-static int take_part(Table *table, Part *part, PyObject *tuple) {
-    Py_buffer held[2] = {{.obj = NULL}, {.obj = NULL}}, *origin = held, *axes = held + 1;
-    PyObject *origins, *directions;
-    float weight;
-    int result = -1;
-    if (expect_tuple("part", tuple) == 0 && PyArg_ParseTuple(tuple, "OOff", &origins, &directions, &part->outside, &weight) &&
-        hold(origin, origins, "origin", 1, "f", 0) == 0 && hold(axes, directions, "axes", 2, "e", 0) == 0 &&
-        expect("axes", origin->shape[0], axes->shape[0]) == 0 && expect_most("axes", MOST_AXES, axes->shape[1]) == 0) {
-        part->numbers = axes->shape[0];
-        part->axes = axes->shape[1];
-        part->stride = (part->axes + SOME_AXES - 1) / SOME_AXES * SOME_AXES;
-        part->root = sqrtf(weight);
-        if ((part->origin = zeros(&table->memory, part->numbers, sizeof(float))) != NULL &&
-            (part->directions = zeros(&table->memory, part->numbers * part->stride, sizeof(Half))) != NULL) {
-            memcpy(part->origin, origin->buf, sizeof(float) * (size_t)part->numbers);
-            for (Py_ssize_t i = 0; i < part->numbers; i++) {
-                memcpy(part->directions + i * part->stride, (Half *)axes->buf + i * stride_of(axes),
-                       sizeof(Half) * (size_t)part->axes);
-            }
-            result = 0;
-        }
+/* Take over a metric's origin (numbers) and axes (numbers, kept); one that keeps nothing is none. */
+static int take_metric(Table *table, Metric *metric, const Py_buffer *origin, const Py_buffer *axes) {
+    const Py_ssize_t numbers = axes->shape[0], kept = axes->shape[1], stride = (kept + LANE - 1) / LANE * LANE;
+    if (kept == 0) {
+        return 0;
     }
-    let_go(held, 2);
-    return result;
-}
-
-/* Lay out a group's windows and their squared lengths. */
-static int take_windows(Table *table, Group *group, PyObject *vectors, PyObject *squares) {
-    Py_buffer held[2] = {{.obj = NULL}, {.obj = NULL}}, *halves = held, *lengths = held + 1;
-    int result = -1;
-    if (hold(halves, vectors, "vectors", 2, "e", 0) == 0 && hold(lengths, squares, "lengths", 1, "f", 0) == 0 &&
-        expect("vectors", table->windows, halves->shape[0]) == 0 && expect("axes", group->axes, halves->shape[1]) == 0 &&
-        expect("lengths", table->windows, lengths->shape[0]) == 0 && expect_most("axes", MOST_AXES, group->axes) == 0 &&
-        (group->windows = take_lanes(&table->memory, halves)) != NULL &&
-        (group->lengths = zeros(&table->memory, table->lanes * LANE, sizeof(float))) != NULL) {
-        for (Py_ssize_t w = 0; w < table->windows; w++) {
-            group->lengths[w] = ((float *)lengths->buf)[w] + table->nearest;
-        }
-        result = 0;
-    }
-    let_go(held, 2);
-    return result;
-}
-
-/* Take over a group: ((part, ...), vectors, their squared lengths). */
-static int take_group(Table *table, PyObject *tuple) {
-    PyObject *parts, *vectors, *squares;
-    if (expect_tuple("group", tuple) < 0 || !PyArg_ParseTuple(tuple, "O!OO", &PyTuple_Type, &parts, &vectors, &squares)) {
+    if (expect_most("axes", MOST_AXES, kept) < 0 || expect_most("numbers", MOST_NUMBERS, numbers) < 0 ||
+        (metric->origin = zeros(table, numbers, sizeof(float))) == NULL ||
+        (metric->axes = zeros(table, numbers * stride, sizeof(Half))) == NULL) {
         return -1;
     }
-    Group *group = &table->group[table->groups++];
-    group->begin = group->end = table->parts;
-    for (Py_ssize_t p = 0; p < PyTuple_Size(parts); p++) {
-        if (expect_most("parts", MOST_PARTS, table->parts + 1) < 0) {
-            return -1;
-        }
-        Part *part = &table->part[table->parts++];
-        if (take_part(table, part, PyTuple_GetItem(parts, p)) < 0) {
-            return -1;
-        }
-        group->end = table->parts;
-        group->axes += part->axes;
+    metric->numbers = numbers;
+    metric->kept = kept;
+    metric->stride = stride;
+    memcpy(metric->origin, origin->buf, sizeof(float) * (size_t)numbers);
+    for (Py_ssize_t i = 0; i < numbers; i++) {
+        memcpy(metric->axes + i * stride, (Half *)axes->buf + i * kept, sizeof(Half) * (size_t)kept);
     }
-    return take_windows(table, group, vectors, squares);
+    return 0;
 }
 
-static int take_groups(Table *table, PyObject *groups) {
-    Py_ssize_t count = PyTuple_Size(groups), most = 0;
-    if (expect_most("groups", MOST_PARTS, count) < 0) {
-        return -1;
+/* Table(windows, block starts, class starts, weights, nearest) */
+static PyObject *table_new(PyTypeObject *type, PyObject *tuple, PyObject *named) {
+    static const Wanted wanted[] = {{"windows", "d", "", 0}, {"blocks", INDEX, "b", 0}, {"classes", INDEX, "c", 0},
+                                    {"weights", "f", "vg", 0},     {"nearest", "d", "", 0}};
+    const Py_ssize_t given = PyTuple_Size(tuple);
+    PyObject *arguments[5] = {NULL};
+    Taken taken;
+    for (Py_ssize_t i = 0; i < given && i < 5; i++) {
+        arguments[i] = PyTuple_GetItem(tuple, i);
     }
-    for (Py_ssize_t g = 0; g < count; g++) {
-        if (take_group(table, PyTuple_GetItem(groups, g)) < 0) {
-            return -1;
+    Table *table = NULL;
+    if (TAKE(&taken, wanted) == 0 && (named == NULL || expect_arguments(0, PyDict_Size(named)) == 0) &&
+        expect_most("windows", MOST_WINDOWS, (Py_ssize_t)fmax(fmin(taken.number[0], MOST_WINDOWS + 1.0), 0.0)) == 0 &&
+        expect_most("groups", MOST_PARTS, taken.length['g']) == 0 && expect_most("views", MOST_VIEWS, taken.length['v']) == 0) {
+        table = (Table *)((allocfunc)PyType_GetSlot(type, Py_tp_alloc))(type, 0);
+    }
+    if (table != NULL) {
+        Py_buffer *held = taken.held;
+        table->windows = (Py_ssize_t)taken.number[0];
+        table->lanes = (table->windows + LANE - 1) / LANE;
+        table->nearest = (float)taken.number[4];
+        table->wanted = taken.length['g'];
+        table->views = (int)taken.length['v'];
+        for (Py_ssize_t v = 0; v < table->views; v++) {
+            memcpy(table->weights[v], (float *)held[3].buf + v * table->wanted, sizeof(float) * (size_t)table->wanted);
+        }
+        if ((table->block_starts = take_starts(table, &held[1], "blocks", table->windows, &table->blocks)) == NULL ||
+            (table->class_starts = take_starts(table, &held[2], "classes", table->blocks, &table->classes)) == NULL ||
+            (table->products = zeros(table, MOST_VIEWS * table->lanes * LANE, sizeof(float))) == NULL ||
+            (table->placed = zeros(table, MOST_PARTS * MOST_AXES, sizeof(float))) == NULL ||
+            (table->room = zeros(table, MOST_NUMBERS, sizeof(float))) == NULL) {
+            Py_CLEAR(table);
         }
     }
-    for (int p = 0; p < table->parts; p++) {
-        most = table->part[p].numbers > most ? table->part[p].numbers : most;
-    }
-    table->difference = zeros(&table->memory, most, sizeof(float));
-    return table->difference ? 0 : -1;
-}
-
-static void table_dealloc(PyObject *self) { give_back(self, &((Table *)self)->memory); }
-
-/* Table(groups, windows, block starts, class starts, nearest, farthest) */
-static PyObject *table_new(PyTypeObject *type, PyObject *arguments, PyObject *named) {
-    PyObject *groups, *blocks, *classes;
-    Py_ssize_t windows;
-    float nearest, farthest;
-    if ((named != NULL && expect_arguments(0, PyDict_Size(named)) < 0) ||
-        !PyArg_ParseTuple(arguments, "O!nOOff", &PyTuple_Type, &groups, &windows, &blocks, &classes, &nearest, &farthest) ||
-        expect_most("windows", PY_SSIZE_T_MAX / (Py_ssize_t)sizeof(float) / LANE / MOST_AXES / 2, windows) < 0) {
-        return NULL;
-    }
-    Table *table = (Table *)((allocfunc)PyType_GetSlot(type, Py_tp_alloc))(type, 0);
-    if (table == NULL) {
-        return NULL;
-    }
-    table->windows = windows;
-    table->lanes = (windows + LANE - 1) / LANE;
-    table->nearest = nearest;
-    table->farthest = farthest;
-    if ((table->products = zeros(&table->memory, table->lanes * LANE, sizeof(float))) == NULL ||
-        (table->block_starts = take_starts(&table->memory, blocks, "blocks", windows, &table->blocks)) == NULL ||
-        (table->class_starts = take_starts(&table->memory, classes, "classes", table->blocks, &table->classes)) == NULL ||
-        take_groups(table, groups) < 0) {
-        Py_DECREF(table);
-        return NULL;
-    }
+    let_go(&taken);
     return (PyObject *)table;
 }
 
-/* Hold a measure for each part, (numbers). */
-static int hold_measures(const Table *table, Py_buffer *held, const double **measures, PyObject *const *arguments) {
-    for (int p = 0; p < table->parts; p++) {
-        if (hold(&held[p], arguments[p], "measure", 1, "d", 0) < 0 ||
-            expect("measure", table->part[p].numbers, held[p].shape[0]) < 0) {
-            return -1;
+/* add_part(eigenvectors, directions, origin, axes): 0 eigenvectors for a part of distances; no axes for eigenvectors that
+ * are compared as they are */
+static PyObject *table_add_part(PyObject *self, PyObject *const *arguments, Py_ssize_t given) {
+    static const Wanted wanted[] = {
+        {"eigenvectors", "d", "", 0}, {"directions", "d", "", 0}, {"origin", "f", "n", 0}, {"axes", "e", "nk", 0}};
+    Table *table = (Table *)self;
+    Taken taken;
+    PyObject *result = NULL;
+    if (TAKE(&taken, wanted) == 0 && expect_most("parts", MOST_PARTS, table->parts + 1) == 0) {
+        const double vectors = taken.number[0], directions = taken.number[1];
+        Part *part = &table->part[table->parts];
+        memset(part, 0, sizeof *part);
+        if (vectors >= 0 && vectors <= EIGENVECTORS && directions >= 0 && directions <= MOST_DIRECTIONS) {
+            part->vectors = (Py_ssize_t)vectors;
+            part->directions = part->vectors > 0 ? (Py_ssize_t)directions : 0;
         }
-        measures[p] = held[p].buf;
+        const Py_ssize_t flattened = part->directions * (part->directions + 1) / 2;
+        if ((part->directions == 0 ? expect_most("axes", MOST_AXES, taken.length['k'])
+                                   : taken.length['k'] > 0 ? expect("origin", flattened, taken.length['n']) : 0) == 0 &&
+            take_metric(table, &part->metric, &taken.held[2], &taken.held[3]) == 0) {
+            table->parts++;
+            result = Py_NewRef(Py_None);
+        }
     }
-    return 0;
-}
-
-/* compared(measure, ..., logs): a measure for each part, (numbers); logs (classes) */
-static PyObject *table_compared(PyObject *self, PyObject *const *arguments, Py_ssize_t given) {
-    Table *table = (Table *)self;
-    Py_buffer held[MOST_PARTS + 1] = {{.obj = NULL}}, *logs = held + table->parts;
-    const double *measures[MOST_PARTS];
-    PyObject *result = NULL;
-    if (expect_arguments(table->parts + 1, given) == 0 && hold_measures(table, held, measures, arguments) == 0 &&
-        hold(logs, arguments[table->parts], "logs", 1, "d", 1) == 0 &&
-        expect("logs", table->classes, logs->shape[0]) == 0 && expect_apart("logs", logs, held, MOST_PARTS + 1) == 0) {
-        loops.compare(table, measures, logs->buf);
-        result = Py_NewRef(Py_None);
-    }
-    let_go(held, MOST_PARTS + 1);
+    let_go(&taken);
     return result;
 }
 
-/* squares(measure, ..., squares): the same; squares (groups, windows) */
-static PyObject *table_squares(PyObject *self, PyObject *const *arguments, Py_ssize_t given) {
-    Table *table = (Table *)self;
-    Py_buffer held[MOST_PARTS + 1] = {{.obj = NULL}}, *squares = held + table->parts;
-    const double *measures[MOST_PARTS];
-    PyObject *result = NULL;
-    if (expect_arguments(table->parts + 1, given) == 0 && hold_measures(table, held, measures, arguments) == 0 &&
-        hold(squares, arguments[table->parts], "squares", 2, "f", 1) == 0 &&
-        expect("squares", table->groups, squares->shape[0]) == 0 &&
-        expect("squares", table->windows, squares->shape[1]) == 0 &&
-        (table->groups == 1 || expect("squares", table->windows, stride_of(squares)) == 0) &&
-        expect_apart("squares", squares, held, MOST_PARTS + 1) == 0) {
-        loops.squares(table, measures, squares->buf);
-        result = Py_NewRef(Py_None);
-    }
-    let_go(held, MOST_PARTS + 1);
-    return result;
-}
-
-/* ---- a short list: library.shortlist.Shortlist --------------------------------------------------------------------*/
-
-static void look_dealloc(PyObject *self) { give_back(self, &((Look *)self)->memory); }
-
-static int take_axes(Look *look, const Py_buffer *within, const Py_buffer *outside, const Py_buffer *doubt) {
-    if ((look->within = take_lanes(&look->memory, within)) == NULL ||
-        (look->outside = zeros(&look->memory, look->lanes * LANE, sizeof(float))) == NULL ||
-        (look->doubt = zeros(&look->memory, look->lanes * LANE, sizeof(float))) == NULL) {
+/* Set what a group consists of; -1 where it is none. */
+static int take_members(const Table *table, Group *group, const Py_buffer *members) {
+    if (expect_most("members", MOST_PARTS, members->shape[0]) < 0 || expect_indices("members", members, table->parts) < 0) {
         return -1;
     }
-    memcpy(look->outside, outside->buf, sizeof(float) * (size_t)look->motions);
-    memcpy(look->doubt, doubt->buf, sizeof(float) * (size_t)look->motions);
+    group->count = (int)members->shape[0];
+    for (int m = 0; m < group->count; m++) {
+        const Part *part = &table->part[group->members[m] = (int)((Py_ssize_t *)members->buf)[m]];
+        group->axes += part->metric.kept;
+        group->between = group->between || part->metric.kept == 0;
+    }
+    if (group->between) {
+        group->axes = table->part[group->members[0]].directions;
+        return expect("members", 1, group->count);
+    }
     return 0;
 }
 
-/* Look(within, outside, doubt, class starts) */
-static PyObject *look_new(PyTypeObject *type, PyObject *arguments, PyObject *named) {
-    Py_buffer held[3] = {{.obj = NULL}, {.obj = NULL}, {.obj = NULL}}, *within = held, *outside = held + 1, *doubt = held + 2;
-    PyObject *halves, *lengths, *doubts, *classes, *result = NULL;
-    if ((named == NULL || expect_arguments(0, PyDict_Size(named)) == 0) &&
-        PyArg_ParseTuple(arguments, "OOOO", &halves, &lengths, &doubts, &classes) &&
-        hold(within, halves, "within", 2, "e", 0) == 0 && hold(outside, lengths, "outside", 1, "f", 0) == 0 &&
-        hold(doubt, doubts, "doubt", 1, "f", 0) == 0 &&
-        expect_most("motions", PY_SSIZE_T_MAX / LINE / MOST_AXES, within->shape[0]) == 0 &&
-        expect_most("directions", MOST_AXES, within->shape[1]) == 0 &&
-        expect("outside", within->shape[0], outside->shape[0]) == 0 &&
-        expect("doubt", within->shape[0], doubt->shape[0]) == 0) {
-        Look *look = (Look *)((allocfunc)PyType_GetSlot(type, Py_tp_alloc))(type, 0);
-        if (look != NULL) {
-            result = (PyObject *)look;
-            look->motions = within->shape[0];
-            look->directions = within->shape[1];
-            look->lanes = (look->motions + LANE - 1) / LANE;
-            look->class_starts = take_starts(&look->memory, classes, "classes", look->motions, &look->classes);
-            if (look->class_starts == NULL || take_axes(look, within, outside, doubt) < 0) {
-                Py_CLEAR(result);
+/* add_group(members, origin, axes, windows, lengths): no axes where the parts' vectors are compared as they are */
+static PyObject *table_add_group(PyObject *self, PyObject *const *arguments, Py_ssize_t given) {
+    static const Wanted wanted[] = {{"members", INDEX, "m", 0},
+                                    {"origin", "f", "n", 0},
+                                    {"axes", "e", "nk", 0},
+                                    {"windows", "e", "wa", 0},
+                                    {"lengths", "f", "w", 0}};
+    Table *table = (Table *)self;
+    Taken taken;
+    PyObject *result = NULL;
+    if (TAKE(&taken, wanted) == 0 && expect_most("groups", table->wanted, table->groups + 1) == 0) {
+        Group *group = &table->group[table->groups];
+        Py_buffer *held = taken.held;
+        memset(group, 0, sizeof *group);
+        if (take_members(table, group, &held[0]) == 0 &&
+            (taken.length['k'] == 0 || expect("origin", group->axes, taken.length['n']) == 0) &&
+            take_metric(table, &group->joint, &held[1], &held[2]) == 0) {
+            group->axes = group->joint.kept > 0 ? group->joint.kept : group->axes;
+            if (expect_most("axes", MOST_AXES, group->axes) == 0 &&
+                expect("windows", group->axes * (group->between ? EIGENVECTORS : 1), taken.length['a']) == 0 &&
+                expect("windows", table->windows, taken.length['w']) == 0 &&
+                (group->windows = take_lanes(table, &held[3])) != NULL &&
+                (group->lengths = zeros(table, table->lanes * LANE, sizeof(float))) != NULL) {
+                for (Py_ssize_t w = 0; w < table->windows; w++) {
+                    group->lengths[w] = ((float *)held[4].buf)[w] + table->nearest;
+                }
+                table->groups++;
+                result = Py_NewRef(Py_None);
             }
         }
     }
-    let_go(held, 3);
+    let_go(&taken);
     return result;
 }
 
-/* products(axis, products, best): of an axis (directions) with all motions' (motions), and each class's best (classes) */
-static PyObject *look_products(PyObject *self, PyObject *const *arguments, Py_ssize_t given) {
-    const Look *look = (Look *)self;
-    Py_buffer held[3] = {{.obj = NULL}, {.obj = NULL}, {.obj = NULL}}, *axis = held, *products = held + 1, *best = held + 2;
+/* compared(numbers, ..., logs): of each part its numbers, or its eigenvectors; logs (views, classes) */
+static PyObject *table_compared(PyObject *self, PyObject *const *arguments, Py_ssize_t given) {
+    Table *table = (Table *)self;
+    Wanted wanted[MOST_PARTS + 1];
+    const double *numbers[MOST_PARTS];
+    Taken taken;
     PyObject *result = NULL;
-    if (expect_arguments(3, given) == 0 && hold(axis, arguments[0], "axis", 1, "f", 0) == 0 &&
-        hold(products, arguments[1], "products", 1, "f", 1) == 0 && hold(best, arguments[2], "best", 1, INDEX, 1) == 0 &&
-        expect("axis", look->directions, axis->shape[0]) == 0 && expect("products", look->motions, products->shape[0]) == 0 &&
-        expect("best", look->classes, best->shape[0]) == 0 && expect_apart("products", products, held, 3) == 0 &&
-        expect_apart("best", best, held, 3) == 0) {
-        loops.products(look, axis->buf, products->buf, best->buf);
-        result = Py_NewRef(Py_None);
+    for (int p = 0; p < table->parts; p++) {
+        wanted[p] = (Wanted){"numbers", "d", table->part[p].directions > 0 ? "**" : "*", 0};
     }
-    let_go(held, 3);
-    return result;
-}
-
-/* listed(products, least, outside, listed) -> how many motions may score what is the least of their class, or more */
-static PyObject *look_listed(PyObject *self, PyObject *const *arguments, Py_ssize_t given) {
-    const Look *look = (Look *)self;
-    Py_buffer held[3] = {{.obj = NULL}, {.obj = NULL}, {.obj = NULL}}, *products = held, *least = held + 1, *listed = held + 2;
-    PyObject *result = NULL;
-    double outside;
-    if (expect_arguments(4, given) == 0 && hold(products, arguments[0], "products", 1, "f", 0) == 0 &&
-        hold(least, arguments[1], "least", 1, "f", 0) == 0 && hold(listed, arguments[3], "listed", 1, INDEX, 1) == 0 &&
-        expect("products", look->motions, products->shape[0]) == 0 && expect("least", look->classes, least->shape[0]) == 0 &&
-        expect("listed", look->motions, listed->shape[0]) == 0 && expect_apart("listed", listed, held, 3) == 0 &&
-        take_number(arguments[2], &outside) == 0) {
-        result = PyLong_FromSsize_t(loops.listed(look, products->buf, least->buf, (float)outside, listed->buf));
-    }
-    let_go(held, 3);
-    return result;
-}
-
-/* add_products(rows, vector, listed, sums) */
-static PyObject *add_products(PyObject *module, PyObject *const *arguments, Py_ssize_t given) {
-    (void)module;
-    Py_buffer held[4] = {{.obj = NULL}, {.obj = NULL}, {.obj = NULL}, {.obj = NULL}};
-    Py_buffer *rows = held, *vector = held + 1, *listed = held + 2, *sums = held + 3;
-    PyObject *result = NULL;
-    if (expect_arguments(4, given) == 0 && hold(rows, arguments[0], "rows", 2, "f", 0) == 0 &&
-        hold(vector, arguments[1], "vector", 1, "f", 0) == 0 && hold(listed, arguments[2], "listed", 1, INDEX, 0) == 0 &&
-        hold(sums, arguments[3], "sums", 1, "f", 1) == 0 && expect("vector", rows->shape[1], vector->shape[0]) == 0 &&
-        expect("sums", listed->shape[0], sums->shape[0]) == 0 && expect_apart("sums", sums, held, 4) == 0) {
-        const Py_ssize_t *places = listed->buf;
-        int fits = 1;
-        for (Py_ssize_t i = 0; i < listed->shape[0]; i++) {
-            fits = fits && places[i] >= 0 && places[i] < rows->shape[0];
+    wanted[table->parts] = (Wanted){"logs", "d", "vc", WRITTEN};
+    if (take(&taken, wanted, table->parts + 1, arguments, given) == 0 &&
+        expect("groups", table->wanted, table->groups) == 0 && expect("views", table->views, taken.length['v']) == 0 &&
+        expect("classes", table->classes, taken.length['c']) == 0) {
+        int right = 1;
+        for (int p = 0; p < table->parts && right; p++) {
+            const Part *part = &table->part[p];
+            const Py_ssize_t *shape = taken.held[p].shape;
+            numbers[p] = taken.held[p].buf;
+            right = part->directions > 0 ? expect("numbers", part->vectors, shape[0]) == 0 &&
+                                               expect("numbers", part->directions, shape[1]) == 0
+                                         : expect("numbers", part->metric.numbers, shape[0]) == 0;
         }
-        if (fits) {
-            loops.add_products_of(rows->buf, stride_of(rows), rows->shape[1], vector->buf, places, listed->shape[0],
-                                  sums->buf);
+        if (right) {
+            loops.compare(table, numbers, taken.held[table->parts].buf);
             result = Py_NewRef(Py_None);
-        } else {
-            PyErr_Format(PyExc_ValueError, "listed: expected indices of %zd rows", rows->shape[0]);
         }
     }
-    let_go(held, 4);
+    let_go(&taken);
     return result;
 }
 
@@ -861,8 +758,9 @@ static PyObject *use(PyObject *module, PyObject *name) {
 #define FUNCTION(function) (PyCFunction)(void (*)(void))(function), METH_FASTCALL, NULL
 
 static PyMethodDef table_methods[] = {
+    {"add_part", FUNCTION(table_add_part)},
+    {"add_group", FUNCTION(table_add_group)},
     {"compared", FUNCTION(table_compared)},
-    {"squares", FUNCTION(table_squares)},
     {NULL, NULL, 0, NULL},
 };
 
@@ -880,55 +778,28 @@ static PyType_Spec table_type = {
     .slots = table_slots,
 };
 
-static PyMethodDef look_methods[] = {
-    {"products", FUNCTION(look_products)},
-    {"listed", FUNCTION(look_listed)},
-    {NULL, NULL, 0, NULL},
-};
-
-static PyType_Slot look_slots[] = {
-    {Py_tp_new, look_new},
-    {Py_tp_dealloc, look_dealloc},
-    {Py_tp_methods, look_methods},
-    {0, NULL},
-};
-
-static PyType_Spec look_type = {
-    .name = "library._compiled.Look",
-    .basicsize = sizeof(Look),
-    .flags = Py_TPFLAGS_DEFAULT,
-    .slots = look_slots,
-};
-
 static PyMethodDef methods[] = {
     {"measure_distances", FUNCTION(measure_distances)},
     {"follow", FUNCTION(follow)},
-    {"read_spread", FUNCTION(read_spread)},
-    {"read_shape", FUNCTION(read_shape)},
-    {"turn_shape", FUNCTION(turn_shape)},
-    {"add_products", FUNCTION(add_products)},
-    {"add_frames", FUNCTION(add_frames)},
-    {"times_centred", FUNCTION(times_centred)},
-    {"orthonormal", FUNCTION(orthonormal)},
+    {"follow_products", FUNCTION(follow_products)},
+    {"read_parts", FUNCTION(read_parts)},
+    {"read_eigen", FUNCTION(read_eigen)},
+    {"eigenpairs", FUNCTION(eigenpairs)},
     {"kind", FUNCTION(kind)},
     {"use", use, METH_O, NULL},
     {NULL, NULL, 0, NULL},
 };
 
-static int add_type(PyObject *module, PyType_Spec *spec) {
-    PyObject *type = PyType_FromModuleAndSpec(module, spec, NULL);
-    int result = type == NULL ? -1 : PyModule_AddType(module, (PyTypeObject *)type);
-    Py_XDECREF(type);
-    return result;
-}
-
 static int prepare(PyObject *module) {
     if (choose("avx512") < 0 && choose("avx2") < 0) {
         choose("any");
     }
-    int added = add_type(module, &table_type) == 0 && add_type(module, &look_type) == 0 &&
+    PyObject *type = PyType_FromModuleAndSpec(module, &table_type, NULL);
+    int added = type != NULL && PyModule_AddType(module, (PyTypeObject *)type) == 0 &&
                 PyModule_AddIntMacro(module, MOST_JOINTS) == 0 && PyModule_AddIntMacro(module, MOST_DIRECTIONS) == 0 &&
-                PyModule_AddIntMacro(module, MOST_AXES) == 0 && PyModule_AddIntMacro(module, TOGETHER) == 0;
+                PyModule_AddIntMacro(module, MOST_PARTS) == 0 && PyModule_AddIntMacro(module, MOST_VIEWS) == 0 &&
+                PyModule_AddIntMacro(module, MOST_AXES) == 0;
+    Py_XDECREF(type);
     return added ? 0 : -1;
 }
 

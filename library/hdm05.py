@@ -10,8 +10,10 @@ from library.skeleton import Skeleton
 if TYPE_CHECKING:
     from pathlib import Path
 
+#: What a motion's source is called.
+SOURCE = "HDM05"
 ATTRIBUTION = (
-    "Computed from the HDM05 motion capture database: M. Mueller, T. Roeder, M. Clausen, B. Eberhardt, "
+    "Joint positions computed from the HDM05 motion capture database: M. Mueller, T. Roeder, M. Clausen, B. Eberhardt, "
     'B. Krueger, A. Weber, "Documentation Mocap Database HDM05", Universitaet Bonn, CG-2007-2, 2007.'
 )
 LICENCE = "CC BY-SA 3.0"
@@ -34,11 +36,18 @@ SKELETON = Skeleton(
     ),
 )
 
-_CLIP_NAME = re.compile(r"HDM_(?P<actor>[a-z]{2})_(?P<class>.+)_(?P<take>\d{3})_(?P<rate>\d+)", re.IGNORECASE)
+#: A cut clip says its class and a take of three digits; an uncut take says scene-part and a take of two digits.
+_NAME = re.compile(
+    r"HDM_(?P<actor>[a-z]{2})_(?:(?P<class>.+)_(?P<take>\d{3})|(?P<uncut>\d{2}-\d{2}_\d{2}))_(?P<rate>\d+)",
+    re.IGNORECASE,
+)
 
 
 class ClipName(NamedTuple):
-    """What a cut clip's file name says: who performs which class, which take, at how many frames per second."""
+    """What a file's name says: who performs which class, which take, at how many frames per second.
+
+    An uncut take shows many motions one after the other: its class is empty.
+    """
 
     actor: str
     class_name: str
@@ -47,8 +56,13 @@ class ClipName(NamedTuple):
 
 
 def read_clip_name(path: Path) -> ClipName | None:
-    """Read `HDM_<actor>_<class>_<take>_<rate>`; None when the file is not named like an HDM05 cut clip."""
-    named = _CLIP_NAME.fullmatch(path.stem)
+    """Read `HDM_<actor>_<class>_<take>_<rate>` (a cut clip) or `HDM_<actor>_<scene>-<part>_<take>_<rate>` (uncut).
+
+    Returns
+    -------
+    What the name says; None when the file is not named as HDM05's are.
+    """
+    named = _NAME.fullmatch(path.stem)
     if named is None or int(named["rate"]) == 0:
         return None
-    return ClipName(named["actor"], named["class"], named["take"], float(named["rate"]))
+    return ClipName(named["actor"], named["class"] or "", named["take"] or named["uncut"], float(named["rate"]))

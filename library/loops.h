@@ -7,30 +7,58 @@
 
 #define HELPER LOOP static inline __attribute__((always_inline))
 
-/* Make floats of sixteen halves. */
-HELPER void KIND(widen)(const Half *restrict halves, Floats *restrict floats) {
+/* As many numbers as a register has, how many floats these are, and how many such may be added up side by side with four
+ * products each before the registers run out. */
+#if REGISTER == 0
+#define BYTES 16
+#else
+#define BYTES REGISTER
+#endif
+#define FLOATS (BYTES / 4)
+#define BESIDE (REGISTER == 64 ? 4 : 2)
+typedef double KIND(Doubles) __attribute__((vector_size(BYTES), aligned(8), may_alias));
+typedef int64_t KIND(Longs) __attribute__((vector_size(BYTES), aligned(8), may_alias));
+typedef float KIND(Floats) __attribute__((vector_size(BYTES), aligned(4), may_alias));
+typedef int32_t KIND(Ints) __attribute__((vector_size(BYTES), aligned(4), may_alias));
+
+/* Make floats of as many halves. */
+HELPER KIND(Floats) KIND(widen)(const Half *restrict halves) {
 #if REGISTER == 64
-    *floats = (Floats)_mm512_cvtph_ps(_mm256_loadu_si256((const __m256i *)halves));
+    return (KIND(Floats))_mm512_cvtph_ps(_mm256_loadu_si256((const __m256i *)halves));
 #elif REGISTER == 32
-    union {
-        __m256 parts[2];
-        Floats whole;
-    } both;
-    both.parts[0] = _mm256_cvtph_ps(_mm_loadu_si128((const __m128i *)halves));
-    both.parts[1] = _mm256_cvtph_ps(_mm_loadu_si128((const __m128i *)halves + 1));
-    *floats = both.whole;
+    return (KIND(Floats))_mm256_cvtph_ps(_mm_loadu_si128((const __m128i *)halves));
 #else
     /* Sign, exponent and digits go to where a float has them; what the exponents are apart is made up for. */
     union {
-        uint32_t bits[16];
-        Floats whole;
+        uint32_t bits[FLOATS];
+        KIND(Floats) whole;
     } all;
-    for (int i = 0; i < 16; i++) {
+    for (int i = 0; i < FLOATS; i++) {
         all.bits[i] = (uint32_t)(halves[i] & 0x7FFF) << 13 | (uint32_t)(halves[i] & 0x8000) << 16;
     }
-    *floats = all.whole * 0x1p112F;
+    return all.whole * 0x1p112F;
 #endif
 }
+
+/* Natural logarithms of positive numbers x = 2^e m with m near 1: log m = 2 (s + s³/3 + s⁵/5 + ...), s = (m - 1) / (m + 1).
+ * `half` is the bits of √½, where m begins; `digits` those after the point; `last` the last odd number of the series. */
+#define LOGARITHMS(name, Numbers, Bits, Number, half, digits, last)                                                     \
+    HELPER Numbers KIND(name)(Numbers numbers) {                                                                        \
+        union {                                                                                                         \
+            Bits bits;                                                                                                  \
+            Numbers whole;                                                                                              \
+        } each = {.whole = numbers};                                                                                    \
+        const Bits exponents = (each.bits - half) >> digits;                                                            \
+        each.bits -= exponents << digits;                                                                               \
+        const Numbers s = (each.whole - 1) / (each.whole + 1), square = s * s;                                          \
+        Numbers series = square * 0 + (Number)1 / last;                                                                 \
+        for (int odd = last - 2; odd > 0; odd -= 2) {                                                                   \
+            series = series * square + (Number)1 / (Number)odd;                                                         \
+        }                                                                                                               \
+        return 2 * s * series + __builtin_convertvector(exponents, Numbers) * (Number)0.693147180559945309417;          \
+    }
+LOGARITHMS(logs, KIND(Doubles), KIND(Longs), double, 0x3FE6A09E667F3BCD, 52, 21)
+LOGARITHMS(float_logs, KIND(Floats), KIND(Ints), float, 0x3F3504F3, 23, 9)
 
 /* Distances of frames (frames, joints, 3) between pairs (count, 2) of joints, to rows that are `stride` apart. */
 LOOP static void KIND(distances)(const double *restrict positions, Py_ssize_t frames, Py_ssize_t joints,
@@ -61,514 +89,527 @@ LOOP static void KIND(distances)(const double *restrict positions, Py_ssize_t fr
     }
 }
 
-/* Add rows, times a weight, to sums (3, width): what they are relative to, the sum, and the sum of squares. */
-LOOP static void KIND(add_rows)(double *restrict sums, Py_ssize_t width, const double *restrict rows, Py_ssize_t stride,
+/* Add rows at their times, with a weight, to sums (4, width): the reference, and of rows relative to it the sum, the sum
+ * of products with time, and the sum of squares; and to a clock: the reference, the sum, the sum of squares. */
+LOOP static void KIND(add_rows)(double *restrict sums, Py_ssize_t width, double *restrict clock,
+                                const double *restrict rows, Py_ssize_t stride, const double *restrict times,
                                 Py_ssize_t count, double weight) {
     const double *restrict reference = sums;
-    double *restrict sum = sums + width, *restrict squares = sums + 2 * width;
+    double *restrict sum = sums + width, *restrict along = sums + 2 * width, *restrict squares = sums + 3 * width;
     for (Py_ssize_t row = 0; row < count; row++) {
         const double *restrict numbers = rows + row * stride;
+        const double time = times[row] - clock[0], weighed = weight * time;
+        clock[1] += weighed;
+        clock[2] += weighed * time;
         for (Py_ssize_t i = 0; i < width; i++) {
             double difference = numbers[i] - reference[i];
             sum[i] += weight * difference;
             squares[i] += weight * difference * difference;
+            along[i] += weighed * difference;
         }
     }
 }
 
-/* Spread of a window of `count` rows with these sums, to numbers (width); gives its movement. */
-LOOP static double KIND(spread)(const double *restrict sums, Py_ssize_t width, double count,
-                                const double *restrict sizing, double floor, double level, double *restrict numbers) {
-    const double *restrict reference = sums, *restrict sum = sums + width, *restrict squares = sums + 2 * width;
-    const double per_row = 1.0 / count, per_degree = 1.0 / (count > 1.0 ? count - 1.0 : 1.0);
-    double size = 0.0, means = 0.0, variances = 0.0;
+/* Where the largest of some numbers is. */
+LOOP static Py_ssize_t KIND(largest)(const double *restrict numbers, Py_ssize_t count) {
+    double most = numbers[0];
+#pragma omp simd reduction(max : most)
+    for (Py_ssize_t i = 1; i < count; i++) {
+        most = numbers[i] > most ? numbers[i] : most;
+    }
+    Py_ssize_t place = 0;
+    while (place < count - 1 && !(numbers[place] >= most)) {
+        place++;
+    }
+    return place;
+}
+
+/* Add points relative to a reference (width), with a weight, to their sum (width) and products (width, width). */
+LOOP static void KIND(add_products)(const double *restrict reference, double *restrict sum, double *restrict products,
+                                    int width, const double *restrict rows, Py_ssize_t stride, Py_ssize_t count,
+                                    double weight) {
+    for (Py_ssize_t begin = 0; begin < count; begin += SOME_POINTS) {
+        const Py_ssize_t some = count - begin < SOME_POINTS ? count - begin : SOME_POINTS;
+        double relative[SOME_POINTS][MOST_DIRECTIONS] = {{0.0}};
+        for (Py_ssize_t row = 0; row < some; row++) {
+            for (int i = 0; i < width; i++) {
+                relative[row][i] = rows[(begin + row) * stride + i] - reference[i];
+                sum[i] += weight * relative[row][i];
+            }
+        }
+        for (int i = 0; i < width; i++) {
+            double added[MOST_DIRECTIONS] = {0.0};
+            for (Py_ssize_t row = 0; row < some; row++) {
+                const double factor = weight * relative[row][i];
+                for (int j = 0; j < MOST_DIRECTIONS; j++) {
+                    added[j] += factor * relative[row][j];
+                }
+            }
+            for (int j = 0; j < width; j++) {
+                products[i * width + j] += added[j];
+            }
+        }
+    }
+}
+
+HELPER double KIND(positive)(double number) { return number > 0.0 ? number : 0.0; }
+
+/* Spread, posture and trend of a window of `count` rows with these sums, to parts (3, width); gives the body's size, and its
+ * movement. */
+LOOP static double KIND(parts)(const double *restrict sums, Py_ssize_t width, const double *restrict clock, double count,
+                               const double *restrict sizing, const Py_ssize_t *restrict segments,
+                               const double *restrict paths, Py_ssize_t between, double floor, double level,
+                               double *restrict parts, double *restrict moved_by) {
+    const double *restrict reference = sums, *restrict sum = sums + width, *restrict along = sums + 2 * width;
+    const double *restrict squares = sums + 3 * width;
+    double *restrict spread = parts, *restrict posture = parts + width, *restrict trend = parts + 2 * width;
+    const double per_row = 1.0 / count, middle = clock[1] * per_row, swing = clock[2] * per_row - middle * middle;
+    const double per_swing = swing > 0.0 ? 1.0 / sqrt(swing) : 0.0;
+    double size = 0.0, means = 0.0, variances = 0.0, total = 0.0;
 #pragma omp simd reduction(+ : size, means, variances)
     for (Py_ssize_t i = 0; i < width; i++) {
-        double mean = reference[i] + sum[i] * per_row;
-        double scatter = squares[i] - sum[i] * sum[i] * per_row;
-        double variance = (scatter > 0.0 ? scatter : 0.0) * per_degree;
+        const double offset = sum[i] * per_row, mean = reference[i] + offset;
+        const double variance = KIND(positive)(squares[i] * per_row - offset * offset);
         size += mean * sizing[i];
         means += mean * mean;
         variances += variance;
-        numbers[i] = variance;
+        spread[i] = sqrt(variance);
+        posture[i] = mean;
+        trend[i] = (along[i] * per_row - offset * middle) * per_swing;
     }
     /* All joints in one point do not swing. */
-    const double per_size = size > 0.0 ? 1.0 / size : 0.0;
+    const double per_size = size > 0.0 ? 1.0 / size : 0.0, noise = floor * size;
     for (Py_ssize_t i = 0; i < width; i++) {
-        numbers[i] = sqrt(numbers[i]) * per_size + floor;
+        const double moved = spread[i] + noise;
+        trend[i] = moved > 0.0 ? trend[i] / moved : 0.0;
+        spread[i] = spread[i] * per_size + floor;
     }
-    double logs = 0.0;
+    for (Py_ssize_t begin = 0; begin < width; begin += BYTES / 8) {
+        const Py_ssize_t some = width - begin < BYTES / 8 ? width - begin : BYTES / 8;
+        KIND(Doubles) numbers = {0.0};
+        memcpy(&numbers, spread + begin, sizeof(double) * (size_t)some);
+        numbers = KIND(logs)(numbers);
+        memcpy(spread + begin, &numbers, sizeof(double) * (size_t)some);
+    }
+#pragma omp simd reduction(+ : total)
     for (Py_ssize_t i = 0; i < width; i++) {
-        numbers[i] = log(numbers[i]);
-        logs += numbers[i];
+        total += spread[i];
     }
-    const double removed = level * logs / (double)width;
+    const double removed = level * total / (double)width;
     for (Py_ssize_t i = 0; i < width; i++) {
-        numbers[i] -= removed;
+        spread[i] -= removed;
     }
-    return means > 0.0 ? sqrt(variances / means) : 0.0;
-}
-
-/* Add the products of one band of directions with all up to it, `wide` times eight of them, over some centred frames. */
-HELPER void KIND(add_products)(const double (*restrict centred)[MOST_DIRECTIONS], Py_ssize_t frames, int band,
-                               const int wide, double (*restrict covariance)[MOST_DIRECTIONS]) {
-    Doubles sum[BAND][MOST_DIRECTIONS / 8];
-    for (int i = 0; i < BAND; i++) {
-        for (int j = 0; j < wide; j++) {
-            sum[i][j] = *(const Doubles *)&covariance[band + i][8 * j];
+    double lengths[LANE];
+    double means_of[MOST_JOINTS];
+    for (Py_ssize_t s = 0; s < between; s++) {
+        means_of[s] = posture[segments[s]];
+    }
+    for (Py_ssize_t begin = 0; begin < width; begin += LANE) {
+        const Py_ssize_t some = width - begin < LANE ? width - begin : LANE;
+        for (Py_ssize_t i = 0; i < LANE; i++) {
+            lengths[i] = between ? 0.0 : size;
         }
-    }
-    for (Py_ssize_t t = 0; t < frames; t++) {
-        for (int j = 0; j < wide; j++) {
-            const Doubles others = *(const Doubles *)&centred[t][8 * j];
-            for (int i = 0; i < BAND; i++) {
-                sum[i][j] += centred[t][band + i] * others;
+        for (Py_ssize_t s = 0; s < between; s++) {
+            for (Py_ssize_t i = 0; i < some; i++) {
+                lengths[i] += means_of[s] * paths[s * width + begin + i];
             }
         }
-    }
-    for (int i = 0; i < BAND; i++) {
-        for (int j = 0; j < wide; j++) {
-            *(Doubles *)&covariance[band + i][8 * j] = sum[i][j];
+        for (Py_ssize_t i = 0; i < some; i++) {
+            posture[begin + i] = lengths[i] > 0.0 ? posture[begin + i] / lengths[i] : 0.0;
         }
     }
+    *moved_by = means > 0.0 ? sqrt(variances / means) : 0.0;
+    return size;
 }
 
-/* Add up the products of courses (frames, size) about their mean, lower triangle; gives the mean's squared length. */
-HELPER double KIND(scatter)(const double *restrict courses, Py_ssize_t stride, Py_ssize_t frames, int size,
-                            double (*restrict scatter)[MOST_DIRECTIONS]) {
-    double mean[MOST_DIRECTIONS] = {0.0}, centred[SOME_FRAMES][MOST_DIRECTIONS] = {{0.0}}, square = 0.0;
-    for (Py_ssize_t t = 0; t < frames; t++) {
-        for (int i = 0; i < size; i++) {
-            mean[i] += courses[t * stride + i];
-        }
-    }
-    for (int i = 0; i < size; i++) {
-        mean[i] /= (double)frames;
-        square += mean[i] * mean[i];
-    }
-    for (Py_ssize_t begin = 0; begin < frames; begin += SOME_FRAMES) {
-        Py_ssize_t some = frames - begin < SOME_FRAMES ? frames - begin : SOME_FRAMES;
-        for (Py_ssize_t t = 0; t < some; t++) {
-            for (int i = 0; i < size; i++) {
-                centred[t][i] = courses[(begin + t) * stride + i] - mean[i];
-            }
-        }
-        /* Written out: how wide a band is must be known for its sums to stay in registers. */
-        for (int band = 0; band < size; band += BAND) {
-            switch (band / 8) {
-            case 0: KIND(add_products)(centred, some, band, 1, scatter); break;
-            case 1: KIND(add_products)(centred, some, band, 2, scatter); break;
-            case 2: KIND(add_products)(centred, some, band, 3, scatter); break;
-            default: KIND(add_products)(centred, some, band, 4, scatter); break;
-            }
-        }
-    }
-    return square;
-}
-
-/* Take the lower Cholesky factor in place, column by column: each takes what it says out of all right of it. */
-HELPER void KIND(cholesky)(double (*restrict c)[MOST_DIRECTIONS], int size) {
-    for (int k = 0; k < size; k++) {
-        double column[MOST_DIRECTIONS];
-        const double per_pivot = 1.0 / sqrt(c[k][k]);
-        for (int i = k; i < size; i++) {
-            column[i] = c[i][k] *= per_pivot;
-        }
-        for (int i = k + 1; i < size; i++) {
-            const double one = column[i];
-            for (int j = k + 1; j <= i; j++) {
-                c[i][j] -= one * column[j];
-            }
-        }
-    }
-}
-
-/* Shape of a covariance, lower triangle, that is overwritten, to numbers (size (size + 1) / 2). */
-HELPER void KIND(shape_of)(double (*restrict c)[MOST_DIRECTIONS], int size, double no_trace, double floor,
-                           double *restrict numbers) {
-    double trace = 0.0;
-    for (int i = 0; i < size; i++) {
-        trace += c[i][i];
-    }
-    if (trace <= no_trace) {
-        memset(numbers, 0, sizeof(double) * (size_t)(size * (size + 1) / 2));
-        return;
-    }
-    for (int i = 0; i < size; i++) {
-        for (int j = 0; j < i; j++) {
-            c[i][j] /= trace;
-        }
-        c[i][i] = c[i][i] / trace + floor;
-    }
-    KIND(cholesky)(c, size);
-    for (int i = 0; i < size; i++) {
-        for (int j = 0; j <= i; j++) {
-            *numbers++ = c[i][j];
-        }
-    }
-}
-
-/* Shape of a window of courses (frames, size). */
-LOOP static void KIND(shape)(const double *restrict courses, Py_ssize_t stride, Py_ssize_t frames, int size,
-                             double floor, double no_movement, double *restrict numbers) {
-    double c[MOST_DIRECTIONS][MOST_DIRECTIONS] = {{0.0}};
-    const double square = KIND(scatter)(courses, stride, frames, size, c);
-    const double no_trace = (double)(frames > 1 ? frames - 1 : 1) * square * no_movement * no_movement;
-    KIND(shape_of)(c, size, no_trace, floor, numbers);
-}
-
-/* The shape of what has this shape, but in other directions (size, fewer). */
-LOOP static void KIND(turned)(const double *restrict shape, int size, const double *restrict directions, int fewer,
-                              double floor, double *restrict numbers) {
-    double factor[MOST_DIRECTIONS][MOST_DIRECTIONS] = {{0.0}}, c[MOST_DIRECTIONS][MOST_DIRECTIONS] = {{0.0}};
-    /* Dᵀ L Lᵀ D is Dᵀ L times its transpose. */
-    for (int i = 0; i < size; i++) {
-        for (int k = 0; k <= i; k++) {
-            const double one = *shape++;
-            for (int j = 0; j < fewer; j++) {
-                factor[k][j] += one * directions[i * fewer + j];
-            }
-        }
-    }
-    for (int k = 0; k < size; k++) {
-        for (int i = 0; i < fewer; i++) {
-            for (int j = 0; j <= i; j++) {
-                c[i][j] += factor[k][i] * factor[k][j];
-            }
-        }
-    }
-    KIND(shape_of)(c, fewer, 0.0, floor, numbers);
-}
-
-/* Place a measure: its part of the vector, and its squared distance from the origin. */
-HELPER float KIND(place)(const Part *part, const double *restrict measure, float *restrict difference,
-                         float *restrict vector) {
-    float square = 0.0F, outside = 0.0F;
-    for (Py_ssize_t i = 0; i < part->numbers; i++) {
-        difference[i] = (float)(measure[i] - (double)part->origin[i]);
-    }
-    for (Py_ssize_t begin = 0; begin < part->stride; begin += SOME_AXES) {
-        const Half *directions = part->directions + begin;
-        Floats sum[SOME_AXES / 16] = {{0.0F}}, direction;
-        for (Py_ssize_t i = 0; i < part->numbers; i++, directions += part->stride) {
-            for (int j = 0; j < SOME_AXES / 16; j++) {
-                KIND(widen)(directions + 16 * j, &direction);
-                sum[j] += difference[i] * direction;
-            }
-        }
-        for (Py_ssize_t j = begin; j < begin + SOME_AXES && j < part->axes; j++) {
-            vector[j] = sum[(j - begin) / 16][(j - begin) % 16];
-            square += vector[j] * vector[j];
-        }
-    }
-    if (part->outside > 0.0F) {
-#pragma omp simd reduction(+ : outside)
-        for (Py_ssize_t i = 0; i < part->numbers; i++) {
-            outside += difference[i] * difference[i];
-        }
-        outside *= part->outside;
-        square = outside > square ? outside : square;
-    }
-    for (Py_ssize_t j = 0; j < part->axes; j++) {
-        vector[j] *= part->root;
-    }
-    return square * part->root * part->root;
-}
-
-/* Place all measures of a group. */
-HELPER void KIND(ask)(const Table *table, const Group *group, const double *const *measures, Asking *asking) {
-    float *vector = asking->vector;
-    asking->square = 0.0F;
-    for (int p = group->begin; p < group->end; p++) {
-        asking->square += KIND(place)(&table->part[p], measures[p], table->difference, vector);
-        vector += table->part[p].axes;
-    }
-    /* Far off, it is as far from all. */
-    if (!(asking->square <= table->farthest)) {
-        memset(asking->vector, 0, sizeof asking->vector);
-        asking->square = table->farthest;
-    }
-}
-
-/* Squared distances of one lane of windows to a vector, and a little more. */
-HELPER void KIND(distances_to)(const Group *group, Py_ssize_t lane, const Asking *asking, float nearest,
-                               Floats *restrict squared) {
-    const Floats *lengths = (const Floats *)(group->lengths + lane * LANE);
-    const Half *windows = group->windows + lane * group->axes * LANE;
-    Floats sum[LANE / 16], window;
-    for (int j = 0; j < LANE / 16; j++) {
-        sum[j] = lengths[j] + asking->square;
-    }
-    for (Py_ssize_t k = 0; k < group->axes; k++, windows += LANE) {
-        const float twice = -2.0F * asking->vector[k];
-        for (int j = 0; j < LANE / 16; j++) {
-            KIND(widen)(windows + 16 * j, &window);
-            sum[j] += twice * window;
-        }
-    }
-    for (int j = 0; j < LANE / 16; j++) {
-        for (int w = 0; w < 16; w++) {
-            squared[j][w] = sum[j][w] > nearest ? sum[j][w] : nearest;
-        }
-    }
-}
-
-/* For each class the mean logarithm of the two least products that different people's windows have in it. */
-HELPER void KIND(agree)(const Table *table, const float *restrict products, double *restrict logs) {
-    for (Py_ssize_t c = 0; c < table->classes; c++) {
-        float first = INFINITY, second = INFINITY;
-        for (Py_ssize_t b = table->class_starts[c]; b < table->class_starts[c + 1]; b++) {
-            float least = INFINITY;
-#pragma omp simd reduction(min : least)
-            for (Py_ssize_t w = table->block_starts[b]; w < table->block_starts[b + 1]; w++) {
-                least = products[w] < least ? products[w] : least;
-            }
-            second = least < first ? first : least < second ? least : second;
-            first = least < first ? least : first;
-        }
-        int alone = table->class_starts[c + 1] - table->class_starts[c] < 2;
-        logs[c] = (log((double)first) + log((double)(alone ? first : second))) / (2.0 * table->groups);
-    }
-}
-
-/* Compare a live window's measures, (numbers) for each part, with a table's windows, to logs (classes). */
-LOOP static void KIND(compare)(const Table *table, const double *const *measures, double *restrict logs) {
-    Asking asking[MOST_PARTS];
-    for (int g = 0; g < table->groups; g++) {
-        KIND(ask)(table, &table->group[g], measures, &asking[g]);
-    }
-    for (Py_ssize_t lane = 0; lane < table->lanes; lane++) {
-        Floats *products = (Floats *)(table->products + lane * LANE), squared[LANE / 16];
-        KIND(distances_to)(&table->group[0], lane, &asking[0], table->nearest, products);
-        for (int g = 1; g < table->groups; g++) {
-            KIND(distances_to)(&table->group[g], lane, &asking[g], table->nearest, squared);
-            for (int j = 0; j < LANE / 16; j++) {
-                products[j] *= squared[j];
-            }
-        }
-    }
-    KIND(agree)(table, table->products, logs);
-}
-
-/* The same, but give each group's squared distances as they are: (groups, windows). */
-LOOP static void KIND(squares)(const Table *table, const double *const *measures, float *restrict squares) {
-    for (int g = 0; g < table->groups; g++, squares += table->windows) {
-        Asking asking;
-        KIND(ask)(table, &table->group[g], measures, &asking);
-        for (Py_ssize_t lane = 0; lane < table->lanes; lane++) {
-            Floats squared[LANE / 16];
-            KIND(distances_to)(&table->group[g], lane, &asking, table->nearest, squared);
-            Py_ssize_t left = table->windows - lane * LANE;
-            memcpy(squares + lane * LANE, squared, sizeof(float) * (size_t)(left < LANE ? left : LANE));
-        }
-    }
-}
-
-/* Inner products of an axis with all of a look's, to products (motions), and the best of each class. */
-LOOP static void KIND(products)(const Look *look, const float *restrict axis, float *restrict products,
-                                Py_ssize_t *restrict best) {
-    const Half *within = look->within;
-    for (Py_ssize_t lane = 0; lane < look->lanes; lane++) {
-        Floats sum[LANE / 16] = {{0.0F}}, numbers;
-        for (Py_ssize_t k = 0; k < look->directions; k++, within += LANE) {
-            for (int j = 0; j < LANE / 16; j++) {
-                KIND(widen)(within + 16 * j, &numbers);
-                sum[j] += axis[k] * numbers;
-            }
-        }
-        Py_ssize_t left = look->motions - lane * LANE;
-        memcpy(products + lane * LANE, sum, sizeof(float) * (size_t)(left < LANE ? left : LANE));
-    }
-    for (Py_ssize_t c = 0; c < look->classes; c++) {
-        const Py_ssize_t end = look->class_starts[c + 1];
-        float most = 0.0F;
-#pragma omp simd reduction(max : most)
-        for (Py_ssize_t i = look->class_starts[c]; i < end; i++) {
-            const float score = fabsf(products[i]);
-            most = score > most ? score : most;
-        }
-        Py_ssize_t place = look->class_starts[c];
-        while (place < end - 1 && !(fabsf(products[place]) >= most)) {
-            place++;
-        }
-        best[c] = place;
-    }
-}
-
-/* List the motions whose score may be what is the least of their class, or more; says how many they are. */
-LOOP static Py_ssize_t KIND(listed)(const Look *look, const float *restrict products, const float *restrict least,
-                                    float outside, Py_ssize_t *restrict listed) {
-    Py_ssize_t count = 0;
-    for (Py_ssize_t c = 0; c < look->classes; c++) {
-        const Py_ssize_t end = look->class_starts[c + 1];
-        for (Py_ssize_t begin = look->class_starts[c]; begin < end; begin += LANE) {
-            const Py_ssize_t stop = begin + LANE < end ? begin + LANE : end;
-            int some = 0;
-            /* Most lanes have none: they are passed over without a look at each. */
-#pragma omp simd reduction(| : some)
-            for (Py_ssize_t i = begin; i < stop; i++) {
-                some |= fabsf(products[i]) + look->outside[i] * outside + look->doubt[i] >= least[c];
-            }
-            for (Py_ssize_t i = begin; some && i < stop; i++) {
-                listed[count] = i;
-                count += fabsf(products[i]) + look->outside[i] * outside + look->doubt[i] >= least[c];
-            }
-        }
-    }
-    return count;
-}
-
-/* Add to sums the products of a vector (width) with the rows that are listed. */
-LOOP static void KIND(add_products_of)(const float *restrict rows, Py_ssize_t stride, Py_ssize_t width,
-                                       const float *restrict vector, const Py_ssize_t *restrict listed,
-                                       Py_ssize_t count, float *restrict sums) {
-    for (Py_ssize_t i = 0; i < count; i++) {
-        if (i + AHEAD < count) {
-            /* Rows lie anywhere: who waits for each when it is needed waits for most of the time. */
-            const char *next = (const char *)(rows + listed[i + AHEAD] * stride);
-            for (Py_ssize_t b = 0; b < width * (Py_ssize_t)sizeof(float); b += LINE) {
-                __builtin_prefetch(next + b);
-            }
-        }
-        const float *restrict row = rows + listed[i] * stride;
-        float sum = 0.0F;
-#pragma omp simd reduction(+ : sum)
-        for (Py_ssize_t k = 0; k < width; k++) {
-            sum += row[k] * vector[k];
-        }
-        sums[i] += sum;
-    }
-}
-
-/* Inner product. */
-HELPER double KIND(dot)(const double *restrict one, const double *restrict other, Py_ssize_t width) {
+HELPER double KIND(dot)(const double *restrict one, const double *restrict other, int count) {
     double sum = 0.0;
 #pragma omp simd reduction(+ : sum)
-    for (Py_ssize_t i = 0; i < width; i++) {
+    for (int i = 0; i < count; i++) {
         sum += one[i] * other[i];
     }
     return sum;
 }
 
-HELPER double KIND(sum)(const double *restrict numbers, Py_ssize_t count) {
-    double sum = 0.0;
-#pragma omp simd reduction(+ : sum)
-    for (Py_ssize_t i = 0; i < count; i++) {
-        sum += numbers[i];
+/* Make a symmetric matrix tridiagonal by reflections I − factor v vᵀ (Householder), v in the matrix's rows afterwards. */
+HELPER void KIND(tridiagonal)(double (*restrict a)[MOST_DIRECTIONS], int size, double *restrict diagonal,
+                              double *restrict beside, double *restrict factors) {
+    for (int c = 0; c < size - 1; c++) {
+        double *restrict v = a[c], image[MOST_DIRECTIONS] = {0.0};
+        diagonal[c] = v[c];
+        for (int i = 0; i <= c; i++) {
+            v[i] = 0.0;
+        }
+        const double square = KIND(dot)(v, v, size), first = v[c + 1], length = sqrt(square);
+        beside[c] = first > 0.0 ? -length : length;
+        factors[c] = square > 0.0 ? 1.0 / (square - first * beside[c]) : 0.0;
+        v[c + 1] -= beside[c];
+        for (int j = c + 1; j < size; j++) {
+            for (int i = 0; i < MOST_DIRECTIONS; i++) {
+                image[i] += v[j] * a[j][i];
+            }
+        }
+        const double half = factors[c] * KIND(dot)(v, image, size) / 2;
+        for (int i = 0; i < MOST_DIRECTIONS; i++) {
+            image[i] = factors[c] * (image[i] - half * v[i]);
+        }
+        for (int j = c + 1; j < size; j++) {
+            const double one = v[j], other = image[j];
+            for (int i = 0; i < MOST_DIRECTIONS; i++) {
+                a[j][i] -= one * image[i] + other * v[i];
+            }
+        }
     }
-    return sum;
+    diagonal[size - 1] = a[size - 1][size - 1];
+    beside[size - 1] = 0.0;
 }
 
-/* Inner products of the newest `fresh` of so many rows with all of them, relative to a reference, into a square; of each
- * of the fresh rows the products with itself and with the reference, to two rows `apart`. */
-LOOP static void KIND(add_frames)(const double *restrict rows, Py_ssize_t stride, Py_ssize_t count, Py_ssize_t width,
-                                  Py_ssize_t fresh, const double *restrict reference, double *restrict relative,
-                                  double *restrict square, Py_ssize_t side, double *restrict of_each, Py_ssize_t apart) {
-    const Py_ssize_t known = count - fresh;
-    double along[TOGETHER];
-    for (Py_ssize_t begin = known; begin < count; begin += TOGETHER) {
-        const Py_ssize_t some = count - begin < TOGETHER ? count - begin : TOGETHER;
-        for (Py_ssize_t k = 0; k < TOGETHER; k++) {
-            /* Where rows are lacking the last stands in; nobody asks for what comes of it. */
-            const double *restrict row = rows + (begin + (k < some ? k : some - 1)) * stride;
-            for (Py_ssize_t i = 0; i < width; i++) {
-                relative[k * width + i] = row[i] - reference[i];
-            }
-            along[k] = KIND(dot)(relative + k * width, reference, width);
-        }
-        for (Py_ssize_t other = 0; other < begin + some; other++) {
-            /* Those that are at hand relative to the reference are taken so: what is near 0 keeps its digits. */
-            const double *restrict row = other < begin ? rows + other * stride : relative + (other - begin) * width;
-            double first = 0.0, second = 0.0, third = 0.0, fourth = 0.0;
-#pragma omp simd reduction(+ : first, second, third, fourth)
-            for (Py_ssize_t i = 0; i < width; i++) {
-                first += relative[i] * row[i];
-                second += relative[width + i] * row[i];
-                third += relative[2 * width + i] * row[i];
-                fourth += relative[3 * width + i] * row[i];
-            }
-            const double products[TOGETHER] = {first, second, third, fourth};
-            for (Py_ssize_t k = 0; k < some; k++) {
-                /* One of the two need not be relative: what it has too much is the same for all rows. */
-                const double product = products[k] - (other < begin ? along[k] : 0.0);
-                square[(begin + k) * side + other] = product;
-                square[other * side + begin + k] = product;
-            }
-        }
-        for (Py_ssize_t k = 0; k < some; k++) {
-            of_each[begin + k] = square[(begin + k) * side + begin + k];
-            of_each[apart + begin + k] = along[k];
-        }
+/* Whether no eigenvalue of a tridiagonal matrix lies above a bound (Sturm; Givens 1954). */
+HELPER int KIND(none_above)(const double *restrict d, const double *restrict e, int size, double bound) {
+    double left = d[0] - bound;
+    for (int i = 1; i < size && left <= 0.0; i++) {
+        left = d[i] - bound - e[i - 1] * e[i - 1] / left;
     }
+    return left <= 0.0;
 }
 
-/* Multiply TOGETHER vectors (size) with a symmetric matrix; their means are taken out before and after. */
-LOOP static void KIND(times_centred)(const double *restrict vectors, const double *restrict square, Py_ssize_t side,
-                                     Py_ssize_t size, double *restrict images) {
-    Py_ssize_t begin = 0;
-    double means[TOGETHER];
-    for (int k = 0; k < TOGETHER; k++) {
-        means[k] = KIND(sum)(vectors + k * size, size) / (double)size;
-    }
-    for (; begin + 16 <= size; begin += 16) {
-        Doubles sum[TOGETHER][2] = {{{0.0}}};
-        for (Py_ssize_t i = 0; i < size; i++) {
-            const Doubles one = *(const Doubles *)(square + i * side + begin);
-            const Doubles other = *(const Doubles *)(square + i * side + begin + 8);
-            for (int k = 0; k < TOGETHER; k++) {
-                const double number = vectors[k * size + i] - means[k];
-                sum[k][0] += number * one;
-                sum[k][1] += number * other;
+/* Find about where the largest eigenvalues of a tridiagonal matrix of trace 1 lie, by counting how many are above some
+ * bounds: SECTIONS for each eigenvalue. */
+HELPER void KIND(locate)(const double *restrict d, const double *restrict e, int size, float *restrict located) {
+    float low[EIGENVECTORS] = {0.0F}, width = 1.0F;
+    for (int pass = 0; pass < PASSES; pass++) {
+        float bounds[BOUNDS], left[BOUNDS], counts[BOUNDS];
+        width /= SECTIONS + 1;
+        for (int b = 0; b < BOUNDS; b++) {
+            bounds[b] = low[b / SECTIONS] + (float)(b % SECTIONS + 1) * width;
+            left[b] = INFINITY;
+            counts[b] = 0.0F;
+        }
+        for (int i = 0; i < size; i++) {
+            const float diagonal = (float)d[i], square = i > 0 ? (float)(e[i - 1] * e[i - 1]) + FLT_MIN : 0.0F;
+            for (int b = 0; b < BOUNDS; b++) {
+                left[b] = diagonal - bounds[b] - square / left[b];
+                counts[b] += left[b] > 0.0F ? 1.0F : 0.0F;
             }
         }
-        for (int k = 0; k < TOGETHER; k++) {
-            *(Doubles *)(images + k * size + begin) = sum[k][0];
-            *(Doubles *)(images + k * size + begin + 8) = sum[k][1];
+        for (int b = 0; b < BOUNDS; b++) {
+            low[b / SECTIONS] += counts[b] > (float)(b / SECTIONS) ? width : 0.0F;
         }
     }
-    for (; begin < size; begin++) {
-        /* A symmetric matrix's columns are its rows. */
-        for (int k = 0; k < TOGETHER; k++) {
-            images[k * size + begin] = KIND(dot)(square + begin * side, vectors + k * size, size) -
-                                       means[k] * KIND(sum)(square + begin * side, size);
-        }
-    }
-    for (int k = 0; k < TOGETHER; k++) {
-        const double mean = KIND(sum)(images + k * size, size) / (double)size;
-        for (Py_ssize_t i = 0; i < size; i++) {
-            images[k * size + i] -= mean;
-        }
+    for (int k = 0; k < EIGENVECTORS; k++) {
+        located[k] = low[k] + width / 2;
     }
 }
 
-/* Make an orthonormal basis of what some vectors span; 0 if one of them hardly leaves what those before it span. */
-LOOP static int KIND(orthonormal)(const double *restrict vectors, Py_ssize_t count, Py_ssize_t size,
-                                  double *restrict basis) {
-    memcpy(basis, vectors, sizeof(double) * (size_t)(count * size));
-    for (Py_ssize_t k = 0; k < count; k++) {
-        double *restrict vector = basis + k * size;
-        const double before = KIND(dot)(vector, vector, size);
-        double left = before;
-        /* Twice is enough (Parlett, The Symmetric Eigenvalue Problem, section 6.9). */
-        for (int pass = 0; pass < 2; pass++) {
-            for (Py_ssize_t other = 0; other < k; other++) {
-                const double *restrict beside = basis + other * size;
-                const double product = KIND(dot)(beside, vector, size);
-                for (Py_ssize_t i = 0; i < size; i++) {
-                    vector[i] -= product * beside[i];
+/* Find eigenvalues of a tridiagonal matrix of trace 1, to its diagonal, until so many of them are found as `located` and
+ * none that is left is above; and their eigenvectors, to rows that begin as those of 1: implicit QL (Dubrulle, Martin and
+ * Wilkinson 1968). Gives how many were found; 0 if it does not end, as with what is no number. */
+HELPER int KIND(diagonal)(double *restrict d, double *restrict e, int size, const float *restrict located, int wanted,
+                          double (*restrict rows)[MOST_DIRECTIONS]) {
+    for (int low = 0; low < size; low++) {
+        for (int turn = 0;; turn++) {
+            int high = low;
+            while (high < size - 1 && !(fabs(e[high]) <= NO_EIGENVALUE)) {
+                high++;
+            }
+            if (high == low) {
+                break;
+            }
+            if (turn == MOST_TURNS) {
+                return 0;
+            }
+            const double shift = (d[low + 1] - d[low]) / (2 * e[low]), root = sqrt(shift * shift + 1);
+            const double near = d[low] - e[low] / (shift + (shift < 0 ? -root : root));
+            double g = d[high] - (turn == 0 && low < wanted ? (double)located[low] : near), sine = 1, cosine = 1, p = 0;
+            int i = high - 1;
+            for (; i >= low; i--) {
+                const double f = sine * e[i], b = cosine * e[i], square = f * f + g * g, r = sqrt(square);
+                e[i + 1] = r;
+                if (r == 0.0) {
+                    d[i + 1] -= p;
+                    break;
+                }
+                /* A root and a quotient beside each other are done before one after the other. */
+                sine = f * (r * (1 / square));
+                cosine = g * (r * (1 / square));
+                g = d[i + 1] - p;
+                const double s = (d[i] - g) * sine + 2 * cosine * b;
+                p = sine * s;
+                d[i + 1] = g + p;
+                g = cosine * s - b;
+                for (int k = 0; k < MOST_DIRECTIONS; k++) {
+                    const double one = rows[i + 1][k], other = rows[i][k];
+                    rows[i + 1][k] = sine * other + cosine * one;
+                    rows[i][k] = cosine * other - sine * one;
                 }
             }
-            left = KIND(dot)(vector, vector, size);
+            if (i < low) {
+                d[low] -= p;
+                e[low] = g;
+            }
+            e[high] = 0.0;
         }
-        if (!(left > 1e-20 * before) || !(left < INFINITY)) {
-            return 0;
+        if (low + 1 >= wanted && low + 1 < size) {
+            double least = d[0];
+            for (int i = 1; i <= low; i++) {
+                least = d[i] < least ? d[i] : least;
+            }
+            if (KIND(none_above)(d + low + 1, e + low + 1, size - low - 1, least)) {
+                return low + 1;
+            }
         }
-        const double per_length = 1.0 / sqrt(left);
-        for (Py_ssize_t i = 0; i < size; i++) {
-            vector[i] *= per_length;
+    }
+    return size;
+}
+
+/* The largest eigenvalues of a covariance (size, size), to values (count), and their eigenvectors, to (count, size). */
+LOOP static int KIND(eigenpairs)(const double *restrict covariance, int size, int count, double *restrict values,
+                                 double *restrict vectors) {
+    double a[MOST_DIRECTIONS][MOST_DIRECTIONS] = {{0.0}}, rows[MOST_DIRECTIONS][MOST_DIRECTIONS] = {{0.0}};
+    double d[MOST_DIRECTIONS], e[MOST_DIRECTIONS], factors[MOST_DIRECTIONS], trace = 0.0;
+    float located[EIGENVECTORS];
+    for (int i = 0; i < size; i++) {
+        trace += covariance[i * size + i];
+    }
+    const double per_trace = trace > 0.0 ? 1.0 / trace : 0.0;
+    for (int i = 0; i < size; i++) {
+        for (int j = 0; j < size; j++) {
+            a[i][j] = covariance[i * size + j] * per_trace;
         }
+        rows[i][i] = 1.0;
+    }
+    KIND(tridiagonal)(a, size, d, e, factors);
+    KIND(locate)(d, e, size, located);
+    const int found = KIND(diagonal)(d, e, size, located, count, rows);
+    if (found == 0) {
+        return 0;
+    }
+    for (int k = 0; k < count; k++, vectors += size) {
+        int largest = 0;
+        for (int i = 1; i < found; i++) {
+            largest = d[i] > d[largest] ? i : largest;
+        }
+        values[k] = d[largest] * trace;
+        d[largest] = -INFINITY;
+        double *restrict row = rows[largest];
+        for (int c = size - 2; c >= 0; c--) {
+            const double product = factors[c] * KIND(dot)(a[c], row, size);
+            for (int i = 0; i < size; i++) {
+                row[i] -= product * a[c][i];
+            }
+        }
+        memcpy(vectors, row, sizeof(double) * (size_t)size);
     }
     return 1;
 }
 
+/* Covariance of `count` points with these sums and products, to covariance (size, size); gives its trace. Nothing of it is
+ * left where there is hardly any. */
+LOOP static double KIND(covariance)(const double *restrict sum, const double *restrict products, int size, double count,
+                                    double none, double *restrict covariance) {
+    double trace = 0.0;
+    for (int i = 0; i < size; i++) {
+        for (int j = 0; j < size; j++) {
+            covariance[i * size + j] = products[i * size + j] / count - sum[i] / count * (sum[j] / count);
+        }
+        trace += covariance[i * size + i];
+    }
+    if (trace <= none) {
+        memset(covariance, 0, sizeof(double) * (size_t)(size * size));
+        return 0.0;
+    }
+    return trace;
+}
+
+/* Add a factor times a lane of halves to sums. */
+HELPER void KIND(add)(const Half *restrict lane, float factor, KIND(Floats) *restrict sums) {
+    for (int j = 0; j < LANE / FLOATS; j++) {
+        sums[j] += factor * KIND(widen)(lane + FLOATS * j);
+    }
+}
+
+/* Place numbers by a metric: (numbers − origin) axes, to a vector (axes). The numbers are overwritten. */
+HELPER void KIND(place)(const Metric *metric, float *restrict numbers, float *restrict vector) {
+    for (Py_ssize_t i = 0; i < metric->numbers; i++) {
+        numbers[i] -= metric->origin[i];
+    }
+    for (Py_ssize_t begin = 0; begin < metric->stride; begin += LANE) {
+        KIND(Floats) sums[LANE / FLOATS] = {{0.0F}};
+        for (Py_ssize_t i = 0; i < metric->numbers; i++) {
+            KIND(add)(metric->axes + i * metric->stride + begin, numbers[i], sums);
+        }
+        const Py_ssize_t some = metric->kept - begin < LANE ? metric->kept - begin : LANE;
+        memcpy(vector + begin, sums, sizeof(float) * (size_t)some);
+    }
+}
+
+/* Write the matrix Σᵢ sᵢ sᵢᵀ of scaled eigenvectors (count, size) as a vector (size (size + 1) / 2). */
+HELPER void KIND(flatten)(const double *restrict scaled, Py_ssize_t count, Py_ssize_t size, float *restrict vector) {
+    for (Py_ssize_t i = 0; i < size; i++) {
+        for (Py_ssize_t j = i; j < size; j++) {
+            vector[j - i] = 0.0F;
+        }
+        for (Py_ssize_t k = 0; k < count; k++) {
+            const double *restrict row = scaled + k * size;
+            const float one = (float)(row[i] * sqrt(2.0));
+            for (Py_ssize_t j = i; j < size; j++) {
+                vector[j - i] += one * (float)row[j];
+            }
+        }
+        vector[0] *= (float)sqrt(0.5);
+        vector += size - i;
+    }
+}
+
+/* Squared distances of one lane of windows to a vector, and a little more. */
+HELPER void KIND(distances_to)(const Group *group, Py_ssize_t lane, const float *restrict vector, float square,
+                               float *restrict squared) {
+    const Half *windows = group->windows + lane * group->axes * LANE;
+    const float *lengths = group->lengths + lane * LANE;
+    KIND(Floats) sums[LANE / FLOATS];
+    for (int j = 0; j < LANE / FLOATS; j++) {
+        sums[j] = *(const KIND(Floats) *)(lengths + FLOATS * j) + square;
+    }
+    for (Py_ssize_t k = 0; k < group->axes; k++) {
+        KIND(add)(windows + k * LANE, -2.0F * vector[k], sums);
+    }
+    memcpy(squared, sums, sizeof sums);
+}
+
+/* The same of scaled eigenvectors (EIGENVECTORS, axes), whose matrix is of length 1: 1 + 1 − 2 Σᵢⱼ ⟨sᵢ, tⱼ⟩². */
+HELPER void KIND(distances_between)(const Group *group, Py_ssize_t lane, const float *restrict scaled,
+                                    float *restrict squared) {
+    for (int begin = 0; begin < LANE / FLOATS; begin += BESIDE) {
+        const Half *windows = group->windows + lane * EIGENVECTORS * group->axes * LANE + FLOATS * begin;
+        KIND(Floats) squares[BESIDE] = {{0.0F}};
+        for (int i = 0; i < EIGENVECTORS; i++) {
+            KIND(Floats) products[EIGENVECTORS][BESIDE] = {{{0.0F}}};
+            for (Py_ssize_t k = 0; k < group->axes; k++, windows += LANE) {
+                for (int j = 0; j < BESIDE; j++) {
+                    const KIND(Floats) window = KIND(widen)(windows + FLOATS * j);
+                    for (int q = 0; q < EIGENVECTORS; q++) {
+                        products[q][j] += scaled[q * group->axes + k] * window;
+                    }
+                }
+            }
+            for (int q = 0; q < EIGENVECTORS; q++) {
+                for (int j = 0; j < BESIDE; j++) {
+                    squares[j] += products[q][j] * products[q][j];
+                }
+            }
+        }
+        for (int j = 0; j < BESIDE; j++) {
+            const Py_ssize_t place = lane * LANE + FLOATS * (begin + j);
+            const KIND(Floats) lengths = *(const KIND(Floats) *)(group->lengths + place);
+            *(KIND(Floats) *)(squared + FLOATS * (begin + j)) = 1.0F + lengths - 2.0F * squares[j];
+        }
+    }
+}
+
+/* For each view and class the mean of the two least numbers that different people's windows have in it. */
+HELPER void KIND(agree)(const Table *table, double *restrict agreed) {
+    const Py_ssize_t apart = table->lanes * LANE;
+    for (Py_ssize_t c = 0; c < table->classes; c++) {
+        float first[MOST_VIEWS], second[MOST_VIEWS];
+        for (int v = 0; v < MOST_VIEWS; v++) {
+            first[v] = second[v] = INFINITY;
+        }
+        for (Py_ssize_t b = table->class_starts[c]; b < table->class_starts[c + 1]; b++) {
+            float least[MOST_VIEWS] = {INFINITY, INFINITY, INFINITY, INFINITY};
+            for (Py_ssize_t w = table->block_starts[b]; w < table->block_starts[b + 1]; w++) {
+                for (int v = 0; v < MOST_VIEWS; v++) {
+                    const float number = table->products[v * apart + w];
+                    least[v] = number < least[v] ? number : least[v];
+                }
+            }
+            for (int v = 0; v < MOST_VIEWS; v++) {
+                second[v] = least[v] < first[v] ? first[v] : least[v] < second[v] ? least[v] : second[v];
+                first[v] = least[v] < first[v] ? least[v] : first[v];
+            }
+        }
+        const int alone = table->class_starts[c + 1] - table->class_starts[c] < 2;
+        for (int v = 0; v < table->views; v++) {
+            agreed[v * table->classes + c] = ((double)first[v] + (double)(alone ? first[v] : second[v])) / 2.0;
+        }
+    }
+}
+
+/* Give a part's numbers as its metric wants them, to `room`. */
+HELPER void KIND(prepare)(const Part *part, const double *restrict numbers, float *restrict room) {
+    if (part->directions > 0) {
+        KIND(flatten)(numbers, part->vectors, part->directions, room);
+        return;
+    }
+    for (Py_ssize_t i = 0; i < part->metric.numbers; i++) {
+        room[i] = (float)numbers[i];
+    }
+}
+
+/* Compare a live window's parts with a table's windows, to logs (views, classes). */
+LOOP static void KIND(compare)(const Table *table, const double *const *numbers, double *restrict logs) {
+    float vectors[MOST_PARTS][MOST_AXES], squares[MOST_PARTS] = {0.0F};
+    float(*placed)[MOST_AXES] = table->placed;
+    for (int p = 0; p < table->parts; p++) {
+        if (table->part[p].metric.kept > 0) {
+            KIND(prepare)(&table->part[p], numbers[p], table->room);
+            KIND(place)(&table->part[p].metric, table->room, placed[p]);
+        }
+    }
+    for (int g = 0; g < table->groups; g++) {
+        const Group *group = &table->group[g];
+        const Part *first = &table->part[group->members[0]];
+        Py_ssize_t end = 0;
+        if (group->between) {
+            memset(vectors[g], 0, sizeof vectors[g]);
+            for (Py_ssize_t i = 0; i < first->vectors * first->directions; i++) {
+                vectors[g][i] = (float)numbers[group->members[0]][i];
+            }
+            continue;
+        }
+        float *restrict joined = group->joint.kept > 0 ? table->room : vectors[g];
+        for (int m = 0; m < group->count; m++) {
+            const Py_ssize_t kept = table->part[group->members[m]].metric.kept;
+            memcpy(joined + end, placed[group->members[m]], sizeof(float) * (size_t)kept);
+            end += kept;
+        }
+        if (group->joint.kept > 0) {
+            KIND(place)(&group->joint, joined, vectors[g]);
+        }
+        for (Py_ssize_t i = 0; i < group->axes; i++) {
+            squares[g] += vectors[g][i] * vectors[g][i];
+        }
+    }
+    for (Py_ssize_t lane = 0; lane < table->lanes; lane++) {
+        KIND(Floats) views[MOST_VIEWS][LANE / FLOATS] = {{{0.0F}}};
+        float squared[LANE];
+        for (int g = 0; g < table->groups; g++) {
+            const Group *group = &table->group[g];
+            if (group->between) {
+                KIND(distances_between)(group, lane, vectors[g], squared);
+            } else {
+                KIND(distances_to)(group, lane, vectors[g], squares[g], squared);
+            }
+            /* What is no number is as far as can be. */
+            for (int w = 0; w < LANE; w++) {
+                const float one = squared[w] < FARTHEST ? squared[w] : FARTHEST;
+                squared[w] = one > table->nearest ? one : table->nearest;
+            }
+            for (int j = 0; j < LANE / FLOATS; j++) {
+                const KIND(Floats) logs_of = KIND(float_logs)(*(KIND(Floats) *)(squared + FLOATS * j));
+                for (int v = 0; v < table->views; v++) {
+                    views[v][j] += table->weights[v][g] * logs_of;
+                }
+            }
+        }
+        for (int v = 0; v < table->views; v++) {
+            memcpy(table->products + (v * table->lanes + lane) * LANE, views[v], sizeof views[v]);
+        }
+    }
+    KIND(agree)(table, logs);
+}
+
 #undef HELPER
+#undef BYTES
+#undef FLOATS
+#undef BESIDE
+#undef LOGARITHMS

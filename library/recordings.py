@@ -7,7 +7,7 @@ from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
-from library.formats import acclaim, bvh, c3d, trc
+from library.formats import acclaim, bvh, c3d, trc, utkinect
 from library.formats.c3dprocess import C3dProcess
 from library.formats.error import RecordingError
 from library.formats.naming import chosen
@@ -26,6 +26,7 @@ __all__ = [
     "find_recordings",
     "is_recording",
     "labelled",
+    "performed",
     "read_recordings",
 ]
 
@@ -83,8 +84,8 @@ class Reading:
 
 
 def is_recording(path: Path) -> bool:
-    """Whether a file's ending is that of a format we read."""
-    return path.suffix.lower() in _ENDINGS
+    """Whether a file's ending, or UTKinect's kind of name, is that of a format we read."""
+    return path.suffix.lower() in _ENDINGS or utkinect.is_take(path)
 
 
 def find_recordings(places: Sequence[Path]) -> list[Path]:
@@ -161,7 +162,7 @@ class RecordingReader:
             A file that cannot be opened.
         """
         self._require_recording(path)
-        if reader := _READERS.get(path.suffix.lower()):
+        if reader := utkinect.read_clip if utkinect.is_take(path) else _READERS.get(path.suffix.lower()):
             return reader(path, **self._options(path))
         return self._chosen(acclaim.read_clip(path, self._body(path), frame_rate=self._reading.frame_rate), path)
 
@@ -213,13 +214,18 @@ def labelled(clip: Clip, path: Path, actor_in: ActorIn = ActorIn.NOWHERE) -> Cli
     """Give a clip whose name tells no class (as HDM05's do) its folder's name as class, its own as take, its actor."""
     if clip.class_name:
         return clip
-    folder = path.absolute().parent
-    actor = {
-        ActorIn.NOWHERE: clip.actor,
-        ActorIn.NAME: path.stem.partition("_")[0],
-        ActorIn.FOLDER: folder.parent.name,
-    }[actor_in]
-    return replace(clip, class_name=folder.name, actor=actor, take=clip.name)
+    return replace(performed(clip, path, actor_in), class_name=path.absolute().parent.name, take=clip.name)
+
+
+def performed(clip: Clip, path: Path, actor_in: ActorIn) -> Clip:
+    """Give a clip the actor that its place tells; the one it has where no place does."""
+    match actor_in:
+        case ActorIn.NOWHERE:
+            return clip
+        case ActorIn.NAME:
+            return replace(clip, actor=path.stem.partition("_")[0])
+        case ActorIn.FOLDER:
+            return replace(clip, actor=path.absolute().parent.parent.name)
 
 
 def _with_joints(clip: Clip, wanted: Sequence[str], path: Path) -> Clip:

@@ -9,21 +9,21 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from enum import StrEnum
+from itertools import combinations
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from library.distances import distance_rows
-from library.signature import Moments, signature_of, similarity
+from library.signature import signature_of, similarity
 from library.spread import SpreadMetric, spread_of
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Collection, Sequence
 
     from numpy.typing import NDArray
 
     from library.clip import Clip
-    from library.signature import Signature
 
 
 class Space(StrEnum):
@@ -53,6 +53,8 @@ class Protocol(StrEnum):
 
 #: The actors of the literature's split: the library is made of these, the others ask.
 SPLIT_LIBRARY_ACTORS = ("bd", "bk", "dg")
+#: How many of HDM05's five actors that is.
+_ACTORS, _LIBRARY_ACTORS = 5, 3
 
 
 class Labels(NamedTuple):
@@ -84,6 +86,10 @@ class Retrieval:
     confusion
         Shape (classes, classes): entry (i, j) is the share of class i's motions whose nearest is of class j; rows of
         classes that never asked are zero.
+    asking
+        Indices of the motions that asked, shape (asking,).
+    right
+        Whether the nearest, and whether one of the two nearest, is of their class, shape (asking, 2).
     """
 
     motions: int
@@ -91,6 +97,8 @@ class Retrieval:
     two_nearest: float
     classes: tuple[str, ...]
     confusion: NDArray[np.float64] = field(repr=False)
+    asking: NDArray[np.intp] = field(repr=False)
+    right: NDArray[np.bool_] = field(repr=False)
 
 
 def motion_axes(clips: Sequence[Clip], space: Space) -> NDArray[np.float64]:
@@ -101,16 +109,12 @@ def motion_axes(clips: Sequence[Clip], space: Space) -> NDArray[np.float64]:
     ValueError
         Rotations are asked of a clip that has none.
     """
-    return np.array([_signature(clip, space).axis.vector for clip in clips])
+    return np.array([signature_of(_rows(clip, space)) for clip in clips])
 
 
 def motion_spreads(clips: Sequence[Clip]) -> NDArray[np.float64]:
     """Find the spread of each clip's distances, shape (clips, pairs)."""
-    return np.array([spread_of(_signature(clip, Space.DISTANCES)) for clip in clips])
-
-
-def _signature(clip: Clip, space: Space) -> Signature:
-    return signature_of(Moments.of_rows(_rows(clip, space)))
+    return np.array([spread_of(_rows(clip, Space.DISTANCES)) for clip in clips])
 
 
 def _rows(clip: Clip, space: Space) -> NDArray[np.float64]:
@@ -134,8 +138,25 @@ def turned(clip: Clip, generator: np.random.Generator) -> Clip:
     return clip.moved_to(clip.positions @ turn.T + shift)
 
 
-def candidates(labels: Labels, protocol: Protocol) -> NDArray[np.bool_]:
-    """Say which motions (columns) each motion (rows) may find, shape (motions, motions); an empty row does not ask."""
+def splits(actors: Collection[str]) -> list[tuple[str, ...]]:
+    """List all ways to make a library of three of five actors, whom the other two ask; none for other numbers."""
+    return list(combinations(sorted(actors), _LIBRARY_ACTORS)) if len(actors) == _ACTORS else []
+
+
+def candidates(
+    labels: Labels, protocol: Protocol, library_actors: Sequence[str] = SPLIT_LIBRARY_ACTORS
+) -> NDArray[np.bool_]:
+    """Say which motions (columns) each motion (rows) may find, shape (motions, motions); an empty row does not ask.
+
+    Parameters
+    ----------
+    labels
+        Class and actor of each.
+    protocol
+        Who may be compared with whom.
+    library_actors
+        Whose motions the library of `Protocol.SPLIT` is made of.
+    """
     different = ~np.eye(len(labels.actors), dtype=bool)
     match protocol:
         case Protocol.LEAVE_ONE_OUT:
@@ -143,21 +164,24 @@ def candidates(labels: Labels, protocol: Protocol) -> NDArray[np.bool_]:
         case Protocol.ACTOR_HELD_OUT:
             return np.not_equal.outer(labels.actors, labels.actors)
         case Protocol.SPLIT:
-            in_library = np.isin(labels.actors, SPLIT_LIBRARY_ACTORS)
+            in_library = np.isin(labels.actors, library_actors)
             return ~in_library[:, None] & in_library[None, :]
 
 
-def retrieve(scores: NDArray[np.floating], labels: Labels, protocol: Protocol) -> Retrieval:
+def retrieve(
+    scores: NDArray[np.floating],
+    labels: Labels,
+    protocol: Protocol,
+    library_actors: Sequence[str] = SPLIT_LIBRARY_ACTORS,
+) -> Retrieval:
     """Count how often the nearest motions are of the asking motion's class.
 
     Parameters
     ----------
     scores
         Similarity of every motion with every other, shape (motions, motions); more is nearer.
-    labels
-        Class and actor of each.
-    protocol
-        Who may be compared with whom.
+    labels, protocol, library_actors
+        Who may be compared with whom, as `candidates` takes them.
 
     Raises
     ------
@@ -167,13 +191,13 @@ def retrieve(scores: NDArray[np.floating], labels: Labels, protocol: Protocol) -
     count = len(labels.classes)
     if scores.shape != (count, count):
         raise ValueError(f"scores: expected ({count}, {count}), got {scores.shape}")
-    allowed = candidates(labels, protocol)
+    allowed = candidates(labels, protocol, library_actors)
     asking = np.flatnonzero(allowed.sum(axis=1) >= 2)
     if not asking.size:
         raise ValueError(f"protocol: {protocol} leaves no motion two others to be compared with")
     order = np.argsort(-np.where(allowed, scores, -np.inf)[asking], axis=1, kind="stable")
     found, own = labels.classes[order[:, :2]], labels.classes[asking]
-    right = found == own[:, None]
+    right = np.logical_or.accumulate(found == own[:, None], axis=1)
     classes = np.unique(labels.classes)
     confusion = np.zeros((len(classes), len(classes)))
     np.add.at(confusion, (np.searchsorted(classes, own), np.searchsorted(classes, found[:, 0])), 1.0)
@@ -181,9 +205,11 @@ def retrieve(scores: NDArray[np.floating], labels: Labels, protocol: Protocol) -
     return Retrieval(
         motions=len(asking),
         nearest=float(right[:, 0].mean()),
-        two_nearest=float(right.any(axis=1).mean()),
+        two_nearest=float(right[:, 1].mean()),
         classes=tuple(classes.tolist()),
         confusion=np.divide(confusion, totals, out=confusion, where=totals > 0),
+        asking=asking,
+        right=right,
     )
 
 
@@ -192,7 +218,12 @@ def compare(axes: NDArray[np.float64]) -> NDArray[np.floating]:
     return similarity(axes, axes.T)
 
 
-def compare_spreads(spreads: NDArray[np.float64], labels: Labels, protocol: Protocol) -> NDArray[np.float64]:
+def compare_spreads(
+    spreads: NDArray[np.float64],
+    labels: Labels,
+    protocol: Protocol,
+    library_actors: Sequence[str] = SPLIT_LIBRARY_ACTORS,
+) -> NDArray[np.float64]:
     """Score every motion against every other by the spread, nothing of the asking motion known to the metric.
 
     For each motion the metric is learned from those alone that the protocol lets it find.
@@ -201,16 +232,14 @@ def compare_spreads(spreads: NDArray[np.float64], labels: Labels, protocol: Prot
     ----------
     spreads
         Shape (motions, pairs).
-    labels
-        Class and actor of each.
-    protocol
-        Who may be compared with whom.
+    labels, protocol, library_actors
+        Who may be compared with whom, as `candidates` takes them.
 
     Returns
     -------
     Minus the squared distance, shape (motions, motions): more is nearer.
     """
-    allowed = candidates(labels, protocol)
+    allowed = candidates(labels, protocol, library_actors)
     scores = np.full(allowed.shape, -np.inf)
     known, fold = np.unique(allowed, axis=0, return_inverse=True)
     for index, found in enumerate(known):

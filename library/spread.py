@@ -18,18 +18,26 @@ import numpy as np
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from library.signature import Signature
-
 #: Added to each standard deviation before the logarithm, relative to the body's size: about a millimetre, a marker's
 #: noise. Without it a distance that does not move at all would weigh more than everything that does.
 FLOOR = 0.0015
 #: Share of equal scatter in the metric. Figures stay within half a point from 0.1 to 0.3.
 SHRINKAGE = 0.1
+#: Share of the largest scatter below which there is none but for rounding.
+_NOTHING = 1e-12
 
 
-def spread_of(signature: Signature) -> NDArray[np.float64]:
-    """Give the centred log standard deviations of a motion's distances, shape (pairs,); no unit."""
-    logs = np.log(signature.deviation / signature.body_size + FLOOR)
+def spread_of(rows: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Give the centred log standard deviations of a motion's distances, shape (pairs,); no unit.
+
+    Parameters
+    ----------
+    rows
+        Distance rows, shape (frames, pairs), metres, at least two. The body's size is the root mean square of the mean
+        distances.
+    """
+    size = np.sqrt(np.mean(np.square(rows.mean(axis=0))))
+    logs = np.log(rows.std(axis=0, ddof=1) / size + FLOOR)
     centred: NDArray[np.float64] = logs - logs.mean()
     return centred
 
@@ -83,11 +91,14 @@ class SpreadMetric:
         within = np.concatenate(
             [_about_mean(spreads[classes == name]) / np.sqrt((classes == name).sum() * len(names)) for name in names]
         )
-        _, singular, directions = np.linalg.svd(within, full_matrices=False)
-        scatter = np.square(singular)
-        equal = shrinkage * scatter.sum() / spreads.shape[1]
+        # Motions by motions is the smaller matrix; what it cannot tell from nothing weighs as nothing does.
+        scatter, vectors = np.linalg.eigh(within @ within.T)
+        equal = shrinkage * np.square(within).sum() / spreads.shape[1]
         if not equal > 0:
             raise ValueError("spreads: expected a class with two motions that differ, got none")
+        there = scatter > _NOTHING * scatter[-1]
+        scatter = scatter[there]
+        directions = vectors.T[there] @ within / np.sqrt(scatter)[:, None]
         excess = 1 / equal - 1 / ((1 - shrinkage) * scatter + equal)
         return cls(directions, np.sqrt(np.maximum(excess, 0.0)), float(1 / equal))
 

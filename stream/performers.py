@@ -164,75 +164,52 @@ class Performers:
             if announcement.joints == self.library.skeleton.joints:
                 performer.order = None
 
-    def push(self, frame: Frame, arrival: float) -> Recognition | None:
-        """Take in one frame.
-
-        Parameters
-        ----------
-        frame
-            As received.
-        arrival
-            When it came, seconds on our clock: what silence is measured by.
-
-        Returns
-        -------
-        A recognition when one is due, else None.
-        """
-        return self.push_all([frame], arrival)[0]
-
     def push_all(self, events: Sequence[Frame | Announcement], arrival: float) -> list[Recognition | None]:
         """Take in frames and announcements that came together, in their order.
-
-        What is due of several performers is recognised in one go, for a fraction of what one by one would cost.
 
         Parameters
         ----------
         events
             As received.
         arrival
-            When they came, seconds on our clock.
+            When they came, seconds on our clock: what silence is measured by.
 
         Returns
         -------
         For each a recognition when one is due, else None.
         """
-        answers: list[Recognition | None] = [None] * len(events)
-        due: dict[str, int] = {}
-        for index, event in enumerate(events):
-            # A window is looked at before anything else happens to it.
-            if event.performer in due:
-                self._answer(due, answers)
+        answers: list[Recognition | None] = []
+        for event in events:
             if isinstance(event, Announcement):
                 self.announce(event, arrival)
-            elif self._take(event, arrival):
-                due[event.performer] = index
-        self._answer(due, answers)
+                answers.append(None)
+            else:
+                answers.append(self.push(event, arrival))
         return answers
 
-    def _take(self, frame: Frame, arrival: float) -> bool:
-        """Take in one frame; whether an answer is due."""
+    def push(self, frame: Frame, arrival: float) -> Recognition | None:
+        """Take in one frame; give a recognition when one is due, else None.
+
+        Parameters
+        ----------
+        frame
+            As received.
+        arrival
+            When it came, seconds on our clock.
+        """
         performer = self._performer(frame.performer, arrival)
         if performer is None:
             self._counts.no_room += 1
-            return False
+            return None
         if not performer.known_joints or len(frame.positions) != len(performer.joints):
             self._counts.other_joints += 1
             if performer.refused_size != len(frame.positions):
                 performer.refused_size = len(frame.positions)
                 self._tell_refused(frame.performer, performer)
-            return False
+            return None
         if performer.order is not None:
             frame = replace(frame, positions=frame.positions[performer.order])
-        return performer.recognizer.take(frame)
-
-    def _answer(self, due: dict[str, int], answers: list[Recognition | None]) -> None:
-        """Answer what is due, by performer the index of the frame that is answered, and forget that it was."""
-        if not due:
-            return
-        first, *others = [self._performers[name].recognizer for name in due]
-        for index, answer in zip(due.values(), first.answer_with(others), strict=True):
-            answers[index] = answer
-        due.clear()
+        return performer.recognizer.push(frame)
 
     def _tell_refused(self, name: str, performer: _Performer) -> None:
         """Note why a performer's frames are refused."""

@@ -11,6 +11,8 @@ import numpy as np
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from library.windows.rejection import Evidence
+
 
 class Outcome(StrEnum):
     """Why a recognition names a class, or none."""
@@ -72,20 +74,24 @@ class Recognition:
     classes
         The library's class names, sorted; an index into them is an index into `scores`.
     scores
-        Score of each class, 0 to 1, shape (classes,), by its nearest motion or window: the absolute inner product of
-        leading eigenvectors, or 1 / (1 + d²) of the distance between windows. Raw, not normalised: an unknown
-        movement scores low everywhere. Given even when the outcome is none.
+        Score of each class, 0 to 1, shape (classes,): 1 / (1 + d²) of the distance d to its nearest window. Raw, not
+        normalised: an unknown movement scores low everywhere. Given even when the outcome is none.
     movement
-        Root mean square deviation of a distance in the window, relative to the body's size.
+        Root mean square deviation of a distance in the window, relative to the root mean square distance.
+    lead
+        Log distance by which the best guess is ahead of all other classes, below 0 while a guess is held.
+    eigenvector_class, eigenvector_score
+        The class that the leading eigenvector alone finds, and its best |inner product| with a window of the library
+        (Le Naour et al. 2012, section 3). No class is None: the library holds it as `nothing`.
     share
-        Share of the window's variance along its leading eigenvector; None where that was not asked for.
+        Share of the window's variance along its leading eigenvector, 0 to 1.
     gap
-        (λ₁ − λ₂) / λ₁ of the window's two leading eigenvalues; None likewise.
-    residual
-        ‖Cv − λv‖ / λ of the leading eigenvector, at most 1e-6; None likewise.
+        (λ₁ − λ₂) / λ₁ of the window's two leading eigenvalues, 0 to 1.
     guess
         Index of the class that is the best guess, whatever the outcome. Usually the one with the highest score; at a
         change of motion the one before, until the new one has led for long enough. None: the highest score's.
+    evidence
+        What speaks for the guess being known; None with the paper's signature, which knows no unknown motion.
     events
         What this recognition made happen: a motion's end, a motion's start, or nothing.
     """
@@ -96,10 +102,13 @@ class Recognition:
     classes: tuple[str, ...] = field(repr=False)
     scores: NDArray[np.floating] = field(repr=False)
     movement: float
-    share: float | None = None
-    gap: float | None = None
-    residual: float | None = None
+    lead: float = 0.0
+    eigenvector_class: str | None = None
+    eigenvector_score: float = 0.0
+    share: float = 0.0
+    gap: float = 0.0
     guess: int | None = None
+    evidence: Evidence | None = field(default=None, repr=False)
     events: tuple[Event, ...] = ()
 
     @property

@@ -1,7 +1,7 @@
 """The recogniser of one performer: frames go in with their time, recognitions come out.
 
-No socket, clock, thread or print in here. It sorts out frames that come late, starts anew after gaps, and keeps the
-hops; what is made of the windows is the matcher's: the paper's leading eigenvector, or several measures at once.
+No socket, clock, thread or print in here. The recogniser sorts out frames that come late, starts anew after gaps, and
+keeps the hops; a matcher compares the windows: by all parts of the signature, or by the paper's eigenvector alone.
 """
 
 from __future__ import annotations
@@ -14,33 +14,38 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from library.distances import DistanceMeasurer
-from stream.eigenmatcher import EigenvectorMatcher
+from library.motionlibrary import MotionLibrary
+from library.windows.body import Body
+from library.windows.index import opened
+from library.windows.paper import opened_by_paper
 from stream.events import EventDetector
+from stream.matcher import PaperMatcher, WindowMatcher
 from stream.recognition import Recognition
-from stream.windowmatcher import WindowMatcher
+from stream.smoothing import RowSmoother
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from library.motionlibrary import MotionLibrary
+    from library.windows.index import WindowIndex
     from stream.frame import Frame
     from stream.matcher import Matcher, Reading
     from stream.recognition import Event
 
 
 #: Frames that wait for the next hop to be measured together, at most.
-_MOST_WAITING = 16
-#: A frame's time rounds; so much of a hop early is on time.
+_MAX_WAITING = 16
+#: Tolerance, as a share of the hop: a frame this much early still counts as due, because times are rounded.
 _EARLY = 1e-3
+#: What applies to one signature only, with its default there.
+_WINDOW, _SMALLEST_GAP = 0.5, 0.02
+_SENSITIVITY_LEARNED, _SENSITIVITY_OWN = 0.1, 0.2
 
 
 class LiveSignature(StrEnum):
-    """By what a live window is compared with the library."""
+    """By which signature live windows are compared with the library's windows."""
 
-    #: Spread, shape and posture of several windows, by the nearest windows of the library's motions.
+    #: All parts read off the covariance, over several lengths of time (`library.windows.parts`).
     WINDOWS = "windows"
-    #: The paper's: the leading eigenvector of one window, by inner products with those of whole motions.
-    EIGENVECTOR = "eigenvector"
+    #: The leading eigenvector of one window, unweighted, by |inner products| (Le Naour et al. 2012).
+    PAPER = "paper"
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,27 +55,28 @@ class Settings:
     Attributes
     ----------
     signature
-        By what windows are compared. WINDOWS needs a library that keeps them; None is WINDOWS with such a library,
-        else EIGENVECTOR.
+        By what windows are compared.
     window
-        Length of the eigenvector's sliding window, seconds. It ends with the newest frame: an answer speaks of the
-        last `window` seconds, and the first one comes when the feed has been followed for that long. WINDOWS has
-        lengths of its own, from an eighth of a second to two.
+        Length of the paper's window, seconds; None is 0.5. PAPER only: WINDOWS has lengths of its own, from a quarter
+        of a second to two.
     sensitivity
-        Share of the time of motions the library does not know that may be answered with a class, as far as its own
-        classes, each left out in turn, can tell. More answers more, of known and of unknown motions. WINDOWS only.
+        Share of the time of unknown motions that may be answered with a class, as far as the motions can tell from
+        which the library learned what is unknown; None is 0.1 where strangers' motions taught it (`kinespace learn`),
+        and 0.2 where its own classes did, each left out: they are harder to tell. More answers more, of known and of
+        unknown motions. WINDOWS only.
     hop
         Seconds between answers; 0 answers every frame.
     lead
-        How clear a lead, added up over time, a class needs before a start event: more is later and surer.
+        How clear a lead, added up over time, a class needs before a start event (`stream.hysteresis`): more is later
+        and surer.
     longest_gap
         Seconds without a frame after which the window starts anew, because what happened in between is not known.
         With a gap as long as the longest window it always does: nothing would be left in it.
     stillness
         Movement, relative to the body's size, below which a window is still. The default, 1 %, is about 8 mm for an
-        adult: a tenth of the quietest motion of the built-in library, twenty times a markers' noise.
+        adult: a tenth of the quietest motion of the built-in library, twenty times a marker's noise.
     smallest_gap
-        (λ₁ − λ₂) / λ₁ below which the leading eigenvector is too arbitrary to be compared.
+        (λ₁ − λ₂) / λ₁ below which the leading eigenvector is too arbitrary to be compared; None is 0.02. PAPER only.
     patience
         How many frames in a row may be older than the newest before the sender is taken to have started anew. One
         older than the longest window says so at once.
@@ -78,27 +84,33 @@ class Settings:
     Raises
     ------
     ValueError
-        A value is not finite, window or longest_gap not positive, another negative.
+        A value is not finite, window or longest_gap not positive, another negative, or a value is given that does not
+        apply to the signature.
     """
 
-    signature: LiveSignature | None = None
-    window: float = 1.0
-    sensitivity: float = 0.22
+    signature: LiveSignature = LiveSignature.WINDOWS
+    window: float | None = None
+    sensitivity: float | None = None
     lead: float = 3.0
     hop: float = 1 / 30
     longest_gap: float = 0.5
     stillness: float = 0.01
-    smallest_gap: float = 0.02
+    smallest_gap: float | None = None
     patience: int = 10
 
     def __post_init__(self) -> None:
+        others = ("window", "smallest_gap") if self.signature is LiveSignature.WINDOWS else ("sensitivity",)
+        for name in others:
+            value = getattr(self, name)
+            if value is not None:
+                raise ValueError(f"{name}: expected none with the signature {self.signature}, got {value}")
         for name in ("window", "longest_gap"):
             value = getattr(self, name)
-            if not (math.isfinite(value) and value > 0):
+            if value is not None and not (math.isfinite(value) and value > 0):
                 raise ValueError(f"{name}: expected a positive number of seconds, got {value}")
         for name in ("sensitivity", "lead", "hop", "stillness", "smallest_gap", "patience"):
             value = getattr(self, name)
-            if not (math.isfinite(value) and value >= 0):
+            if value is not None and not (math.isfinite(value) and value >= 0):
                 raise ValueError(f"{name}: expected a number not below 0, got {value}")
 
 
@@ -114,8 +126,6 @@ class RecognizerCounts:
     restarts: int = 0
     #: Windows answered.
     hops: int = 0
-    #: Hops for which the exact eigensolver was needed.
-    exact: int = 0
 
 
 class Recognizer:
@@ -124,45 +134,46 @@ class Recognizer:
     Parameters
     ----------
     library
-        The motions to compare with.
+        The motions to compare with; or their windows, when they are at hand already.
     settings
-        How to; the defaults suit feeds of 20 to 500 frames per second.
+        How to recognise; the defaults suit feeds of 20 to 500 frames per second.
 
     Attributes
     ----------
     counts
         What became of the frames.
-    matcher
-        What compares this performer's windows with the library.
     """
 
-    def __init__(self, library: MotionLibrary, settings: Settings | None = None) -> None:
-        self.library = library
+    def __init__(self, library: MotionLibrary | WindowIndex, settings: Settings | None = None) -> None:
         self.settings = settings or Settings()
+        self.library, self._matcher, classes = _matched(library, self.settings)
         self.counts = RecognizerCounts()
-        self.matcher: Matcher = _matcher(library, self.settings)
+        self._named = np.flatnonzero([name in self.library.classes for name in classes])
+        self.classes = tuple(classes[index] for index in self._named)
         self._detector = EventDetector(self.settings.lead)
-        self._shape = (len(library.skeleton.joints), 3)
-        self._positions = np.empty((_MOST_WAITING, *self._shape))
-        self._rows = np.empty((_MOST_WAITING, len(library.skeleton.pairs)))
-        self._measurer = DistanceMeasurer(library.skeleton, _MOST_WAITING)
+        skeleton = self.library.skeleton
+        self._shape = (len(skeleton.joints), 3)
+        self._positions = np.empty((_MAX_WAITING, *self._shape))
+        self._rows = np.empty((_MAX_WAITING, len(skeleton.pairs)))
+        self._measurer = DistanceMeasurer(skeleton, _MAX_WAITING)
+        self._smoother = RowSmoother(Body.of(skeleton).segments, len(skeleton.pairs))
         self._times: list[float] = []
-        self._longest_gap = min(self.settings.longest_gap, self.matcher.longest)
+        self._longest_gap = min(self.settings.longest_gap, self._matcher.longest)
         self._early = _EARLY * self.settings.hop
-        # Of no frame at all none is older, and none comes after a gap: nothing compares with a NaN.
+        # NaN until the first frame: every comparison with it is False, so the first frame is neither late nor after a
+        # gap.
         self._newest = math.nan
         self._last = -math.inf
         self._due = -math.inf
         self._late_in_a_row = 0
-        self._unanswered: Frame | None = None
 
     def reset(self) -> None:
-        """Forget the window, as when the feed begins; the counts stay, and what is going on till something ends it."""
-        self.matcher.clear()
+        """Forget the windows, as when the feed begins; the counts stay, and a motion goes on till something ends it."""
+        self._matcher.clear()
+        self._smoother.clear()
         self._times.clear()
         self._newest, self._due = math.nan, -math.inf
         self._late_in_a_row = 0
-        self._unanswered = None
 
     def push(self, frame: Frame) -> Recognition | None:
         """Take in a frame.
@@ -182,70 +193,31 @@ class Recognizer:
         ValueError
             The frame has another number of joints than the library's skeleton.
         """
-        return self.answer_with(())[0] if self.take(frame) else None
-
-    def take(self, frame: Frame) -> bool:
-        """Take in a frame as `push` does, but leave the answer to `answer_with`.
-
-        Returns
-        -------
-        Whether an answer is due. It must be asked for before the next frame is taken in.
-
-        Raises
-        ------
-        ValueError
-            The frame has another number of joints than the library's skeleton, or the answer to the one before was not
-            asked for.
-        """
         positions, time = frame.positions, frame.time
         if positions.shape != self._shape:
             raise ValueError(f"positions: expected {self._shape}, got {positions.shape}")
-        if self._unanswered is not None:
-            raise ValueError(f"frame: expected after the answer to that of {self._unanswered.time} s was asked for")
         if not self._in_time(time):
-            return False
+            return None
         self._positions[len(self._times)] = positions
         self._times.append(time)
         self._newest = self._last = time
         self.counts.frames += 1
         due = time >= self._due - self._early
-        if due or len(self._times) == _MOST_WAITING:
+        if due or len(self._times) == _MAX_WAITING:
             self._measure()
-        if not (due and self.matcher.ready):
-            return False
+        reading = self._matcher.read() if due else None
+        if reading is None:
+            return None
         self._set_due(time)
-        self._unanswered = frame
-        return True
-
-    def answer_with(self, others: Sequence[Recognizer]) -> list[Recognition]:
-        """Answer the frames last taken in of several performers: their windows are measured and compared in one go.
-
-        Parameters
-        ----------
-        others
-            Other performers' recognisers, with the same library and settings.
-
-        Returns
-        -------
-        One's own answer first, then the others': but for rounding what each alone would answer.
-
-        Raises
-        ------
-        ValueError
-            For one of them no answer is due.
-        """
-        everybody = (self, *others)
-        if any(each.unanswered is None for each in everybody):
-            raise ValueError("others: expected recognisers for which an answer is due")
-        readings = self.matcher.read_with([each.matcher for each in others])
-        return [each.recognized(reading) for each, reading in zip(everybody, readings, strict=True)]
+        return self._recognized(frame, reading)
 
     def _measure(self) -> None:
         """Measure the frames that came since the last hop, all in one go: that halves their cost."""
         count = len(self._times)
         rows = self._rows[:count]
         self._measurer.measure(self._positions[:count], rows)
-        self.matcher.push(self._times, rows)
+        self._smoother.smooth(self._times, rows)
+        self._matcher.push(self._times, rows)
         self._times.clear()
 
     def _in_time(self, time: float) -> bool:
@@ -255,7 +227,7 @@ class Recognizer:
             self._restart()
         elif behind >= 0:
             self._late_in_a_row += 1
-            if behind <= self.matcher.longest and self._late_in_a_row <= self.settings.patience:
+            if behind <= self._matcher.longest and self._late_in_a_row <= self.settings.patience:
                 self.counts.out_of_order += 1
                 return False
             self._restart()
@@ -271,57 +243,50 @@ class Recognizer:
         hop = self.settings.hop
         self._due = self._due + hop if self._due + hop > time else time + hop
 
-    @property
-    def unanswered(self) -> Frame | None:
-        """The frame that was taken in and for which an answer is due; None when none is."""
-        return self._unanswered
-
-    def recognized(self, reading: Reading) -> Recognition:
-        """Make the answer to the frame last taken in of what was read; `answer_with` does it for all.
-
-        Raises
-        ------
-        ValueError
-            No answer is due.
-        """
-        frame, self._unanswered = self._unanswered, None
-        if frame is None:
-            raise ValueError("reading: expected when an answer is due")
-        axis = reading.axis
+    def _recognized(self, frame: Frame, reading: Reading) -> Recognition:
+        """Make the answer to a frame of what its windows say."""
         self.counts.hops += 1
-        self.counts.exact += bool(axis and axis.exact)
+        distances = reading.distances[self._named]
+        guesses = np.flatnonzero(self._named == reading.guess)
         recognition = Recognition(
             performer=frame.performer,
             time=frame.time,
             outcome=reading.outcome,
-            classes=self.library.classes,
-            scores=reading.scores,
-            guess=reading.best,
+            classes=self.classes,
+            scores=1 / (1 + np.exp(distances)),
+            # A window that is nearest to `nothing` is unknown; its best guess is the nearest class.
+            guess=int(guesses[0]) if len(guesses) else int(distances.argmin()),
             movement=reading.movement,
-            share=axis.share if axis else None,
-            gap=axis.gap if axis else None,
-            residual=axis.residual if axis else None,
+            lead=reading.lead,
+            eigenvector_class=self._eigenvector_class(reading),
+            eigenvector_score=reading.eigenvector_score,
+            share=reading.share,
+            gap=reading.gap,
+            evidence=reading.evidence,
         )
         events = self._detector.push(recognition)
         return replace(recognition, events=events) if events else recognition
+
+    def _eigenvector_class(self, reading: Reading) -> str | None:
+        found = np.flatnonzero(self._named == reading.eigenvector_class)
+        return self.classes[int(found[0])] if len(found) else None
 
     def end(self) -> Event | None:
         """End the motion that is going on, because nothing more will come; None when none is."""
         return self._detector.end(self._last)
 
 
-def _matcher(library: MotionLibrary, settings: Settings) -> Matcher:
-    if library.windows is None and settings.signature is LiveSignature.WINDOWS:
-        raise ValueError("signature: expected a library with windows for it, got one of whole motions only")
-    if library.windows is None or settings.signature is LiveSignature.EIGENVECTOR:
-        return EigenvectorMatcher(
-            library,
-            window=settings.window,
-            stillness=settings.stillness,
-            smallest_gap=settings.smallest_gap,
-        )
-    return WindowMatcher(
-        library.windows,
-        stillness=settings.stillness,
-        sensitivity=settings.sensitivity,
-    )
+def _matched(
+    library: MotionLibrary | WindowIndex, settings: Settings
+) -> tuple[MotionLibrary, Matcher, tuple[str, ...]]:
+    """Give a library, the matcher that compares with it, and the class names that the matcher counts in."""
+    if settings.signature is LiveSignature.PAPER:
+        motions = library if isinstance(library, MotionLibrary) else library.library
+        paper = opened_by_paper(motions, _WINDOW if settings.window is None else settings.window)
+        gap = _SMALLEST_GAP if settings.smallest_gap is None else settings.smallest_gap
+        return motions, PaperMatcher(paper, stillness=settings.stillness, smallest_gap=gap), paper.classes
+    index = opened(library) if isinstance(library, MotionLibrary) else library
+    usual = _SENSITIVITY_LEARNED if index.library.learned else _SENSITIVITY_OWN
+    sensitivity = usual if settings.sensitivity is None else settings.sensitivity
+    matcher = WindowMatcher(index, stillness=settings.stillness, sensitivity=sensitivity)
+    return index.library, matcher, index.classes

@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 import os
 import shutil
+from collections import defaultdict
 from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, NoReturn
@@ -12,19 +13,25 @@ from typing import TYPE_CHECKING, NoReturn
 import pytest
 from hypothesis import settings
 from liblotools import LibloTools
+from programs import builtin_library
+from synthetic import stick_clips
 
 from library import compiled
-from library.comparison import Comparison
 from library.motionlibrary import MotionLibrary
 from library.recordings import find_recordings, read_recordings
+from library.windows.index import opened
 from tools.bench import recorded
+from tools.feed import resampled
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
     from types import ModuleType
 
+    import numpy as np
+    from numpy.typing import NDArray
+
     from library.clip import Clip
-    from tools.bench.recorded import Recorded
+    from library.windows.index import WindowIndex
 
 # The same examples in every run, and no deadline: a slow machine is not a failure.
 settings.register_profile("kinespace", derandomize=True, deadline=None)
@@ -33,6 +40,9 @@ settings.load_profile("kinespace")
 
 #: Why tests of the compiled loops skip.
 NO_LOOPS = "no compiled loops here: gcc or clang and Python's headers make them"
+#: What the small library holds.
+SMALL_CLASSES = ("kickLFront1Reps", "lieDownFloor", "squat1Reps")
+SMALL_ACTORS = ("bd", "dg", "mm")
 
 
 def _without(reason: str, what: str) -> NoReturn:
@@ -93,29 +103,64 @@ def cmu_folder(data_folder: Path) -> Path:
 
 @pytest.fixture(scope="session")
 def hdm05_clips(hdm05_folder: Path) -> tuple[Clip, ...]:
-    """All 288 clips, read once."""
+    """All 288 clips as AMC files say them, read once."""
     return tuple(read_recordings(find_recordings([hdm05_folder])))
 
 
 @pytest.fixture(scope="session")
 def some_paths(hdm05_folder: Path) -> tuple[Path, ...]:
-    """Give the first recording of each class."""
+    """Give the first AMC file of each class."""
     return tuple(find_recordings([folder])[0] for folder in sorted(hdm05_folder.iterdir()) if folder.is_dir())
 
 
 @pytest.fixture(scope="session")
-def some_clips(some_paths: tuple[Path, ...]) -> tuple[Clip, ...]:
-    """Give the first clip of each class."""
+def amc_clips(some_paths: tuple[Path, ...]) -> tuple[Clip, ...]:
+    """Give the first clip of each class as its AMC file says it."""
     return tuple(read_recordings(some_paths))
 
 
 @pytest.fixture(scope="session")
-def recordings(data_folder: Path) -> Recorded:
-    """Give what the bench plays, read once."""
-    return recorded.read(data_folder)
+def builtin() -> MotionLibrary:
+    """Give the built-in library: one object, so that it is opened once."""
+    return builtin_library()
 
 
 @pytest.fixture(scope="session")
-def hdm05_library(hdm05_clips: tuple[Clip, ...]) -> MotionLibrary:
-    """Build the library of all 288 clips as the one in the package is built, windows included."""
-    return MotionLibrary.of_clips(hdm05_clips, comparison=Comparison.learned(hdm05_clips))
+def builtin_index(builtin: MotionLibrary) -> WindowIndex:
+    """Give the windows of the built-in library."""
+    return opened(builtin)
+
+
+@pytest.fixture(scope="session")
+def some_clips(builtin: MotionLibrary) -> tuple[Clip, ...]:
+    """Give the first motion of each class of the built-in library, at 120 frames a second."""
+    first = {motion.class_name: motion for motion in reversed(builtin.motions)}
+    return tuple(resampled(first[class_name], 120.0) for class_name in builtin.classes)
+
+
+@pytest.fixture(scope="session")
+def sticks() -> MotionLibrary:
+    """Give a library of a body of six joints: three classes by two people."""
+    return MotionLibrary.of_clips(stick_clips())
+
+
+@pytest.fixture(scope="session")
+def small_library(builtin: MotionLibrary) -> MotionLibrary:
+    """Give a library that opens fast: two motions of each of three classes by each of three people, its teachers."""
+    kept: dict[tuple[str, str], list[Clip]] = defaultdict(list)
+    for motion in builtin.motions:
+        if motion.class_name in SMALL_CLASSES and motion.actor in SMALL_ACTORS:
+            kept[motion.class_name, motion.actor].append(motion)
+    return MotionLibrary.of_clips(clip for clips in kept.values() for clip in clips[:2])
+
+
+@pytest.fixture(scope="session")
+def small_index(small_library: MotionLibrary) -> WindowIndex:
+    """Give the windows of the small library."""
+    return opened(small_library)
+
+
+@pytest.fixture(scope="session")
+def played() -> NDArray[np.float32]:
+    """Give what the bench plays: motions of the built-in library, 120 frames a second, (frames, joints, 3)."""
+    return recorded.positions()

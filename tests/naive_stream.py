@@ -1,23 +1,35 @@
 """The slow twins of a motion in flight: every frame is kept, and everything is computed again from all of them.
 
-Nothing here calls the product. The rules are those of the docstrings of the window and of the recogniser's settings.
+Nothing here calls the product. The rules are those of the docstrings, written out with their numbers.
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
-import naive
+import naive_windows
 import numpy as np
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterator, Sequence
 
-    from naive import Matrix
+    from naive_windows import Matrix, NaiveBody
 
 #: Spans of time are compared to the microsecond: frame times are rounded.
 MICROSECOND = 1e-6
+#: Frames and seconds before there is a first answer, and the longest window.
+FIRST_FRAMES, FIRST_SECONDS, LONGEST = 3, 0.15, 2.0
+#: Noise from which rows are averaged (metres), over how many seconds, and how many frames are measured together.
+NOISY, AVERAGED_OVER, TOGETHER = 0.0113, 0.1, 16
+#: Seconds over which evidence is averaged, and how far a named motion's may fall below the threshold.
+KNOWN_OVER, HELD = 0.3, 1.5
+#: A lead counts no more than this.
+MAX_LEAD = 3.0
+#: Events: seconds of no class until an end, the longest hop that counts, and the lead that counts most.
+ENDED_AFTER, LONGEST_HOP, MAX_PACE = {"still": 0.4, "unknown": 0.8, "ambiguous": 0.4}, 0.1, 1.0
 
 
 def reaches(span: float, seconds: float) -> bool:
@@ -25,9 +37,12 @@ def reaches(span: float, seconds: float) -> bool:
     return span >= seconds - MICROSECOND
 
 
+# --- one window --------------------------------------------------------------------------------------------------
+
+
 @dataclass
 class NaiveWindow:
-    """The window's rows, each with its time in whole ticks, in a plain list; no rounding decides anything here.
+    """The window's rows, each a mark and its time in whole ticks, in a plain list; no rounding decides anything here.
 
     A row at time t is in the window while the newest time is less than t + seconds, and while it is among the `most`
     newest.
@@ -37,26 +52,26 @@ class NaiveWindow:
     most: int
     rows: list[tuple[int, float]] = field(default_factory=list)
     since: int | None = None
-    entered: list[float] = field(default_factory=list)
-    left: list[float] = field(default_factory=list)
+    entered: list[tuple[int, float]] = field(default_factory=list)
+    left: list[tuple[int, float]] = field(default_factory=list)
 
     def push(self, time: int, mark: float) -> None:
         """Take in a row that holds one mark, and let go of what is too old or too many."""
         if self.since is None:
             self.since = time
         self.rows.append((time, mark))
-        self.entered.append(mark)
+        self.entered.append((time, mark))
         while time >= self.rows[0][0] + self.ticks or len(self.rows) > self.most:
-            self._let_go(self.rows.pop(0)[1])
+            self._let_go(self.rows.pop(0))
 
-    def _let_go(self, mark: float) -> None:
-        if mark in self.entered:
-            self.entered.remove(mark)
+    def _let_go(self, row: tuple[int, float]) -> None:
+        if row in self.entered:
+            self.entered.remove(row)
         else:
-            self.left.append(mark)
+            self.left.append(row)
 
-    def take_change(self) -> tuple[list[float], list[float]]:
-        """Say which marks entered and left since the last call."""
+    def take_change(self) -> tuple[list[tuple[int, float]], list[tuple[int, float]]]:
+        """Say which rows entered and left since the last call."""
         change = self.entered, self.left
         self.entered, self.left = [], []
         return change
@@ -71,96 +86,197 @@ class NaiveWindow:
         return self.since is not None and self.rows[-1][0] - self.since >= self.ticks
 
 
-@dataclass(frozen=True)
-class NaiveRecognition:
-    """What the twin answers, and what it was computed from."""
-
-    time: float
-    label: str
-    scores: dict[str, float]
-    movement: float
-    share: float
-    gap: float
-    axis: Matrix
-    rows: Matrix
-
-    @property
-    def margin(self) -> float:
-        """How far the best class is above the second."""
-        second, best = sorted(self.scores.values())[-2:]
-        return best - second
+# --- a trembling sensor ------------------------------------------------------------------------------------------
 
 
 @dataclass
-class NaiveRecognizer:
-    """The recogniser of one performer: all frames in a list, everything computed anew at each hop.
+class NaiveSmoother:
+    """Averages rows over a tenth of a second while the quarter of the segments that tremble least tremble by 11 mm."""
 
-    The parameters are a library's measured pairs, axes and class names, and the settings by their names.
+    segments: Sequence[int]
+    rows: list[tuple[float, Matrix]] = field(default_factory=list)
+    variance: Matrix | float = 0.0
+    known: float = 0.0
+    noise: float = 0.0
+
+    def smoothed(self, batch: Sequence[tuple[float, Matrix]]) -> list[tuple[float, Matrix]]:
+        """Take in rows measured together; give them averaged with the rows before, or as they are."""
+        self.rows += batch
+        self._estimate(len(batch))
+        if self.noise < NOISY:
+            return list(batch)
+        return [(now, np.mean(self._before(now), axis=0)) for now, _ in batch]
+
+    def _before(self, now: float) -> list[Matrix]:
+        return [row for time, row in self.rows if time <= now and not reaches(now - time, AVERAGED_OVER)]
+
+    def _estimate(self, new: int) -> None:
+        recent = self.rows[-(new + 2) :]
+        if len(recent) < 3:
+            return
+        raw = np.array([row[self.segments] for _, row in recent])
+        bends = raw[2:] - 2 * raw[1:-1] + raw[:-2]
+        seconds = recent[-1][0] - recent[1][0]
+        self.known = min(self.known + seconds, 1.0)
+        # White noise of variance s² has second differences of variance 6 s².
+        square = np.mean(bends**2, axis=0) / 6
+        self.variance += min(seconds / self.known, 1.0) * (square - self.variance)
+        self.noise = math.sqrt(sorted(self.variance.tolist())[len(self.segments) // 4])
+
+
+# --- one performer -----------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class NaiveHop:
+    """What is due at one hop: when, which rows to look at, and how often the feed has begun anew."""
+
+    time: float
+    times: Matrix
+    rows: Matrix
+    restarts: int
+
+    def last(self, seconds: float) -> tuple[Matrix, Matrix]:
+        """Give times and rows of the last seconds."""
+        kept = [index for index, time in enumerate(self.times) if not reaches(self.time - time, seconds)]
+        return self.times[kept], self.rows[kept]
+
+
+@dataclass
+class NaiveFeed:
+    """One performer's frames in a list: which are taken in, and when an answer is due.
+
+    The parameters are the segments among the pairs, the settings by their names, and the longest window.
     """
 
-    pairs: Sequence[tuple[int, int]]
-    axes: Matrix
-    class_names: Sequence[str]
-    window: float = 1.0
+    segments: Sequence[int]
     hop: float = 1 / 30
     longest_gap: float = 0.5
-    stillness: float = 0.01
-    smallest_gap: float = 0.02
     patience: int = 10
-    frames: list[tuple[float, Matrix]] = field(default_factory=list)
+    longest: float = LONGEST
+    rows: list[tuple[float, Matrix]] = field(default_factory=list)
+    waiting: list[tuple[float, Matrix]] = field(default_factory=list)
     late_in_a_row: int = 0
     out_of_order: int = 0
     restarts: int = 0
-    due: float | None = None
+    due: float = -math.inf
+    newest: float | None = None
 
-    def push(self, time: float, positions: Matrix) -> NaiveRecognition | None:
-        """Take in a frame, shape (joints, 3); answer when an answer is due."""
+    def __post_init__(self) -> None:
+        self.smoother = NaiveSmoother(self.segments)
+
+    def push(self, time: float, row: Matrix) -> NaiveHop | None:
+        """Take in a frame's distances; give the hop when one is due."""
         if self._is_late(time):
             self.out_of_order += 1
             return None
-        self.late_in_a_row = 0
-        self.frames.append((time, naive.distance_rows(positions[None], self.pairs)[0]))
-        if not reaches(time - self.frames[0][0], self.window):
+        self.late_in_a_row, self.newest = 0, time
+        self.waiting.append((time, row))
+        due = time >= self.due - self.hop / 1000
+        if due or len(self.waiting) == TOGETHER:
+            self.rows += self.smoother.smoothed(self.waiting)
+            self.waiting = []
+        if not due or len(self.rows) < FIRST_FRAMES or not reaches(time - self.rows[0][0], FIRST_SECONDS):
             return None
-        if self.due is not None and time < self.due - self.hop / 1000:
-            return None
-        # Hops lie on a grid from the first answer on, and a frame a thousandth early is on time; a feed that misses a
-        # whole hop begins a new grid.
-        on_grid = None if self.due is None else self.due + self.hop
-        self.due = time + self.hop if on_grid is None or on_grid <= time else on_grid
-        return self._recognized(time)
+        # Hops lie on a grid from the first answer on; a feed that misses a whole hop begins a new grid.
+        self.due = self.due + self.hop if self.due + self.hop > time else time + self.hop
+        return NaiveHop(time, np.array([t for t, _ in self.rows]), np.array([r for _, r in self.rows]), self.restarts)
 
     def _is_late(self, time: float) -> bool:
         """Say whether to refuse a frame; begin anew after a gap, or when the sender's clock began again."""
-        if not self.frames:
+        if self.newest is None:
             return False
-        behind = self.frames[-1][0] - time
+        behind = self.newest - time
         if behind < 0:
-            if -behind > min(self.longest_gap, self.window):
+            if -behind > min(self.longest_gap, self.longest):
                 self._begin_anew()
             return False
         self.late_in_a_row += 1
-        if behind > self.window or self.late_in_a_row > self.patience:
+        if behind > self.longest or self.late_in_a_row > self.patience:
             self._begin_anew()
             return False
         return True
 
     def _begin_anew(self) -> None:
-        self.frames, self.due = [], None
+        self.rows, self.waiting, self.due = [], [], -math.inf
+        self.smoother = NaiveSmoother(self.segments)
         self.restarts += 1
 
-    def _recognized(self, now: float) -> NaiveRecognition:
-        rows = np.array([row for time, row in self.frames if not reaches(now - time, self.window)])
-        matrix = naive.covariance(rows)
-        values, vectors = np.linalg.eigh(matrix)
-        axis, total = vectors[:, -1], float(np.trace(matrix))
-        body_size = float(np.sqrt(np.mean(rows.mean(axis=0) ** 2)))
-        movement = float(np.sqrt(total / len(axis))) / body_size
-        gap = 1.0 - float(values[-2]) / float(values[-1])
-        _, scores = naive.match(self.axes, self.class_names, axis)
-        label = max(scores, key=lambda name: scores[name])
-        if movement < self.stillness:
-            label = "still"
-        elif gap < self.smallest_gap:
-            label = "ambiguous"
-        return NaiveRecognition(now, label, scores, movement, float(values[-1]) / total, gap, axis, rows)
+
+@dataclass(frozen=True)
+class NaiveEvidence:
+    """How much a body moves: over its longest window of distances, and over half a second and two in the basis."""
+
+    movement: float
+    swing: float
+    sway: float
+
+    @classmethod
+    def of(cls, hop: NaiveHop, directions: Matrix, body: NaiveBody, moving: int) -> NaiveEvidence:
+        """Measure the movement of the windows that end with a hop; in the basis for each of the moving pairs."""
+        of = naive_windows.moments(*hop.last(1.0))
+        size = body.size(of.mean)
+        windows = [hop.last(seconds)[1] @ directions for seconds in (0.5, 2.0)]
+        totals = [float(np.trace(naive_windows.covariance(points))) / moving for points in windows]
+        swings = [math.log((math.sqrt(total) / size if size > 0 else 0.0) + 1e-3) for total in totals]
+        return cls(naive_windows.moved(of), swings[0], swings[1])
+
+
+# --- guess and judgement -----------------------------------------------------------------------------------------
+
+
+def guesses(times: Sequence[float], distances: Matrix, needed: float) -> list[int]:
+    """Guess at every hop from the whole course of log distances (hops, classes) since the feed began.
+
+    The guess changes when a class has been nearest for so long that its lead over the second, times the thirtieths of a
+    second that it lasts, adds up to what is needed.
+    """
+    spans = [1 / 30, *(after - before for before, after in pairwise(times))]
+    leaders = [min(range(len(row)), key=row.__getitem__) for row in distances.tolist()]
+    made = list[int]()
+    for hop, leader in enumerate(leaders):
+        led_since = next((k + 1 for k in range(hop, -1, -1) if leaders[k] != leader), 0)
+        lead = 30 * sum(lead_of(distances[k], leader) * spans[k] for k in range(led_since, hop + 1))
+        made.append(leader if not made or lead >= needed else made[-1])
+    return made
+
+
+def lead_of(distances: Matrix, leader: int) -> float:
+    """Say by how much one class is ahead of the second; a lone class by as much as counts."""
+    others = [distance for index, distance in enumerate(distances.tolist()) if index != leader]
+    return min(min(others, default=math.inf) - float(distances[leader]), MAX_LEAD)
+
+
+def known(times: Sequence[float], logits: Sequence[float], threshold: float) -> list[bool]:
+    """Judge at every hop from the whole course of logits since the feed began, averaged over 0.3 seconds."""
+    made = list[bool]()
+    for hop, now in enumerate(times):
+        ages = [math.exp(-(now - time) / KNOWN_OVER) for time in times[: hop + 1]]
+        # The first logit counts as if it had always been so; each later one for the time since the one before.
+        weights = [ages[0], *(after - before for before, after in pairwise(ages))]
+        average = sum(weight * logit for weight, logit in zip(weights, logits[: hop + 1], strict=True))
+        made.append(average >= threshold - (HELD if made and made[-1] else 0.0))
+    return made
+
+
+# --- events ------------------------------------------------------------------------------------------------------
+
+
+def events(
+    times: Sequence[float], leads: Sequence[float], named: Sequence[int], outcomes: Sequence[str], needed: float
+) -> Iterator[tuple[float, str, int]]:
+    """Tell what starts and ends when; `named` is each hop's class, -1 for none, and `outcomes` why there is none."""
+    going_on: int | None = None
+    for hop, leader in enumerate(named):
+        led_since = next((k + 1 for k in range(hop, -1, -1) if named[k] != leader), 0)
+        gathered = 0.0
+        for k in range(led_since, hop + 1):
+            span = min(times[k] - times[k - 1], LONGEST_HOP) if k else 0.0
+            pace = 30 * min(max(leads[k], 0.0), MAX_PACE) if leader >= 0 else needed / ENDED_AFTER[outcomes[k]]
+            gathered += span * pace
+        if leader != going_on and gathered >= needed:
+            if going_on is not None and going_on >= 0:
+                yield times[hop], "end", going_on
+            if leader >= 0:
+                yield times[hop], "start", leader
+            going_on = leader

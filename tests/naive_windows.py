@@ -1,15 +1,15 @@
-"""The slow twin of what is measured of windows and how they are compared; see `naive` for the rest.
+"""The slow twin of windows: their moments, the parts read off them, and how two windows compare; see also `naive`.
 
-Nothing here calls the product: trees are walked, sums are added up one by one, matrices are written out and inverted.
+Nothing here calls the product. Everything is computed from all rows of a window, part by part, window by window.
 """
 
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-import scipy.linalg
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -18,299 +18,220 @@ if TYPE_CHECKING:
 
     Matrix = NDArray[np.float64]
 
+#: A marker's noise, relative to the body's size.
+NOISE = 1 / 60
+#: Eigenvectors that make the eigen part.
+KEPT = 4
+#: Squared distance below which two windows are as good as the same.
+NEAREST = 0.01
 
-# --- what is measured --------------------------------------------------------------------------------------------
 
-
-def mean(numbers: Sequence[float]) -> float:
-    """Add up and divide."""
-    return math.fsum(numbers) / len(numbers)
-
-
-def deviation(numbers: Sequence[float]) -> float:
-    """Take the standard deviation of a sample, divided by one less than there are."""
-    middle = mean(numbers)
-    return math.sqrt(math.fsum((number - middle) ** 2 for number in numbers) / (len(numbers) - 1))
+# --- the body ----------------------------------------------------------------------------------------------------
 
 
 def segments(parents: Sequence[int]) -> list[tuple[int, int]]:
-    """Name each joint with its parent, the smaller first."""
-    return [(min(joint, parent), max(joint, parent)) for joint, parent in enumerate(parents) if parent >= 0]
+    """List the pairs of a joint and its parent, the lower index first."""
+    return [(min(pair), max(pair)) for pair in enumerate(parents) if pair[1] >= 0]
 
 
 def path_between(first: int, second: int, parents: Sequence[int]) -> list[tuple[int, int]]:
-    """Walk from one joint up the tree until the other's way up is met, and down to the other: the segments crossed."""
-    ways = []
+    """Walk from one joint to another along segments."""
+    walks = []
     for joint in (first, second):
-        way = [joint]
-        while parents[way[-1]] >= 0:
-            way.append(parents[way[-1]])
-        ways.append(way)
-    meeting = next(joint for joint in ways[0] if joint in ways[1])
-    crossed = []
-    for way in ways:
-        for joint in way[: way.index(meeting)]:
-            crossed += [(min(joint, parents[joint]), max(joint, parents[joint]))]
-    return crossed
+        steps, at = list[tuple[int, int]](), joint
+        while parents[at] >= 0:
+            steps.append((min(at, parents[at]), max(at, parents[at])))
+            at = parents[at]
+        walks.append(steps)
+    # What both walk on the way to the root lies between neither.
+    return [step for walk in walks for step in walk if (step in walks[0]) != (step in walks[1])]
 
 
-def body_size(means: Mapping[tuple[int, int], float], parents: Sequence[int]) -> float:
-    """Take the mean length of the segments."""
-    return mean([means[segment] for segment in segments(parents)])
+class NaiveBody:
+    """Which pairs of joints are segments, and which segments lie between the joints of each pair."""
+
+    def __init__(self, pairs: Sequence[tuple[int, int]], parents: Sequence[int]) -> None:
+        places = {(int(a), int(b)): index for index, (a, b) in enumerate(pairs)}
+        self.known = bool(parents)
+        self.segments = [places[each] for each in segments(parents)] if parents else list(range(len(pairs)))
+        self.paths = [[places[each] for each in path_between(a, b, parents)] for a, b in pairs] if parents else []
+
+    def size(self, distances: Matrix) -> float:
+        """Give the mean length of the segments, of all pairs where no segments are known."""
+        return sum(distances[self.segments].tolist()) / len(self.segments)
+
+    def lengths(self, distances: Matrix) -> Matrix:
+        """Add up the segments between the joints of each pair; the body's size where no segments are known."""
+        if not self.known:
+            return np.full(len(distances), self.size(distances))
+        return np.array([math.fsum(distances[path]) for path in self.paths])
 
 
-def spread(rows: Matrix, pairs: Sequence[tuple[int, int]], parents: Sequence[int]) -> list[float]:
-    """Take log deviations relative to the body's size, a 60th added before, and half their mean away after."""
-    columns = rows.T.tolist()
-    size = body_size({pair: mean(column) for pair, column in zip(pairs, columns, strict=True)}, parents)
-    logs = [math.log(deviation(column) / size + 1 / 60) for column in columns]
-    return [log - mean(logs) / 2 for log in logs]
+# --- what is read off a window -----------------------------------------------------------------------------------
 
 
-def posture(rows: Matrix, pairs: Sequence[tuple[int, int]], parents: Sequence[int]) -> list[float]:
-    """Divide each mean distance by the mean lengths of the segments that lead from one joint to the other."""
-    means = {pair: mean(column) for pair, column in zip(pairs, rows.T.tolist(), strict=True)}
-    return [
-        means[first, second] / math.fsum(means[segment] for segment in path_between(first, second, parents))
-        for first, second in pairs
-    ]
+@dataclass(frozen=True)
+class NaiveMoments:
+    """Of each distance the mean, the standard deviation, and the covariance with time over the times' deviation."""
+
+    mean: Matrix
+    deviation: Matrix
+    trend: Matrix
 
 
-def shape(covariance: Matrix) -> list[float]:
-    """Write the lower factor L of a covariance of trace 1 plus a thousandth, L Lᵀ, row by row, number by number."""
-    size = len(covariance)
-    total = math.fsum(covariance[i, i] for i in range(size))
-    factor = [[0.0] * size for _ in range(size)]
-    for i in range(size):
-        for j in range(i + 1):
-            left = covariance[i, j] / total + (0.001 if i == j else 0.0)
-            left -= math.fsum(factor[i][k] * factor[j][k] for k in range(j))
-            factor[i][j] = math.sqrt(left) if i == j else left / factor[j][j]
-    return [factor[i][j] for i in range(size) for j in range(i + 1)]
+def moments(times: Matrix, rows: Matrix) -> NaiveMoments:
+    """Take the moments of a window's rows, all of which count alike."""
+    mean = rows.mean(axis=0)
+    late = times - times.mean()
+    swing = math.sqrt(float(np.mean(late**2)))
+    along = np.mean(late[:, None] * (rows - mean), axis=0)
+    return NaiveMoments(mean, np.sqrt(np.mean((rows - mean) ** 2, axis=0)), along / swing if swing else 0.0 * mean)
 
 
-def basis(classes: Sequence[Sequence[Matrix]], sizes: Sequence[Sequence[float]], directions: int) -> Matrix:
-    """Find the principal axes of the correlations, averaged over motions and then over classes.
-
-    Parameters
-    ----------
-    classes
-        For each class its motions' distance rows.
-    sizes
-        For each class its motions' body sizes.
-    directions
-        How many.
-    """
-    count = classes[0][0].shape[1]
-    total = np.zeros((count, count))
-    for motions, their_sizes in zip(classes, sizes, strict=True):
-        for rows, size in zip(motions, their_sizes, strict=True):
-            centred = (rows - rows.mean(axis=0)) / size
-            total += centred.T @ centred / len(rows) / len(motions) / len(classes)
-    variances = [total[i, i] for i in range(count)]
-    scales = [1 / math.sqrt(v) if v > mean(variances) / 1000 else 0.0 for v in variances]
-    correlation = np.diag(scales) @ total @ np.diag(scales)
-    values, vectors = scipy.linalg.eigh(correlation)
-    order = sorted(range(count), key=lambda index: -values[index])[:directions]
-    return np.diag(scales) @ vectors[:, order]
+def covariance(points: Matrix) -> Matrix:
+    """Take the covariance of points, all of which count alike; 0 for a swing of less than a millionth of the mean."""
+    matrix = np.cov(points, rowvar=False, bias=True)
+    still = float(np.trace(matrix)) <= 1e-12 * float(np.sum(points.mean(axis=0) ** 2))
+    return 0.0 * matrix if still else matrix
 
 
-# --- how windows are compared ------------------------------------------------------------------------------------
+def leading(matrix: Matrix, kept: int = KEPT) -> tuple[Matrix, Matrix]:
+    """Solve the whole eigenproblem and keep the largest: eigenvalues, and eigenvectors as rows."""
+    values, vectors = np.linalg.eigh(matrix)
+    return values[::-1][:kept], vectors.T[::-1][:kept]
 
 
-def squared_distance(first: Sequence[float], second: Sequence[float]) -> float:
-    """Add up squared differences."""
-    return math.fsum((a - b) ** 2 for a, b in zip(first, second, strict=True))
+def moved(of: NaiveMoments) -> float:
+    """Give the root mean square deviation of a distance over the root mean square distance; 0 for no body at all."""
+    length = math.sqrt(float(np.mean(of.mean**2)))
+    return math.sqrt(float(np.mean(of.deviation**2))) / length if length else 0.0
 
 
-def within_class_metric(spreads: Matrix, classes: Sequence[str], shrinkage: float) -> Matrix:
-    """Invert the within-class scatter, each class weighing the same, drawn towards equal scatter."""
-    numbers = spreads.shape[1]
-    scatter = np.zeros((numbers, numbers))
-    for name in sorted(set(classes)):
-        own = spreads[[index for index, other in enumerate(classes) if other == name]]
-        for row in own:
-            difference = row - own.mean(axis=0)
-            scatter += np.outer(difference, difference) / len(own) / len(set(classes))
-    equal = np.trace(scatter) / numbers * np.eye(numbers)
-    return np.linalg.inv((1 - shrinkage) * scatter + shrinkage * equal)
+def spread(of: NaiveMoments, body: NaiveBody) -> Matrix:
+    """Take the logarithms of the deviations over the body's size, less half of their mean."""
+    logs = np.log(over(of.deviation, body.size(of.mean)) + NOISE)
+    return logs - np.mean(logs) / 2
 
 
-def metric_between_people(
-    measures: Matrix, classes: Sequence[int], actors: Sequence[str], shrinkage: float, kept: int
-) -> Matrix:
-    """Learn what differs between people doing the same, and give the matrix M of the squared distance dᵀ M d."""
-    numbers = measures.shape[1]
-    centred = measures - measures.mean(axis=0)
-    matrix = _leading(centred, np.eye(numbers), kept)
-    scatter = np.eye(numbers)
-    for _ in range(2):
-        scatter = np.zeros((numbers, numbers))
-        shared = sorted({c for c in classes if len({a for a, d in zip(actors, classes, strict=True) if d == c}) > 1})
-        for index in shared:
-            own = [window for window, other in enumerate(classes) if other == index]
-            for window in own:
-                others = [other for other in own if actors[other] != actors[window]]
-                between = [measures[window] - measures[other] for other in others]
-                nearest = min(between, key=lambda difference: float(difference @ matrix @ difference))
-                scatter += np.outer(nearest, nearest) / len(own) / len(shared)
-        shrunk = (1 - shrinkage) * scatter / (np.trace(scatter) / numbers) + shrinkage * np.eye(numbers)
-        matrix = _leading(centred, np.linalg.inv(scipy.linalg.sqrtm(shrunk).real), kept)
-    return matrix / np.trace(matrix @ scatter)
+def posture(of: NaiveMoments, body: NaiveBody) -> Matrix:
+    """Divide each mean distance by the length of the segments between its joints."""
+    return np.array([over(a, b) for a, b in zip(of.mean, body.lengths(of.mean), strict=True)])
 
 
-def _leading(centred: Matrix, whitening: Matrix, kept: int) -> Matrix:
-    """Keep the leading principal axes of whitened measures."""
-    white = centred @ whitening
-    values, vectors = np.linalg.eigh(white.T @ white)
-    axes = vectors[:, sorted(range(len(values)), key=lambda index: -values[index])[:kept]]
-    return whitening @ axes @ axes.T @ whitening
+def trend(of: NaiveMoments, body: NaiveBody) -> Matrix:
+    """Take the correlation of each distance with time, small where it moves as little as noise does."""
+    noise = NOISE * body.size(of.mean)
+    return np.array([over(a, b + noise) for a, b in zip(of.trend, of.deviation, strict=True)])
 
 
-def log_distances(  # noqa: PLR0913 - the asking window, the library's windows with their two labels, and the floor
-    asked: Sequence[Sequence[float]],
-    outside: Sequence[float],
-    vectors: Sequence[Matrix],
-    classes: Sequence[int],
-    actors: Sequence[str],
-    *,
-    floor: float,
-) -> list[float]:
-    """For each class find the window nearest in all groups together, person by person, and let two people agree.
+def over(numbers: Matrix, by: float) -> Matrix:
+    """Divide; by nothing is nothing."""
+    return numbers / by if by > 0 else 0.0 * numbers
 
-    Parameters
-    ----------
-    asked
-        For each group the asking window's vector.
-    outside
-        For each group what the asking window lies off the axes, squared.
-    vectors
-        For each group the library's windows.
-    classes, actors
-        Of each of the library's windows.
-    floor
-        Added before the logarithm.
-    """
-    far = [
-        mean(
-            [
-                math.log(squared_distance(own, windows[window].tolist()) + off + floor)
-                for own, off, windows in zip(asked, outside, vectors, strict=True)
+
+def eigen_matrix(values: Matrix, vectors: Matrix) -> Matrix:
+    """Add up √λ u uᵀ, and divide by the length of the sum; nothing where nothing moves."""
+    values = np.maximum(values, 0.0)
+    matrix = sum(math.sqrt(value) * np.outer(vector, vector) for value, vector in zip(values, vectors, strict=True))
+    return over(matrix, math.sqrt(float(np.sum(matrix**2))))
+
+
+def as_vector(matrix: Matrix) -> Matrix:
+    """Write a symmetric matrix as a vector, so that products of vectors are products of matrices."""
+    return np.array(
+        [matrix[i, j] * (1.0 if i == j else math.sqrt(2.0)) for i in range(len(matrix)) for j in range(i, len(matrix))]
+    )
+
+
+# --- windows -----------------------------------------------------------------------------------------------------
+
+
+def numbers_of(  # noqa: PLR0913, PLR0917 - a window, and the body it is of
+    parts: Sequence[tuple[str, float]], ends: float, times: Matrix, rows: Matrix, directions: Matrix, body: NaiveBody
+) -> dict[tuple[str, float], Matrix]:
+    """Read each part, a kind and seconds, off the rows of its last seconds; eigen parts as matrices."""
+    numbers = {}
+    for kind, seconds in parts:
+        inside = [index for index, time in enumerate(times) if time <= ends < time + seconds - 1e-6]
+        if kind == "eigen":
+            values, vectors = leading(covariance(rows[inside] @ directions))
+            numbers[kind, seconds] = eigen_matrix(values, vectors)
+        else:
+            of = moments(times[inside], rows[inside])
+            numbers[kind, seconds] = {"spread": spread, "posture": posture, "trend": trend}[kind](of, body)
+    return numbers
+
+
+# --- comparing ---------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class NaiveMetric:
+    """A linear map."""
+
+    origin: Matrix
+    axes: Matrix
+
+    def place(self, numbers: Matrix) -> Matrix:
+        """Move to the origin and look along each axis."""
+        return np.array([float((numbers - self.origin) @ axis) for axis in self.axes.T])
+
+
+@dataclass(frozen=True)
+class NaiveComparison:
+    """How windows are compared: the parts of each group, its metric if it has several, and the groups' weights."""
+
+    groups: Sequence[Sequence[tuple[str, float]]]
+    parts: Mapping[tuple[str, float], NaiveMetric]
+    joint: Sequence[NaiveMetric | None]
+    views: Sequence[Sequence[float]]
+
+    def place(self, numbers: Mapping[tuple[str, float], Matrix]) -> list[Matrix]:
+        """Give the vector of each group; an eigen part that stands alone stays a matrix."""
+        placed = []
+        for group, metric in zip(self.groups, self.joint, strict=True):
+            if metric is None and group[0][0] == "eigen":
+                placed.append(numbers[group[0]])
+                continue
+            vectors = [
+                self.parts[part].place(as_vector(numbers[part]) if part[0] == "eigen" else numbers[part])
+                for part in group
             ]
-        )
-        for window in range(len(classes))
-    ]
-    return [
-        agreement([(actors[k], far[k]) for k in range(len(far)) if classes[k] == index])
-        for index in sorted(set(classes))
-    ]
+            placed.append(vectors[0] if metric is None else metric.place(np.concatenate(vectors)))
+        return placed
+
+    def log_distances(self, asked: Sequence[Matrix], windows: Sequence[Matrix]) -> Matrix:
+        """Compare a window's groups with those of all windows: for each view the weighted mean of log distances.
+
+        Parameters
+        ----------
+        asked
+            The vector of each group, or its matrix.
+        windows
+            Of each group all windows' vectors (windows, axes), or matrices (windows, directions, directions).
+        """
+        squared = [
+            _squared_between(one, others) if one.ndim == 2 else np.sum((others - one) ** 2, axis=1)
+            for one, others in zip(asked, windows, strict=True)
+        ]
+        logs = np.log(np.maximum(squared, 0.0) + NEAREST)
+        return np.array([sum(weight * log for weight, log in zip(view, logs, strict=True)) for view in self.views])
 
 
-def agreement(found: Sequence[tuple[str, float]]) -> float:
-    """Of what was found at whom, take each person's least, and of these the mean of the two least, or the only one."""
-    least = sorted(min(far for whose, far in found if whose == actor) for actor in {whose for whose, _ in found})
-    return mean(least[:2])
+def _squared_between(one: Matrix, others: Matrix) -> Matrix:
+    """Give |A − B|² as |A|² + |B|² − 2 ⟨A, B⟩ for a matrix and many; a window that does not move counts as length 1."""
+    lengths = np.sum(others**2, axis=(1, 2))
+    return 1 + np.where(lengths > 0, lengths, 1.0) - 2 * np.sum(one * others, axis=(1, 2))
 
 
-def quantile(numbers: Sequence[float], share: float) -> float:
-    """Find the number below which a share of the numbers lies, in a straight line between neighbours."""
-    ordered = sorted(numbers)
-    place = share * (len(ordered) - 1)
-    below = int(place)
-    above = min(below + 1, len(ordered) - 1)
-    return ordered[below] + (place - below) * (ordered[above] - ordered[below])
-
-
-def thresholds(  # noqa: PLR0913 - the windows with their labels, what is asked for, and how they ask
-    vectors: Sequence[Matrix],
-    classes: Sequence[int],
-    actors: Sequence[str],
-    rates: Sequence[float],
-    *,
-    floor: float,
-    asked: Sequence[Matrix] | None = None,
-    outside: Sequence[Sequence[float]] | None = None,
-) -> list[float]:
-    """Leave each class out in turn, let its windows ask, and average the quantiles of the nearest they find.
-
-    Parameters
-    ----------
-    vectors
-        For each group the library's windows.
-    classes, actors
-        Of each window; whoever asks does not find windows of the same actor, where there are several actors.
-    rates
-        Shares of impostors to be answered.
-    floor
-        Added to squared distances before the logarithm.
-    asked, outside
-        For each group what the windows ask with, and for each window what it lies off the axes in each group, squared;
-        when not given they ask with what is in the library.
-    """
-    count, several = len(classes), len(set(actors)) > 1
-    asked = vectors if asked is None else asked
-    off = [[0.0] * len(vectors)] * count if outside is None else outside
-    by_class = []
-    for left_out in sorted(set(classes)):
-        found = []
-        for asking in (window for window in range(count) if classes[window] == left_out):
-            there = [
-                window
-                for window in range(count)
-                if classes[window] != left_out and not (several and actors[window] == actors[asking])
-            ]
-            far = {
-                window: mean(
-                    [
-                        math.log(squared_distance(own[asking], each[window]) + beyond + floor)
-                        for own, each, beyond in zip(asked, vectors, off[asking], strict=True)
-                    ]
-                )
-                for window in there
-            }
-            agreed = [
-                agreement([(actors[window], far[window]) for window in there if classes[window] == other])
-                for other in {classes[window] for window in there}
-            ]
-            found += [min(agreed)] if agreed else []
-        if found:
-            by_class.append(found)
-    return [mean([quantile(found, rate) for found in by_class]) if by_class else math.inf for rate in rates]
-
-
-def conditional_mean(  # noqa: PLR0913 - what is learned from, what is seen, and of whom
-    measures: Matrix, vectors: Matrix, seen: Sequence[int], asked: Matrix, *, level: float, least: float
-) -> Matrix:
-    """Give the mean of jointly normal vectors when some of a measure's numbers are seen, from the whole covariance.
-
-    Numbers are what the vectors tell of them in a straight line, and noise of their own; they are tied together as they
-    were before a share of their mean was taken out.
-
-    Parameters
-    ----------
-    measures, vectors
-        What is learned from, window by window.
-    seen
-        Which numbers are seen.
-    asked
-        Those numbers of the asking windows, freed of their own mean.
-    level
-        Share of the mean that was taken out.
-    least
-        Least variance of the noise.
-    """
-    count, kept = measures.shape[1], vectors.shape[1]
-    centred = measures - measures.mean(axis=0)
-    told, *_ = scipy.linalg.lstsq(vectors, centred)
-    noise = [max(mean([far**2 for far in column]), least) for column in (centred - vectors @ told).T.tolist()]
-    back = np.linalg.inv(np.eye(count) - level / count * np.ones((count, count)))
-    varying = np.block([np.eye(kept), told @ back])
-    joint = varying.T @ (vectors.T @ vectors / len(vectors)) @ varying
-    joint[kept:, kept:] += np.diag(noise)
-    places = [kept + number for number in seen]
-    fewer = np.linalg.inv(np.eye(len(seen)) - level / len(seen) * np.ones((len(seen), len(seen))))
-    beyond = asked @ fewer - (measures.mean(axis=0) @ back)[list(seen)]
-    return beyond @ np.linalg.inv(joint[np.ix_(places, places)]) @ joint[np.ix_(places, range(kept))]
+def nearest(distances: Sequence[float], classes: Sequence[str], people: Sequence[str]) -> dict[str, float]:
+    """Give for each class the mean of its two nearest people's nearest windows, of one where only one performs it."""
+    by_person: dict[str, dict[str, float]] = {}
+    for distance, class_name, person in zip(distances, classes, people, strict=True):
+        known = by_person.setdefault(class_name, {})
+        known[person] = min(distance, known.get(person, math.inf))
+    two = {class_name: sorted(known.values())[:2] for class_name, known in by_person.items()}
+    return {class_name: sum(least) / len(least) for class_name, least in sorted(two.items())}
 
 
 # --- labels ------------------------------------------------------------------------------------------------------
@@ -319,152 +240,3 @@ def conditional_mean(  # noqa: PLR0913 - what is learned from, what is seen, and
 def frames_within(frames: int, frame_rate: float, start: float, end: float) -> list[int]:
     """Say which frames' middles lie within a stretch of time."""
     return [frame for frame in range(frames) if start <= (frame + 0.5) / frame_rate < end]
-
-
-# --- fewer joints ------------------------------------------------------------------------------------------------
-
-
-def sizes_and_stretches(
-    means: Sequence[Mapping[tuple[int, int], float]],
-    parents: Sequence[int],
-    fewer_parents: Sequence[int],
-    joints: Sequence[int],
-) -> tuple[float, dict[tuple[int, int], float]]:
-    """Say by how much a body is larger than its fewer joints show, and its paths longer, in the mean over some people.
-
-    Parameters
-    ----------
-    means
-        For each person the distance of each pair of joints.
-    parents, fewer_parents
-        Of each joint, and of each of the fewer.
-    joints
-        Which joints the fewer are, in order.
-    """
-    sizes, stretches = [], dict[tuple[int, int], list[float]]()
-    for whole in means:
-        places = range(len(joints))
-        seen = {(a, b): whole[joints[a], joints[b]] for a in places for b in places if a < b}
-        sizes.append(body_size(whole, parents) / body_size(seen, fewer_parents))
-        for first, second in seen:
-            long = math.fsum(whole[each] for each in path_between(joints[first], joints[second], parents))
-            short = math.fsum(seen[each] for each in path_between(first, second, fewer_parents))
-            stretches.setdefault((first, second), []).append(long / short)
-    return mean(sizes), {pair: mean(found) for pair, found in stretches.items()}
-
-
-def course_seen(row: Matrix, directions: Matrix, weights: Matrix, seen: Sequence[int], clear: float) -> Matrix:
-    """Find where a row of fewer distances stands along directions, by least squares over what shows clearly in them.
-
-    Weighted rows are directions (orthonormal ones) times a course, and what is across them. The normal equations are
-    solved along those of their eigenvectors that show at least `clear` times as much as the one that shows most.
-    """
-    whole = [[d / w if w > 0 else 0.0 for d in line] for line, w in zip(directions.tolist(), weights, strict=True)]
-    orthonormal = np.array([whole[pair] for pair in seen])
-    swung = np.array([row[place] * weights[pair] for place, pair in enumerate(seen)])
-    values, vectors = scipy.linalg.eigh(orthonormal.T @ orthonormal)
-    course = np.zeros(directions.shape[1])
-    for value, vector in zip(values.tolist(), vectors.T, strict=True):
-        if math.sqrt(max(value, 0.0)) > clear * math.sqrt(values.max()):
-            course += vector * float(vector @ orthonormal.T @ swung) / value
-    return course
-
-
-def vector_seen(  # noqa: PLR0913 - the measure, what was learned, and which of its numbers are seen
-    measure: Matrix,
-    *,
-    origin: Matrix,
-    axes: Matrix,
-    together: Matrix,
-    spare: Matrix,
-    seen: Sequence[int],
-    level_removed: float,
-) -> Matrix:
-    """Estimate a vector from fewer numbers of a measure: E[z | x] of normally distributed z and x.
-
-    Cov(z, x) (Cov x)⁻¹ (x - origin), the covariance of the numbers seen being what the vectors tell and the spare. The
-    mean of which a share was taken away is first put back, in the measure as in what was learned.
-    """
-
-    def whole(numbers: Matrix) -> Matrix:
-        return np.asarray(numbers + level_removed / (1 - level_removed) * numbers.mean(axis=-1, keepdims=True))
-
-    prior = (together @ axes + (together @ axes).T) / 2
-    decoder = whole(np.linalg.inv(prior) @ together)[:, seen]
-    covariance = decoder.T @ prior @ decoder + np.diag(spare[seen])
-    return np.asarray(prior @ decoder @ np.linalg.inv(covariance) @ (whole(measure) - whole(origin)[seen]))
-
-
-def vector_shown(  # noqa: PLR0913 - the vector, what was learned, and which numbers are seen
-    vector: Matrix,
-    *,
-    origin: Matrix,
-    axes: Matrix,
-    together: Matrix,
-    spare: Matrix,
-    seen: Sequence[int],
-    level_removed: float,
-) -> Matrix:
-    """Make the measure that a vector stands for, look at fewer of its numbers, and estimate the vector from those."""
-    prior = (together @ axes + (together @ axes).T) / 2
-    measure = origin + vector @ np.linalg.inv(prior) @ together
-    fewer = (measure + level_removed / (1 - level_removed) * measure.mean())[seen]
-    return vector_seen(
-        fewer - level_removed * fewer.mean(),
-        origin=origin,
-        axes=axes,
-        together=together,
-        spare=spare,
-        seen=seen,
-        level_removed=level_removed,
-    )
-
-
-def shape_shown(shape_vector: Sequence[float], directions: Matrix) -> list[float]:
-    """Multiply the triangle out to the covariance it is of, look at it along some directions, and take its shape."""
-    size = len(directions)
-    triangle = np.zeros((size, size))
-    numbers = iter(shape_vector)
-    for i in range(size):
-        for j in range(i + 1):
-            triangle[i, j] = next(numbers)
-    covariance = [[math.fsum(triangle[i] * triangle[j]) for j in range(size)] for i in range(size)]
-    return shape(directions.T @ np.array(covariance) @ directions)
-
-
-def named_and_known(  # noqa: PLR0913 - both of the asking window and of the library's, and the windows' labels
-    asked: Sequence[Sequence[float]],
-    outside: Sequence[float],
-    vectors: Sequence[Matrix],
-    *,
-    cut: Sequence[Sequence[float]],
-    cut_outside: Sequence[float],
-    cut_vectors: Sequence[Matrix],
-    shapes: Sequence[bool],
-    told: float,
-    classes: Sequence[int],
-    actors: Sequence[str],
-    floor: float,
-) -> list[list[float]]:
-    """Compare a window of fewer joints twice: by which it is named, and by which it is known.
-
-    Known by what is cut alone. Named by the whole vectors, but for shapes by both, the whole one weighing as much as
-    the share of directions told.
-    """
-    both = []
-    for window in range(len(classes)):
-        logs, cut_logs = [], []
-        for index, is_shape in enumerate(shapes):
-            whole = squared_distance(asked[index], vectors[index][window].tolist()) + outside[index] + floor
-            left = squared_distance(cut[index], cut_vectors[index][window].tolist()) + cut_outside[index] + floor
-            share = told if is_shape else 1.0
-            logs.append(share * math.log(whole) + (1 - share) * math.log(left))
-            cut_logs.append(math.log(left))
-        both.append((mean(logs), mean(cut_logs)))
-    return [
-        [
-            agreement([(actors[k], both[k][which]) for k in range(len(both)) if classes[k] == index])
-            for index in sorted(set(classes))
-        ]
-        for which in (0, 1)
-    ]

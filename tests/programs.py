@@ -11,22 +11,21 @@ import sys
 import tempfile
 import time
 from contextlib import ExitStack, contextmanager
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import numpy as np
 import zmq
 
 from library import MotionLibrary
 from stream import Frame, osc, zeromq
-from tools.feed import Cue, OscFrameSender
-from tools.ghost import ghost
+from tools.feed import Cue, OscFrameSender, without_pause
 from tools.listener import Listener, answer_in
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
+    import numpy as np
     from numpy.typing import NDArray
 
     from stream.answer import Answer
@@ -124,17 +123,28 @@ def summary_counts(output: str) -> dict[str, int]:
     return {name: int(number) for name, number in counts}
 
 
-def ghost_cues(class_name: str, seconds: float, *, performer: str = "ghost", begin: float = 1.0) -> list[Cue]:
-    """Cue a ghost of the built-in library at 120 Hz, positions in the float32 that goes over the wire."""
-    positions = _ghost_positions(class_name, seconds)
+def motion_cues(class_name: str, seconds: float, *, performer: str = "dancer", begin: float = 1.0) -> list[Cue]:
+    """Cue a motion of the built-in library at 120 Hz: the first seconds of the shortest that lasts so long."""
+    positions = _motion_positions(class_name, seconds)
     frames = [Frame(performer, begin + index / 120, joints) for index, joints in enumerate(positions)]
     return [Cue(index / 120, frame, index, class_name) for index, frame in enumerate(frames)]
 
 
+ghost_cues = partial(motion_cues, performer="ghost")
+
+
 @cache
-def _ghost_positions(class_name: str, seconds: float) -> NDArray[np.float32]:
-    library = MotionLibrary.builtin()
-    positions = ghost(library, class_name, seconds=seconds, frame_rate=120.0, rate=0.9).astype(np.float32)
+def builtin_library() -> MotionLibrary:
+    """Give the built-in library: one object, so that it is opened once."""
+    return MotionLibrary.builtin()
+
+
+@cache
+def _motion_positions(class_name: str, seconds: float) -> NDArray[np.float32]:
+    motions = (motion for motion in builtin_library().motions if motion.class_name == class_name)
+    # The last frame of 60 a second has none of 120 after it.
+    enough = [motion for motion in motions if motion.duration > seconds]
+    positions = without_pause([min(enough, key=lambda motion: motion.duration)], 120.0, seconds)
     positions.setflags(write=False)
     return positions
 

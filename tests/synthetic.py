@@ -102,25 +102,35 @@ def write_pair(folder: Path, asf: str, amc: str) -> Path:
 STICK = Skeleton(("root", "chest", "head", "left", "right", "foot"), (-1, 0, 1, 1, 1, 0))
 #: Movements of the stick body: every class swings the joints in its own directions.
 STICK_CLASSES = ("bow", "jump", "wave")
+#: How many times a second they swing there and back.
+STICK_SWINGS = 2.0
 
 
-def stick_clip(
-    class_name: str, *, seed: int = 0, frames: int = 48, actor: str = "aa", skeleton: Skeleton = STICK
+def stick_clip(  # noqa: PLR0913 - a clip has that much to say
+    class_name: str,
+    *,
+    seed: int = 0,
+    frames: int = 48,
+    actor: str = "aa",
+    skeleton: Skeleton = STICK,
+    rate: float = 120.0,
 ) -> Clip:
-    """Make a motion of six joints: the class says which way each joint swings, the seed how it wavers."""
+    """Make a motion of six joints: the class says which way each joint swings, the seed when, and how it wavers."""
     own = np.random.default_rng(STICK_CLASSES.index(class_name))
     pose = np.random.default_rng(99).normal(size=(6, 3))
     swing = own.normal(scale=0.2, size=(6, 3))
-    phase = np.sin(np.linspace(0.0, 4.0 * np.pi, frames))
-    waver = np.random.default_rng(seed).normal(scale=0.01, size=(frames, 6, 3))
-    positions = pose + phase[:, None, None] * swing + waver
-    return Clip(skeleton, positions, 120.0, f"{class_name}_{seed}", class_name, actor, f"{seed:03d}")
+    generator = np.random.default_rng(seed)
+    turns = 2.0 * np.pi * np.arange(frames) / rate
+    phase = np.sin(STICK_SWINGS * turns + generator.uniform(0.0, 2.0 * np.pi))
+    waver = np.sin(3.0 * turns[:, None, None] + generator.uniform(0.0, 2.0 * np.pi, size=(6, 3)))
+    positions = pose + phase[:, None, None] * swing + 0.01 * waver
+    return Clip(skeleton, positions, rate, f"{class_name}_{seed}", class_name, actor, f"{seed:03d}")
 
 
-def stick_clips(*, takes: int = 3, actors: Sequence[str] = ("aa", "bb")) -> list[Clip]:
+def stick_clips(*, takes: int = 3, actors: Sequence[str] = ("aa", "bb"), frames: int = 120) -> list[Clip]:
     """Make some takes of every class by every actor, the classes mixed."""
     return [
-        stick_clip(class_name, seed=seed * len(actors) + place, actor=actor)
+        stick_clip(class_name, seed=seed * len(actors) + place, actor=actor, frames=frames)
         for seed in range(takes)
         for place, actor in enumerate(actors)
         for class_name in reversed(STICK_CLASSES)

@@ -34,9 +34,11 @@ FRAME_RATE = 120
 Part = tuple[str, float]
 
 
-def write_take(folder: Path, number: int, parts: Sequence[Part], *, labelled: bool = True) -> Path:
-    """Write a take and its labels beside it; each take wavers differently."""
-    generator = np.random.default_rng(number)
+def write_take(
+    folder: Path, number: int, parts: Sequence[Part], *, labelled: bool = True, person: str = "puppet"
+) -> Path:
+    """Write a take of a person and its labels beside it; each take of each person wavers differently."""
+    generator = np.random.default_rng(number if person == "puppet" else [number, *map(ord, person)])
     frames, lines, begin = list[dict[str, list[float]]](), ["start_s,end_s,label"], 0.0
     for motion, seconds in parts:
         turn = np.arange(round(seconds * FRAME_RATE)) / FRAME_RATE * generator.uniform(1.4, 1.8) * np.pi
@@ -47,8 +49,8 @@ def write_take(folder: Path, number: int, parts: Sequence[Part], *, labelled: bo
             frames.append({bone: [0.0] * (size - 1) + [angles.get(bone, 0.0)] for bone, size in sizes.items()})
         lines.append(f"{begin},{begin + seconds},{motion}")
         begin += seconds
-    (folder / "puppet.asf").write_text(PUPPET.asf())
-    path = folder / f"puppet_{number:02d}.amc"
+    (folder / f"{person}.asf").write_text(PUPPET.asf())
+    path = folder / f"{person}_{number:02d}.amc"
     path.write_text(amc_text(frames))
     if labelled:
         path.with_suffix(".csv").write_text("\n".join(lines) + "\n")

@@ -244,10 +244,10 @@ def test_any_body_stands_where_the_recursion_puts_it(
 
 
 def test_real_clips_stand_where_the_recursion_puts_them(
-    some_clips: tuple[Clip, ...], some_paths: tuple[Path, ...], hdm05_folder: Path
+    amc_clips: tuple[Clip, ...], some_paths: tuple[Path, ...], hdm05_folder: Path
 ) -> None:
     """On the first clip of every class each joint of every fortieth frame stands where the slow twin puts it."""
-    for clip, path in zip(some_clips, some_paths, strict=True):
+    for clip, path in zip(amc_clips, some_paths, strict=True):
         expected = naive.clip_positions(hdm05_folder / f"HDM_{clip.actor}.asf", path, every=40)
         np.testing.assert_allclose(clip.positions[::40], expected, rtol=1e-9, atol=1e-9)
 
@@ -283,11 +283,11 @@ def test_the_same_words_are_the_same_clip(tmp_path: Path, rewritten: Callable[[s
 
 
 def test_bones_may_stand_in_another_order_in_every_frame(
-    some_paths: tuple[Path, ...], some_clips: tuple[Clip, ...], hdm05_folder: Path, tmp_path: Path
+    some_paths: tuple[Path, ...], amc_clips: tuple[Clip, ...], hdm05_folder: Path, tmp_path: Path
 ) -> None:
     """Real clips whose bones are shuffled anew in each frame, read line by line, are the clips read by columns."""
     generator = np.random.default_rng(17)
-    for clip, path in zip(some_clips, some_paths, strict=True):
+    for clip, path in zip(amc_clips, some_paths, strict=True):
         asf = hdm05_folder / f"HDM_{clip.actor}.asf"
         amc = naive.read_amc(path, naive.read_asf(asf))
         shuffled = [{name: frame[name] for name in generator.permutation(list(frame))} for frame in amc.frames]

@@ -7,11 +7,10 @@ import time
 from typing import TYPE_CHECKING
 
 import pytest
-from programs import PATIENCE, ghost_cues
+from programs import PATIENCE, motion_cues
 from recorded import write_takes
 
 from library import MotionLibrary, read_recordings
-from library.libraryfile import LibraryFileError
 from stream import Announcement, Settings
 from tools.background import BackgroundService, Echo
 from tools.expected import expected_answers
@@ -41,14 +40,14 @@ def hear(listener: Listener, count: int) -> list[Packet]:
 def test_a_feed_is_answered_from_another_process(transport: Transport) -> None:
     """Every answer that is due comes, as expected, and the last status counts every frame and no loss."""
     library, settings = MotionLibrary.builtin(), Settings()
-    cues = ghost_cues("squat1Reps", 1.2)
+    cues = motion_cues("squat1Reps", 1.2)
     expected = expected_answers(cues, library, settings)
     answers: list[Answer] = []
     with BackgroundService(transport, settings=settings) as service:
         sender, receiver = service.connect()
         listener = Listener(receiver)
         try:
-            sender.announce(Announcement("ghost", library.skeleton.joints))
+            sender.announce(Announcement("dancer", library.skeleton.joints))
             for cue in cues:
                 sender.send(sender.encode(cue))
             until = time.monotonic() + PATIENCE
@@ -76,7 +75,7 @@ def test_an_echo_sends_every_packet_back_unread(transport: Transport) -> None:
         sender, receiver = echo.connect()
         listener = Listener(receiver)
         try:
-            packets = [sender.encode(cue) for cue in ghost_cues("squat1Reps", 0.2)]
+            packets = [sender.encode(cue) for cue in motion_cues("squat1Reps", 0.2)]
             for packet in packets:
                 sender.send(packet)
             echoed: list[Packet] = []
@@ -92,11 +91,10 @@ def test_an_echo_sends_every_packet_back_unread(transport: Transport) -> None:
     assert multiprocessing.active_children() == []
 
 
-def test_a_library_file_is_what_the_service_knows(tmp_path: Path) -> None:
-    """A service given a library file follows that library's body and answers with its classes."""
+def test_a_library_is_what_the_service_knows(tmp_path: Path) -> None:
+    """A service given a library follows that library's body and answers with its classes."""
     clips = list(read_recordings(write_takes(tmp_path, takes=1)))
-    MotionLibrary.of_clips(clips).save(tmp_path / "mine.npz")
-    with BackgroundService("osc", library=tmp_path / "mine.npz") as service:
+    with BackgroundService("osc", library=MotionLibrary.of_clips(clips)) as service:
         sender, receiver = service.connect()
         listener = Listener(receiver)
         labels: set[str] = set()
@@ -113,24 +111,13 @@ def test_a_library_file_is_what_the_service_knows(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("transport", TRANSPORTS)
-def test_a_missing_library_is_an_error_here(transport: Transport, tmp_path: Path) -> None:
+def test_what_fails_there_is_an_error_here(transport: Transport) -> None:
     """What fails in the other process is raised in this one, and no process or socket stays behind."""
     with (
-        pytest.raises(FileNotFoundError, match=r"nowhere\.npz"),
-        BackgroundService(transport, library=tmp_path / "nowhere.npz"),
+        pytest.raises(ValueError, match="most: expected at least 1 performer, got 0"),
+        BackgroundService(transport, performers=0),
     ):
-        pytest.fail("started without its library")
-    assert multiprocessing.active_children() == []
-
-
-def test_a_broken_library_is_an_error_here(tmp_path: Path) -> None:
-    """A library file that is none is the same error as in this process."""
-    (tmp_path / "broken.npz").write_bytes(b"PK\x03\x04 and so on")
-    with (
-        pytest.raises(LibraryFileError, match=r"broken\.npz: not a motion library"),
-        BackgroundService("osc", library=tmp_path / "broken.npz"),
-    ):
-        pytest.fail("started with a broken library")
+        pytest.fail("started without room for anybody")
     assert multiprocessing.active_children() == []
 
 

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
-from programs import LOOPBACK, finished, ghost_cues, live
+from programs import LOOPBACK, builtin_library, finished, ghost_cues, live
 from recorded import write_take, write_takes
 
 from library import MotionLibrary, hdm05
@@ -163,7 +163,7 @@ def test_a_clip_of_one_frame_makes_no_library(tmp_path: Path, capsys: pytest.Cap
     write_takes(tmp_path, takes=1)
     write_take(tmp_path, "bk", "bendLeft", 1, frames=1)
     error = one_line(capsys, "build", tmp_path, "-o", tmp_path / "made.npz")
-    assert error == "clip 'HDM_bk_bendLeft_001_120': expected at least 2 frames, got 1"
+    assert error == "clip 'HDM_bk_bendLeft_001_120': expected at least 3 frames, got 1"
     assert not (tmp_path / "made.npz").exists()
 
 
@@ -287,10 +287,14 @@ def test_a_busy_zmq_endpoint_is_named(
         (("live", "--zmq-in", "pigeon://here"), "pigeon://here: Protocol not supported"),
         (("live", "--zmq-in", "tcp://"), "tcp://: Invalid argument"),
         (
-            ("live", "--osc-in", f"{LOOPBACK}:0", "--signature", "eigenvector", "--window", "1e9"),
+            ("live", "--osc-in", f"{LOOPBACK}:0", "--signature", "paper", "--window", "1e9"),
             "--window: expected seconds that memory has room for",
         ),
-        (("live", "--osc-in", f"{LOOPBACK}:0", "--window", "1"), "--window: expected --signature eigenvector with it"),
+        (("live", "--osc-in", f"{LOOPBACK}:0", "--window", "1"), "window: expected none with the signature windows"),
+        (
+            ("live", "--osc-in", f"{LOOPBACK}:0", "--signature", "paper", "--sensitivity", "0.1"),
+            "sensitivity: expected none with the signature paper",
+        ),
         (("live", "--osc-in", f"{LOOPBACK}:0", "--performers", "0"), "most: expected at least 1 performer, got 0"),
     ],
 )
@@ -468,7 +472,7 @@ def _feed(begin: float | None) -> tuple[list[Cue], list[Cue]]:
 @cache
 def _labels(begin: float | None) -> tuple[list[str], list[str]]:
     """Give what is answered to those frames when nothing bad comes between them."""
-    twin = Recognizer(MotionLibrary.builtin())
+    twin = Recognizer(builtin_library())
     before, after = ([twin.push(cue.frame) for cue in part] for part in _feed(begin))
     return [each.label for each in before if each], [each.label for each in after if each]
 

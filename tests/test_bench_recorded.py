@@ -1,15 +1,18 @@
-"""The recordings the bench plays."""
+"""What the bench plays."""
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
+from recorded import write_takes
 
-from library import MotionLibrary
+from library import MotionLibrary, Skeleton
 from tools.bench import recorded
 from tools.bench.recorded import Feed
+from tools.feed import resampled
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -27,34 +30,35 @@ def test_a_feed_goes_on_for_ever_and_knows_its_last_frames() -> None:
     assert frames[0].time > 0
 
 
-@pytest.mark.parametrize("rate_hz", [60.0, 120.0, 240.0, 100.0])
-def test_another_rate_shows_the_same_movement(rate_hz: float) -> None:
-    """What moves evenly still does at another rate, over the same seconds."""
-    evenly = np.arange(121)[:, None, None] / 120 * np.ones((1, 2, 3))
-    again = recorded.resampled(evenly, rate_hz)
-    assert again.dtype == np.float32
-    np.testing.assert_allclose(again[:, 0, 0], np.arange(len(again)) / rate_hz, atol=1e-6)
-    assert len(again) == pytest.approx(rate_hz, abs=1)
+def test_motions_of_every_class_are_played() -> None:
+    """Without a folder every eighth motion of the built-in library is played, twice as many frames a second."""
+    library = MotionLibrary.builtin()
+    positions, motions = recorded.positions(), library.motions[::8]
+    assert {motion.class_name for motion in motions} == set(library.classes)
+    assert positions.shape == (sum(2 * motion.frames - 1 for motion in motions), 31, 3)
+    np.testing.assert_allclose(positions[: 2 * motions[0].frames : 2], motions[0].positions, atol=1e-5)
 
 
-@pytest.mark.parametrize("there", [(), ("cmu",), ("hdm05_cut_amc",)])
-def test_a_folder_without_the_recordings_is_refused(there: tuple[str, ...], tmp_path: Path) -> None:
-    """What is not the recordings' folder is refused by name, and so is no folder at all."""
-    for name in there:
-        (tmp_path / name).mkdir()
-    with pytest.raises(ValueError, match=r"--data: expected a folder with hdm05_cut_amc/ and cmu/ in it, got .*pytest"):
-        recorded.read(tmp_path)
+def test_a_folders_recordings_are_played_instead(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Recordings of a folder are read until there is enough, in the built-in library's order of joints."""
+    library = MotionLibrary.builtin()
+    clips = [resampled(motion, 120.0) for motion in library.motions[:3]]
+    names = library.skeleton.joints[::-1]
+    turned = replace(clips[0], skeleton=Skeleton(names), positions=clips[0].positions[:, ::-1])
+    monkeypatch.setattr(recorded, "find_recordings", lambda places: places)
+    monkeypatch.setattr(
+        recorded, "read_recordings", lambda places: iter([turned, *clips[1:]] if places == [tmp_path] else [])
+    )
+    monkeypatch.setattr(recorded, "_MAX_SECONDS", clips[0].duration + 0.1)
+    positions = recorded.positions(tmp_path)
+    assert len(positions) == round((clips[0].duration + 0.1) * 120)
+    np.testing.assert_array_equal(positions[: clips[0].frames], clips[0].positions.astype(np.float32))
 
 
-def test_all_recordings_are_read(data_folder: Path, hdm05_folder: Path, cmu_folder: Path) -> None:
-    """All clips and takes are read, the takes with their labels in the library's names, one example of each class."""
-    found = recorded.read(data_folder)
-    assert len(found.clips) == len([path for path in hdm05_folder.rglob("*") if path.suffix.lower() == ".amc"])
-    assert len(found.takes) == len(list(cmu_folder.glob("*.amc")))
-    classes = MotionLibrary.builtin().classes
-    assert sorted(clip.class_name for clip in found.examples) == list(classes)
-    labels = {segment.label for segments in found.segments for segment in segments}
-    assert {"squat1Reps", "rotateArmsBothBackward1Reps"} <= labels
-    assert "Squat" not in labels
-    assert found.positions.shape[1:] == (31, 3)
-    assert len(found.positions) > sum(take.frames for take in found.takes)
+def test_recordings_of_another_body_are_refused(tmp_path: Path) -> None:
+    """A folder without recordings, and recordings with other joints, are refused in one line."""
+    with pytest.raises(ValueError, match="no recording"):
+        recorded.positions(tmp_path)
+    write_takes(tmp_path, takes=1)
+    with pytest.raises(ValueError, match="lupper"):
+        recorded.positions(tmp_path)

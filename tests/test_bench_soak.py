@@ -1,71 +1,71 @@
-"""`kinespace bench soak`: counters, memory and the eigenvector of a long feed, here a short one."""
+"""`kinespace bench soak`: counters, memory and the share of variance of a long feed, here a short one."""
 
 from __future__ import annotations
 
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-import numpy as np
 import pytest
 
-from stream.recognizer import LiveSignature, Settings
+from stream.recognizer import LiveSignature, Recognizer, Settings
 from tools.bench import soak
-from tools.bench.inner import last_axis
 
 if TYPE_CHECKING:
-    from library.eigen import LeadingAxis
-    from stream.recognizer import Recognizer
-    from tools.bench.recorded import Recorded
+    import numpy as np
+    from numpy.typing import NDArray
 
-SETTINGS = Settings(signature=LiveSignature.EIGENVECTOR)
+    from stream.frame import Frame
+    from stream.recognition import Recognition
 
 
-def test_a_long_feed_is_accounted_for(recordings: Recorded, monkeypatch: pytest.MonkeyPatch) -> None:
-    """All frames are pushed and counted, memory is looked at three times, the eigenvector is checked and right."""
-    monkeypatch.setattr(soak, "_CHECK_EVERY", 97)
-    day = soak.pushed(recordings.positions, SETTINGS, 2500)
+@pytest.mark.parametrize("signature", list(LiveSignature))
+def test_a_long_feed_is_accounted_for(
+    signature: LiveSignature, played: NDArray[np.float32], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """All frames are pushed and counted, memory is looked at three times, the eigenvector checked and right."""
+    monkeypatch.setattr(soak, "_CHECK_EVERY", 397)
+    day = soak.pushed(played, Settings(signature=signature), 2500)
     assert day.frames == day.counts.frames == 2500
-    # The first window is full with frame 121; from then on every fourth frame is answered.
-    assert day.answers == day.counts.hops == 595
+    # The first window is full with frame 19; from then on every fourth frame is answered.
+    assert day.answers == day.counts.hops == 621
     assert day.consistent
-    assert day.checked > 20
+    assert day.checked == 6
     assert day.max_error is not None
-    assert 0 < day.max_error < 1e-4
+    assert 0 < day.max_error < 1e-6
     assert all(megabytes is None or megabytes > 10 for megabytes in day.resident_mb)
     for wrong in ({"frames": 2499}, {"answers": 1}, {"counts": replace(day.counts, restarts=1)}):
         assert not replace(day, **wrong).consistent  # type: ignore[arg-type]
 
 
-def test_a_wrong_eigenvector_is_seen(recordings: Recorded, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A recogniser whose axis is off by a hundredth, of either sign, is found out."""
+@pytest.mark.parametrize("name", ["share", "gap", "eigenvector_score"])
+def test_what_drifts_is_seen(name: str, played: NDArray[np.float32], monkeypatch: pytest.MonkeyPatch) -> None:
+    """A recogniser whose numbers wander off by a millionth with each frame is found out."""
 
-    def turned(recognizer: Recognizer) -> LeadingAxis | None:
-        axis = last_axis(recognizer)
-        assert axis is not None
-        # A direction square to the axis.
-        other = np.roll(axis.vector, 1)
-        other -= (other @ axis.vector) * axis.vector
-        other = axis.vector + 0.01 * other / np.linalg.norm(other)
-        return replace(axis, vector=-other / np.linalg.norm(other))
+    class Drifting(Recognizer):
+        def push(self, frame: Frame) -> Recognition | None:
+            answer = super().push(frame)
+            return answer and replace(answer, **{name: getattr(answer, name) + 1e-6 * self.counts.frames})
 
-    monkeypatch.setattr(soak, "last_axis", turned)
-    day = soak.pushed(recordings.positions, SETTINGS, 400)
-    assert day.max_error == pytest.approx(0.01, rel=0.05)
+    monkeypatch.setattr(soak, "Recognizer", Drifting)
+    monkeypatch.setattr(soak, "_CHECK_EVERY", 100)
+    # The other one has seen 360 frames of the 799 before the last answer.
+    assert soak.pushed(played, Settings(), 800).max_error == pytest.approx(439e-6, abs=60e-6)
 
 
-def test_windows_have_no_eigenvector_to_check(recordings: Recorded) -> None:
-    """The other signature runs as long, with nothing to compare."""
-    found = soak.measure(recordings.positions, signature=LiveSignature.WINDOWS, frames=300, minutes=0.0)
+def test_a_short_feed_is_not_checked(played: NDArray[np.float32]) -> None:
+    """Before three seconds there is nothing to compare; without minutes nothing goes over sockets."""
+    found = soak.measure(played, signature=LiveSignature.WINDOWS, frames=300, minutes=0.0)
     assert found.over_sockets is None
     assert (found.day.checked, found.day.max_error) == (0, None)
     assert found.day.consistent
 
 
-def test_the_same_goes_over_sockets(recordings: Recorded) -> None:
+def test_the_same_goes_over_sockets(played: NDArray[np.float32]) -> None:
     """For as long as asked some performers are fed over UDP, everything counted."""
-    found = soak.measure(recordings.positions, signature=LiveSignature.EIGENVECTOR, frames=200, minutes=0.03)
+    found = soak.measure(played, signature=LiveSignature.PAPER, frames=200, minutes=0.03)
     crowd = found.over_sockets
     assert crowd is not None
     assert crowd.sent == 216 * crowd.performers
-    assert crowd.expected == 24 * crowd.performers
+    # The first window is full with frame 19; from then on every fourth frame is answered.
+    assert crowd.expected == 50 * crowd.performers
     assert crowd.answered + crowd.lost >= crowd.expected

@@ -15,44 +15,46 @@ import pytest
 from stream import osc, zeromq
 from stream.frame import Frame
 from stream.recognizer import LiveSignature, Settings
-from tools import latency
 from tools.bench import crowd, memory, running
 from tools.bench.crowd import Crowd, most_performers, play
 from tools.bench.floor import EmptyRecognizer, answer_to
+from tools.bench.running import Running
+from tools.bench.sockets import Sockets
 from tools.listener import answer_in
 
 if TYPE_CHECKING:
-    from tools.background import Transport
-    from tools.bench.recorded import Recorded
+    from numpy.typing import NDArray
 
-SETTINGS = Settings(signature=LiveSignature.EIGENVECTOR, window=0.3)
+    from tools.background import Transport
+
+SETTINGS = Settings(signature=LiveSignature.PAPER)
 NOBODY = Crowd(1, 10, 5, 5, 0, np.full(1000, 0.001), 0.0, (), None, None)
 
 
 @pytest.mark.parametrize("transport", ["osc", "zmq"])
-def test_a_crowd_is_answered_and_accounted_for(transport: Transport, recordings: Recorded) -> None:
+def test_a_crowd_is_answered_and_accounted_for(transport: Transport, played: NDArray[np.float32]) -> None:
     """Everybody's frames are sent, every answer due is answered or lost, latencies are those after the warm-up."""
-    found = play(transport, 3, recordings.positions[:120], SETTINGS)
+    found = play(transport, 3, played[:120], SETTINGS)
     assert (found.performers, found.sent) == (3, 360)
-    # A window of 36 frames is full with the 37th; from then on every fourth frame is answered.
-    assert found.expected == 3 * 21
+    # The first window is full with frame 19; from then on every fourth frame is answered.
+    assert found.expected == 3 * 26
     assert found.status is not None
     assert found.answered + found.lost >= found.expected
     if not found.lost:
         assert found.answered == found.expected
         assert found.status.outcomes.recognizers.frames == 360
         # The first half second of answers warms up.
-        assert found.seconds.size == 3 * 6
+        assert found.seconds.size == 3 * 11
     assert (found.seconds > 0).all()
     assert (found.seconds < 60).all()
     assert all(megabytes > 10 for megabytes in found.resident_mb)
 
 
-def test_what_is_lost_is_seen(recordings: Recorded, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_is_lost_is_seen(played: NDArray[np.float32], monkeypatch: pytest.MonkeyPatch) -> None:
     """When a crowd is larger than the recogniser has room for, the frames it refused are lost and nothing is held."""
     service = crowd.BackgroundService
     monkeypatch.setattr(crowd, "BackgroundService", lambda *a, **k: service(*a, **{**k, "performers": 1}))
-    found = play("osc", 2, recordings.positions[:60], SETTINGS)
+    found = play("osc", 2, played[:60], SETTINGS)
     assert found.status is not None
     assert found.status.outcomes.no_room == 60
     assert found.lost >= 60
@@ -60,20 +62,20 @@ def test_what_is_lost_is_seen(recordings: Recorded, monkeypatch: pytest.MonkeyPa
 
 
 @pytest.mark.parametrize("transport", ["osc", "zmq"])
-def test_under_a_crowd_is_a_floor(transport: Transport, recordings: Recorded) -> None:
+def test_under_a_crowd_is_a_floor(transport: Transport, played: NDArray[np.float32]) -> None:
     """Where nothing is recognised the same frames are answered, with answers as large as ours, and timed alike."""
-    found = play(transport, 3, recordings.positions[:120], SETTINGS, empty=True)
-    assert (found.performers, found.sent, found.expected) == (3, 360, 3 * 21)
+    found = play(transport, 3, played[:120], SETTINGS, empty=True)
+    assert (found.performers, found.sent, found.expected) == (3, 360, 3 * 26)
     assert found.answered + found.lost == found.expected
     assert found.status is None
     if not found.lost:
-        assert found.seconds.size == 3 * 6
+        assert found.seconds.size == 3 * 11
     assert (found.seconds > 0).all()
 
 
-def test_the_floor_answers_the_frames_that_are_due(recordings: Recorded) -> None:
+def test_the_floor_answers_the_frames_that_are_due(played: NDArray[np.float32]) -> None:
     """Each performer's frames are counted for themselves, whatever order they come in; a greeting comes back."""
-    positions = recordings.positions[:48]
+    positions = played[:48]
     answer = answer_to(positions, SETTINGS)
     empty = EmptyRecognizer({1, 3}, answer, positions.shape[1])
     frames = [Frame(name, 1.0 + k, each) for k, each in enumerate(positions[:5]) for name in ("a", "bb")]
@@ -121,34 +123,40 @@ def test_the_largest_crowd_is_found_to_a_tenth(limit: int, monkeypatch: pytest.M
         assert found is not None
         assert min(limit, 500) / 1.1 - 1 <= found.performers <= min(limit, 500)
     assert max(tried) <= 500
-    # Whatever fails is tried twice, whatever is held once.
-    assert all(tried.count(each) == (1 if each <= limit else 2) for each in tried)
+    # Whatever fails is tried three times and once more from above at most, whatever is held once.
+    assert all(tried.count(each) == 1 if each <= limit else tried.count(each) in (3, 6) for each in tried)
 
 
-def test_noise_gets_a_second_try(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A crowd that fails once and is held the second time is held."""
+@pytest.mark.parametrize("disturbed", [range(2), range(4, 6), range(3, 9), range(1, 30, 3)])
+def test_a_disturbance_does_not_end_the_search(disturbed: range, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whichever tries in a row or now and then fail for no reason of ours, the limit is found to a tenth."""
     tried: list[int] = []
 
     def played(_: str, performers: int, *__: object, **___: object) -> Crowd:
         tried.append(performers)
-        return replace(NOBODY, performers=performers, lost=int(tried.count(performers) == 1))
+        return replace(NOBODY, performers=performers, lost=int(performers > 200 or len(tried) - 1 in disturbed))
 
     monkeypatch.setattr(crowd, "play", played)
-    found = most_performers("osc", np.zeros((1, 31, 3), np.float32), SETTINGS, most=16)
+    found = most_performers("osc", np.zeros((1, 31, 3), np.float32), SETTINGS)
     assert found is not None
-    assert found.performers == 16
+    assert 200 / 1.1 - 1 <= found.performers <= 200
 
 
-def test_latency_can_be_measured_on_recorded_frames(recordings: Recorded) -> None:
-    """Frames that are given are what is sent, begun again when they are too few."""
-    found = latency.measure("osc", rate_hz=100.0, seconds=1.0, settings=SETTINGS, positions=recordings.positions[:80])
-    assert found.sent == 100
-    assert found.answered + found.lost > 0
+def test_a_crowd_is_told_as_a_share_of_the_empty_loop() -> None:
+    """The share is of performers; without a crowd there is none."""
+    found = Sockets(
+        (),
+        {"osc": replace(NOBODY, performers=60), "zmq": None},
+        {"osc": replace(NOBODY, performers=400), "zmq": NOBODY},
+        Running(1.0, None, None),
+    )
+    assert found.share("osc") == 0.15
+    assert found.share("zmq") is None
 
 
-def test_the_program_is_started_fed_and_ended(recordings: Recorded) -> None:
+def test_the_program_is_started_fed_and_ended(played: NDArray[np.float32]) -> None:
     """Start-up is a positive time; with more performers the program holds more memory."""
-    found = running.measure(recordings.positions, LiveSignature.EIGENVECTOR, starts=1, many=4)
+    found = running.measure(played, LiveSignature.PAPER, starts=1, many=4)
     assert 0 < found.startup_s < 60
     if found.resident_mb is not None:
         assert found.resident_100_mb is not None

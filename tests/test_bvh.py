@@ -17,7 +17,7 @@ from library.distances import distance_rows
 from library.formats.acclaim import read_clip as read_amc
 from library.formats.bvh import BvhError, forward_kinematics, read_bvh, read_clip
 from library.formats.error import RecordingError
-from library.measures import Body
+from library.windows.body import Body
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 Call = tuple[str, tuple[Any, ...], dict[str, Any]]
 
-PROGRAMS = ("demo", "live", "replay", "latency", "build", "info", "evaluate", "feeds", "listen")
+PROGRAMS = ("demo", "live", "replay", "latency", "build", "learn", "info", "evaluate", "feeds", "listen")
 
 
 @pytest.fixture
@@ -98,7 +98,6 @@ def test_every_program_has_help(program: str, capsys: pytest.CaptureFixture[str]
         "live --hop -1",
         "live --performers many",
         "live extra",
-        "replay",
         "replay clip.amc --speed 0",
         "replay clip.amc --speed -1",
         "replay clip.amc --pause -0.1",
@@ -115,7 +114,6 @@ def test_every_program_has_help(program: str, capsys: pytest.CaptureFixture[str]
         "info one.npz two.npz",
         "evaluate",
         "evaluate dance clips",
-        "evaluate retrieval",
         "evaluate retrieval clips --space time",
         "evaluate retrieval clips --protocol none",
         "evaluate retrieval clips --seed x",
@@ -135,7 +133,7 @@ def test_wrong_arguments_end_with_2(arguments: str, asked: list[Call], capsys: p
 @pytest.mark.parametrize(
     ("arguments", "expected"),
     [
-        ("demo", ("demo", ("osc",), {"seconds": 44.0, "picture": None, "as_json": False})),
+        ("demo", ("demo", ("osc",), {"seconds": 30.0, "picture": None, "as_json": False})),
         (
             "demo --transport zmq --seconds 24 --picture demo.svg --json",
             ("demo", ("zmq",), {"seconds": 24.0, "picture": Path("demo.svg"), "as_json": True}),
@@ -147,7 +145,7 @@ def test_wrong_arguments_end_with_2(arguments: str, asked: list[Call], capsys: p
             (
                 "build",
                 ([Path("a"), Path("b.npz")], Path("c.npz")),
-                {"reading": Reading(asf=Path("d.asf"), frame_rate=60.0), "licence": "CC0", "attribution": "me"},
+                {"reading": Reading(asf=Path("d.asf"), frame_rate=60.0), "terms": build.Terms("CC0", "me")},
             ),
         ),
         (
@@ -159,14 +157,14 @@ def test_wrong_arguments_end_with_2(arguments: str, asked: list[Call], capsys: p
             ),
         ),
         (
-            "latency --transport zmq --rate 60 --seconds 5 --signature eigenvector --window 2 --hop 0 --json",
+            "latency --transport zmq --rate 60 --seconds 5 --signature paper --window 2 --hop 0 --json",
             (
                 "latency",
                 (("zmq",),),
                 {
                     "rate_hz": 60.0,
                     "seconds": 5.0,
-                    "settings": Settings(signature=LiveSignature.EIGENVECTOR, window=2.0, hop=0.0),
+                    "settings": Settings(signature=LiveSignature.PAPER, window=2.0, hop=0.0),
                     "as_json": True,
                 },
             ),
@@ -195,7 +193,7 @@ def test_wrong_arguments_end_with_2(arguments: str, asked: list[Call], capsys: p
         ),
         (
             (
-                "live --osc-in :1 --zmq-out tcp://*:2 --library l.npz --signature eigenvector --window 2 --hop 0.1 "
+                "live --osc-in :1 --zmq-out tcp://*:2 --library l.npz --signature paper --window 2 --hop 0.1 "
                 "--performers 3 --plain"
             ),
             (
@@ -203,7 +201,7 @@ def test_wrong_arguments_end_with_2(arguments: str, asked: list[Call], capsys: p
                 (live.Addresses(osc_in=":1", zmq_out="tcp://*:2"),),
                 {
                     "library": Path("l.npz"),
-                    "settings": Settings(signature=LiveSignature.EIGENVECTOR, window=2.0, hop=0.1),
+                    "settings": Settings(signature=LiveSignature.PAPER, window=2.0, hop=0.1),
                     "most": 3,
                     "plain": True,
                     "feed": live.Feed(),
@@ -240,6 +238,7 @@ def test_wrong_arguments_end_with_2(arguments: str, asked: list[Call], capsys: p
                 {"settings": Settings(signature=LiveSignature.WINDOWS, sensitivity=0.3)},
             ),
         ),
+        ("replay", ("replay", ([],), {"reading": Reading(), "osc_to": OSC_IN})),
         (
             "replay a b",
             (
@@ -285,15 +284,21 @@ def test_what_is_typed_is_what_is_run(arguments: str, expected: Call, asked: lis
     assert {name: options[name] for name in expected[2]} == expected[2]
 
 
-@pytest.mark.parametrize("signature", ["", "--signature windows"])
+@pytest.mark.parametrize(
+    ("options", "told"),
+    [
+        ("--window 0.5", "window: expected none with the signature windows, got 0.5"),
+        ("--signature windows --window 0.5", "window: expected none with the signature windows, got 0.5"),
+        ("--signature paper --sensitivity 0.1", "sensitivity: expected none with the signature paper, got 0.1"),
+    ],
+)
 @pytest.mark.parametrize("program", ["live", "latency"])
-def test_a_window_is_the_eigenvectors(
-    program: str, signature: str, asked: list[Call], capsys: pytest.CaptureFixture[str]
+def test_what_a_signature_has_no_use_for_is_refused(
+    program: str, options: str, told: str, asked: list[Call], capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Without `--signature eigenvector` a window's length would change nothing: it ends with 2 and one line."""
-    assert main([program, *signature.split(), "--window", "0.5"]) == 2
-    expected = "kinespace: --window: expected --signature eigenvector with it; windows have lengths of their own\n"
-    assert capsys.readouterr().err == expected
+    """A setting that would change nothing ends with 2 and one line."""
+    assert main([program, *options.split()]) == 2
+    assert capsys.readouterr().err == f"kinespace: {told}\n"
     assert asked == []
 
 

@@ -6,8 +6,10 @@ import csv
 import json
 import re
 from collections import defaultdict
+from itertools import combinations
 from typing import TYPE_CHECKING
 
+import naive_score
 import numpy as np
 import pytest
 from programs import started
@@ -61,16 +63,17 @@ def evaluate(*arguments: object) -> int:
     return main(["evaluate", "retrieval", *map(str, arguments)])
 
 
-def table_rows(printed: str) -> dict[tuple[str, str], list[str]]:
-    """Read the table that was printed: the figures of the paper's signature by space and protocol."""
-    lines = [[cell.strip() for cell in re.split("[│┃]", line)[1:-1]] for line in printed.splitlines()]
-    headings, *rows = [cells for cells in lines if len(cells) > 1]
-    named = [dict(zip(headings, cells, strict=True)) for cells in rows]
-    return {
-        (row["space"], row["protocol"]): [row["motions"], row["nearest"], row["one of two"]]
-        for row in named
-        if row.get("signature", "eigenvector") == "eigenvector"
-    }
+def table_rows(printed: str, signature: str = "eigenvector") -> dict[tuple[str, str], list[str]]:
+    """Read the table that was printed: motions, nearest, its interval, one of two; by space and protocol."""
+    rows = [re.split(" {2,}", line.strip()) for line in printed.splitlines() if line.startswith(tuple(Space))]
+    return {(row[0], row[2]): row[3:] for row in rows if row[1] == signature and row[3].isdigit()}
+
+
+def splits_in(printed: str) -> dict[tuple[str, str], tuple[float, str, float]]:
+    """Read what the table says of all splits, by space and signature: the mean, the worst's library, the worst."""
+    told = r"^(\w+) +(\w+) +mean of splits +([\d.]+)%.*\n\1 +\2 +worst: ([a-z ]+?) +([\d.]+)%"
+    found = re.findall(told, printed, re.MULTILINE)
+    return {(space, signature): (float(mean), actors, float(worst)) for space, signature, mean, actors, worst in found}
 
 
 @pytest.mark.parametrize("protocol", Protocol)
@@ -110,7 +113,7 @@ def test_the_table_holds_every_case(cut: Path, capsys: pytest.CaptureFixture[str
     assert evaluate(cut) == 0
     rows = table_rows(capsys.readouterr().out)
     assert set(rows) == {(space.value, protocol.value) for space in Space for protocol in Protocol}
-    assert rows["distances", "leave-one-out"] == ["12", "100.0%", "100.0%"]
+    assert rows["distances", "leave-one-out"] == ["12", "100.0%", "100–100%", "100.0%"]
     assert rows["distances", "split"][0] == "6"
 
 
@@ -139,7 +142,7 @@ def test_turning_the_clips_leaves_distances_alone(
     for options in ((), ("--turned", "--seed", "1"), ("--turned", "--seed", "1"), ("--turned", "--seed", "2")):
         assert evaluate(cut, "--space", "distances", *options) == 0
         printed = capsys.readouterr().out
-        assert ("turned and shifted" in printed) == bool(options)
+        assert ("turned and shifted" in " ".join(printed.split())) == bool(options)
         tables.append(table_rows(printed))
     assert tables == [tables[0]] * 4
     plain, once, again, other = compared
@@ -175,7 +178,8 @@ def test_the_csv_says_what_was_performed_and_what_was_found(
 ) -> None:
     """Each line of the CSV is the share of one performed class's motions whose nearest is of the found class."""
     confusion = np.array([[0.5, 0.25, 0.25], [0.0, 1.0, 0.0], [0.125, 0.0, 0.875]])
-    outcome = Retrieval(12, 0.8, 0.9, tuple(sorted(SWINGS)), confusion)
+    right = np.arange(24).reshape(12, 2) % 5 > 0
+    outcome = Retrieval(12, 0.8, 0.9, tuple(sorted(SWINGS)), confusion, np.arange(12), right)
     monkeypatch.setattr("tools.evaluate.retrieve", lambda *_: outcome)
     assert evaluate(cut, "--picture", tmp_path / "confusion.png", "--protocol", "split") == 0
     with (tmp_path / "confusion.csv").open(newline="", encoding="utf-8") as file:
@@ -236,6 +240,88 @@ def test_a_protocol_that_leaves_nobody_to_ask_says_so(
     assert protocol in capsys.readouterr().err
 
 
+# --- all that came out -------------------------------------------------------------------------------------------
+
+
+def test_json_says_what_a_figure_rests_on(cut: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Beside the figures stand seconds and persons of the motions that ask, and intervals; of two actors no splits."""
+    assert evaluate(cut, "--json", "--protocol", "split") == 0
+    described = json.loads(capsys.readouterr().out)
+    assert (described["motions"], described["seconds"], described["persons"]) == (6, 9.0, 1)
+    assert described["intervals"] == {"nearest": [1.0, 1.0], "two_nearest": [1.0, 1.0]}
+    assert described["splits"] is None
+
+
+def test_intervals_are_of_the_motions_that_asked(
+    cut: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """An interval is that of the share in motions drawn again, of each figure its own."""
+    right = np.array([[index % 2 == 0, index % 4 < 3] for index in range(12)])
+    outcome = Retrieval(12, 0.5, 0.75, tuple(sorted(SWINGS)), np.eye(3), np.arange(12), right)
+    monkeypatch.setattr("tools.evaluate.retrieve", lambda *_: outcome)
+    assert evaluate(cut, "--json") == 0
+    intervals = json.loads(capsys.readouterr().out)["intervals"]
+    for column, name in enumerate(("nearest", "two_nearest")):
+        drawn = naive_score.drawn_again(12, 2012)
+        shares = [float(np.multiply(counts, right[:, column]).sum()) / 12 for counts in drawn]
+        assert intervals[name] == pytest.approx(naive_score.middle(shares))
+
+
+def test_five_actors_are_split_in_all_ways(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The mean and the worst of the ten splits are those of retrieving ten times, and the worst's library is named."""
+    actors = ("bd", "bk", "dg", "mm", "tr")
+    write_takes(tmp_path, actors=actors, takes=1, frames=60)
+    clips = [noisy(clip) for clip in read_recordings(sorted(tmp_path.rglob("*.amc")))]
+    labels, scores = Labels.of_clips(clips), compare(motion_axes(clips, Space.DISTANCES))
+    shares = {library: retrieve(scores, labels, Protocol.SPLIT, library).nearest for library in combinations(actors, 3)}
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr("tools.evaluate.read_recordings", lambda *_: iter(clips))
+        assert evaluate(tmp_path, "--json", "--protocol", "split") == 0
+        described = json.loads(capsys.readouterr().out)["splits"]
+        assert evaluate(tmp_path, "--space", "distances") == 0
+        told = splits_in(capsys.readouterr().out)
+    assert len(set(shares.values())) > 1
+    assert described["mean"] == pytest.approx(np.mean(list(shares.values())))
+    assert described["worst"] == min(shares.values()) == shares[tuple(described["worst_library"])]
+    mean, library, worst = told["distances", "eigenvector"]
+    assert library.split() == described["worst_library"]
+    assert (mean, worst) == (
+        pytest.approx(100 * described["mean"], abs=0.06),
+        pytest.approx(100 * described["worst"], abs=0.06),
+    )
+
+
+def noisy(clip: Clip) -> Clip:
+    """Shake a clip so that not every neighbour is of its class."""
+    generator = np.random.default_rng(sum(map(ord, clip.name)))
+    return clip.moved_to(clip.positions + generator.normal(scale=0.5, size=clip.positions.shape))
+
+
+# --- the paper's figures -----------------------------------------------------------------------------------------
+
+
+def test_the_built_in_motions_have_the_papers_figures(capsys: pytest.CaptureFixture[str]) -> None:
+    """Without a folder the built-in library's motions are asked: figures within a point of the reference."""
+    assert evaluate() == 0
+    printed = capsys.readouterr().out
+    rows = table_rows(printed)
+    assert set(rows) == {key for key in REFERENCE if key[0] != "rotations"}
+    for key, (_, nearest, _, _) in rows.items():
+        assert percent(nearest) == pytest.approx(REFERENCE[key], abs=0.01)
+    by_spread = {protocol: percent(row[1]) for (_, protocol), row in table_rows(printed, "spread").items()}
+    assert by_spread["leave-one-out"] >= 0.995
+    assert by_spread["actor-held-out"] >= 0.99
+    assert by_spread["split"] >= 0.98
+    mean, _, worst = splits_in(printed)["distances", "spread"]
+    assert mean > 97.5
+    assert worst > 94
+
+
+def percent(told: str) -> float:
+    """Read a share."""
+    return float(told.rstrip("%")) / 100
+
+
 @pytest.fixture(scope="module")
 def commands(hdm05_folder: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Program, Program, Path]]:
     """Run the command on all 288 clips twice at once: for the JSON object with a picture, and for the table."""
@@ -269,7 +355,7 @@ def test_the_commands_table_is_the_papers(commands: tuple[Program, Program, Path
     assert (program.wait(), program.errors) == (0, "")
     rows = table_rows(program.output)
     assert set(rows) == set(REFERENCE)
-    nearest = {key: float(row[1].rstrip("%")) / 100 for key, row in rows.items()}
+    nearest = {key: percent(row[1]) for key, row in rows.items()}
     for key, figure in nearest.items():
         assert figure == pytest.approx(REFERENCE[key], abs=0.01)
     assert max(nearest, key=nearest.__getitem__) == ("distances", "leave-one-out")

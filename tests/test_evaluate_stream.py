@@ -11,17 +11,23 @@ import numpy as np
 import pytest
 from takes import write_take
 
-from library import MotionLibrary, read_recordings
-from library.labels import cut, read_labels, renamed
-from stream.recognizer import Settings
+from library import MotionLibrary, Reading, read_recordings
+from library.formats import utkinect
+from library.labels import Segment, cut, read_labels, renamed
+from library.recordings import ActorIn, performed
+from stream.frame import Frame
+from stream.recognizer import Recognizer, Settings
 from tools import pictures
 from tools.cli import main
 from tools.console import console
 from tools.evaluate_stream import replay
+from tools.takes import Sources, read_takes
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
+
+    from tools.course import Course
 
 KEYS = [
     "frame_accuracy",
@@ -38,8 +44,15 @@ KEYS = [
     "true_changes_per_minute",
     "auc_unknown",
     "classes",
+    "segment_majority",
+    "false_starts_per_minute",
+    "takes_found",
+    "known",
+    "unknown",
+    "containing",
+    "intervals",
 ]
-BY_EIGENVECTOR = ("--signature", "eigenvector")
+BY_EIGENVECTOR = ("--signature", "paper")
 KNOWN = [("clap", 2.5), ("hail", 2.5), ("row", 2.5)]
 
 
@@ -97,7 +110,14 @@ def test_json_has_every_figure_by_its_name(folder: Path, library: Path, capsys: 
     assert list(score["classes"]) == ["clap", "hail", "row"]
     for each in score["classes"].values():
         assert list(each) == ["seconds", "right", "right_inside"]
-    assert all(isinstance(score[name], float) for name in KEYS[:-1])
+    figures = set(KEYS) - {"classes", "known", "unknown", "containing", "intervals", "takes_found"}
+    assert all(isinstance(score[name], float) for name in figures)
+    for name in figures:
+        low, high = score["intervals"][name]
+        assert low - 1e-9 <= score[name] <= high + 1e-9, name
+    assert score["takes_found"] is score["intervals"]["takes_found"] is None
+    assert score["known"] == {"seconds": pytest.approx(20.0, abs=0.1), "segments": 8, "persons": None}
+    assert score["unknown"]["segments"] == 1
     assert score["classes"]["clap"]["seconds"] == pytest.approx(7.5, abs=0.05)
 
 
@@ -179,7 +199,197 @@ def test_each_take_is_recognised_by_the_others(folder: Path, capsys: pytest.Capt
 def test_a_single_take_cannot_be_left_out(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Leaving the only take out leaves nothing to recognise with; the error says so."""
     told = _refused(capsys, folder / "puppet_01.amc", "--protocol", "leave-one-take-out")
-    assert "--protocol leave-one-take-out: expected at least two takes, got one" in told
+    assert "--protocol leave-one-take-out: expected at least two labelled takes, got 1" in told
+
+
+# --- by person ---------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def persons(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Write a take each of three persons; one does something that nobody else does."""
+    folder = tmp_path_factory.mktemp("persons")
+    write_take(folder, 1, KNOWN, person="ann")
+    write_take(folder, 1, KNOWN[::-1], person="ben")
+    write_take(folder, 1, [KNOWN[1], ("salute", 2.5), KNOWN[0]], person="cid")
+    return folder
+
+
+def _replayed(folder: Path, asking: str, library_of: Sequence[str]) -> Course:
+    """Replay a person's take, recognised by what is cut from others' takes."""
+    paths = sorted(folder.glob("*.amc"))
+    takes = {
+        path.stem.partition("_")[0]: (performed(take, path, ActorIn.NAME), read_labels(path.with_suffix(".csv")))
+        for path, take in zip(paths, read_recordings(paths), strict=True)
+    }
+    library = MotionLibrary.of_clips([clip for person in library_of for clip in cut(*takes[person])])
+    classes = ("clap", "hail", "row", "salute")
+    return replay(*takes[asking], library=library, classes=classes, settings=Settings())
+
+
+def _right(courses: Sequence[Course]) -> float:
+    known = [course.truth >= 0 for course in courses]
+    right = [(course.guess == course.truth)[each] for course, each in zip(courses, known, strict=True)]
+    return float(np.concatenate(right).mean())
+
+
+def test_each_person_is_recognised_by_the_others(persons: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Leaving a person out, the figures are those of replaying with a library of the others; each has own figures."""
+    score = _scored(capsys, persons, "--protocol", "leave-one-person-out", "--actor-in", "name")
+    everybody = ["ann", "ben", "cid"]
+    courses = {
+        asking: _replayed(persons, asking, [each for each in everybody if each != asking]) for asking in everybody
+    }
+    assert score["frame_accuracy"] == pytest.approx(_right(list(courses.values())))
+    shares = [_right([courses[person]]) for person in everybody]
+    assert [score["persons"][person]["frame_accuracy"] for person in everybody] == pytest.approx(shares)
+    assert score["mean"]["frame_accuracy"] == pytest.approx(np.mean(shares))
+    assert score["worst"]["frame_accuracy"] == pytest.approx(min(shares))
+    assert score["known"] == {"seconds": pytest.approx(20.0, abs=0.1), "segments": 8, "persons": 3}
+    assert list(score) == [*KEYS, "persons", "mean", "worst"]
+
+
+def test_each_person_recognises_the_others(persons: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The library of each person is asked by the two others; what two libraries answered to a segment counts once."""
+    score = _scored(capsys, persons, "--protocol", "one-person", "--actor-in", "name")
+    everybody = ["ann", "ben", "cid"]
+    courses = {
+        person: [_replayed(persons, asking, [person]) for asking in everybody if asking != person]
+        for person in everybody
+    }
+    shares = [_right(courses[person]) for person in everybody]
+    assert [score["persons"][person]["frame_accuracy"] for person in everybody] == pytest.approx(shares)
+    assert (score["mean"]["frame_accuracy"], score["worst"]["frame_accuracy"]) == (
+        pytest.approx(np.mean(shares)),
+        pytest.approx(min(shares)),
+    )
+    assert (score["known"]["segments"], score["known"]["persons"]) == (8, 3)
+    worst = max(score["persons"][person]["unknown_answered"] or 0.0 for person in everybody)
+    assert score["worst"]["unknown_answered"] == pytest.approx(worst)
+    assert score["mean"]["takes_found"] is score["worst"]["takes_found"] is None
+
+
+def test_a_person_reads_every_persons_figures(persons: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The table has a line for each person, one for the mean and one for the worst, shares in per cent."""
+    options = ("--protocol", "leave-one-person-out", "--actor-in", "name")
+    score = _scored(capsys, persons, *options)
+    assert _evaluate(persons, *options) == 0
+    lines = {line.split()[0]: line.split()[1:] for line in capsys.readouterr().out.splitlines() if line.split()}
+    shown = ("frame_accuracy", "segment_accuracy", "segment_majority")
+    for name in ("ann", "ben", "cid"):
+        assert lines[name][:3] == [f"{score['persons'][name][figure]:.1%}" for figure in shown]
+    for name in ("mean", "worst"):
+        assert lines[name][:3] == [f"{score[name][figure]:.1%}" for figure in shown]
+
+
+def test_the_library_may_ask_itself(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    """Without takes the library's own motions are asked, each a stream, of others' motions; never of themselves."""
+    builtin = MotionLibrary.builtin()
+    wanted = [each for each in builtin.motions if each.class_name in ("grabHighR", "squat1Reps")]
+    few = replace(builtin, motions=tuple(each for each in wanted if each.actor in ("bd", "mm"))[::3])
+    monkeypatch.setattr(MotionLibrary, "builtin", lambda: few)
+    score = _scored(capsys, "--protocol", "one-person")
+    assert score["known"]["segments"] == len(few)
+    assert score["known"]["seconds"] == pytest.approx(sum(each.duration - 1 / 60 for each in few.motions))
+    assert set(score["persons"]) == {"bd", "mm"}
+    assert score["segment_majority"] > 0.8
+    assert score["true_changes_per_minute"] == 0.0
+    kept = _scored(capsys, "--protocol", "leave-one-take-out", "--subjects", "mm")
+    assert kept["known"]["persons"] == 1
+    assert "expected takes with --protocol library, got none" in _refused(capsys)
+
+
+# --- takes in which nothing known happens, and of which nobody said when -----------------------------------------
+
+
+def test_of_unknown_takes_all_the_time_counts(
+    folder: Path, library: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A take without labels counts as unknown from its first frame to its last."""
+    path = write_take(tmp_path, 3, [("salute", 2.5), ("hail", 2.5)], labelled=False)
+    score = _scored(capsys, "--unknown", path, "--library", library)
+    (take,) = read_recordings([path])
+    known = MotionLibrary.load(library)
+    course = replay(take, [Segment(0.0, 5.0, "other")], library=known, classes=known.classes, settings=Settings())
+    assert score["unknown_answered"] == pytest.approx((course.published >= 0).mean())
+    assert score["unknown_answered"] > 0.2
+    assert score["unknown"] == {"seconds": pytest.approx(599 / 120), "segments": 1, "persons": None}
+    assert (score["frame_accuracy"], score["known"]["segments"], score["classes"]) == (None, 0, {})
+    both = _scored(capsys, folder / "puppet_01.amc", "--unknown", path, "--library", library)
+    assert (both["known"]["segments"], both["unknown"]["segments"]) == (3, 1)
+    assert both["auc_unknown"] is not None
+
+
+def test_tables_of_takes(folder: Path, library: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A take is found when its class is named at some time, one without any is unknown, a doubtful one left out."""
+    table = folder / "takes.list"
+    table.write_text(
+        "file,subject,contains,perhaps,kind\n"
+        "puppet_02.amc,1,row,,x\n"
+        'puppet_02.amc,1,"clap,hail",row,x\n'
+        "puppet_03.amc,2,fly,,x\n"
+        "puppet_03.amc,2,,clap,x\n"
+        "puppet_03.amc,3,,,x\n"
+    )
+    score = _scored(capsys, "--takes", table, "--library", library)
+    assert score["takes_found"] == 1.0
+    assert score["containing"] == {"seconds": pytest.approx(2 * 7.5, abs=0.1), "segments": 2, "persons": 1}
+    assert score["unknown"] == {"seconds": pytest.approx(7.5, abs=0.1), "segments": 1, "persons": 1}
+    assert score["unknown_answered"] > 0.4
+    chosen = _scored(capsys, "--takes", table, "--library", library, "--without-subjects", "1", "2")
+    assert (chosen["takes_found"], chosen["unknown"]["segments"]) == (None, 1)
+    renamed_to = _scored(capsys, "--takes", table, "--library", library, "--subjects", "2", "--map", "fly=row")
+    assert renamed_to["containing"]["segments"] == 1
+    assert "expected a label that is a class" in _refused(
+        capsys, "--takes", table, "--library", library, "--subjects", "2"
+    )
+    assert _evaluate("--takes", table, "--library", library) == 0
+    printed = capsys.readouterr().out
+    assert "takes that contain a class: 15 s, 2 takes, 1 person" in printed
+    assert "unknown motions: 7 s, 1 segment, 1 person" in printed
+    assert "\nknown motions" not in printed
+    drawn = ("--confusion", folder / "drawn.svg")
+    found = (*("--takes", table), *("--library", library), *("--subjects", "1"))
+    assert "--confusion: expected takes of which is known" in _refused(capsys, *found, *drawn)
+    assert not drawn[1].exists()
+
+
+# --- sensors that skip frames ------------------------------------------------------------------------------------
+
+
+def test_a_sensors_frames_come_at_their_own_times(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """UTKinect's takes are cut, replayed frame by frame as they came, and scored by person."""
+    told = list[str]()
+    for person in (1, 2, 3):
+        generator = np.random.default_rng(person)
+        body = np.random.default_rng(0).normal(size=(20, 3))
+        kept = np.flatnonzero(generator.random(241) < 0.6)
+        lines = []
+        for frame in kept:
+            moved = body.copy()
+            joint, axis = (7, 0) if frame < 120 else (11, 1)
+            moved[joint, axis] += np.sin(frame / (5 + person))
+            lines.append(" ".join(map(str, (frame + 100, *moved.reshape(-1)))))
+        (tmp_path / f"joints_s0{person}_e01.txt").write_text("\n".join(lines))
+        told += [f"s0{person}_e01", "push: 100 220", "pull: 220 340", "carry: NaN NaN"]
+    (tmp_path / "actionLabel.txt").write_text("\n".join(told))
+    score = _scored(capsys, tmp_path, "--protocol", "leave-one-person-out")
+    assert list(score["persons"]) == ["s01", "s02", "s03"]
+    assert list(score["classes"]) == ["pull", "push"]
+    assert score["known"]["segments"] == 6
+    assert score["segment_majority"] == 1.0
+    takes = read_takes(Sources([tmp_path]), Reading())
+    library = MotionLibrary.of_clips([motion for take in takes[1:] for motion in take.motions()])
+    frames = utkinect.read_frames(tmp_path / "joints_s01_e01.txt")
+    by_hand, guess = list[bool](), None
+    recognizer = Recognizer(library, Settings())
+    for number, positions in zip(frames.numbers.tolist(), frames.positions, strict=True):
+        answer = recognizer.push(Frame("p", number / 30, positions))
+        if answer is not None:
+            guess = answer.classes[answer.best] if answer.guess_index >= 0 else None
+        if number < 340:
+            by_hand.append(guess == ("push" if number < 220 else "pull"))
+    assert score["persons"]["s01"]["frame_accuracy"] == pytest.approx(np.mean(by_hand))
 
 
 # --- labels and names --------------------------------------------------------------------------------------------
@@ -260,12 +470,14 @@ def test_a_take_without_labels_is_told_how_to_get_them(
 
 
 def test_settings_reach_the_recogniser(folder: Path, library: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """A shorter window answers sooner, and windows that the library does not keep are refused."""
+    """Another window of the paper's has other figures than the usual signature; what does not apply is refused."""
     take = folder / "puppet_02.amc"
-    slow = _scored(capsys, take, "--library", library, *BY_EIGENVECTOR, "--window", "1.5")
-    fast = _scored(capsys, take, "--library", library, *BY_EIGENVECTOR, "--window", "0.4")
-    assert fast["median_delay_s"] < slow["median_delay_s"]
-    assert "library with windows" in _refused(capsys, take, "--library", library, "--signature", "windows")
+    scores = [
+        _scored(capsys, take, "--library", library, *options)
+        for options in ((), (*BY_EIGENVECTOR, "--window", "1.5"), (*BY_EIGENVECTOR, "--window", "0.3"))
+    ]
+    assert len({score["frame_accuracy"] for score in scores}) == 3
+    assert "window: expected none" in _refused(capsys, take, "--library", library, "--window", "1.5")
 
 
 # --- pictures ----------------------------------------------------------------------------------------------------

@@ -9,9 +9,8 @@ from typing import TYPE_CHECKING
 
 import pytest
 from pythonosc.osc_packet import OscPacket
-from synthetic import stick_clip, stick_clips
+from synthetic import stick_clip
 
-from library.motionlibrary import MotionLibrary
 from stream import osc, zeromq
 from stream.frame import Announcement, Frame
 from stream.performers import Performers
@@ -25,6 +24,7 @@ from tools.livetable import LiveTable, PlainLines
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
+    from library.motionlibrary import MotionLibrary
     from stream.recognition import Recognition
     from stream.status import Status
 
@@ -32,8 +32,8 @@ START, END = EventKind.START, EventKind.END
 
 
 @pytest.fixture(scope="module")
-def library() -> MotionLibrary:
-    return MotionLibrary.of_clips(stick_clips())
+def library(sticks: MotionLibrary) -> MotionLibrary:
+    return sticks
 
 
 def _frames(class_name: str, performer: str = "p", *, seconds: float = 2.0, start: float = 100.0) -> list[Frame]:
@@ -52,7 +52,8 @@ def test_falling_silent_ends_what_was_done(library: MotionLibrary) -> None:
     """Of dropped performers each one's motion ends, at its last frame; who did nothing, or goes on, has no end."""
     performers = Performers(library, silence=2.0)
     last = [_frames("bow", "Ada")[-1], _frames("jump", "Bo")[-1]]
-    for frame in [*_frames("bow", "Ada"), *_frames("jump", "Bo"), *_frames("wave", "Cy", seconds=0.5)]:
+    still = [Frame("Cy", frame.time, last[0].positions) for frame in _frames("wave")]
+    for frame in [*_frames("bow", "Ada"), *_frames("jump", "Bo"), *still]:
         performers.push(frame, 0.0)
     performers.push(_frames("wave", "Di")[0], 1.5)
     assert performers.drop_silent(2.0) == []

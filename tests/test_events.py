@@ -5,7 +5,7 @@ from __future__ import annotations
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
-import naive_live
+import naive_stream
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -29,10 +29,22 @@ def _recognition(
 ) -> Recognition:
     values = np.array(scores)
     best = int(values.argmax()) if best is None else best
-    classes = CLASSES[: len(values)]
     return Recognition(
-        performer="p", time=time, outcome=outcome, classes=classes, scores=values, guess=best, movement=0.1
+        performer="p",
+        time=time,
+        outcome=outcome,
+        classes=CLASSES[: len(values)],
+        scores=values,
+        guess=best,
+        movement=0.1,
+        lead=_lead(values, best),
     )
+
+
+def _lead(scores: Sequence[float], best: int) -> float:
+    """Say by how much a class leads in log distance."""
+    distances = np.log(1 / np.asarray(scores) - 1)
+    return float(min(np.delete(distances, best), default=np.inf) - distances[best])
 
 
 def _led_by(index: int, scores: Sequence[float] = CLEAR) -> tuple[float, ...]:
@@ -82,9 +94,8 @@ def test_an_event_says_whose_and_how_sure() -> None:
 
 @pytest.mark.parametrize("scores", [CLEAR, DOUBTFUL])
 def test_the_lead_adds_up_to_what_is_needed(scores: tuple[float, ...]) -> None:
-    """A start comes when the lead in log distance, times thirtieths of a second, has added up to what is needed."""
-    distances = np.log(1 / np.array(scores) - 1 + 0.3)
-    lead = float(distances[1] - distances[0])
+    """A start comes when the lead in log distance, 1 at most, times thirtieths of a second, has added up enough."""
+    lead = min(_lead(scores, 0), 1.0)
     (event,) = _pushed(EventDetector(3.0), [_recognition(10 + k * HOP, scores) for k in range(300)])
     assert event.time - 10 == pytest.approx(3.0 / (30 * lead), abs=HOP + 1e-9)
 
@@ -123,8 +134,9 @@ def test_alternating_guesses_start_nothing_new(period: int) -> None:
     _pushed(detector, _course((1.0, Outcome.NAMED, 2)))
     flickering = [_recognition(11 + k * HOP, _led_by(k // period % 2, DOUBTFUL)) for k in range(300)]
     assert _pushed(detector, flickering) == []
-    assert detector.active is not None
-    assert detector.active.label == "wave"
+    ended = detector.end(30.0)
+    assert ended is not None
+    assert ended.label == "wave"
 
 
 def test_a_moment_of_another_class_is_no_event() -> None:
@@ -175,12 +187,12 @@ def test_stillness_between_two_turns_of_a_motion_is_an_end_and_a_start() -> None
 
 @pytest.mark.parametrize(("outcome", "seconds"), [(Outcome.STILL, 0.4), (Outcome.UNKNOWN, 0.8)])
 def test_the_only_class_of_a_library_starts_and_ends(outcome: Outcome, seconds: float) -> None:
-    """Where there is no other class to lead, being named for 0.4 seconds is a start; it ends as any other does."""
+    """Where there is no other class to lead, being named for 0.1 seconds is a start; it ends as any other does."""
     named = [_recognition(10 + k * HOP, (0.8,)) for k in range(30)]
     unnamed = [_recognition(11 + k * HOP, (0.1,), outcome=outcome) for k in range(30)]
     start, end = _pushed(EventDetector(), [*named, *unnamed])
     assert (start.kind, end.kind) == (START, END)
-    assert start.time == pytest.approx(10.4, abs=HOP + 1e-9)
+    assert start.time == pytest.approx(10.1, abs=HOP + 1e-9)
     assert end.time == pytest.approx(11 + seconds, abs=HOP + 1e-9)
 
 
@@ -225,9 +237,7 @@ def test_the_end_of_a_feed_ends_what_goes_on_once() -> None:
     detector = EventDetector()
     assert detector.end(1.0) is None
     (start,) = _pushed(detector, _course((1.0, Outcome.NAMED, 2)))
-    assert detector.active == start
     assert detector.end(77.0) == Event("p", END, "wave", 2, start.score, 77.0)
-    assert detector.active is None
     assert detector.end(78.0) is None
 
 
@@ -264,7 +274,8 @@ def test_events_are_the_twins_of_any_course(seed: int, lead: float) -> None:
     ]
     named = [recognition.class_index for recognition in course]
     events = _pushed(EventDetector(lead), course)
-    expected = list(naive_live.events(times, scores, named, [str(each.outcome) for each in course], lead))
+    leads = [recognition.lead for recognition in course]
+    expected = list(naive_stream.events(times, leads, named, [str(each.outcome) for each in course], lead))
     assert [(event.time, str(event.kind), event.index) for event in events] == expected
     assert [event.kind for event in events] == [START, END] * (len(events) // 2) + [START] * (len(events) % 2)
     assert all(start.index == end.index for start, end in zip(events[::2], events[1::2], strict=False))

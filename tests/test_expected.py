@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from programs import ghost_cues
+from programs import builtin_library, motion_cues
 
-from library import MotionLibrary
+from library.windows.cutting import FIRST_WINDOW
 from stream import Frame, LiveSignature, Recognizer, Settings, osc, zeromq
 from stream.answer import Answer
 from tools.expected import AnswerMatcher, Expected, expected_answers
@@ -40,13 +40,13 @@ def answer(label: str, score: float) -> Answer:
 @pytest.mark.parametrize("transported", [over_osc, over_zmq])
 @pytest.mark.parametrize(
     "settings",
-    [Settings(), Settings(signature=LiveSignature.EIGENVECTOR, window=0.4, hop=0.0), Settings(hop=0.1)],
+    [Settings(), Settings(signature=LiveSignature.PAPER, window=0.4, hop=0.0), Settings(hop=0.1)],
 )
 def test_what_is_expected_is_what_is_answered(transported: object, settings: Settings) -> None:
     """A recogniser behind either transport answers exactly the frames, labels and scores that were expected."""
     assert callable(transported)
-    library = MotionLibrary.builtin()
-    cues = ghost_cues("kickLFront1Reps", 1.5)
+    library = builtin_library()
+    cues = motion_cues("kickLFront1Reps", 1.5)
     recognizer = Recognizer(library, settings)
     answered = [(index, recognizer.push(transported(cue))) for index, cue in enumerate(cues)]
     actual = [(index, each.label, each.score) for index, each in answered if each is not None]
@@ -58,10 +58,10 @@ def test_what_is_expected_is_what_is_answered(transported: object, settings: Set
 
 def test_positions_are_rounded_as_the_wire_rounds_them() -> None:
     """Far out, where 32 bits hold centimetres only, what is expected is what arrives, not what was meant."""
-    library = MotionLibrary.builtin()
+    library = builtin_library()
     meant = [
         replace(cue, frame=replace(cue.frame, positions=cue.frame.positions + np.float64(9e4)))
-        for cue in ghost_cues("kickLFront1Reps", 1.2)
+        for cue in motion_cues("kickLFront1Reps", 1.2)
     ]
     exact, received = Recognizer(library), Recognizer(library)
     exact_scores = [each.score for cue in meant if (each := exact.push(cue.frame))]
@@ -71,14 +71,12 @@ def test_positions_are_rounded_as_the_wire_rounds_them() -> None:
     assert expected != pytest.approx(exact_scores, abs=1e-5)
 
 
-@pytest.mark.parametrize(
-    ("settings", "seconds"), [(Settings(), 0.5), (Settings(signature=LiveSignature.EIGENVECTOR), 1.0)]
-)
-def test_nothing_is_expected_of_a_feed_shorter_than_a_window(settings: Settings, seconds: float) -> None:
-    """Frames that do not fill a window, or half a second, are answered by nothing; two more frames are."""
-    library = MotionLibrary.builtin()
-    assert expected_answers(ghost_cues("squat1Reps", seconds), library, settings) == []
-    assert len(expected_answers(ghost_cues("squat1Reps", seconds + 2 / 120), library, settings)) == 1
+@pytest.mark.parametrize("signature", list(LiveSignature))
+def test_nothing_is_expected_of_a_feed_shorter_than_the_first_window(signature: LiveSignature) -> None:
+    """Frames that do not fill the first window are answered by nothing; two more frames are."""
+    library, settings = builtin_library(), Settings(signature=signature)
+    assert expected_answers(motion_cues("squat1Reps", FIRST_WINDOW), library, settings) == []
+    assert len(expected_answers(motion_cues("squat1Reps", FIRST_WINDOW + 2 / 120), library, settings)) == 1
 
 
 @given(st.lists(st.booleans(), max_size=40))

@@ -19,9 +19,11 @@ from tools.feed import (
     Pace,
     ZmqFrameSender,
     clip_cues,
+    resampled,
     with_drops,
     with_jitter,
     with_reordering,
+    without_pause,
 )
 
 POSITIONS = np.zeros((6, 3))
@@ -63,6 +65,34 @@ def test_a_pause_lies_between_two_clips() -> None:
     assert cued[24].frame.time - cued[23].frame.time == pytest.approx(1 / 120 + 0.7)
     assert [cue.seq for cue in cued] == list(range(36))
     assert [cue.class_name for cue in cued[23:25]] == ["wave", "jump"]
+
+
+@pytest.mark.parametrize("frame_rate", [60.0, 100.0, 120.0, 240.0])
+def test_another_rate_shows_the_same_movement(frame_rate: float) -> None:
+    """What moves evenly still does at another rate, from the first frame to the last."""
+    evenly = np.arange(121)[:, None, None] / 120 * np.ones((1, 6, 3))
+    again = resampled(stick_clip("wave", frames=121).moved_to(evenly), frame_rate)
+    assert again.frame_rate == frame_rate
+    np.testing.assert_allclose(again.positions[:, 0, 0], np.arange(frame_rate + 1) / frame_rate, atol=1e-12)
+
+
+def test_a_clip_of_one_frame_can_have_another_rate() -> None:
+    """There is nothing between its frames; it stays as it is."""
+    clip = stick_clip("wave", frames=1)
+    np.testing.assert_array_equal(resampled(clip, 50.0).positions, clip.positions)
+
+
+def test_clips_are_put_one_after_the_other() -> None:
+    """All frames of all clips at the rate asked for, in order; with a limit no more clips are read than it needs."""
+    first, second = stick_clip("wave", frames=48), stick_clip("bow", frames=25)
+    whole = without_pause([first, second], 60.0)
+    assert whole.dtype == np.float32
+    expected = np.concatenate([first.positions[::2], second.positions[::2]]).astype(np.float32)
+    np.testing.assert_allclose(whole, expected, atol=1e-6)
+    endless = iter(lambda: first, None)
+    cut = without_pause(endless, 120.0, 1.0)
+    np.testing.assert_array_equal(cut, np.tile(first.positions, (3, 1, 1))[:120].astype(np.float32))
+    np.testing.assert_array_equal(next(endless).positions, first.positions)
 
 
 def test_no_frame_says_time_zero() -> None:

@@ -13,7 +13,6 @@ from stream.feeds.preset import parse_preset
 from stream.feeds.source import FeedSource
 from stream.osc import OscReceiver
 from stream.performers import Performers
-from stream.recognizer import LiveSignature, Settings
 from stream.service import OscSource, Service, TendedSource
 
 if TYPE_CHECKING:
@@ -29,13 +28,16 @@ arguments = ["x", "y", "z"]
 [joints]
 a = "root"
 b = "head"
+c = "lhand"
+d = "rhand"
+e = "lfoot"
 """
 
 
 @pytest.fixture
 def source() -> Iterator[FeedSource]:
-    """Give a feed of two joints, on a port of its own."""
-    opened = FeedSource(OscReceiver(LOOPBACK, 0), parse_preset(TEXT, "two", "two.toml"))
+    """Give a feed of five joints, on a port of its own."""
+    opened = FeedSource(OscReceiver(LOOPBACK, 0), parse_preset(TEXT, "five", "five.toml"))
     yield opened
     opened.close()
 
@@ -44,18 +46,18 @@ def test_the_last_frame_is_not_kept_waiting(source: FeedSource) -> None:
     """A frame that nothing more comes for is closed by time, and reaches its recogniser without another packet."""
     now = [100.0]
     library = MotionLibrary.builtin().restricted_to(source.preset.joints)
-    performers = Performers(library, Settings(signature=LiveSignature.EIGENVECTOR))
+    performers = Performers(library)
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
         service = Service(performers, [source], [], clock=lambda: now[0])
-        for name in "ab":
+        for name in "abcde":
             sender.sendto(message(f"/{name}", "fff", 1.0, 2.0, 3.0), source.receiver.address)
-        while source.counts.received < 2:
+        while source.counts.received < 5:
             service.step(0.05)
         assert performers.counts.recognizers.frames == 0
         now[0] += 0.05
         service.step(0.0)
         assert performers.counts.recognizers.frames == 1
-        assert (performers.names, performers.counts.other_joints) == (("two",), 0)
+        assert (performers.names, performers.counts.other_joints) == (("five",), 0)
 
 
 def test_only_feeds_are_tended(source: FeedSource) -> None:

@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING
 import naive
 import numpy as np
 import pytest
+from synthetic import ARM, amc_text, arm_frames
 
 from library import hdm05
-from library.formats.acclaim import read_asf, read_clip
+from library.formats.acclaim import find_asf, read_asf, read_clip
 
 if TYPE_CHECKING:
     from library.clip import Clip
@@ -31,10 +32,12 @@ TORN = "HDM_dg_lieDownFloor_014_120"
         ("hdm_DG_grabHighR_003_120.AMC", ("DG", "grabHighR", "003", 120.0)),
         ("HDM_mm_jog_on_place_002_60.amc", ("mm", "jog_on_place", "002", 60.0)),
         ("deep/er/HDM_bk_sneak2StepsLStart_006_240.amc", ("bk", "sneak2StepsLStart", "006", 240.0)),
+        ("HDM_bd_03-03_01_120.amc", ("bd", "", "03-03_01", 120.0)),
+        ("HDM_tr_05-01_02_120.c3d", ("tr", "", "05-01_02", 120.0)),
     ],
 )
-def test_a_cut_clips_name_says_who_does_what(name: str, expected: tuple[str, str, str, float]) -> None:
-    """Actor, class, take and frame rate are read off a name of HDM05's form, the folder and ending aside."""
+def test_a_name_says_who_does_what(name: str, expected: tuple[str, str, str, float]) -> None:
+    """Actor, class, take and frame rate are read off a cut clip's name; an uncut take's says no class."""
     assert hdm05.read_clip_name(Path(name)) == expected
 
 
@@ -43,7 +46,9 @@ def test_a_cut_clips_name_says_who_does_what(name: str, expected: tuple[str, str
     [
         "13_29.amc",
         "HDM_bd.asf",
-        "HDM_bd_01-01_01_120.amc",
+        "HDM_bd_01-01_01.amc",
+        "HDM_bd_1-1_01_120.amc",
+        "HDM_bd_01-01_01_000.amc",
         "HDM_bd_squat1Reps_001.amc",
         "HDM_bd_squat1Reps_001_000.amc",
         "HDM_bd_squat1Reps_001_120_cut.amc",
@@ -54,7 +59,7 @@ def test_a_cut_clips_name_says_who_does_what(name: str, expected: tuple[str, str
     ],
 )
 def test_other_names_say_nothing(name: str) -> None:
-    """A name of another form, and one of no frames per second, is not taken for a cut clip's."""
+    """A name of another form, and one of no frames per second, is not taken for HDM05's."""
     assert hdm05.read_clip_name(Path(name)) is None
 
 
@@ -64,6 +69,17 @@ def test_every_skeleton_is_the_body_written_down(data_folder: Path, name: str) -
     body = read_asf(data_folder / name)
     assert body.skeleton == hdm05.SKELETON
     assert list(body.skeleton.joints) == naive.read_asf(data_folder / name).joints
+
+
+def test_uncut_takes_find_their_skeleton(tmp_path: Path) -> None:
+    """An uncut take is read with its actor's skeleton, beside it or one folder up, and says who performs."""
+    (tmp_path / "bd").mkdir()
+    (tmp_path / "HDM_bd.asf").write_text(ARM.asf())
+    take = tmp_path / "bd" / "HDM_bd_03-03_01_120.amc"
+    take.write_text(amc_text(arm_frames(3)))
+    assert find_asf(take) == tmp_path / "HDM_bd.asf"
+    clip = read_clip(take)
+    assert (clip.frames, clip.actor, clip.class_name, clip.frame_rate) == (3, "bd", "", 120.0)
 
 
 def test_all_288_clips_are_read(hdm05_clips: tuple[Clip, ...]) -> None:
@@ -84,9 +100,9 @@ def test_clips_lie_in_their_classes_folder(hdm05_folder: Path, hdm05_clips: tupl
     assert Counter(clip.class_name for clip in hdm05_clips) == files
 
 
-def test_every_frame_of_a_file_is_there(some_paths: tuple[Path, ...], some_clips: tuple[Clip, ...]) -> None:
+def test_every_frame_of_a_file_is_there(some_paths: tuple[Path, ...], amc_clips: tuple[Clip, ...]) -> None:
     """A clip has as many frames as its file has lines that begin with `root`."""
-    for path, clip in zip(some_paths, some_clips, strict=True):
+    for path, clip in zip(some_paths, amc_clips, strict=True):
         assert clip.frames == sum(words[0] == "root" for words in naive.words_of(path))
 
 

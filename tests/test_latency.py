@@ -4,24 +4,20 @@ from __future__ import annotations
 
 import json
 import math
+import multiprocessing
 from contextlib import ExitStack
-from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
 from programs import started
 
 from library import MotionLibrary
-from stream import LiveSignature, Settings
+from stream import Settings
 from tools.background import BackgroundService
 from tools.cli import main
 from tools.console import console
 from tools.latency import Latency, measure
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 KEYS = {
     "transport",
@@ -72,8 +68,8 @@ def test_every_frame_and_answer_is_accounted_for() -> None:
     """A run sends every frame, every answer due is answered or lost, and each latency is a positive time."""
     latency = measure("zmq", rate_hz=100.0, seconds=1.2, settings=Settings(hop=0.05))
     assert latency.sent == 120
-    # Half a second has passed with the 51st frame; from then on every fifth is answered.
-    assert latency.answered + latency.lost == 14
+    # The first window is full with frame 16; from then on every fifth is answered.
+    assert latency.answered + latency.lost == 21
     assert latency.answered > 0
     assert len(latency.seconds) <= latency.answered
     # The first half second warms up and is not counted.
@@ -83,19 +79,15 @@ def test_every_frame_and_answer_is_accounted_for() -> None:
         assert (seconds > 0).all()
 
 
-def test_answers_that_never_come_are_lost(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_answers_that_never_come_are_lost(monkeypatch: pytest.MonkeyPatch) -> None:
     """When a recogniser answers something else than was due, every answer due is counted as lost, the last ones too."""
     whole = MotionLibrary.builtin()
-    other = replace(
-        whole, motions=tuple(replace(motion, class_name=f"not {motion.class_name}") for motion in whole.motions)
-    )
-    other.save(tmp_path / "other.npz")
-    service = partial(BackgroundService, library=tmp_path / "other.npz")
-    monkeypatch.setattr("tools.latency.BackgroundService", service)
-    # The eigenvector names from the first answer on; "unknown" would be the same answer under any names.
-    settings = Settings(signature=LiveSignature.EIGENVECTOR, window=0.3, hop=0.05)
-    latency = measure("osc", rate_hz=100.0, seconds=0.6, settings=settings)
-    assert (latency.sent, latency.answered, latency.lost) == (60, 0, 6)
+    # Of one class alone the scores are others, whatever the label is.
+    other = whole.without(classes=whole.classes[:-1])
+    monkeypatch.setattr("tools.latency.BackgroundService", partial(BackgroundService, library=other))
+    latency = measure("osc", rate_hz=100.0, seconds=0.6, settings=Settings(hop=0.05))
+    # The first answer comes with frame 16, after 0.15 s.
+    assert (latency.sent, latency.answered, latency.lost) == (60, 0, 9)
     assert latency.seconds.size == 0
 
 
@@ -113,13 +105,14 @@ def test_the_table_has_a_transport_and_its_echo(capsys: pytest.CaptureFixture[st
     assert [row[6] for row in rows] == ["96", ""]
 
 
-@pytest.mark.parametrize("seconds", ["1", "1.5"])
-def test_too_short_a_run_is_refused(seconds: str, capsys: pytest.CaptureFixture[str]) -> None:
-    """A run that ends before a window and the warm-up have passed could measure nothing: one line, status 2."""
-    assert main(["latency", "--seconds", seconds]) == 2
+@pytest.mark.parametrize(("seconds", "hop"), [("0.1", "0.03"), ("0.5", "0.03"), ("1.1", "1")])
+def test_too_short_a_run_is_refused(seconds: str, hop: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """A run whose last answer comes before it is warmed up could measure nothing: one line, status 2, no process."""
+    assert main(["latency", "--seconds", seconds, "--hop", hop]) == 2
     assert capsys.readouterr().err == (
-        f"kinespace: --seconds: expected more than a window, 1.0 s, got {float(seconds)}\n"
+        f"kinespace: --seconds: expected enough for an answer after the first 0.5 s, got {seconds}\n"
     )
+    assert multiprocessing.active_children() == []
 
 
 def test_the_command_prints_one_json_object() -> None:
@@ -137,8 +130,8 @@ def test_the_command_prints_one_json_object() -> None:
             assert set(described) >= KEYS
             assert (described["transport"], described["rate_hz"]) == (transport, 120.0)
             assert described["sent"] == 240
-            # Half a second has passed with frame 61; from then on every fourth is answered.
-            assert described["answered"] + described["lost"] == 45
+            # The first window is full with frame 19; from then on every fourth is answered.
+            assert described["answered"] + described["lost"] == 56
             assert described["answered"] > 0
             assert 0 < described["p50_ms"] <= described["p99_ms"] <= described["max_ms"] < math.inf
             assert 0 < described["echo_p50_ms"] <= described["echo_p99_ms"] < math.inf

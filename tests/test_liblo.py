@@ -12,9 +12,8 @@ import numpy as np
 import pytest
 from golden import LAYOUTS, PACKETS, Moment, bundle, message
 from liblotools import DUMPED_TO
-from programs import LOOPBACK, PATIENCE, ghost_cues, started
+from programs import LOOPBACK, PATIENCE, builtin_library, ghost_cues, started
 
-from library import MotionLibrary
 from library.hdm05 import SKELETON
 from stream import layouts, osc
 from stream.feeds import builtin_preset
@@ -37,7 +36,7 @@ if TYPE_CHECKING:
 
 #: What a float is off by when it was printed.
 PRINTED = 0.6 * 10.0**-DUMPED_TO
-CLASSES = MotionLibrary.builtin().classes
+CLASSES = builtin_library().classes
 STATUS = Status(InputCounts(), PerformerCounts(), 0, {"ghost": 120.0}, 0.0, 0.0)
 START = Event("ghost", EventKind.START, "squat1Reps", CLASSES.index("squat1Reps"), 0.75, 4.25)
 
@@ -45,7 +44,7 @@ START = Event("ghost", EventKind.START, "squat1Reps", CLASSES.index("squat1Reps"
 @pytest.fixture(scope="module")
 def recognition() -> Recognition:
     """Give what a ghost's last window was recognised as."""
-    recognizer = Recognizer(MotionLibrary.builtin())
+    recognizer = Recognizer(builtin_library())
     answers = [recognizer.push(cue.frame) for cue in ghost_cues("squat1Reps", 1.5)]
     return [answer for answer in answers if answer][-1]
 

@@ -30,7 +30,6 @@ RECOGNITION = Recognition(
     movement=0.1,
     share=0.9,
     gap=0.8,
-    residual=0.0,
 )
 
 

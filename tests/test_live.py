@@ -10,7 +10,7 @@ from contextlib import ExitStack
 from typing import TYPE_CHECKING
 
 import pytest
-from programs import LOOPBACK, PATIENCE, Publisher, ghost_cues, live, started, summary_counts
+from programs import LOOPBACK, PATIENCE, Publisher, builtin_library, ghost_cues, live, started, summary_counts
 from recorded import write_takes
 
 from library import MotionLibrary, read_recordings
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 def expected_of(cues: Sequence[Cue], settings: Settings | None = None) -> list[str]:
     """Give the labels that will be answered."""
-    return [each.label for each in expected_answers(cues, MotionLibrary.builtin(), settings or Settings())]
+    return [each.label for each in expected_answers(cues, builtin_library(), settings or Settings())]
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
@@ -64,7 +64,7 @@ def test_every_frame_is_answered_that_is_due() -> None:
     cues = ghost_cues("squat1Reps", 2.0)
     expected = expected_of(cues)
     with live("--plain") as stage:
-        stage.sender.announce(Announcement("ghost", MotionLibrary.builtin().skeleton.joints))
+        stage.sender.announce(Announcement("ghost", builtin_library().skeleton.joints))
         stage.play(cues)
         answers = stage.answers(len(expected))
         counts = stage.stopped()
@@ -143,14 +143,16 @@ def test_a_library_of_ones_own(tmp_path: Path) -> None:
 
 
 def test_window_and_hop_are_those_ordered() -> None:
-    """With the eigenvector, --window and --hop, answers come when that window is full and that far apart."""
-    settings = Settings(signature=LiveSignature.EIGENVECTOR, window=0.5, hop=0.0)
+    """With the paper's signature, --window and --hop, answers are that window's and that far apart."""
+    settings = Settings(signature=LiveSignature.PAPER, window=0.7, hop=0.0)
     cues = ghost_cues("squat1Reps", 1.0)
-    with live("--plain", "--signature", "eigenvector", "--window", 0.5, "--hop", 0) as stage:
+    expected = expected_of(cues, settings)
+    assert len(expected) == len(cues) - 18
+    with live("--plain", "--signature", "paper", "--window", 0.7, "--hop", 0) as stage:
         stage.play(cues)
-        answers = stage.answers(60)
-        assert stage.stopped()["answers"] == 60
-    assert [answer.label for answer in answers] == expected_of(cues, settings)
+        answers = stage.answers(len(expected))
+        assert stage.stopped()["answers"] == len(expected)
+    assert [answer.label for answer in answers] == expected
 
 
 def test_performers_are_bounded() -> None:
@@ -183,20 +185,16 @@ def test_both_transports_at_once() -> None:
         for ours, theirs in zip(first, second, strict=True):
             stage.sender.send(stage.sender.encode(ours))
             publisher.send(publisher.encode(theirs))
-        expected = len(expected_of(first)) + len(expected_of(second))
+        labels = expected_of(first), expected_of(second)
+        expected = sum(map(len, labels))
         over_osc = stage.answers(expected)
         over_zmq: list[Answer] = []
         while len(over_zmq) < expected and subscriber.socket.poll(int(PATIENCE * 1000)):
             over_zmq += [answer for answer in [zeromq.decode_answer(subscriber.receive() or [])] if answer]
         counts = stage.stopped()
-    assert {(answer.performer, answer.label) for answer in over_osc} == {
-        ("by_osc", "squat1Reps"),
-        ("by_zmq", "throwBasketball"),
-    }
-    assert {(answer.performer, answer.label) for answer in over_zmq} == {
-        ("by osc", "squat1Reps"),
-        ("by zmq", "throwBasketball"),
-    }
+    for heard, names in ((over_osc, ("by_osc", "by_zmq")), (over_zmq, ("by osc", "by zmq"))):
+        for name, told in zip(names, labels, strict=True):
+            assert [answer.label for answer in heard if answer.performer == name] == told
     assert len(over_osc) == len(over_zmq) == expected == counts["answers"]
     assert (counts["received"], counts["frames"], counts["missing"]) == (312, 312, 0)
 

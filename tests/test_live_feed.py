@@ -12,9 +12,8 @@ from typing import TYPE_CHECKING
 import pytest
 from fakeqtm import fake_qtm
 from golden import LAYOUTS, Moment
-from programs import LOOPBACK, PATIENCE, finished, ghost_cues, started
+from programs import LOOPBACK, PATIENCE, builtin_library, finished, ghost_cues, started
 
-from library import MotionLibrary
 from library.hdm05 import SKELETON
 from stream.osc import OscReceiver
 from stream.oscpacket import Message, decode_packet
@@ -141,7 +140,7 @@ def test_what_cannot_be_is_one_line(options: tuple[str, ...], said: str) -> None
 
 def test_a_joint_that_the_library_has_not_is_said(capsys: pytest.CaptureFixture[str]) -> None:
     """A misspelt joint would be missing without a word: the line says it and the name that is nearest."""
-    library = MotionLibrary.builtin()
+    library = builtin_library()
     joints = [name for name in library.skeleton.joints if name != "head"]
     assert len(fitted(library, "feed mine", [*joints, "haed", "tail"]).skeleton.joints) == 30
     told = (

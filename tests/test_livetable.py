@@ -22,7 +22,7 @@ CLASSES = ("bow", "jump", "wave")
 def recognition(performer: str, best: str, *, score: float = 0.9, outcome: Outcome = Outcome.NAMED) -> Recognition:
     """Make an answer in which one class leads."""
     scores = np.array([score if name == best else 0.25 for name in CLASSES])
-    return Recognition(performer, 12.5, outcome, CLASSES, scores, movement=0.1, share=0.9, gap=0.8, residual=0.0)
+    return Recognition(performer, 12.5, outcome, CLASSES, scores, movement=0.1, share=0.9, gap=0.8)
 
 
 def status(*performers: str) -> Status:
@@ -32,7 +32,7 @@ def status(*performers: str) -> Status:
         outcomes=PerformerCounts(
             no_room=6,
             other_joints=7,
-            recognizers=RecognizerCounts(frames=80, out_of_order=8, restarts=9, hops=20, exact=1),
+            recognizers=RecognizerCounts(frames=80, out_of_order=8, restarts=9, hops=20),
         ),
         unsent=10,
         performers=dict.fromkeys(performers, 119.6),

@@ -42,7 +42,6 @@ NAMED = Recognition(
     movement=0.2,
     share=0.8,
     gap=0.6,
-    residual=1e-8,
 )
 
 _NAMES = st.text(st.characters(exclude_characters="\0", codec="utf-8"), min_size=1, max_size=12)

@@ -1,150 +1,152 @@
-"""A library of one's own, from a labelled folder of BVH, TRC or C3D, through every program that reads recordings."""
+"""Libraries of one's own: small, of one person, of one class, changed while a feed runs."""
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-from recorded import write_takes
-from written import bvh_of_acclaim, write_c3d
+from synthetic import STICK_CLASSES, stick_clip, stick_clips
 
-from library import MotionLibrary, Reading, distance_rows, find_recordings, read_recordings
-from library.recordings import ActorIn, labelled
+from library.motionlibrary import NOTHING, MotionLibrary
+from library.skeleton import Skeleton
 from stream.frame import Frame
+from stream.recognition import Outcome
 from stream.recognizer import LiveSignature, Recognizer, Settings
-from tools.cli import main
-from tools.console import console
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-    from pathlib import Path
+    from library.clip import Clip
+    from stream.recognition import Recognition
 
-ACTORS = ("ann", "bob", "eve")
-
-
-@pytest.fixture(autouse=True)
-def _wide(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(console, "_width", 200)
+BOTH = pytest.mark.parametrize("signature", LiveSignature)
 
 
-def bvh_moves(folder: Path, *, actors: Sequence[str] = ACTORS) -> Path:
-    """Write `moves/<class>/<actor>_<take>.bvh`, two takes of three classes by each actor."""
-    acclaim, moves = folder / "acclaim", folder / "moves"
-    acclaim.mkdir()
-    for path in write_takes(acclaim, actors=actors):
-        _, actor, class_name, take, _ = path.stem.split("_")
-        (moves / class_name).mkdir(parents=True, exist_ok=True)
-        text, _ = bvh_of_acclaim(acclaim / f"HDM_{actor}.asf", path, scale=100.0)
-        (moves / class_name / f"{actor}_{take}.bvh").write_text(text)
-    return moves
+def _answers(library: MotionLibrary, clip: Clip, signature: LiveSignature = LiveSignature.WINDOWS) -> list[Recognition]:
+    recognizer = Recognizer(library, Settings(signature=signature))
+    frames = zip(clip.times.tolist(), clip.positions, strict=True)
+    return [answer for time, positions in frames if (answer := recognizer.push(Frame("p", time, positions)))]
 
 
-def c3d_moves(folder: Path) -> Path:
-    """Write the same as C3D, millimetres, without parents, the markers in another order in each file."""
-    moves = bvh_moves(folder)
-    for index, path in enumerate(find_recordings([moves])):
-        (clip,) = read_recordings([path])
-        order = np.random.default_rng(index).permutation(len(clip.skeleton.joints))
-        labels = [f"{path.stem}:{clip.skeleton.joints[joint]}" for joint in order]
-        write_c3d(path.with_suffix(".c3d"), labels, clip.positions[:, order] * 1000, rate=120.0)
-        path.unlink()
-    return moves
+def _performed(class_name: str, seed: int = 60) -> Clip:
+    return stick_clip(class_name, seed=seed, frames=240)
 
 
-@pytest.mark.parametrize("write", [bvh_moves, c3d_moves])
-@pytest.mark.parametrize("signature", list(LiveSignature))
-def test_a_labelled_folder_becomes_a_library_that_recognises(
-    tmp_path: Path, write: object, signature: LiveSignature, capsys: pytest.CaptureFixture[str]
+@BOTH
+@pytest.mark.parametrize(
+    ("takes", "actors", "classes"),
+    [
+        (1, ("aa",), STICK_CLASSES),
+        (2, ("aa",), STICK_CLASSES[:2]),
+        (1, ("aa", "bb"), STICK_CLASSES),
+        (1, ("",), STICK_CLASSES),
+        (2, ("aa", "bb", "cc"), STICK_CLASSES),
+    ],
+    ids=["one take each", "two classes", "two people", "nobody's name", "three people"],
+)
+def test_a_small_library_names_its_motions(
+    takes: int, actors: tuple[str, ...], classes: tuple[str, ...], signature: LiveSignature
 ) -> None:
-    """With three people's takes in folders the library has its own skeleton and windows, and names a left-out take."""
-    moves = write(tmp_path)  # type: ignore[operator]
-    asked = find_recordings([moves / "bendLeft"])[0]
-    (clip,) = read_recordings([asked])
-    asked.unlink()
-    assert main(["build", str(moves), "-o", str(tmp_path / "mine.npz"), "--actor-in", "name"]) == 0
-    assert "no windows" not in capsys.readouterr().out
-    library = MotionLibrary.load(tmp_path / "mine.npz")
-    assert library.classes == ("bendLeft", "bendRight", "raiseBoth")
-    assert {motion.actor for motion in library.motions} == set(ACTORS)
-    assert library.windows is not None
-    assert library.skeleton.parents
-    recognizer = Recognizer(library, Settings(signature=signature, window=1.0))
-    positions = clip.as_of(library.skeleton).positions
-    answers = [
-        recognizer.push(Frame("ann", 1.0 + moment, frame))
-        for moment, frame in zip(clip.times.tolist(), positions, strict=True)
+    """However few takes, people and classes there are, each motion performed anew is guessed right."""
+    clips = [clip for clip in stick_clips(takes=takes, actors=actors) if clip.class_name in classes]
+    library = MotionLibrary.of_clips(clips)
+    for class_name in classes:
+        answers = _answers(library, _performed(class_name), signature)
+        assert {answer.classes[answer.best] for answer in answers[5:]} == {class_name}
+
+
+@BOTH
+def test_a_library_of_one_motion(signature: LiveSignature) -> None:
+    """One class has no runner-up: its score is its margin, and the motion itself is named."""
+    clip = _performed("wave")
+    answers = _answers(MotionLibrary.of_clips([clip]), clip, signature)
+    assert {answer.best for answer in answers} == {0}
+    assert {answer.runner_up for answer in answers} == {None}
+    assert all(answer.margin == answer.score for answer in answers)
+    assert answers[-1].class_name == "wave"
+
+
+@BOTH
+def test_a_motion_too_short_for_a_window_is_kept_and_breaks_nothing(signature: LiveSignature) -> None:
+    """A motion of a tenth of a second stays in the library; the others are recognised as without it."""
+    short = stick_clip("jump", seed=8, frames=12)
+    library = MotionLibrary.of_clips([*stick_clips(), short])
+    assert min(motion.duration for motion in library.motions) == pytest.approx(0.1)
+    for with_it, without in zip(
+        _answers(library, _performed("bow"), signature),
+        _answers(MotionLibrary.of_clips(stick_clips()), _performed("bow"), signature),
+        strict=True,
+    ):
+        assert with_it.label == without.label
+        assert with_it.scores == pytest.approx(without.scores, abs=0.02)
+
+
+@BOTH
+def test_a_class_of_short_motions_alone_is_never_named(signature: LiveSignature) -> None:
+    """A class without a window takes part in no comparison, and the others are recognised."""
+    clips = [clip for clip in stick_clips() if clip.class_name != "jump"]
+    library = MotionLibrary.of_clips([*clips, stick_clip("jump", seed=8, frames=12)])
+    assert library.classes == STICK_CLASSES
+    answers = _answers(library, _performed("wave"), signature)
+    assert {answer.classes[answer.best] for answer in answers[5:]} == {"wave"}
+
+
+@pytest.mark.parametrize("signature", LiveSignature)
+def test_motions_too_short_alone_are_refused(signature: LiveSignature) -> None:
+    """A library without a motion long enough for a window cannot be opened, and says why."""
+    library = MotionLibrary.of_clips([stick_clip("jump", seed=8, frames=12)])
+    with pytest.raises(ValueError, match="library: expected a motion long enough for a window, got none"):
+        Recognizer(library, Settings(signature=signature))
+
+
+@BOTH
+def test_what_is_nothing_is_unknown(signature: LiveSignature) -> None:
+    """A class renamed to `nothing` competes, has no score of its own, and is answered unknown with a best guess."""
+    library = MotionLibrary.of_clips(stick_clips()).renamed({"wave": NOTHING})
+    assert library.classes == ("bow", "jump")
+    answers = _answers(library, _performed("wave"), signature)
+    assert {answer.outcome for answer in answers[5:]} == {Outcome.UNKNOWN}
+    assert {answer.classes for answer in answers} == {("bow", "jump")}
+    assert {len(answer.scores) for answer in answers} == {2}
+    assert {answer.eigenvector_class for answer in answers[5:]} == {None}
+    assert {answer.label for answer in _answers(library, _performed("bow"), signature)[5:]} == {"bow"}
+
+
+@BOTH
+def test_a_library_without_parents(signature: LiveSignature) -> None:
+    """Where no parents are known the same motions are named."""
+    plain = Skeleton(stick_clip("bow").skeleton.joints)
+    library = MotionLibrary.of_clips(clip.as_of(plain) for clip in stick_clips())
+    assert not library.skeleton.parents
+    for class_name in STICK_CLASSES:
+        answers = _answers(library, _performed(class_name), signature)
+        assert {answer.label for answer in answers[5:]} == {class_name}
+
+
+def test_a_motion_and_its_reverse_are_told_apart(builtin: MotionLibrary) -> None:
+    """Lying down played backwards is a class of its own: by people whom the library does not know both are named."""
+    clips = [clip for clip in builtin.motions if clip.class_name in ("lieDownFloor", "sneak2StepsLStart")]
+    backwards = [
+        replace(clip, positions=clip.positions[::-1], class_name="getUpFloor")
+        for clip in clips
+        if clip.class_name == "lieDownFloor"
     ]
-    said = [answer for answer in answers if answer]
-    assert said
-    assert said[-1].classes[said[-1].best] == "bendLeft"
+    both = [*clips, *backwards]
+    library = MotionLibrary.of_clips(clip for clip in both if clip.actor not in ("dg", "tr"))
+    right = []
+    for clip in both:
+        if clip.actor in ("dg", "tr") and clip.class_name != "sneak2StepsLStart":
+            guesses = [answer.classes[answer.best] for answer in _answers(library, clip)]
+            right.append(np.mean([guess == clip.class_name for guess in guesses]))
+    assert len(right) >= 8
+    assert np.mean(right) > 0.8
+    assert min(right) > 0.5
 
 
-def test_too_few_people_leave_whole_motions(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Without actors, or with two, there is nothing to learn how people differ from: it is said, and the rest works."""
-    moves = bvh_moves(tmp_path, actors=("ann", "bob"))
-    for options in ((), ("--actor-in", "name")):
-        assert main(["build", str(moves), "-o", str(tmp_path / "mine.npz"), "--overwrite", *options]) == 0
-        assert "whole motions only, no windows" in capsys.readouterr().out
-        library = MotionLibrary.load(tmp_path / "mine.npz")
-        assert library.windows is None
-        assert len(library) == 12
-
-
-def test_bodies_of_one_folder_must_have_the_same_joints(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """A recording with other joints is refused by name; --joints takes those that all have."""
-    moves = bvh_moves(tmp_path)
-    path = moves / "bendLeft" / "bob_001.bvh"
-    path.write_text(path.read_text().replace("head", "crown"))
-    output = tmp_path / "mine.npz"
-    assert main(["build", str(moves), "-o", str(output)]) == 2
-    error = capsys.readouterr().err
-    assert "'bob_001'" in error
-    assert "crown_end" in error
-    assert main(["build", str(moves), "-o", str(output), "--joints", "root,l*,r*"]) == 0
-    assert MotionLibrary.load(output).skeleton.joints == ("root", "llower", "llower_end", "rlower", "rlower_end")
-
-
-def test_who_performs_is_found_where_it_is_said(tmp_path: Path) -> None:
-    """The actor is nowhere, in the file's name, or the folder above the class's; HDM05's names go before."""
-    moves = bvh_moves(tmp_path, actors=("ann",))
-    path = moves / "bendLeft" / "ann_001.bvh"
-    (clip,) = read_recordings([path])
-    actors = [labelled(clip, path, actor_in).actor for actor_in in ActorIn]
-    assert actors == ["", "ann", "moves"]
-    assert labelled(clip, path).class_name == "bendLeft"
-    named = path.with_name("HDM_bd_jump_001_120.bvh")
-    path.rename(named)
-    (clip,) = read_recordings([named])
-    assert (labelled(clip, named, ActorIn.FOLDER).class_name, labelled(clip, named, ActorIn.FOLDER).actor) == (
-        "jump",
-        "bd",
-    )
-
-
-def test_every_program_reads_them(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Retrieval is measured on the folder, a take is told, and a take of another order is evaluated against labels."""
-    moves = bvh_moves(tmp_path)
-    assert main(["evaluate", "retrieval", str(moves), "--actor-in", "name", "--json"]) == 0
-    assert '"motions": 18' in capsys.readouterr().out
-    assert main(["info", str(moves)]) == 0
-    printed = capsys.readouterr().out
-    assert printed.count(".bvh") == 18
-    take = moves / "bendLeft" / "ann_001.bvh"
-    assert main(["info", str(take), "--unit", "m"]) == 0
-    printed = capsys.readouterr().out
-    (clip,) = read_recordings([take], Reading(unit="m"))
-    assert f"joints: {', '.join(clip.skeleton.joints)}" in printed
-    assert f"{np.median(distance_rows(clip.positions, clip.skeleton).max(axis=1)):.2f}" in printed
-    main(["build", str(moves), "-o", str(tmp_path / "mine.npz")])
-    (tmp_path / "labels.csv").write_text("start_s,end_s,label\n0,1.5,bendLeft\n")
-    stream = ["evaluate", "stream", str(take), "--labels", str(tmp_path / "labels.csv")]
-    capsys.readouterr()
-    assert main([*stream, "--library", str(tmp_path / "mine.npz"), "--json"]) == 0
-    assert '"frame_accuracy"' in capsys.readouterr().out
-
-
-def test_a_unit_nobody_knows_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """A unit that is neither a name nor metres is told in one line."""
-    assert main(["info", str(tmp_path), "--unit", "ell"]) == 2
-    assert capsys.readouterr().err == "kinespace: unit: expected m, cm, mm, in, ft or the metres of one, got 'ell'\n"
+def test_a_library_grows_while_a_feed_runs() -> None:
+    """A recogniser keeps to the library it was opened with; one of the library with a class more names that class."""
+    before = MotionLibrary.of_clips([clip for clip in stick_clips() if clip.class_name != "wave"])
+    after = before.with_motions(clip for clip in stick_clips() if clip.class_name == "wave")
+    assert before.classes == ("bow", "jump")
+    assert {answer.classes for answer in _answers(before, _performed("wave"))} == {("bow", "jump")}
+    assert {answer.label for answer in _answers(after, _performed("wave"))[5:]} == {"wave"}

@@ -20,7 +20,8 @@ PACKAGES = ("library", "stream", "tools")
 #: Who may know whom: a package imports itself and what stands here.
 BELOW = {"library": set[str](), "stream": {"library"}, "tools": {"library", "stream"}}
 #: What does no input or output, and knows no clock and no thread.
-CORE = ("recognizer", "window", "covariance", "performers", "recognition", "frame", "answer", "oscpacket")
+CORE = ("recognizer", "window", "rolling", "signature", "smoothing", "matcher", "hysteresis", "events", "performers")
+CORE += ("recognition", "frame", "answer", "oscpacket")
 CORE += ("assembler", "mapper", "kinematics", "preset", "checkedtable", "survey")
 NOT_IN_CORE = {"socket", "time", "threading", "zmq", "asyncio", "pythonosc", "selectors", "multiprocessing", "logging"}
 #: What keeps another process that reads files, and waits for it.

@@ -20,7 +20,7 @@ FENCED = re.findall(r"^```(\w*)\n(.*?)^```", README, re.MULTILINE | re.DOTALL)
 PYTHON = [code for language, code in FENCED if language == "python"]
 PROGRAMS = {
     *("demo", "live", "replay", "record", "convert", "feeds", "listen"),
-    *("latency", "build", "info", "evaluate", "bench"),
+    *("latency", "build", "learn", "info", "evaluate", "bench"),
 }
 #: Code spans and fenced blocks: where commands stand.
 PROSE = re.sub(r"^```.*?^```", "", README, flags=re.MULTILINE | re.DOTALL)
@@ -62,7 +62,7 @@ def test_every_command_shown_exists(line: str, capsys: pytest.CaptureFixture[str
 
 def test_every_option_named_alone_exists(capsys: pytest.CaptureFixture[str]) -> None:
     """Each option that stands in README without its command belongs to some program."""
-    programs = [*PROGRAMS, "evaluate retrieval", "evaluate stream"]
+    programs = [*PROGRAMS, "evaluate retrieval", "evaluate stream", "evaluate noise"]
     known = set().union(*(options_of(program, capsys) for program in programs))
     mentioned = {option for code in CODE for option in re.findall(r"(?<![\w-])--[a-z][a-z-]*", code)}
     assert mentioned <= known | {"--version", "--help"}

@@ -20,7 +20,9 @@ NAMED = Recognition(
     movement=0.2,
     share=0.8,
     gap=0.6,
-    residual=1e-8,
+    lead=0.5,
+    eigenvector_class="jump",
+    eigenvector_score=0.9,
 )
 NAMELESS = [outcome for outcome in Outcome if outcome is not Outcome.NAMED]
 

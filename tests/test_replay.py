@@ -18,7 +18,7 @@ from recorded import write_take, write_takes
 
 from library import MotionLibrary, find_recordings, read_recordings
 from library.recordings import RecordingReader
-from stream import Announcement, Frame, LiveSignature, Performers, Recognizer, Settings, osc, zeromq
+from stream import Announcement, Frame, Performers, Recognizer, osc, zeromq
 from stream.connections import Endpoint
 from stream.service import OscSink, OscSource, Service, ZmqSink, ZmqSource
 from tools.cli import main
@@ -84,7 +84,7 @@ def frames_in(events: Iterable[Frame | Announcement]) -> list[Frame]:
 @contextmanager
 def recognising(library: MotionLibrary, source: object, sink: object) -> Iterator[Service]:
     """Run a service in a thread of this process."""
-    performers = Performers(library, Settings(window=0.5))
+    performers = Performers(library)
     with Service(performers, [source], [sink]) as service:  # type: ignore[list-item]  # one of either transport
         thread = threading.Thread(target=service.run)
         thread.start()
@@ -212,6 +212,70 @@ def test_a_given_skeleton_is_used(stage: osc.OscReceiver, take: Path) -> None:
     assert len(frames_in(heard(stage))) == 180
 
 
+def test_without_a_recording_the_built_in_motions_are_played(
+    stage: osc.OscReceiver, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """All motions of the built-in library are sent in its order, at their own rate, with the pause between."""
+    library = small_library(monkeypatch)
+    assert replay("--osc", target(stage), "--pause", 0.25, "--json") == 0
+    frames = frames_in(heard(stage))
+    assert (
+        len(frames) == sum(motion.frames for motion in library.motions) == json.loads(capsys.readouterr().out)["sent"]
+    )
+    expected = [cue.frame.time for cue in clip_cues(library.motions, "replay", pause=0.25)]
+    assert [frame.time for frame in frames] == expected
+    sent = np.concatenate([motion.positions for motion in library.motions]).astype(np.float32)
+    np.testing.assert_array_equal([frame.positions for frame in frames], sent)
+
+
+def small_library(monkeypatch: pytest.MonkeyPatch) -> MotionLibrary:
+    """Let the built-in library be the shortest motions of two classes."""
+    whole = MotionLibrary.builtin()
+    kept = sorted(whole.motions, key=lambda motion: motion.duration)
+    chosen = [*[each for each in kept if each.class_name == "squat1Reps"][:2], *kept[:1]]
+    library = MotionLibrary(whole.skeleton, tuple(chosen))
+    assert len(library.classes) == 2
+    monkeypatch.setattr(MotionLibrary, "builtin", lambda: library)
+    return library
+
+
+def test_a_class_of_the_built_in_library_can_be_named(
+    stage: osc.OscReceiver, take: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """A class's name plays that class, beside other classes, cut as a recording is; a path of that name goes before."""
+    library = small_library(monkeypatch)
+    squats = [motion for motion in library.motions if motion.class_name == "squat1Reps"]
+    assert replay("squat1Reps", "--osc", target(stage)) == 0
+    assert len(frames_in(heard(stage))) == sum(motion.frames for motion in squats)
+    assert replay("squat1Reps", "--osc", target(stage), "--from", 0.2, "--to", 0.5) == 0
+    frames = frames_in(heard(stage))
+    np.testing.assert_array_equal(frames[0].positions, squats[0].positions[12].astype(np.float32))
+    assert len(frames) == 18 * len(squats)
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "squat1Reps").mkdir()
+    take.rename(tmp_path / "squat1Reps" / take.name)
+    assert replay("squat1Reps", "--osc", target(stage), "--asf", tmp_path / "HDM_bd.asf") == 0
+    assert len(frames_in(heard(stage))) == 180
+
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        (("squat",), "squat: no such file or folder"),
+        (("squat1Reps", "--unit", "cm"), "replay: expected recordings with --asf, --frame-rate, --unit or --joints"),
+        (("--frame-rate", "30"), "replay: expected recordings with --asf, --frame-rate, --unit or --joints"),
+    ],
+)
+def test_what_does_not_fit_the_built_in_motions_is_refused(
+    arguments: tuple[str, ...], told: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Neither a file nor a class, and options for reading where nothing is read: one line, status 2."""
+    assert replay(*arguments, "--osc", f"{LOOPBACK}:9") == 2
+    errors = capsys.readouterr().err
+    assert errors.startswith(f"kinespace: {told}")
+    assert errors.count("\n") == 1
+
+
 def test_faults_are_those_ordered(stage: osc.OscReceiver, take: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Frames are lost and swapped exactly as the seed says, and `sent` counts what was really sent."""
     (clip,) = read_recordings([take])
@@ -279,7 +343,7 @@ def test_zmq_answers_are_counted(tmp_path: Path, capsys: pytest.CaptureFixture[s
 
 def _expected_answers(library: MotionLibrary, clips: Sequence[Clip]) -> tuple[int, float]:
     """Give how many answers there are to some clips, and which share of them is right."""
-    recognizer = Recognizer(library, Settings(window=0.5))
+    recognizer = Recognizer(library)
     answers = [(cue.class_name, recognizer.push(cue.frame)) for cue in clip_cues(clips, "me")]
     right = [answer.label == performed for performed, answer in answers if answer is not None]
     return len(right), sum(right) / len(right)
@@ -320,11 +384,8 @@ def test_answers_to_somebody_else_are_not_ours(
 
 def _recognition(performer: str) -> object:
     library = MotionLibrary.builtin()
-    recognizer = Recognizer(library, Settings(signature=LiveSignature.EIGENVECTOR, window=0.1))
-    generator = np.random.default_rng(1)
-    answers = [
-        recognizer.push(Frame(performer, 1.0 + index / 120, generator.normal(size=(31, 3)))) for index in range(30)
-    ]
+    recognizer = Recognizer(library)
+    answers = [recognizer.push(cue.frame) for cue in clip_cues(library.motions[:1], performer)]
     return next(answer for answer in answers if answer is not None)
 
 

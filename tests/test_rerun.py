@@ -12,11 +12,10 @@ import numpy as np
 import pytest
 import zmq
 from golden import LAYOUTS, Moment
-from programs import ghost_cues
+from programs import builtin_library, ghost_cues
 from synthetic import STICK, STICK_CLASSES, stick_clip, stick_clips
 
 from library import MotionLibrary
-from library.comparison import Comparison
 from library.hdm05 import SKELETON
 from stream import Announcement, Frame, Performers, Settings, osc, zeromq
 from stream.connections import Endpoint
@@ -86,10 +85,9 @@ def a_feed() -> list[bytes]:
 @pytest.mark.parametrize("signature", list(LiveSignature))
 def test_a_recording_is_answered_as_the_feed_was(tmp_path: Path, signature: LiveSignature) -> None:
     """What was answered live, by OSC and ZeroMQ at once, is answered twice again from the file, number for number."""
-    clips = stick_clips(actors=("aa", "bb", "cc"))
-    library = MotionLibrary.of_clips(clips, comparison=Comparison.learned(clips))
+    library = MotionLibrary.of_clips(stick_clips(actors=("aa", "bb", "cc")))
     path, sink = tmp_path / "a.kinerec", Kept()
-    settings = Settings(signature=signature, window=0.25)
+    settings = Settings(signature=signature)
     with ExitStack() as opened:
         datagrams = osc.OscReceiver(LOOPBACK, 0)
         messages = zeromq.ZmqReceiver(Endpoint(f"tcp://{LOOPBACK}:*", bind=True))
@@ -146,7 +144,7 @@ def packets_of(layout: str) -> list[tuple[bytes, float]]:
 def test_a_recorded_feed_is_answered_as_it_was(tmp_path: Path, name: str) -> None:
     """Another product's packets, recorded on their way, are put together and answered again, number for number."""
     preset = builtin_preset(name)
-    library = MotionLibrary.builtin().restricted_to(preset.joints)
+    library = builtin_library().restricted_to(preset.joints)
     path, sink, now = tmp_path / "a.kinerec", Kept(), [5.0]
     performers = Performers(library, Settings(hop=1 / 15))
     with ExitStack() as opened:

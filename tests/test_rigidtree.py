@@ -9,9 +9,9 @@ import pytest
 from synthetic import STICK, stick_clip
 
 from library import Clip, MotionLibrary, Skeleton, distance_rows
-from library.measures import Body
 from library.rigidtree import most_rigid_parents, with_parents
 from library.skeleton import SkeletonMismatchError
+from library.windows.body import Body
 
 
 def changing(clips: list[Clip], segments: list[tuple[int, int]]) -> float:

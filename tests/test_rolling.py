@@ -1,56 +1,108 @@
-"""What all that follows a window has in common: counted rows, nothing taken in that does not add up."""
+"""Sums that follow a window: the textbook's after every change, begun afresh only where that is due."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import naive_windows
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
-from stream.covariance import RollingCovariance
-from stream.gram import RollingGram
-from stream.variance import RollingVariance
+from stream.rolling import RollingCovariance, RollingMoments
+from stream.window import SlidingWindow
 
 if TYPE_CHECKING:
+    from library.windows.parts import Moments
     from stream.rolling import Rolling
 
-ALL = pytest.mark.parametrize("kind", [RollingCovariance, RollingVariance, RollingGram])
-ROWS = 1.0 + 0.1 * np.random.default_rng(8).normal(size=(60, 6))
+#: Everything holds of the compiled loops and of numpy.
+pytestmark = pytest.mark.usefixtures("arithmetic")
+
+BOTH = pytest.mark.parametrize("kind", [RollingMoments, RollingCovariance])
+WIDTH = 6
+ROWS = 1.0 + 0.1 * np.random.default_rng(8).normal(size=(90, WIDTH))
+#: Error of a mean, deviation, trend or covariance, relative to the largest.
+SAME = 1e-9
 
 
-@ALL
-def test_rows_are_counted(kind: type[Rolling]) -> None:
-    """As many rows are counted as entered and did not leave, and none after a clear."""
-    rolling = kind(6)
-    for begin, end, before, after in ((0, 10, 0, 0), (0, 25, 0, 10), (5, 25, 0, 25), (20, 40, 5, 25), (40, 40, 20, 40)):
-        rolling.update(ROWS[max(after, begin) : end], ROWS[before : min(begin, after)], ROWS[begin:end])
-        assert len(rolling) == end - begin
-    rolling.update(ROWS[:9], ROWS[:0], ROWS[:9])
-    rolling.clear()
-    assert len(rolling) == 0
+def _assert_moments(read: Moments, times: np.ndarray, rows: np.ndarray) -> None:
+    expected = naive_windows.moments(times, rows)
+    largest = max(float(expected.deviation.max()), 1e-12)
+    assert read.mean[0] == pytest.approx(expected.mean, rel=SAME)
+    assert np.abs(read.deviation[0] - expected.deviation).max() <= SAME * largest
+    assert np.abs(read.trend[0] - expected.trend).max() <= SAME * largest
 
 
-@ALL
+@given(
+    seed=st.integers(0, 2**32 - 1),
+    seconds=st.sampled_from([0.1, 0.25, 1.0]),
+    start=st.sampled_from([0.0, 1.7e9]),
+    loud=st.booleans(),
+)
+@settings(max_examples=30)
+def test_moments_and_covariance_are_the_textbooks_whatever_came_and_went(
+    seed: int, seconds: float, start: float, *, loud: bool
+) -> None:
+    """At every read, with rows in batches of any size at uneven times, both are those of the window's rows."""
+    generator = np.random.default_rng(seed)
+    rows = 1.0 + generator.normal(scale=0.1 if loud else 1e-3, size=(120, WIDTH)) * generator.uniform(0, 1, WIDTH)
+    times = start + np.cumsum(generator.choice([1 / 120, 1 / 30, 0.2], size=len(rows)))
+    window = SlidingWindow(seconds, WIDTH), SlidingWindow(seconds, WIDTH)
+    moments, covariance = RollingMoments(window[0], WIDTH), RollingCovariance(window[1], WIDTH)
+    end = 0
+    while end < len(rows):
+        begin, end = end, min(end + int(generator.integers(1, 9)), len(rows))
+        for each in window:
+            each.push(times[begin:end].tolist(), rows[begin:end])
+        moments.update()
+        covariance.update()
+        _assert_moments(moments.read(), window[0].times, window[0].rows)
+        if len(window[1]) > 1:
+            expected = naive_windows.covariance(window[1].rows)
+            assert np.abs(covariance.read() - expected).max() <= SAME * np.abs(expected).max()
+
+
+@BOTH
+def test_a_single_row_does_not_move(kind: type[RollingMoments | RollingCovariance]) -> None:
+    """Of one row the deviation, the trend and the covariance are 0."""
+    window = SlidingWindow(1.0, WIDTH)
+    rolling = kind(window, WIDTH)
+    window.push([1.0], ROWS[:1])
+    rolling.update()
+    read = rolling.read()
+    numbers = read if isinstance(read, np.ndarray) else np.array([read.deviation, read.trend])
+    assert np.array_equal(numbers, np.zeros_like(numbers))
+
+
+@BOTH
 def test_only_rows_all_new_are_computed_afresh(kind: type[Rolling]) -> None:
-    """The first rows and those after a clear are computed from the window alone, others from what changed."""
-    rolling, counted = kind(6), []
-    for end in (10, 12, 30, 31):
-        rolling.update(ROWS[len(rolling) : end], ROWS[:0], ROWS[:end])
+    """The first rows, those after a clear and those after a gap are computed from the window alone, others are not."""
+    window = SlidingWindow(1.0, WIDTH)
+    rolling, counted = kind(window, WIDTH), []
+    for begin, end in ((0, 10), (10, 12), (12, 30), (30, 31)):
+        window.push((np.arange(begin, end) / 120).tolist(), ROWS[begin:end])
+        rolling.update()
         counted.append(rolling.refreshes)
+    rolling.update()
+    counted.append(rolling.refreshes)
+    window.clear()
     rolling.clear()
-    rolling.update(ROWS[:5], ROWS[:0], ROWS[:5])
-    rolling.update(ROWS[50:], ROWS[:5], ROWS[50:])
-    assert [*counted, rolling.refreshes] == [1, 1, 1, 1, 3]
+    window.push([5.0, 5.1], ROWS[:2])
+    rolling.update()
+    window.push([9.0], ROWS[2:3])
+    rolling.update()
+    assert [*counted, rolling.refreshes] == [1, 1, 1, 1, 1, 3]
 
 
-@ALL
-@pytest.mark.parametrize("window", [0, 9, 11])
-def test_a_window_of_other_rows_is_refused(kind: type[Rolling], window: int) -> None:
-    """A window that does not hold what was added and not removed is the caller's mistake, and nothing is taken in."""
-    rolling = kind(6)
-    rolling.update(ROWS[:8], ROWS[:0], ROWS[:8])
-    with pytest.raises(ValueError, match=f"window: expected 10 rows, got {window}"):
-        rolling.update(ROWS[8:12], ROWS[:2], ROWS[:window])
-    assert len(rolling) == 8
-    rolling.update(ROWS[8:12], ROWS[:2], ROWS[2:12])
-    assert len(rolling) == 10
+@pytest.mark.parametrize("place", [0.0, 3.0])
+def test_a_point_that_stays_has_no_covariance(place: float) -> None:
+    """Rows that are all the same, the origin too, have the covariance 0, to the last digit."""
+    window = SlidingWindow(0.2, WIDTH)
+    rolling = RollingCovariance(window, WIDTH)
+    for index in range(80):
+        row = ROWS[index : index + 1] if index < 40 else np.full((1, WIDTH), place)
+        window.push([index / 120], row)
+        rolling.update()
+    assert not rolling.read().any()

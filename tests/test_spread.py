@@ -5,20 +5,26 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-import naive_windows
+import naive_retrieval
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from synthetic import STICK_CLASSES, stick_clip, stick_clips
 
+from library import MotionLibrary
 from library.distances import distance_rows
 from library.retrieval import motion_spreads, turned
-from library.signature import Moments, signature_of
 from library.spread import FLOOR, SpreadMetric, spread_of
 
 if TYPE_CHECKING:
     from library.clip import Clip
+
+
+@pytest.fixture(scope="module")
+def some_motions() -> tuple[Clip, ...]:
+    """Give a motion of each of the built-in library's classes."""
+    return tuple({motion.class_name: motion for motion in MotionLibrary.builtin().motions}.values())
 
 
 def _random(seed: int, motions: int = 12, pairs: int = 20) -> tuple[np.ndarray, np.ndarray]:
@@ -30,28 +36,28 @@ def _random(seed: int, motions: int = 12, pairs: int = 20) -> tuple[np.ndarray, 
 # --- the spread --------------------------------------------------------------------------------------------------
 
 
-def test_spreads_are_those_of_the_loops(some_clips: tuple[Clip, ...]) -> None:
+def test_spreads_are_those_of_the_loops(some_motions: tuple[Clip, ...]) -> None:
     """A motion's spread is the logarithm of each deviation over the body's size, plus the floor, less their mean."""
-    for clip, spread in zip(some_clips, motion_spreads(some_clips), strict=True):
+    for clip, spread in zip(some_motions, motion_spreads(some_motions), strict=True):
         columns = distance_rows(clip.positions, clip.skeleton).T.tolist()
-        size = math.sqrt(naive_windows.mean([naive_windows.mean(column) ** 2 for column in columns]))
-        logs = [math.log(naive_windows.deviation(column) / size + FLOOR) for column in columns]
-        expected = [log - naive_windows.mean(logs) for log in logs]
+        size = math.sqrt(naive_retrieval.mean([naive_retrieval.mean(column) ** 2 for column in columns]))
+        logs = [math.log(naive_retrieval.deviation(column) / size + FLOOR) for column in columns]
+        expected = [log - naive_retrieval.mean(logs) for log in logs]
         np.testing.assert_allclose(spread, expected, atol=1e-9)
 
 
-def test_spreads_do_not_depend_on_size_place_and_handedness(some_clips: tuple[Clip, ...]) -> None:
+def test_spreads_do_not_depend_on_size_place_and_handedness(some_motions: tuple[Clip, ...]) -> None:
     """The motion turned, mirrored and done by somebody half as large again has the same spread."""
     generator = np.random.default_rng(7)
-    moved = [turned(clip.moved_to(clip.positions * [1.5, 1.5, -1.5]), generator) for clip in some_clips]
-    np.testing.assert_allclose(motion_spreads(moved), motion_spreads(some_clips), atol=1e-6)
+    moved = [turned(clip.moved_to(clip.positions * [1.5, 1.5, -1.5]), generator) for clip in some_motions]
+    np.testing.assert_allclose(motion_spreads(moved), motion_spreads(some_motions), atol=1e-6)
 
 
 def test_a_larger_motion_has_nearly_the_same_spread() -> None:
     """Distances that swing twice as far change a spread far less than another class does; they sum to 0 in both."""
     rows = distance_rows(stick_clip("wave").positions, stick_clip("wave").skeleton)
     larger = rows.mean(axis=0) + 2 * (rows - rows.mean(axis=0))
-    spread, doubled = (spread_of(signature_of(Moments.of_rows(each))) for each in (rows, larger))
+    spread, doubled = (spread_of(each) for each in (rows, larger))
     (other,) = motion_spreads([stick_clip("bow")])
     assert spread.sum() == pytest.approx(0.0, abs=1e-9)
     assert np.linalg.norm(doubled - spread) < 0.05 * np.linalg.norm(other - spread)
@@ -66,7 +72,7 @@ def test_the_metric_is_that_of_the_inverted_scatter(shrinkage: float, pairs: int
     """Squared distances are those of the within-class scatter, shrunk and inverted, for few pairs or many."""
     spreads, classes = _random(1, pairs=pairs)
     others = np.random.default_rng(2).normal(size=(5, pairs))
-    matrix = naive_windows.within_class_metric(spreads, classes.tolist(), shrinkage)
+    matrix = naive_retrieval.within_class_metric(spreads, classes.tolist(), shrinkage)
     found = SpreadMetric.learned(spreads, classes, shrinkage).squared_distances(others, spreads)
     expected = [[(a - b) @ matrix @ (a - b) for b in spreads] for a in others]
     np.testing.assert_allclose(found, expected, rtol=1e-8)

@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
-import naive_live
+import naive_score
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from naive_live import Moment
+from naive_score import Moment
 
 from library.labels import Segment
 from stream.recognition import Event, EventKind, Outcome, Recognition
-from tools.streamscore import LASTING, NONE, ClassScore, Course, confusion, course_of, score_courses
+from tools.course import NONE, Course, confusion, course_of
+from tools.streamscore import LOWER_IS_BETTER, Basis, ClassScore, StreamScore, score_courses
+from tools.stretches import LASTING
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -80,13 +82,14 @@ KNOWN_ANSWERS = {
     "changes_per_minute": 2 * 60 / SECONDS,
     "true_changes_per_minute": 4 * 60 / SECONDS,
     "auc_unknown": 0.35,
+    "segment_majority": 2 / 3,
+    "false_starts_per_minute": 60 / (20 / 64 * SECONDS),
+    "takes_found": None,
 }
 
 
 def _figures(courses: Sequence[Course], window: float = 1.0) -> dict[str, float | None]:
-    figures = asdict(score_courses(courses, CLASSES, window))
-    del figures["classes"]
-    return figures
+    return score_courses(courses, CLASSES, window).figures()
 
 
 # --- a course with known answers ---------------------------------------------------------------------------------
@@ -95,7 +98,7 @@ def _figures(courses: Sequence[Course], window: float = 1.0) -> dict[str, float 
 @pytest.mark.parametrize("name", KNOWN_ANSWERS)
 def test_a_course_counted_by_hand(name: str) -> None:
     """Each figure of a take of eight seconds is what counting by hand gives."""
-    assert _figures([_course()])[name] == pytest.approx(KNOWN_ANSWERS[name], rel=1e-12)
+    assert _figures([_course()])[name] == (KNOWN_ANSWERS[name] and pytest.approx(KNOWN_ANSWERS[name], rel=1e-12))
 
 
 def test_no_figure_is_left_uncounted() -> None:
@@ -116,6 +119,96 @@ def test_classes_counted_by_hand() -> None:
 def test_a_take_twice_has_the_figures_of_once() -> None:
     """Takes are scored together: the same take twice has the same figures, but for the 90 % of twice as many delays."""
     assert _figures([_course(), _course()]) == pytest.approx({**KNOWN_ANSWERS, "p90_delay_s": 0.875})
+
+
+# --- what figures rest on ----------------------------------------------------------------------------------------
+
+
+def test_figures_say_what_they_rest_on() -> None:
+    """Seconds, segments and persons of known and unknown motions are told; nobody's name is no person."""
+    named = replace(_course(), person="ann")
+    score = score_courses([named, replace(named, name="other", person="ben")], CLASSES, 1.0)
+    assert score.known == Basis(pytest.approx(2 * 40 / 64 * SECONDS), 6, 2)
+    assert score.unknown == Basis(pytest.approx(2 * 20 / 64 * SECONDS), 2, 2)
+    assert score.containing == Basis(0.0, 0, 0)
+    assert score_courses([_course(), named], CLASSES, 1.0).known.persons is None
+
+
+def test_a_take_asked_of_two_libraries_counts_once() -> None:
+    """What several libraries answered to one segment goes into the figure, but the segment is one."""
+    right = _course()
+    wrong = replace(right, guess=np.full(64, NONE))
+    score = score_courses([right, wrong], CLASSES, 1.0)
+    assert (score.known.segments, score.known.seconds) == (3, pytest.approx(40 / 64 * SECONDS))
+    assert score.frame_accuracy == pytest.approx(KNOWN_ANSWERS["frame_accuracy"] / 2)
+    assert score.classes["bow"].seconds == pytest.approx(16 / 64 * SECONDS)
+
+
+def test_a_segment_half_of_which_is_right_is_not_mostly_right() -> None:
+    """The majority is more than half of a segment's frames."""
+    course = _course()
+    for frames, expected in ((8, 0.0), (9, 1 / 3)):
+        guess = np.where(np.arange(64) < frames, BOW, NONE)
+        assert _figures([replace(course, guess=guess)])["segment_majority"] == pytest.approx(expected)
+
+
+def test_a_class_is_found_that_is_named_at_some_time() -> None:
+    """Of the classes that takes contain the share counts that was named, if only once; guesses do not count."""
+    still = np.full(64, NONE)
+    once = still.copy()
+    once[40] = WAVE
+    empty = replace(_course(), segments=(), segment=still, truth=still, labelled=still >= 0, guess=np.full(64, BOW))
+    takes = [
+        replace(empty, name="one", published=once, contains=(WAVE, BOW), person="ann"),
+        replace(empty, name="two", published=still, contains=(WAVE,), person="ann"),
+        replace(empty, name="three", published=once),
+    ]
+    score = score_courses(takes, CLASSES, 1.0)
+    assert score.takes_found == pytest.approx(1 / 3)
+    assert score.containing == Basis(pytest.approx(2 * SECONDS), 2, 1)
+    assert (score.known.segments, score.unknown.segments) == (0, 0)
+    assert score.frame_accuracy is None
+
+
+def test_every_figure_has_an_interval_around_it() -> None:
+    """Of many takes every figure there is lies in its interval; without any asked for there are none."""
+    generator = np.random.default_rng(5)
+    courses = [replace(_random_course(generator, 300), name=f"take {index}") for index in range(8)]
+    score = score_courses(courses, CLASSES, 0.5, intervals=True)
+    assert set(score.intervals) == set(KNOWN_ANSWERS)
+    for name, value in score.figures().items():
+        ends = score.intervals[name]
+        if value is None:
+            assert ends is None
+        else:
+            assert ends is not None
+            assert ends[0] <= value <= ends[1], name
+    assert score.intervals["frame_accuracy"][0] < score.intervals["frame_accuracy"][1]
+    assert score_courses(courses, CLASSES, 0.5).intervals == {}
+
+
+def test_intervals_are_those_of_segments_drawn_again() -> None:
+    """An interval is that of the share in segments drawn with replacement, each with all that was answered to it."""
+    generator = np.random.default_rng(6)
+    one, other = (_random_course(generator, 300) for _ in range(2))
+    known = sorted({int(index) for index in one.segment[one.truth != NONE]})
+    answers = [replace(one, guess=each) for each in (one.guess, other.guess)]
+    right = [[int((each.guess == each.truth)[each.segment == index].sum()) for each in answers] for index in known]
+    frames = [2 * int((one.segment == index).sum()) for index in known]
+    shares = [
+        sum(count * sum(each) for count, each in zip(counts, right, strict=True))
+        / sum(count * each for count, each in zip(counts, frames, strict=True))
+        for counts in naive_score.drawn_again(len(known), 2012)
+    ]
+    score = score_courses(answers, CLASSES, 1.0, intervals=True)
+    assert score.intervals["frame_accuracy"] == pytest.approx(naive_score.middle(shares))
+
+
+def test_it_is_known_of_every_figure_which_way_is_better() -> None:
+    """Names of figures of which less is better are those of figures."""
+    assert set(KNOWN_ANSWERS) > LOWER_IS_BETTER
+    assert "true_changes_per_minute" not in LOWER_IS_BETTER
+    assert set(StreamScore.__slots__) > set(KNOWN_ANSWERS)
 
 
 def test_no_frame_between_two_takes_is_a_change() -> None:
@@ -162,9 +255,17 @@ def test_where_there_is_nothing_to_count_there_is_no_figure() -> None:
         ]
     )
     of_known = {"frame_accuracy", "segment_accuracy", "known_answered", "segments_found"}
-    of_known |= {"median_delay_s", "p90_delay_s", "median_seen", "median_event_delay_s", "auc_unknown"}
+    of_known |= {
+        "segment_majority",
+        "takes_found",
+        "median_delay_s",
+        "p90_delay_s",
+        "median_seen",
+        "median_event_delay_s",
+        "auc_unknown",
+    }
     assert {name for name, value in _figures([unknown]).items() if value is None} == of_known
-    of_unknown = {"false_per_minute", "unknown_answered", "auc_unknown"}
+    of_unknown = {"false_per_minute", "unknown_answered", "auc_unknown", "false_starts_per_minute", "takes_found"}
     assert {name for name, value in _figures([known]).items() if value is None} == of_unknown
 
 
@@ -174,7 +275,7 @@ def test_a_take_of_one_frame_can_be_scored() -> None:
     one = {name: value[:1] if isinstance(value, np.ndarray) else value for name, value in _fields(course).items()}
     figures = _figures([Course(**one)])
     assert figures["frame_accuracy"] == 0.0
-    assert figures["changes_per_minute"] == 0.0
+    assert figures["changes_per_minute"] is None
     assert figures["false_per_minute"] is None
 
 
@@ -273,7 +374,7 @@ def test_any_course_is_scored_as_a_walk_through_its_moments(seed: int, takes: in
     """Every figure of random courses is the one that walking through them moment by moment gives."""
     generator = np.random.default_rng(seed)
     courses = [_random_course(generator, int(generator.integers(100, 400))) for _ in range(takes)]
-    exact = naive_live.stream_score([_moments(course) for course in courses], window, LASTING)
+    exact = naive_score.stream_score([_moments(course) for course in courses], window, LASTING)
     figures = _figures(courses, window)
     assert figures.keys() == exact.keys()
     for name, value in exact.items():
@@ -291,7 +392,7 @@ def test_the_roc_area_is_the_share_of_pairs_told_apart(seed: int, levels: int) -
     inside = np.array([TIMES[k] - 1 >= SEGMENTS[course.segment[k]].start and course.segment[k] >= 0 for k in range(64)])
     known, unknown = (score[inside & condition].tolist() for condition in (course.truth >= 0, course.truth < 0))
     area = _figures([Course(**{**_fields(course), "score": score})])["auc_unknown"]
-    assert area == pytest.approx(naive_live.roc_area(known, unknown))
+    assert area == pytest.approx(naive_score.roc_area(known, unknown))
 
 
 # --- what was answered when --------------------------------------------------------------------------------------
@@ -346,6 +447,26 @@ def test_still_is_no_guess_and_unknown_is_one() -> None:
     assert set(course.guess[:16]) == {NONE}
     assert set(course.guess[16:]) == {BOW}
     assert set(course.published) == {NONE}
+
+
+def test_a_take_without_labels_has_no_segment() -> None:
+    """Where nobody said what is performed nothing is labelled; classes it contains that are unknown are passed over."""
+    course = course_of(
+        "take",
+        TIMES,
+        (),
+        classes=CLASSES,
+        known=("bow",),
+        recognitions=[_recognition(1.0, BOW, 0.9)],
+        events=[],
+        person="ann",
+        contains=("wave", "bow"),
+    )
+    assert set(course.segment) == {-1}
+    assert set(course.truth) == {NONE}
+    assert not course.labelled.any()
+    assert (course.person, course.contains, course.seconds) == ("ann", (BOW,), SECONDS)
+    assert set(course.published[8:]) == {BOW}
 
 
 def test_what_the_library_does_not_know_is_unknown() -> None:

@@ -6,13 +6,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-from programs import ghost_cues, live
-from synthetic import STICK, stick_clip, stick_clips
+from programs import builtin_library, ghost_cues, live
+from synthetic import STICK, stick_clip
 
-from library import MotionLibrary
 from library.hdm05 import SKELETON
 from library.skeleton import SkeletonMismatchError
-from stream import Announcement, Frame, Performers, Settings, zeromq
+from stream import Announcement, Frame, Performers, zeromq
 from stream.feeds import builtin_preset
 from tools.feed import Cue
 from tools.jointsets import joints_in_order, joints_of
@@ -21,6 +20,8 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from numpy.typing import NDArray
+
+    from library import MotionLibrary
 
 #: Joints as Kinect 2 numbers them, by the library's names.
 KINECT = joints_in_order("kinectv2")
@@ -59,9 +60,9 @@ def test_joints_that_are_told_by_hand_are_recognised(joints: str) -> None:
         assert "--joints: 25 of the library's 31 joints" in stage.program.output
 
 
-def test_names_that_come_later_mend_it_too() -> None:
+def test_names_that_come_later_mend_it_too(sticks: MotionLibrary) -> None:
     """A publisher that names its joints again is recognised from then on, and nothing is said of it any more."""
-    performers = Performers(MotionLibrary.of_clips(stick_clips()), Settings(window=0.25))
+    performers = Performers(sticks)
     clip = stick_clip("wave", seed=9, frames=120)
     shown = clip.positions[:, ::-1]
     more: NDArray[np.float64] = np.concatenate([shown, shown[:, :1] + 1.0], axis=1)
@@ -77,9 +78,9 @@ def test_names_that_come_later_mend_it_too() -> None:
     assert performers.counts.other_joints == 40
 
 
-def test_why_frames_are_refused() -> None:
+def test_why_frames_are_refused(sticks: MotionLibrary) -> None:
     """Joints that are lacking are named, and so is a count that is not the names'; who left is remembered."""
-    performers = Performers(MotionLibrary.of_clips(stick_clips()), silence=1.0)
+    performers = Performers(sticks, silence=1.0)
     joints = STICK.joints
     performers.announce(Announcement("few", joints[:2]), 0.0)
     performers.announce(Announcement("many", (*joints, "hat")), 0.0)
@@ -95,13 +96,12 @@ def test_why_frames_are_refused() -> None:
     assert performers.refused == told
 
 
-def test_assumed_joints_are_in_their_order() -> None:
+def test_assumed_joints_are_in_their_order(sticks: MotionLibrary) -> None:
     """Frames in another order are answered as those in the library's own; what a sender says goes before."""
-    library = MotionLibrary.of_clips(stick_clips())
     positions = stick_clip("wave", seed=9, frames=120).positions
 
     def answers(joints: tuple[str, ...], shown: NDArray[np.float64], *told: Announcement) -> list[tuple[str, float]]:
-        performers = Performers(library, Settings(window=0.25), joints=joints)
+        performers = Performers(sticks, joints=joints)
         for each in told:
             performers.announce(each, 0.0)
         pushed = [performers.push(Frame("p", 1 + index / 120, shown[index]), 0.0) for index in range(120)]
@@ -112,7 +112,7 @@ def test_assumed_joints_are_in_their_order() -> None:
     assert answers(STICK.joints[::-1], positions[:, ::-1]) == expected
     assert answers(STICK.joints[::-1], positions, Announcement("p", STICK.joints)) == expected
     with pytest.raises(SkeletonMismatchError):
-        Performers(library, joints=STICK.joints[1:])
+        Performers(sticks, joints=STICK.joints[1:])
 
 
 def test_joints_are_told_by_name_or_by_preset(tmp_path: Path) -> None:
@@ -145,7 +145,7 @@ def test_a_publisher_that_names_its_joints_is_refused_nothing() -> None:
     """The same feed with the names in the message that we hear is recognised without a word."""
     cues = kinect_cues(2.0)
     assert set(KINECT) < set(SKELETON.joints)
-    performers = Performers(MotionLibrary.builtin().restricted_to(KINECT))
+    performers = Performers(builtin_library().restricted_to(KINECT))
     numbered = zeromq.decode(zeromq.encode_frame(cues[0].frame, 0, KINECT), 0.0)
     assert numbered.announcement
     performers.announce(numbered.announcement, 0.0)

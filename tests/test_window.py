@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from naive_stream import NaiveWindow
 
-from stream.window import FASTEST_FEED, MOST_PENDING, SlidingWindow
+from stream.window import FASTEST_FEED, MAX_PENDING, SlidingWindow
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -34,8 +34,12 @@ def _assert_alike(window: SlidingWindow, twin: NaiveWindow) -> None:
 
 def _assert_change_alike(window: SlidingWindow, twin: NaiveWindow) -> None:
     """Hold what entered and left against the plain list, oldest first."""
-    entered, left = window.take_change()
-    assert (entered[:, 0].tolist(), left[:, 0].tolist()) == twin.take_change()
+    change = window.take_change()
+    marks = change.entered[:, 0].tolist(), change.left[:, 0].tolist()
+    times = change.entered_times.tolist(), change.left_times.tolist()
+    expected = twin.take_change()
+    assert marks == tuple([mark for _, mark in each] for each in expected)
+    assert times == tuple([time / TICKS for time, _ in each] for each in expected)
 
 
 def _push(window: SlidingWindow, times: Iterable[float]) -> None:
@@ -49,7 +53,7 @@ def _push(window: SlidingWindow, times: Iterable[float]) -> None:
     ticks=st.integers(1, 2 * TICKS),
     largest_step=st.sampled_from([1, 8, 40, 3 * TICKS]),
     fastest=st.sampled_from([1.0, 20.0, 960.0]),
-    taken_every=st.integers(1, MOST_PENDING),
+    taken_every=st.integers(1, MAX_PENDING),
 )
 @settings(max_examples=60)
 def test_always_what_a_plain_list_holds(
@@ -76,7 +80,7 @@ def test_always_what_a_plain_list_holds(
     ticks=st.integers(1, 2 * TICKS),
     largest_step=st.sampled_from([1, 8, 40, 3 * TICKS]),
     fastest=st.sampled_from([1.0, 20.0, 960.0]),
-    largest_batch=st.sampled_from([2, 5, MOST_PENDING]),
+    largest_batch=st.sampled_from([2, 5, MAX_PENDING]),
 )
 @settings(max_examples=60)
 def test_rows_that_come_together_are_as_if_one_by_one(
@@ -93,7 +97,7 @@ def test_rows_that_come_together_are_as_if_one_by_one(
         # Now and then a gap far longer than the window, wherever it falls in the batch.
         steps[generator.random(count) < 0.03] += 5 * TICKS
         times, marks = (time + steps.cumsum()).tolist(), range(mark, mark + count)
-        if window.pending + count > MOST_PENDING:
+        if window.pending + count > MAX_PENDING:
             _assert_change_alike(window, twin)
         window.push([each / TICKS for each in times], _rows(*marks).reshape(count, 2))
         for each, index in zip(times, marks, strict=True):
@@ -117,7 +121,7 @@ def test_clearing_at_any_moment_is_a_new_beginning(seed: int) -> None:
         twin.push(time, index)
         if generator.random() < 0.1:
             _assert_change_alike(window, twin)
-        if generator.random() < 0.03 or window.pending == MOST_PENDING:
+        if generator.random() < 0.03 or window.pending == MAX_PENDING:
             window.clear()
             twin.clear()
             assert (len(window), window.full, window.pending) == (0, False, 0)
@@ -159,9 +163,9 @@ def test_a_gap_longer_than_the_window_leaves_the_newest_row() -> None:
     window.push([0.3], _rows(0.3))
     window.push([9.0], _rows(9.0))
     assert window.times.tolist() == [9.0]
-    entered, left = window.take_change()
-    assert entered[:, 0].tolist() == [9.0]
-    assert left[:, 0].tolist() == [0.0, 0.1, 0.2]
+    change = window.take_change()
+    assert change.entered[:, 0].tolist() == change.entered_times.tolist() == [9.0]
+    assert change.left[:, 0].tolist() == change.left_times.tolist() == [0.0, 0.1, 0.2]
 
 
 def test_a_feed_too_fast_shortens_the_window() -> None:
@@ -189,14 +193,14 @@ def test_the_memory_is_allocated_once() -> None:
 def test_changes_must_be_taken_in_time() -> None:
     """One row more than may be pending raises, what was pending is still there, and taking it makes room again."""
     window = SlidingWindow(10.0, 2)
-    for index in range(MOST_PENDING):
+    for index in range(MAX_PENDING):
         window.push([float(index) / 100], _rows(index))
-    with pytest.raises(RuntimeError, match=f"at least once in {MOST_PENDING} rows"):
+    with pytest.raises(RuntimeError, match=f"at least once in {MAX_PENDING} rows"):
         window.push([1.0], _rows(99))
-    with pytest.raises(RuntimeError, match=f"at least once in {MOST_PENDING} rows"):
+    with pytest.raises(RuntimeError, match=f"at least once in {MAX_PENDING} rows"):
         window.push([1.0, 1.1], _rows(99, 100))
-    assert len(window) == window.pending == MOST_PENDING
-    assert window.take_change().entered[:, 0].tolist() == list(range(MOST_PENDING))
+    assert len(window) == window.pending == MAX_PENDING
+    assert window.take_change().entered[:, 0].tolist() == list(range(MAX_PENDING))
     window.push([1.0], _rows(99))
     assert window.take_change().entered[:, 0].tolist() == [99]
 
@@ -253,8 +257,9 @@ def test_nothing_is_in_an_empty_window() -> None:
     assert (len(window), window.full, window.pending) == (0, False, 0)
     assert window.rows.shape == (0, 3)
     assert window.times.shape == (0,)
-    entered, left = window.take_change()
-    assert entered.shape == left.shape == (0, 3)
+    change = window.take_change()
+    assert change.entered.shape == change.left.shape == (0, 3)
+    assert change.entered_times.shape == change.left_times.shape == (0,)
 
 
 @pytest.mark.parametrize(

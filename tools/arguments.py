@@ -48,6 +48,24 @@ def add_labels(parser: argparse.ArgumentParser, told: str) -> None:
     )
 
 
+def add_changes(parser: argparse.ArgumentParser) -> None:
+    """Let a person say which motions a library is to hold, and what their classes are called."""
+    parser.add_argument(
+        "--without", action="append", default=[], metavar="CLASS|PERSON", help="leave this class or person out"
+    )
+    parser.add_argument(
+        "--rename", action="append", type=mapping, default=[], metavar="OLD=NEW", help="call this class so"
+    )
+    parser.add_argument(
+        "--nothing",
+        action="append",
+        type=Path,
+        default=[],
+        metavar="FOLDER",
+        help='recordings whose motions are to be answered "unknown"',
+    )
+
+
 def add_json(parser: argparse.ArgumentParser) -> None:
     """Let a program be heard by another."""
     parser.add_argument("--json", action="store_true", help="print one JSON object and nothing else")
@@ -84,19 +102,17 @@ def add_settings(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--signature",
         choices=[str(signature) for signature in LiveSignature],
-        help="compare several measures of several windows, or leading eigenvectors as the paper does (default: windows "
-        "where the library keeps them)",
+        default=str(_DEFAULTS.signature),
+        help="compare all parts of the signature over several windows, or the leading eigenvector of one window alone, "
+        "as the paper does (default %(default)s)",
     )
     parser.add_argument(
         "--sensitivity",
         type=share,
-        default=_DEFAULTS.sensitivity,
-        help="share of unknown motions that may be answered, as the library can tell (default %(default)s)",
+        help="share of unknown motions that may be answered, as the library can tell (default 0.05); windows only",
     )
     parser.add_argument(
-        "--window",
-        type=positive,
-        help=f"seconds the eigenvector looks back (default {_DEFAULTS.window:g})",
+        "--window", type=positive, help="seconds that the paper's window looks back (default 0.5); paper only"
     )
     parser.add_argument(
         "--hop", type=not_negative, default=_DEFAULTS.hop, help="seconds between answers (default 1/30)"
@@ -104,13 +120,10 @@ def add_settings(parser: argparse.ArgumentParser) -> None:
 
 
 def settings_of(parsed: argparse.Namespace) -> Settings:
-    """Give how a feed is to be recognised; a window's length only with the signature that has one."""
-    signature = LiveSignature(parsed.signature) if parsed.signature else None
-    if parsed.window and signature is not LiveSignature.EIGENVECTOR:
-        raise ValueError("--window: expected --signature eigenvector with it; windows have lengths of their own")
+    """Give how a feed is to be recognised; what does not apply to the signature asked for is refused."""
     return Settings(
-        signature=signature,
-        window=parsed.window or _DEFAULTS.window,
+        signature=LiveSignature(parsed.signature),
+        window=parsed.window,
         hop=parsed.hop,
         sensitivity=parsed.sensitivity,
     )

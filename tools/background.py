@@ -18,14 +18,13 @@ from library import MotionLibrary
 from stream import osc, zeromq
 from stream.connections import Endpoint
 from stream.performers import Performers
-from stream.recognizer import Settings
+from stream.recognizer import Recognizer, Settings
 from stream.service import OscSink, OscSource, Service, ZmqSink, ZmqSource
 from tools.feed import OscFrameSender, ZmqFrameSender
 
 if TYPE_CHECKING:
     from collections.abc import Callable
     from multiprocessing.connection import Connection
-    from pathlib import Path
 
     from stream.status import Status
     from tools.feed import FrameSender, Packet
@@ -59,7 +58,7 @@ class Echo:
 @dataclass(frozen=True, slots=True)
 class _Request:
     transport: Transport
-    library: Path | None
+    library: MotionLibrary | None
     settings: Settings
     answer_port: int
     stand_in: StandIn | None
@@ -76,7 +75,7 @@ class BackgroundService:
     transport
         "osc" or "zmq".
     library
-        A library file; the built-in library when not given.
+        What is recognised with; the built-in library when not given.
     settings
         Of the recognisers.
     stand_in
@@ -95,7 +94,7 @@ class BackgroundService:
         self,
         transport: Transport,
         *,
-        library: Path | None = None,
+        library: MotionLibrary | None = None,
         settings: Settings | None = None,
         stand_in: StandIn | None = None,
         performers: int = 32,
@@ -197,16 +196,15 @@ def _serve(connection: Connection, request: _Request) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     try:
         source, sink, addresses = _osc_ends(request) if request.transport == "osc" else _zmq_ends()
-        library = None if request.stand_in else _library(request.library)
+        performers = None if request.stand_in else _performers(request)
     except (OSError, ValueError) as error:
         connection.send(error)
         return
     connection.send(addresses)
-    if library is None:
+    if performers is None:
         _stand_in(connection, source, sink, request.stand_in or Echo())
         connection.send(None)
         return
-    performers = Performers(library, request.settings, most=request.performers)
     gc.freeze()
     with Service(performers, [source], [sink]) as service:
         _when_told(connection, service.stop)
@@ -214,8 +212,11 @@ def _serve(connection: Connection, request: _Request) -> None:
         connection.send(service.status())
 
 
-def _library(path: Path | None) -> MotionLibrary:
-    return MotionLibrary.load(path) if path else MotionLibrary.builtin()
+def _performers(request: _Request) -> Performers:
+    library = request.library or MotionLibrary.builtin()
+    # The first recogniser computes the library's windows; the first performer's first frame shall not wait for that.
+    Recognizer(library, request.settings)
+    return Performers(library, request.settings, most=request.performers)
 
 
 def _when_told(connection: Connection, stop: Callable[[], None]) -> None:

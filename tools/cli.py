@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import os
 import sys
 from importlib.metadata import PackageNotFoundError, version
 from io import TextIOWrapper
@@ -14,6 +13,7 @@ from stream.recognizer import LiveSignature
 from tools.arguments import (
     OSC_IN,
     add_actor_in,
+    add_changes,
     add_inputs,
     add_json,
     add_labels,
@@ -81,6 +81,7 @@ def _parser() -> argparse.ArgumentParser:
         _add_convert,
         _add_latency,
         _add_build,
+        _add_learn,
         _add_info,
         _add_evaluate,
         _add_bench,
@@ -105,10 +106,11 @@ def _add_demo(programs: Programs[argparse.ArgumentParser]) -> None:
     demo = programs.add_parser(
         "demo",
         help="the whole loop on this machine, with nothing but the built-in library",
-        description="Plays a ghost of every class of the built-in library, made from the library itself, over "
-        "loopback into a recogniser in another process, and shows what it answers.",
+        description="Plays a recorded motion of every class of the built-in library over loopback into a recogniser in "
+        "another process, and shows what it answers. The recogniser's library holds none of the motions played. Exit "
+        "status: 0 every motion named, 1 one not, 2 could not be done.",
     )
-    demo.add_argument("--seconds", type=positive, default=44.0, help="how long in all (default %(default)s)")
+    demo.add_argument("--seconds", type=positive, default=30.0, help="how long in all, at most (default %(default)s)")
     demo.add_argument("--transport", choices=("osc", "zmq"), default="osc")
     demo.add_argument("--picture", type=Path, metavar="SVG", help="write the final table as a picture")
     add_json(demo)
@@ -182,13 +184,18 @@ def _run_live(parsed: argparse.Namespace) -> int:
 def _add_replay(programs: Programs[argparse.ArgumentParser]) -> None:
     replay = programs.add_parser(
         "replay",
-        help="send recorded files as a fake live feed",
+        help="send recorded files, or the built-in library's motions, as a fake live feed",
         description="Sends recordings as live packets on an absolute schedule. With --listen it hears the answers and "
         "prints the share that was right; a clip's class is in its name (HDM05) or is its folder's name. Exit "
         "status: 0 sent (and, with --listen, answered), 1 with --listen and without any answer, 2 could not be done.",
     )
     replay.add_argument(
-        "clips", nargs="+", type=Path, metavar="CLIP", help="recordings, or folders of them, or one .kinerec"
+        "clips",
+        nargs="*",
+        type=Path,
+        metavar="CLIP|CLASS",
+        help="recordings, folders of them, or classes of the built-in library, whose motions are played; or one "
+        ".kinerec (default: all motions of the built-in library)",
     )
     add_reading(replay)
     replay.add_argument("--osc", metavar="HOST:PORT", help=f"send OSC there (default {OSC_IN})")
@@ -324,18 +331,19 @@ def _run_latency(parsed: argparse.Namespace) -> int:
 def _add_build(programs: Programs[argparse.ArgumentParser]) -> None:
     build = programs.add_parser(
         "build",
-        help="make a motion library from recordings",
-        description="Makes a library of all recordings under some folders; a clip's class is in its name (HDM05) or is "
-        "its folder's name. A library file among the sources is merged in.",
+        help="make a motion library from recordings and other libraries",
+        description="Puts the motions of recordings and library files together, over the joints that all of them have. "
+        "A recording's class is in its name (HDM05) or is its folder's name.",
     )
-    build.add_argument("sources", nargs="+", type=Path, metavar="FOLDER", help="folders, recordings or libraries")
+    build.add_argument("sources", nargs="+", type=Path, metavar="SOURCE", help="folders, recordings or libraries")
     build.add_argument("-o", "--output", type=Path, required=True, metavar="FILE", help="the library to write")
     add_overwrite(build)
+    add_changes(build)
     add_labels(build, "for each recording, in order: cut it into these motions")
     add_reading(build)
     add_actor_in(build)
-    build.add_argument("--licence", help="terms of the numbers (default: HDM05's, when all clips are named so)")
-    build.add_argument("--attribution", help="whom to name (default: HDM05's, when all clips are named so)")
+    build.add_argument("--licence", help="terms of the recordings (default: HDM05's, of those that are named so)")
+    build.add_argument("--attribution", help="whom to name (default: HDM05's, of those that are named so)")
     build.set_defaults(run=_run_build)
 
 
@@ -345,11 +353,51 @@ def _run_build(parsed: argparse.Namespace) -> int:
     return build.run(
         parsed.sources,
         parsed.output,
+        nothing=parsed.nothing,
         labels=parsed.labels,
         reading=reading_of(parsed),
-        licence=parsed.licence,
-        attribution=parsed.attribution,
+        terms=build.Terms(parsed.licence, parsed.attribution),
+        changes=build.Changes(parsed.without, dict(parsed.rename)),
         overwrite=parsed.overwrite,
+    )
+
+
+def _add_learn(programs: Programs[argparse.ArgumentParser]) -> None:
+    learn = programs.add_parser(
+        "learn",
+        help="teach a library what is unknown, by takes of strangers",
+        description="Fits the numbers that tell known motion from unknown, by takes in which nothing known happens and "
+        "takes that contain a known motion, and keeps them in the library's file.",
+    )
+    learn.add_argument("library", type=Path, metavar="LIBRARY", help="a library file")
+    learn.add_argument("-o", "--output", type=Path, required=True, metavar="FILE", help="the library to write")
+    add_overwrite(learn)
+    learn.add_argument(
+        "--takes",
+        dest="tables",
+        nargs="+",
+        type=Path,
+        required=True,
+        metavar="CSV",
+        help="file,subject,contains,perhaps for each take; one with neither of the last shows nothing known",
+    )
+    for option, told in (("--subjects", "of these persons only"), ("--without-subjects", "not of these persons")):
+        learn.add_argument(option, nargs="+", action="extend", default=[], metavar="NAME", help=f"takes {told}")
+    add_reading(learn)
+    add_json(learn)
+    learn.set_defaults(run=_run_learn)
+
+
+def _run_learn(parsed: argparse.Namespace) -> int:
+    from tools import learn, takes  # noqa: PLC0415 - as above
+
+    return learn.run(
+        parsed.library,
+        parsed.output,
+        takes.Sources(tables=parsed.tables, persons=parsed.subjects, without_persons=parsed.without_subjects),
+        reading=reading_of(parsed),
+        overwrite=parsed.overwrite,
+        as_json=parsed.json,
     )
 
 
@@ -372,13 +420,25 @@ def _run_info(parsed: argparse.Namespace) -> int:
 def _add_evaluate(programs: Programs[argparse.ArgumentParser]) -> None:
     evaluate = programs.add_parser("evaluate", help="measure how often the right class is found")
     kinds = evaluate.add_subparsers(title="experiments", required=True, metavar="EXPERIMENT")
+    _add_evaluate_retrieval(kinds)
+    _add_evaluate_stream(kinds)
+    _add_evaluate_noise(kinds)
+
+
+def _add_evaluate_retrieval(kinds: Programs[argparse.ArgumentParser]) -> None:
     retrieval = kinds.add_parser(
         "retrieval",
-        help="the paper's experiment: every clip's nearest neighbour, in three spaces",
-        description="For every clip, counts whether its nearest other clip is of its class, and whether one of the two "
-        "nearest is, in the spaces of joint distances, joint positions and joint rotations.",
+        help="the paper's experiment: every motion's nearest neighbour, in three spaces",
+        description="For every motion, counts whether its nearest other motion is of its class, and whether one of the "
+        "two nearest is, in the spaces of joint distances, joint positions and joint rotations.",
     )
-    retrieval.add_argument("folder", nargs="+", type=Path, metavar="FOLDER", help="recordings, or folders of them")
+    retrieval.add_argument(
+        "folder",
+        nargs="*",
+        type=Path,
+        metavar="FOLDER",
+        help="recordings, or folders of them (default: the built-in library's motions, which have no rotations)",
+    )
     add_reading(retrieval)
     add_actor_in(retrieval)
     retrieval.add_argument("--space", choices=("distances", "positions", "rotations"), help="default: all")
@@ -397,7 +457,7 @@ def _add_evaluate(programs: Programs[argparse.ArgumentParser]) -> None:
         "--picture",
         type=Path,
         metavar="FILE",
-        help="draw the three confusion matrices; their numbers go beside it as CSV",
+        help="draw the confusion matrices; their numbers go beside it as CSV",
     )
     retrieval.add_argument(
         "--json",
@@ -405,31 +465,65 @@ def _add_evaluate(programs: Programs[argparse.ArgumentParser]) -> None:
         help="print one JSON object and nothing else (default: distances, eigenvector, leave-one-out)",
     )
     retrieval.set_defaults(run=_run_retrieval)
-    _add_evaluate_stream(kinds)
 
 
 def _add_evaluate_stream(kinds: Programs[argparse.ArgumentParser]) -> None:
     stream = kinds.add_parser(
         "stream",
-        help="labelled takes through the live recogniser, causally",
-        description="Replays continuous takes through the very recogniser that runs live, at full speed and without "
-        "sockets, and compares what was published at each moment with what was performed at that moment.",
+        help="takes through the live recogniser, causally",
+        description="Replays takes through the very recogniser that runs live, at full speed and without sockets, and "
+        "compares what was published at each moment with what was performed at that moment.",
     )
-    stream.add_argument("takes", nargs="+", type=Path, metavar="TAKE", help="recordings, or folders of them")
+    stream.add_argument(
+        "takes",
+        nargs="*",
+        type=Path,
+        metavar="TAKE",
+        help="labelled takes, clips named as HDM05's, or folders of them (default: the library's own motions)",
+    )
+    stream.add_argument(
+        "--takes",
+        dest="tables",
+        nargs="+",
+        action="extend",
+        type=Path,
+        default=[],
+        metavar="CSV",
+        help="file,subject,contains,perhaps for each take; one with neither of the last shows nothing known",
+    )
+    stream.add_argument(
+        "--unknown",
+        nargs="+",
+        action="extend",
+        type=Path,
+        default=[],
+        metavar="TAKE",
+        help="recordings in which nothing known happens, or folders of them",
+    )
+    stream.add_argument("--clips", action="store_true", help="a recording without labels is one motion, of its folder")
     add_reading(stream)
-    add_labels(stream, "for each take, in order (default: beside the take, ending in .csv)")
+    add_actor_in(stream)
+    add_labels(stream, "for each TAKE, in order (default: beside the take, ending in .csv)")
     add_library(stream)
     stream.add_argument(
         "--protocol",
-        choices=("library", "leave-one-take-out"),
+        choices=("library", "leave-one-take-out", "leave-one-person-out", "one-person"),
         default="library",
-        help="recognise with the library, or each take with what is cut from the others",
+        help="recognise with the library; with what is cut from the other takes, or from the other persons' takes; or "
+        "with what is cut from one person's, for each person in turn",
     )
+    for option, told in (("--subjects", "of these persons only"), ("--without-subjects", "not of these persons")):
+        stream.add_argument(option, nargs="+", action="extend", default=[], metavar="NAME", help=f"takes {told}")
     stream.add_argument(
         "--map", nargs="+", action="extend", type=mapping, default=[], metavar="LABEL=CLASS", help="rename labels"
     )
     stream.add_argument("--skeleton", metavar="NAME", help="with the joints of this product alone, like kinectv2")
     add_settings(stream)
+    stream.add_argument(
+        "--without-part",
+        choices=("eigen", "spread", "posture", "trend"),
+        help="leave these parts of the signature out, to see what they are worth",
+    )
     stream.add_argument("--timeline", type=Path, metavar="FILE", help="draw what was performed and answered over time")
     stream.add_argument("--confusion", type=Path, metavar="FILE", help="draw what was answered to what")
     add_json(stream)
@@ -437,19 +531,74 @@ def _add_evaluate_stream(kinds: Programs[argparse.ArgumentParser]) -> None:
 
 
 def _run_evaluate_stream(parsed: argparse.Namespace) -> int:
-    from tools import evaluate_stream  # noqa: PLC0415 - as above
+    from library.windows.parts import Kind  # noqa: PLC0415 - as above
+    from tools import evaluate_stream, protocols, takes  # noqa: PLC0415 - as above
 
     return evaluate_stream.run(
-        parsed.takes,
+        takes.Sources(
+            parsed.takes,
+            parsed.labels,
+            clips=parsed.clips,
+            unknown=parsed.unknown,
+            tables=parsed.tables,
+            names=dict(parsed.map),
+            persons=parsed.subjects,
+            without_persons=parsed.without_subjects,
+            skeleton=parsed.skeleton,
+        ),
         reading=reading_of(parsed),
-        labels=parsed.labels,
         library=parsed.library,
-        leave_one_out=parsed.protocol == "leave-one-take-out",
-        names=dict(parsed.map),
+        protocol=protocols.Protocol(parsed.protocol),
+        settings=settings_of(parsed),
+        without=Kind(parsed.without_part) if parsed.without_part else None,
+        drawn=evaluate_stream.Pictures(parsed.timeline, parsed.confusion),
+        as_json=parsed.json,
+    )
+
+
+def _add_evaluate_noise(kinds: Programs[argparse.ArgumentParser]) -> None:
+    noise = kinds.add_parser(
+        "noise",
+        help="motions as a noisy sensor sees them, each left out of the library that names it",
+        description="Plays motions at 30 frames per second with white noise on every coordinate into the live "
+        "recogniser. Motions are left out of the library in groups, so that none is named by itself.",
+    )
+    noise.add_argument(
+        "folder",
+        nargs="*",
+        type=Path,
+        metavar="FOLDER",
+        help="clips, or folders of them (default: the built-in library's motions)",
+    )
+    add_reading(noise)
+    add_actor_in(noise)
+    noise.add_argument(
+        "--noise",
+        nargs="+",
+        type=not_negative,
+        default=[0.0, 10.0, 20.0, 30.0],
+        metavar="MM",
+        help="standard deviations on each coordinate (default: 0 10 20 30)",
+    )
+    noise.add_argument("--groups", type=count, default=12, help="how many, at least two (default %(default)s)")
+    noise.add_argument("--seed", type=int, default=0, help="of the noise (default %(default)s)")
+    noise.add_argument("--skeleton", metavar="NAME", help="with the joints of this product alone, like kinectv2")
+    add_settings(noise)
+    add_json(noise)
+    noise.set_defaults(run=_run_evaluate_noise)
+
+
+def _run_evaluate_noise(parsed: argparse.Namespace) -> int:
+    from tools import evaluate_noise  # noqa: PLC0415 - as above
+
+    return evaluate_noise.run(
+        parsed.folder,
+        reading=reading_of(parsed),
+        noises=parsed.noise,
+        groups=parsed.groups,
+        seed=parsed.seed,
         skeleton=parsed.skeleton,
         settings=settings_of(parsed),
-        timeline=parsed.timeline,
-        confusion_file=parsed.confusion,
         as_json=parsed.json,
     )
 
@@ -474,8 +623,8 @@ def _add_bench(programs: Programs[argparse.ArgumentParser]) -> None:
     bench = programs.add_parser(
         "bench",
         help="measure what everything costs, beside what a user would take instead",
-        description="Times every step, the alternatives, growth, sockets and a long run, on real recordings and one "
-        "core. Needs pip install kinespace[bench] for the alternatives. Everything takes an hour and more.",
+        description="Times every step, the alternatives, growth, sockets and a long run, on real motions and one core. "
+        "pip install kinespace[bench] lets it keep linear algebra to one thread. Everything takes an hour.",
     )
     parts = ("stages", "peers", "growth", "sockets", "soak")
     bench.add_argument("part", nargs="?", choices=(*parts, "all"), default="all", help="default: %(default)s")
@@ -483,13 +632,12 @@ def _add_bench(programs: Programs[argparse.ArgumentParser]) -> None:
         "--data",
         type=Path,
         metavar="FOLDER",
-        default=Path(os.environ.get("KINESPACE_DATA") or "../shared/data"),
-        help="what holds hdm05_cut_amc/ and cmu/ (default: KINESPACE_DATA, or ../shared/data)",
+        help="play two minutes of these recordings (default: motions of the built-in library)",
     )
     bench.add_argument(
         "--signature",
-        choices=("eigenvector", "windows"),
-        help="of which the figures of --json and sockets tell (default: the recogniser's own)",
+        choices=[str(signature) for signature in LiveSignature],
+        help="of which the figures of --json, growth and sockets tell (default: the recogniser's own)",
     )
     bench.add_argument("--rounds", type=count, default=9, help="medians are of so many (default %(default)s)")
     bench.add_argument("--seconds", type=positive, default=20.0, help="of a latency run (default %(default)s)")

@@ -1,12 +1,13 @@
 """`kinespace demo`: the whole loop on this machine, with nothing but the built-in library.
 
-What is played are ghosts: motions of the library made visible again from what the library keeps of them. That every
-ghost is recognised shows that the loop works, not how well people are recognised; `kinespace evaluate` shows that.
+It plays recorded motions of the library, one of each class. The library that names them holds none of those played.
+Other motions of the same persons are in it: `kinespace evaluate` tells how well other persons are recognised.
 """
 
 from __future__ import annotations
 
 import json
+import math
 import time
 from collections import Counter
 from contextlib import closing
@@ -20,13 +21,12 @@ from rich.live import Live
 from rich.text import Text
 
 from library import MotionLibrary
-from stream.frame import Announcement, Frame
+from stream.frame import Announcement
 from stream.recognizer import Settings
 from tools.background import BackgroundService
 from tools.console import console
 from tools.expected import AnswerMatcher, expected_answers
-from tools.feed import Cue, Pace
-from tools.ghost import ghost
+from tools.feed import Pace, clip_cues
 from tools.listener import Listener, answer_in
 from tools.livetable import score_shown
 from tools.output import require_place_for
@@ -38,16 +38,16 @@ if TYPE_CHECKING:
 
     from rich.table import Table
 
+    from library import Clip
     from stream.answer import Answer
     from tools.background import Transport
-    from tools.feed import FrameSender
+    from tools.feed import Cue, FrameSender
     from tools.listener import Heard
 
-PERFORMER = "ghost"
-_FRAME_RATE = 120.0
-#: Cycles per second of a ghost: at another beat than hops fall, so that no two answers are alike.
-_SWING = 0.97
-#: Seconds between two ghosts: longer than the recogniser bridges, so that its window starts anew.
+PERFORMER = "demo"
+#: Seconds of the shortest motion that is played, where a class has one so long: recognition begins after half a second.
+MIN_SECONDS = 1.0
+#: Seconds between two motions: longer than the recogniser bridges, so that its window starts anew.
 _PAUSE = 0.7
 _LINGER = 0.3
 _PICTURE_WIDTH = 112
@@ -55,7 +55,7 @@ _PICTURE_WIDTH = 112
 
 @dataclass(slots=True)
 class _Played:
-    """One ghost, and what was answered while it played."""
+    """The motion of one class, and what was answered while it played."""
 
     class_name: str
     labels: Counter[str] = field(default_factory=Counter)
@@ -69,29 +69,25 @@ class _Played:
 
 
 def run(transport: Transport, *, seconds: float, picture: Path | None, as_json: bool) -> int:
-    """Play every class for its share of the seconds and show what is answered.
+    """Play a motion of every class and show what is answered.
 
     Raises
     ------
     ValueError
-        The seconds are too few for every class to fill a window.
+        The seconds are too few for a motion of every class.
     OSError
         The picture has no place to be written to.
     """
     if picture:
         require_place_for(picture)
-    library, settings = MotionLibrary.builtin(), Settings()
-    each = seconds / len(library.classes) - _PAUSE
-    if each < settings.window + 0.2:
-        least = len(library.classes) * (settings.window + 0.2 + _PAUSE)
-        raise ValueError(
-            f"--seconds: expected at least {least:.0f} for {len(library.classes)} classes, got {seconds:g}"
-        )
-    cues = _cues(library, each)
+    whole, settings = MotionLibrary.builtin(), Settings()
+    motions = chosen(whole, seconds)
+    library = whole.without(motions=motions)
+    cues = list(clip_cues(motions, PERFORMER, pause=_PAUSE))
     matcher = AnswerMatcher(expected_answers(cues, library, settings))
-    with BackgroundService(transport, settings=settings) as service:
+    with BackgroundService(transport, library=library, settings=settings) as service:
         sender, receiver = service.connect()
-        show = _Show([_Played(class_name) for class_name in library.classes], matcher, transport)
+        show = _Show([_Played(motion.class_name) for motion in motions], matcher, transport)
         with closing(sender), closing(Listener(receiver)) as listener:
             sender.announce(Announcement(PERFORMER, library.skeleton.joints))
             if as_json:
@@ -107,16 +103,34 @@ def run(transport: Transport, *, seconds: float, picture: Path | None, as_json: 
     return 0 if show.right == len(show.played) else 1
 
 
-def _cues(library: MotionLibrary, each: float) -> list[Cue]:
-    """Cue a ghost of every class, one after the other."""
-    cues = list[Cue]()
-    for place, class_name in enumerate(library.classes):
-        begin = place * (each + _PAUSE)
-        positions = ghost(library, class_name, seconds=each, frame_rate=_FRAME_RATE, rate=_SWING).astype(np.float32)
-        for index, joints in enumerate(positions):
-            due = begin + index / _FRAME_RATE
-            cues.append(Cue(due, Frame(PERFORMER, 1.0 + due, joints), len(cues), class_name))
-    return cues
+def chosen(library: MotionLibrary, seconds: float) -> list[Clip]:
+    """Choose a motion of each class: the longest up to a limit, the same for all, that lets all fit into the seconds.
+
+    A class without a motion below the limit gives its shortest; motions of less than a second are passed over.
+
+    Parameters
+    ----------
+    library
+        Whose motions.
+    seconds
+        For all of them, with the pauses between.
+
+    Raises
+    ------
+    ValueError
+        Even the shortest take longer.
+    """
+    by_class = {name: [each for each in library.motions if each.class_name == name] for name in library.classes}
+    candidates = [
+        sorted([each for each in motions if each.duration >= MIN_SECONDS] or motions, key=lambda each: each.duration)
+        for motions in by_class.values()
+    ]
+    for limit in sorted({each.duration for motions in candidates for each in motions}, reverse=True):
+        taken = [([each for each in motions if each.duration <= limit] or motions[:1])[-1] for motions in candidates]
+        least = sum(each.duration + _PAUSE for each in taken)
+        if least <= seconds:
+            return taken
+    raise ValueError(f"--seconds: expected at least {math.ceil(least)} for {len(taken)} classes, got {seconds:g}")
 
 
 class _Show:
@@ -154,7 +168,7 @@ class _Show:
 
     @property
     def right(self) -> int:
-        """How many ghosts were answered with their own class most of the time."""
+        """How many motions were answered with their own class most of the time."""
         return sum(each.answered == each.class_name for each in self.played)
 
     @property
@@ -173,8 +187,8 @@ class _Show:
         }
 
     def table(self, width: int) -> Table:
-        """Draw the ghosts so far, on a terminal of so many characters."""
-        table = narrow_table("Ghosts, made from the library's own signatures, sent over loopback")
+        """Draw the motions so far, on a terminal of so many characters."""
+        table = narrow_table("Motions of the built-in library, each left out of the library that names it")
         for heading in ("played", "answered", "score"):
             table.add_column(heading, overflow="fold")
         for heading in ("margin", "ms"):
@@ -203,7 +217,7 @@ class _Show:
             f"p50 {np.percentile(latencies, 50):.2f} ms, p99 {np.percentile(latencies, 99):.2f} ms" if latencies else ""
         )
         return (
-            f"{self.right} of {len(self.played)} ghosts named; {right} of {answers} answers right, {lost} lost\n"
+            f"{self.right} of {len(self.played)} motions named; {right} of {answers} answers right, {lost} lost\n"
             f"frame sent to answer received over {self._transport.upper()}: {times}"
         )
 

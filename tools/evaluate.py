@@ -1,15 +1,16 @@
-"""`kinespace evaluate`: how often the right class is found."""
+"""`kinespace evaluate retrieval`: how often a motion's nearest neighbour is of its class."""
 
 from __future__ import annotations
 
 import csv
 import json
-from typing import TYPE_CHECKING
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from rich.table import Table
 
-from library import find_recordings, read_recordings
+from library import Clip, MotionLibrary, find_recordings, read_recordings
 from library.recordings import labelled
 from library.retrieval import (
     SPLIT_LIBRARY_ACTORS,
@@ -23,25 +24,58 @@ from library.retrieval import (
     motion_axes,
     motion_spreads,
     retrieve,
+    splits,
     turned,
 )
+from tools.bootstrap import Ratio
 from tools.console import console, progress
 from tools.jointsets import joints_of
 from tools.output import require_place_for
-from tools.tables import add_names
+from tools.streamtables import interval, percent
+from tools.tables import add_names, narrow_table
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
     from pathlib import Path
 
-    from library import Clip, Reading
+    from numpy.typing import NDArray
 
-_WITHOUT_ROTATIONS = [Space.DISTANCES, Space.POSITIONS]
+    from library import Reading
+    from tools.bootstrap import Interval
 
 #: Characters that the figures beside the names of sets of joints need.
 _BESIDE_SKELETONS = 50
 
-Results = dict[tuple[Space, SignatureKind, Protocol], Retrieval]
+
+class _Way(NamedTuple):
+    """By what of which numbers motions are compared."""
+
+    space: Space
+    signature: SignatureKind
+
+
+@dataclass(frozen=True, slots=True)
+class Splits:
+    """What came out of all ways to make a library of three of five actors.
+
+    Attributes
+    ----------
+    mean, worst
+        Share of motions whose nearest neighbour is of their class.
+    worst_library
+        The three actors of the worst.
+    """
+
+    mean: float
+    worst: float
+    worst_library: tuple[str, ...]
+
+
+class _Outcome(NamedTuple):
+    """What came out one way: of each protocol, and of all splits where there are five actors."""
+
+    retrievals: dict[Protocol, Retrieval]
+    splits: Splits | None
 
 
 def run_retrieval(
@@ -61,17 +95,17 @@ def run_retrieval(
     Parameters
     ----------
     places
-        Recordings, or folders of them.
+        Recordings, or folders of them; the built-in library's motions when there are none.
     reading
         How they are read.
     space, signature, protocol
-        One of each, or None for all that the recordings allow.
+        One of each, or None for all that the motions allow.
     skeletons
         Names of joint sets to restrict the clips to, each for itself; as recorded when there is none.
     turned_by
         Seed with which clips are first turned and shifted; None to take them as recorded.
     picture
-        Where to draw the confusion matrices of the three spaces; their numbers go beside it, ending in `.csv`.
+        Where to draw the confusion matrix of each space; their numbers go beside it, ending in `.csv`.
     as_json
         Print one JSON object, for one space and protocol.
     """
@@ -87,22 +121,15 @@ def run_retrieval(
     _require_actors(clips, protocols)
     if skeletons:
         return _run_by_skeleton(clips, skeletons, protocols, as_json=as_json)
-    # The picture compares the paper's three spaces, whatever is printed.
-    spaces = list(Space) if picture or all(clip.rotations.size for clip in clips) else _WITHOUT_ROTATIONS
-    wanted = [Space(space)] if space and not picture else spaces
-    results = _retrieve(clips, wanted, protocols)
+    ways = _ways(clips, space, signature)
     if picture:
-        drawn = Protocol(protocol) if protocol else Protocol.LEAVE_ONE_OUT
-        confusions = {each: results[each, SignatureKind.EIGENVECTOR, drawn] for each in Space}
-        _write_confusions(picture, confusions, drawn)
-    if signature != SignatureKind.EIGENVECTOR and space in (None, Space.DISTANCES):
-        results |= _retrieve_by_spread(clips, protocols)
-    shown = {key: result for key, result in results.items() if space in (None, key[0]) and signature in (None, key[1])}
+        _write_confusions(picture, clips, Protocol(protocol) if protocol else Protocol.LEAVE_ONE_OUT)
+    outcomes = {way: _outcome(clips, way, protocols) for way in progress(ways, "Comparing", len(ways))}
     if as_json:
-        ((chosen, result),) = shown.items()
-        print(json.dumps(_as_json(*chosen, result)))
+        ((way, outcome),) = outcomes.items()
+        print(json.dumps(_as_json(clips, way, outcome)))
     else:
-        _print_table(shown, turned_by)
+        _print_table(clips, outcomes, turned_by)
     return 0
 
 
@@ -110,16 +137,16 @@ def _run_by_skeleton(
     clips: Sequence[Clip], skeletons: Sequence[str], protocols: Sequence[Protocol], *, as_json: bool
 ) -> int:
     """Say what each set of joints keeps of the distances' figures, by both signatures."""
-    found = dict[str, tuple[int, Results]]()
-    for name in skeletons:
+    ways = [_Way(Space.DISTANCES, signature) for signature in SignatureKind]
+    found = dict[str, tuple[list[Clip], dict[_Way, _Outcome]]]()
+    for name in progress(skeletons, "Comparing", len(skeletons)):
         fewer = [clip.restricted_to(joints_of(name)) for clip in clips]
-        results = _retrieve(fewer, [Space.DISTANCES], protocols) | _retrieve_by_spread(fewer, protocols)
-        found[name] = len(fewer[0].skeleton.joints), results
+        found[name] = fewer, {way: _outcome(fewer, way, protocols) for way in ways}
     if as_json:
         told = [
-            {"skeleton": name, "joints": joints} | _as_json(*key, result)
-            for name, (joints, results) in found.items()
-            for key, result in results.items()
+            {"skeleton": name, "joints": len(fewer[0].skeleton.joints)} | _as_json(fewer, way, outcome)
+            for name, (fewer, outcomes) in found.items()
+            for way, outcome in outcomes.items()
         ]
         print(json.dumps(told))
         return 0
@@ -127,26 +154,30 @@ def _run_by_skeleton(
     add_names(table, "skeleton", found, beside=_BESIDE_SKELETONS)
     for heading in ("joints", "signature", *(protocol.replace("-", " ") for protocol in protocols)):
         table.add_column(heading, justify="left" if heading == "signature" else "right")
-    for name, (joints, results) in found.items():
-        for signature in SignatureKind:
-            shares = [f"{results[Space.DISTANCES, signature, protocol].nearest:.1%}" for protocol in protocols]
-            table.add_row(name, f"{joints}", signature, *shares)
+    for name, (fewer, outcomes) in found.items():
+        for way, outcome in outcomes.items():
+            shares = [percent(result.nearest) for result in outcome.retrievals.values()]
+            table.add_row(name, f"{len(fewer[0].skeleton.joints)}", way.signature, *shares)
     console.print(table)
     return 0
 
 
 def _clips(places: Sequence[Path], reading: Reading, turned_by: int | None) -> list[Clip]:
-    paths = find_recordings(places)
-    read = progress(read_recordings(paths, reading), "Reading", len(paths))
-    clips = [labelled(clip, path, reading.actor_in) for clip, path in zip(read, paths, strict=True)]
-    clips = [clip.as_of(clips[0].skeleton) for clip in clips]
-    short = [clip.name for clip in clips if clip.frames < 2]
-    if short:
-        raise ValueError(f"{short[0]}: expected a motion of at least 2 frames, got one")
+    clips = _recorded(places, reading) if places else list(MotionLibrary.builtin().motions)
     if turned_by is None:
         return clips
     generator = np.random.default_rng(turned_by)
     return [turned(clip, generator) for clip in clips]
+
+
+def _recorded(places: Sequence[Path], reading: Reading) -> list[Clip]:
+    paths = find_recordings(places)
+    read = progress(read_recordings(paths, reading), "Reading", len(paths))
+    clips = [labelled(clip, path, reading.actor_in) for clip, path in zip(read, paths, strict=True)]
+    short = [clip.name for clip in clips if clip.frames < 2]
+    if short:
+        raise ValueError(f"{short[0]}: expected a motion of at least 2 frames, got one")
+    return [clip.as_of(clips[0].skeleton) for clip in clips]
 
 
 def _protocols(clips: Sequence[Clip]) -> list[Protocol]:
@@ -168,50 +199,86 @@ def _require_actors(clips: Sequence[Clip], protocols: Sequence[Protocol]) -> Non
         )
 
 
-def _retrieve(clips: Sequence[Clip], spaces: Sequence[Space], protocols: Sequence[Protocol]) -> Results:
+def _spaces(clips: Sequence[Clip]) -> list[Space]:
+    """List the spaces that the motions have numbers in."""
+    rotating = all(clip.rotations.size for clip in clips)
+    return [space for space in Space if rotating or space is not Space.ROTATIONS]
+
+
+def _ways(clips: Sequence[Clip], space: str | None, signature: str | None) -> list[_Way]:
+    spaces = [Space(space)] if space else _spaces(clips)
+    ways = [_Way(each, SignatureKind.EIGENVECTOR) for each in spaces if signature != SignatureKind.SPREAD]
+    if signature != SignatureKind.EIGENVECTOR and Space.DISTANCES in spaces:
+        ways.append(_Way(Space.DISTANCES, SignatureKind.SPREAD))
+    return sorted(ways)
+
+
+def _outcome(clips: Sequence[Clip], way: _Way, protocols: Sequence[Protocol]) -> _Outcome:
     labels = Labels.of_clips(clips)
-    results: Results = {}
-    for space in progress(spaces, "Comparing", len(spaces)):
-        scores = compare(motion_axes(clips, space))
-        for protocol in protocols:
-            results[space, SignatureKind.EIGENVECTOR, protocol] = retrieve(scores, labels, protocol)
-    return results
+    by_spread = way.signature is SignatureKind.SPREAD
+    signatures = motion_spreads(clips) if by_spread else motion_axes(clips, way.space)
+    products: NDArray[np.floating] | None = None if by_spread else compare(signatures)
+
+    def retrieved(protocol: Protocol, actors: Sequence[str] = SPLIT_LIBRARY_ACTORS) -> Retrieval:
+        scores = compare_spreads(signatures, labels, protocol, actors) if products is None else products
+        return retrieve(scores, labels, protocol, actors)
+
+    ten = splits({clip.actor for clip in clips}) if Protocol.SPLIT in protocols or len(protocols) > 1 else []
+    shares = {actors: retrieved(Protocol.SPLIT, actors).nearest for actors in ten}
+    worst = min(shares, key=shares.__getitem__) if shares else ()
+    summary = Splits(float(np.mean(list(shares.values()))), shares[worst], worst) if shares else None
+    return _Outcome({protocol: retrieved(protocol) for protocol in protocols}, summary)
 
 
-def _retrieve_by_spread(clips: Sequence[Clip], protocols: Sequence[Protocol]) -> Results:
-    labels, spreads = Labels.of_clips(clips), motion_spreads(clips)
-    results: Results = {}
-    for protocol in progress(protocols, "Comparing spreads", len(protocols)):
-        scores = compare_spreads(spreads, labels, protocol)
-        results[Space.DISTANCES, SignatureKind.SPREAD, protocol] = retrieve(scores, labels, protocol)
-    return results
-
-
-def _as_json(space: Space, signature: SignatureKind, protocol: Protocol, result: Retrieval) -> dict[str, object]:
+def _intervals(result: Retrieval) -> dict[str, Interval | None]:
+    """Give the ends of both shares' 95 % intervals: bootstrap over the motions that asked."""
+    one = [1.0] * result.motions
     return {
-        "space": space,
-        "signature": signature,
+        name: Ratio(right.tolist(), one).interval()
+        for name, right in zip(("nearest", "two_nearest"), result.right.T.astype(np.float64), strict=True)
+    }
+
+
+def _as_json(clips: Sequence[Clip], way: _Way, outcome: _Outcome) -> dict[str, object]:
+    ((protocol, result),) = outcome.retrievals.items()
+    asking = [clips[index] for index in result.asking]
+    persons = {clip.actor for clip in asking}
+    return {
+        "space": way.space,
+        "signature": way.signature,
         "protocol": protocol,
         "motions": result.motions,
         "classes": len(result.classes),
         "nearest": round(result.nearest, 4),
         "two_nearest": round(result.two_nearest, 4),
+        "seconds": round(sum(clip.duration for clip in asking), 3),
+        "persons": None if "" in persons else len(persons),
+        "intervals": _intervals(result),
+        "splits": asdict(outcome.splits) if outcome.splits else None,
     }
 
 
-def _print_table(results: Results, turned_by: int | None) -> None:
+def _print_table(clips: Sequence[Clip], outcomes: Mapping[_Way, _Outcome], turned_by: int | None) -> None:
     title = "Of how many motions is the nearest neighbour of their class?"
     if turned_by is not None:
         title += " Every clip turned and shifted by chance."
-    table = Table(title=title, title_justify="left")
+    persons = {clip.actor for clip in clips} - {""}
+    told = f"{sum(clip.duration for clip in clips):.0f} s, {len(persons) or 'no'} persons told; 95 %: by motions"
+    table = narrow_table(title, told)
     for heading in ("space", "signature", "protocol"):
         table.add_column(heading)
-    for heading in ("motions", "nearest", "one of two"):
+    for heading in ("motions", "nearest", "95 %", "one of two"):
         table.add_column(heading, justify="right")
-    last = max((protocol for _, _, protocol in results), key=list(Protocol).index)
-    for (space, signature, protocol), result in sorted(results.items(), key=lambda each: each[0][0]):
-        row = (f"{result.motions}", f"{result.nearest:.1%}", f"{result.two_nearest:.1%}")
-        table.add_row(space, signature, protocol, *row, end_section=protocol == last)
+    for way, outcome in outcomes.items():
+        for protocol, result in outcome.retrievals.items():
+            sure = interval(_intervals(result)["nearest"], "{:.0%}".format)
+            table.add_row(
+                *way, protocol, f"{result.motions}", percent(result.nearest), sure, percent(result.two_nearest)
+            )
+        if outcome.splits:
+            table.add_row(*way, "mean of splits", "", percent(outcome.splits.mean))
+            library = " ".join(outcome.splits.worst_library)
+            table.add_row(*way, f"worst: {library}", "", percent(outcome.splits.worst))
     console.print(table)
 
 
@@ -222,9 +289,12 @@ def _require_place_for_confusions(picture: Path) -> None:
     require_place_for(picture.with_suffix(".csv"))
 
 
-def _write_confusions(picture: Path, results: Mapping[Space, Retrieval], protocol: Protocol) -> None:
+def _write_confusions(picture: Path, clips: Sequence[Clip], protocol: Protocol) -> None:
+    """Draw and write the confusions of the paper's spaces, whatever else is asked for."""
     from tools import pictures  # noqa: PLC0415 - matplotlib is an extra, and slow to load
 
+    labels = Labels.of_clips(clips)
+    results = {space: retrieve(compare(motion_axes(clips, space)), labels, protocol) for space in _spaces(clips)}
     pictures.draw_confusions(picture, results, protocol)
     with picture.with_suffix(".csv").open("w", newline="", encoding="utf-8") as file:
         rows = csv.writer(file)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, NamedTuple, Protocol
@@ -13,6 +14,8 @@ from stream.frame import Announcement, Frame
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
+
+    from numpy.typing import NDArray
 
     from library import Clip
     from stream.connections import Endpoint
@@ -93,6 +96,46 @@ def piece_cues(pieces: Iterable[Piece], performer: str, *, speed: float = 1.0, p
             frame = Frame(performer, 1.0 + begin + moment, positions)
             yield Cue((begin + moment) / speed, frame, seq, clip.class_name)
             seq += 1
+
+
+def resampled(clip: Clip, frame_rate: float) -> Clip:
+    """Give a clip at another frame rate, over the same seconds, by straight lines between its frames.
+
+    Parameters
+    ----------
+    clip
+        Any; its rotations are left out.
+    frame_rate
+        Frames per second.
+    """
+    if clip.frame_rate == frame_rate:
+        return clip
+    # The last place is the last frame's, which rounding must not lose.
+    count = int((clip.frames - 1) * frame_rate / clip.frame_rate + 1e-6) + 1
+    places = np.arange(count) * (clip.frame_rate / frame_rate)
+    before = np.minimum(places.astype(np.intp), max(clip.frames - 2, 0))
+    share = (places - before)[:, None, None]
+    after = clip.positions[np.minimum(before + 1, clip.frames - 1)]
+    positions = (1 - share) * clip.positions[before] + share * after
+    return replace(clip, positions=positions, frame_rate=frame_rate, rotations=np.zeros((count, 0)))
+
+
+def without_pause(clips: Iterable[Clip], frame_rate: float, seconds: float = math.inf) -> NDArray[np.float32]:
+    """Put clips one after the other, each at another frame rate, until there are so many seconds of them.
+
+    Returns
+    -------
+    Positions, shape (frames, joints, 3), metres, in the float32 that goes over the wire.
+    """
+    frames = 0
+    pieces: list[NDArray[np.float32]] = []
+    for clip in clips:
+        pieces.append(resampled(clip, frame_rate).positions.astype(np.float32))
+        frames += len(pieces[-1])
+        if frames >= seconds * frame_rate:
+            break
+    whole = np.concatenate(pieces)
+    return whole if math.isinf(seconds) else whole[: round(seconds * frame_rate)]
 
 
 def with_drops(cues: Iterable[Cue], share: float, generator: np.random.Generator) -> Iterator[Cue]:

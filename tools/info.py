@@ -20,7 +20,7 @@ from tools.feeds import preset_named
 from tools.tables import add_names, narrow_table
 
 #: Characters that the figures beside names of recordings, and of classes, need.
-_BESIDE_RECORDINGS, _BESIDE_CLASSES = 34, 50
+_BESIDE_RECORDINGS, _BESIDE_CLASSES = 34, 52
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -109,29 +109,37 @@ def _tell_recordings(place: Path, reading: Reading) -> int:
 
 
 def _tell_library(file: Path | None) -> int:
-    """Print a library's motions by class, its skeleton, licence and attribution."""
+    """Print a library's classes with their indices and motions, its joints, licence and attribution."""
     library = MotionLibrary.load(file) if file else MotionLibrary.builtin()
+    by_class = {name: list(group) for name, group in groupby(library.motions, key=lambda motion: motion.class_name)}
     table = Table(title=str(file or "the built-in library"), title_justify="left")
-    add_names(table, "class", library.classes, beside=_BESIDE_CLASSES)
-    for heading in ("motions", "actors", "seconds", "Hz", "on the axis"):
+    table.add_column("index", justify="right")
+    add_names(table, "class", by_class, beside=_BESIDE_CLASSES)
+    for heading in ("motions", "persons", "seconds", "Hz"):
         table.add_column(heading, justify="right")
-    for class_name, group in groupby(library.motions, key=lambda motion: motion.class_name):
-        motions = list(group)
+    indices = {name: str(index) for index, name in enumerate(library.classes)}
+    for name, motions in by_class.items():
         rates = sorted({motion.frame_rate for motion in motions})
         table.add_row(
-            class_name,
+            # What is answered "unknown" has none.
+            indices.get(name, ""),
+            printable(name),
             str(len(motions)),
             str(len({motion.actor for motion in motions if motion.actor}) or "?"),
             f"{sum(motion.duration for motion in motions):.1f}",
             ", ".join(f"{rate:g}" for rate in rates),
-            f"{sum(motion.share for motion in motions) / len(motions):.0%}",
         )
     console.print(table)
-    indices = ", ".join(f"{index} {printable(class_name)}" for index, class_name in enumerate(library.classes))
-    console.print(f"index of each class: {indices}", soft_wrap=True)
-    skeleton = library.skeleton
-    console.print(f"{len(library)} motions of {len(skeleton.joints)} joints, {len(skeleton.pairs)} pairs measured")
-    console.print(f"arithmetic: {compiled.kind()}")
-    console.print(f"licence: {library.licence or 'not stated'}", soft_wrap=True)
-    console.print(f"attribution: {library.attribution or 'none'}", soft_wrap=True)
+    seconds = sum(motion.duration for motion in library.motions)
+    told = {
+        "motions": f"{len(library)} of {len(library.classes)} classes, {seconds:.0f} s",
+        "persons": ", ".join(library.actors) or "not stated",
+        "joints": f"{len(library.skeleton.joints)}: {', '.join(library.skeleton.joints)}",
+        "sources": ", ".join(dict.fromkeys(each.source for each in library.motions if each.source)) or "not stated",
+        "arithmetic": compiled.kind(),
+        "licence": library.licence or "not stated",
+        "attribution": library.attribution or "none",
+    }
+    for heading, text in told.items():
+        console.print(f"{heading}: {printable(text)}", soft_wrap=True)
     return 0

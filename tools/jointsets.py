@@ -2,18 +2,13 @@
 
 from __future__ import annotations
 
+from library.formats import utkinect
 from stream.feeds import builtin_names, builtin_preset
 from stream.feeds.preset import spelling
 from tools.feeds import preset_named
 
 #: Bodies without a feed of their own: what Kinect 1's own tools track.
-_FURTHER = {
-    "kinect20": (
-        *("root", "upperback", "lowerneck", "head"),
-        *("lclavicle", "lhumerus", "lradius", "lhand", "rclavicle", "rhumerus", "rradius", "rhand"),
-        *("lhipjoint", "lfemur", "ltibia", "ltoes", "rhipjoint", "rfemur", "rtibia", "rtoes"),
-    )
-}
+_FURTHER = {"kinect20": utkinect.SKELETON.joints}
 
 
 def names() -> tuple[str, ...]:

@@ -16,8 +16,7 @@ from stream.frame import Announcement, Frame
 from tools.background import BackgroundService, Echo
 from tools.console import console
 from tools.expected import AnswerMatcher, expected_answers
-from tools.feed import Cue, Pace
-from tools.ghost import ghost
+from tools.feed import Cue, Pace, without_pause
 from tools.listener import Listener, answer_in
 
 if TYPE_CHECKING:
@@ -35,6 +34,8 @@ _LINGER = 0.5
 _SETTLE = 0.2
 #: Seconds of feed whose latencies are not counted: caches fill, ZeroMQ peers meet.
 _WARM_UP = 0.5
+#: Which of the library's motions are played: some of each class.
+_EVERY = 8
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,19 +95,12 @@ class Latency:
         }
 
 
-def measure(
-    transport: Transport,
-    *,
-    rate_hz: float,
-    seconds: float,
-    settings: Settings,
-    positions: NDArray[np.float32] | None = None,
-) -> Latency:
+def measure(transport: Transport, *, rate_hz: float, seconds: float, settings: Settings) -> Latency:
     """Feed a recogniser in another process and time its answers.
 
-    The feed is a ghost of the library's first class unless another is given; a frame's time is given, so that it is
-    known beforehand which frames are answered. Every packet also goes, half a frame later, to a process that sends it
-    straight back.
+    The feed plays every eighth motion of the built-in library, one after the other, again and again. Each frame says
+    its time, so that it is known beforehand which frames are answered. Every packet also goes, half a frame later, to a
+    process that sends it straight back.
 
     Parameters
     ----------
@@ -118,12 +112,19 @@ def measure(
         How long to feed.
     settings
         Of the recogniser.
-    positions
-        What to feed, at that rate, shape (frames, joints, 3), metres; begun again when it is shorter than the run.
+
+    Raises
+    ------
+    ValueError
+        Nothing would be answered after the first half second, which warms up.
     """
     library = MotionLibrary.builtin()
-    cues = _cues(_ghost(library, rate_hz, seconds) if positions is None else positions, rate_hz, seconds)
+    warm = int(_WARM_UP * rate_hz)
+    positions = without_pause(library.motions[::_EVERY], rate_hz, seconds)
+    cues = _cues(positions, rate_hz, seconds)
     expected = expected_answers(cues, library, settings)
+    if not expected or expected[-1].cue < warm:
+        raise ValueError(f"--seconds: expected enough for an answer after the first {_WARM_UP:g} s, got {seconds:g}")
     with (
         BackgroundService(transport, settings=settings) as service,
         BackgroundService(transport, stand_in=Echo()) as echo,
@@ -133,7 +134,6 @@ def measure(
     matcher = AnswerMatcher(expected)
     answers = [(answer, each.arrival) for each in run.answers if (answer := answer_in(each.packet))]
     pairs = [(matcher.match(answer), arrival) for answer, arrival in answers]
-    warm = int(_WARM_UP * rate_hz)
     return Latency(
         transport=transport,
         rate_hz=rate_hz,
@@ -185,11 +185,6 @@ class _Run:
             (self.echoes if each.receiver is self._echo_receiver else self.answers).append(each)
 
 
-def _ghost(library: MotionLibrary, rate_hz: float, seconds: float) -> NDArray[np.float32]:
-    # The ghost moves at another beat than hops fall, so that no two answers are alike.
-    return ghost(library, library.classes[0], seconds=seconds, frame_rate=rate_hz, rate=0.83).astype(np.float32)
-
-
 def _cues(positions: NDArray[np.float32], rate_hz: float, seconds: float) -> list[Cue]:
     return [
         Cue(k / rate_hz, Frame("latency", 1.0 + k / rate_hz, positions[k % len(positions)]), k)
@@ -199,8 +194,6 @@ def _cues(positions: NDArray[np.float32], rate_hz: float, seconds: float) -> lis
 
 def run(transports: Sequence[Transport], *, rate_hz: float, seconds: float, settings: Settings, as_json: bool) -> int:
     """Measure each transport and print a table, or one JSON object."""
-    if seconds <= settings.window + _WARM_UP:
-        raise ValueError(f"--seconds: expected more than a window, {settings.window} s, got {seconds}")
     table = Table(title=f"Frame sent to answer received, milliseconds, at {rate_hz:g} Hz", title_justify="left")
     headings = ("p50", "p95", "p99", "p99.9", "max", "sent", "answered", "lost")
     table.add_column("")

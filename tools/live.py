@@ -143,7 +143,7 @@ def fitted(motions: MotionLibrary, whose: str, joints: Sequence[str]) -> MotionL
     Raises
     ------
     SkeletonMismatchError
-        Library and feed share fewer than two joints.
+        Library and feed share fewer than five joints.
     """
     shared = motions.restricted_to(joints)
     if shared is not motions:
@@ -179,6 +179,8 @@ def _require_room_for(motions: MotionLibrary, settings: Settings) -> None:
     try:
         Recognizer(motions, settings)
     except MemoryError as error:
+        if settings.window is None:
+            raise
         raise ValueError(f"--window: expected seconds that memory has room for, got {settings.window:g}") from error
 
 

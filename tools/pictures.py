@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from library.retrieval import Protocol, Retrieval, Space
-    from tools.streamscore import Course
+    from tools.course import Course
 
 
 def require_place_for_picture(path: Path) -> None:

@@ -1,4 +1,4 @@
-"""`kinespace replay`: recordings as a fake live feed, and what was answered to it."""
+"""`kinespace replay`: recordings, or motions of the built-in library, as a fake live feed, and what was answered."""
 
 from __future__ import annotations
 
@@ -8,12 +8,13 @@ from collections import Counter
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass, field, replace
 from itertools import chain
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 from rich.table import Table
 
-from library import find_recordings
+from library import Clip, MotionLibrary, Reading, find_recordings
 from library.recordings import RecordingReader, labelled
 from stream import osc, zeromq
 from stream.connections import Endpoint
@@ -39,9 +40,7 @@ from tools.tables import add_names
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
-    from pathlib import Path
 
-    from library import Clip, Reading
     from library.skeleton import Skeleton
     from tools.feed import Cue, FrameSender
     from tools.listener import Heard
@@ -143,15 +142,34 @@ def run(
 ) -> int:
     """Send the recordings; with `listen`, print what share of the answers was right.
 
+    Parameters
+    ----------
+    places
+        Recordings, folders of them, and classes of the built-in library; all its motions when there are none.
+    reading
+        How recordings are read.
+    osc_to, zmq_to, listen
+        Where frames go, and where answers come in.
+    course, faults
+        How they are played, and what goes wrong.
+    as_json
+        Print one JSON object and nothing else.
+
     Returns
     -------
     The exit status: 1 when answers were listened for and none came, else 0.
+
+    Raises
+    ------
+    ValueError
+        A place is no recording, folder or class, a recording cannot be used, or something was asked for that the
+        places have no use for.
     """
     raw = [place for place in places if place.suffix.lower() == ENDING]
     if raw:
         return _run_raw(places, osc_to=osc_to, zmq_to=zmq_to, listen=listen, course=course, faults=faults, json=as_json)
     with ExitStack() as opened:
-        pieces = opened.enter_context(ReadAhead(_pieces(find_recordings(places), reading, course)))
+        pieces = opened.enter_context(ReadAhead(_pieces(_to_play(places, reading), reading, course)))
         with progress_console.status("Reading"):
             first = next(iter(pieces))
         announcement = Announcement(course.performer, first.clip.skeleton.joints)
@@ -171,17 +189,39 @@ def run(
     return 0 if replaying.answered or not listener else 1
 
 
-def _pieces(paths: Sequence[Path], reading: Reading, course: Course) -> Iterator[Piece]:
+def _to_play(places: Sequence[Path], reading: Reading) -> list[Path | Clip]:
+    """List the files to be read and the built-in library's motions, place by place, each once."""
+    found = [each for place in places for each in _in_place(place)] if places else [*MotionLibrary.builtin().motions]
+    if reading != Reading() and not any(isinstance(each, Path) for each in found):
+        raise ValueError("replay: expected recordings with --asf, --frame-rate, --unit or --joints, got none to read")
+    return list(dict.fromkeys(found))
+
+
+def _in_place(place: Path) -> Sequence[Path | Clip]:
+    """Give the motions of the built-in library's class of that name, where it is not the path of anything."""
+    motions = () if place.exists() else MotionLibrary.builtin().motions
+    return [each for each in motions if each.class_name == str(place)] or find_recordings([place])
+
+
+def _pieces(recordings: Sequence[Path | Clip], reading: Reading, course: Course) -> Iterator[Piece]:
     """Read what is to be played, one recording after the other, in a loop for ever; all with the first one's joints."""
     skeleton: Skeleton | None = None
     with RecordingReader(reading) as reader:
         while True:
-            for path in paths:
-                for piece in _cut(reader.pieces(path), course.begin, course.end):
+            for recording in recordings:
+                for piece in _cut(_read(reader, recording), course.begin, course.end):
                     skeleton = skeleton or piece.clip.skeleton
-                    yield Piece(piece.start, labelled(piece.clip.as_of(skeleton), path))
+                    yield Piece(piece.start, piece.clip.as_of(skeleton))
             if not course.loop:
                 return
+
+
+def _read(reader: RecordingReader, recording: Path | Clip) -> Iterator[Clip]:
+    if isinstance(recording, Clip):
+        yield recording
+        return
+    for clip in reader.pieces(recording):
+        yield labelled(clip, recording)
 
 
 def _run_raw(

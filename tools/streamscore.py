@@ -1,124 +1,33 @@
-"""How right a stream of answers was: what was published at each moment against what was performed at that moment.
-
-Nothing looks ahead: at every frame's time the answer is the last one published by then. Seconds before a take's first
-answer count as unanswered.
-"""
+"""How right a stream of answers was: what was published at each moment against what was performed at that moment."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
-from stream.recognition import EventKind
+from tools.bootstrap import Percentile, Ratio, RocArea
+from tools.course import NONE
+from tools.stretches import Stretch, stretches_of
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Sequence
+    from collections.abc import Callable, Sequence
 
     from numpy.typing import NDArray
 
-    from library.labels import Segment
-    from stream.recognition import Event, Recognition
+    from tools.bootstrap import Figure, Interval
+    from tools.course import Course
 
-#: Seconds an answer must stay right to be called lasting; to the segment's end when that comes sooner.
-LASTING = 0.3
-#: What stands for "no class" among class indices.
-NONE = -1
+_Item = TypeVar("_Item")
 
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Course:
-    """One take: what was performed and what was published, at the time of every frame.
-
-    Attributes
-    ----------
-    name
-        The take's.
-    times
-        Shape (frames,), seconds from the take's start.
-    segments
-        What was performed, in the library's class names where it knows them.
-    truth
-        Index of the class performed; NONE where the library does not know it or nobody labelled it.
-    labelled
-        Whether somebody said what was performed.
-    segment
-        Index of the segment, -1 outside all.
-    guess
-        Index of the moment's best guess last published, named or not; NONE before the first and where still.
-    published
-        Index of the class last named, NONE for none.
-    event
-        Index of the class whose event is going on, NONE for none.
-    score
-        Raw score of the best guess; NaN before the first answer.
-    """
-
-    name: str
-    times: NDArray[np.float64]
-    segments: tuple[Segment, ...]
-    truth: NDArray[np.intp]
-    labelled: NDArray[np.bool_]
-    segment: NDArray[np.intp]
-    guess: NDArray[np.intp]
-    published: NDArray[np.intp]
-    event: NDArray[np.intp]
-    score: NDArray[np.float64]
-
-
-def course_of(
-    name: str,
-    times: NDArray[np.float64],
-    segments: Sequence[Segment],
-    *,
-    classes: Sequence[str],
-    known: Collection[str],
-    recognitions: Sequence[Recognition],
-    events: Sequence[Event],
-) -> Course:
-    """Lay what was performed and what was published beside each other, at every frame's time.
-
-    Parameters
-    ----------
-    name, times
-        The take's name, and its frames' times, seconds, shape (frames,).
-    segments
-        What was performed, by start.
-    classes
-        Class names that indices count in.
-    known
-        Those that the recogniser's library knows.
-    recognitions, events
-        What was published, by time.
-    """
-    places = {class_name: index for index, class_name in enumerate(classes)}
-    inside = np.searchsorted([each.start for each in segments], times, side="right") - 1
-    ends = np.array([each.end for each in segments])
-    segment = np.where((inside >= 0) & (times < ends[inside]), inside, -1)
-    performed = np.array([places[each.label] if each.label in known else NONE for each in segments])
-    last = np.searchsorted([each.time for each in recognitions], times, side="right") - 1
-    going_on = [places[each.label] if each.kind is EventKind.START else NONE for each in events]
-    guesses = [places[each.classes[each.best]] if each.guess_index >= 0 else NONE for each in recognitions]
-    published = [NONE if each.class_name is None else places[each.class_name] for each in recognitions]
-    last_event = np.searchsorted([each.time for each in events], times, side="right") - 1
-    return Course(
-        name=name,
-        times=times,
-        segments=tuple(segments),
-        truth=np.where(segment >= 0, performed[segment], NONE),
-        labelled=segment >= 0,
-        segment=segment,
-        guess=_held(guesses, last, NONE),
-        published=_held(published, last, NONE),
-        event=_held(going_on, last_event, NONE),
-        score=_held([each.score for each in recognitions], last, np.nan),
+#: Figures of which less is better; of all others more is.
+LOWER_IS_BETTER = frozenset(
+    (
+        *("median_delay_s", "p90_delay_s", "median_seen", "median_event_delay_s"),
+        *("false_per_minute", "unknown_answered", "changes_per_minute", "false_starts_per_minute"),
     )
-
-
-def _held(values: Sequence[float], last: NDArray[np.intp], before: float) -> NDArray[Any]:
-    """Hold each value until the next; `before` the first."""
-    return np.array([*values, before])[np.where(last < 0, len(values), last)]
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,6 +37,18 @@ class ClassScore:
     seconds: float
     right: float
     right_inside: float
+
+
+@dataclass(frozen=True, slots=True)
+class Basis:
+    """What figures rest on: seconds, segments (or takes), and persons, None where nobody has said who they are.
+
+    Whatever was asked of several libraries counts once.
+    """
+
+    seconds: float
+    segments: int
+    persons: int | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -160,6 +81,17 @@ class StreamScore:
         Area under the ROC curve of the raw score, known against unknown motions, windows wholly inside a segment.
     classes
         By class name.
+    segment_majority
+        Share of the known segments in most of whose time the best guess was the class performed.
+    false_starts_per_minute
+        Start events during motions the library does not know, per minute of those.
+    takes_found
+        Of the classes that takes contain, nobody has said when, the share that was named at some time in the take.
+    known, unknown, containing
+        What figures of known and of unknown motions rest on, and `takes_found` (whose segments are takes).
+    intervals
+        Lower and upper end of the 95 % interval of each figure (`tools.bootstrap`), by its name; empty where none was
+        asked for.
     """
 
     frame_accuracy: float | None
@@ -172,144 +104,123 @@ class StreamScore:
     median_event_delay_s: float | None
     false_per_minute: float | None
     unknown_answered: float | None
-    changes_per_minute: float
-    true_changes_per_minute: float
+    changes_per_minute: float | None
+    true_changes_per_minute: float | None
     auc_unknown: float | None
     classes: dict[str, ClassScore] = field(repr=False)
+    segment_majority: float | None
+    false_starts_per_minute: float | None
+    takes_found: float | None
+    known: Basis
+    unknown: Basis
+    containing: Basis
+    intervals: dict[str, Interval | None] = field(repr=False)
+
+    def figures(self) -> dict[str, float | None]:
+        """Give every figure by its name."""
+        others = ("classes", "known", "unknown", "containing", "intervals")
+        return {name: getattr(self, name) for name in self.__slots__ if name not in others}
 
 
-def score_courses(courses: Sequence[Course], classes: Sequence[str], window: float) -> StreamScore:
+def score_courses(
+    courses: Sequence[Course], classes: Sequence[str], window: float, *, intervals: bool = False
+) -> StreamScore:
     """Score some takes together.
 
     Parameters
     ----------
     courses
-        At least one.
+        At least one. Courses of the same name are of the same take, asked of several libraries.
     classes
         The library's class names.
     window
         Seconds that "inside" looks back.
+    intervals
+        Whether to say how sure the figures are.
     """
-    truth = np.concatenate([each.truth for each in courses])
-    published = np.concatenate([each.published for each in courses])
-    guess = np.concatenate([each.guess for each in courses])
-    scores = np.concatenate([each.score for each in courses])
-    inside = np.concatenate([_window_inside(each, window) for each in courses])
-    unknown = np.concatenate([each.labelled for each in courses]) & (truth == NONE)
-    known = truth != NONE
-    delays, seen, sought = _delays(courses)
-    event_delays = _event_delays(courses)
-    minutes = sum(_seconds(each) for each in courses) / 60
+    stretches = list(stretches_of(courses, window))
+    known = _Counting([each for each in stretches if each.known])
+    unknown = _Counting([each for each in stretches if not each.known])
+    figures: dict[str, Figure] = {
+        "frame_accuracy": known.ratio(lambda each: each.right, lambda each: each.frames),
+        "segment_accuracy": known.ratio(lambda each: each.right_inside, lambda each: each.inside),
+        "known_answered": known.ratio(lambda each: each.named_inside, lambda each: each.inside),
+        "segments_found": known.ratio(lambda each: each.delay is not None, lambda _: 1),
+        "median_delay_s": known.percentile(lambda each: each.delay, 50),
+        "p90_delay_s": known.percentile(lambda each: each.delay, 90),
+        "median_seen": known.percentile(lambda each: each.seen, 50),
+        "median_event_delay_s": known.percentile(lambda each: each.event_delay, 50),
+        "false_per_minute": unknown.ratio(lambda each: each.begun, lambda each: each.seconds, 60),
+        "unknown_answered": unknown.ratio(lambda each: each.named, lambda each: each.frames),
+        "changes_per_minute": _changes_per_minute(courses, lambda each: each.event),
+        "true_changes_per_minute": _changes_per_minute(courses, lambda each: each.truth),
+        "auc_unknown": RocArea(known.scores(), unknown.scores()),
+        "segment_majority": known.ratio(lambda each: each.mostly_right, lambda _: 1),
+        "false_starts_per_minute": unknown.ratio(lambda each: each.started, lambda each: each.seconds, 60),
+        "takes_found": _takes_found(courses),
+    }
     return StreamScore(
-        frame_accuracy=_share(guess == truth, known),
-        segment_accuracy=_share(guess == truth, known & inside),
-        known_answered=_share(published != NONE, known & inside),
-        segments_found=len(delays) / sought if sought else None,
-        median_delay_s=_percentile(delays, 50),
-        p90_delay_s=_percentile(delays, 90),
-        median_seen=_percentile(seen, 50),
-        median_event_delay_s=_percentile(event_delays, 50),
-        false_per_minute=_false_per_minute(courses),
-        unknown_answered=_share(published != NONE, unknown),
-        changes_per_minute=sum(_changes(each.event) for each in courses) / minutes if minutes else 0.0,
-        true_changes_per_minute=sum(_changes(each.truth) for each in courses) / minutes if minutes else 0.0,
-        auc_unknown=_roc_area(scores[known & inside], scores[unknown & inside]),
-        classes=_by_class(courses, classes, truth, guess, inside),
+        **{name: figure.value() for name, figure in figures.items()},
+        classes=_by_class(stretches, classes),
+        known=known.basis(),
+        unknown=unknown.basis(),
+        containing=_basis_of_takes([each for each in courses if each.contains]),
+        intervals={name: each.interval() for name, each in figures.items()} if intervals else {},
     )
 
 
-def confusion(courses: Sequence[Course], classes: Sequence[str]) -> tuple[list[str], list[str], NDArray[np.float64]]:
-    """Lay out the time of each label performed over what was published.
+class _Counting:
+    """Stretches by segment: what several libraries answered to one segment goes together."""
 
-    Returns
-    -------
-    The labels performed, the answers ("none" last), and the shares, shape (labels, answers).
-    """
-    labels = sorted({segment.label for each in courses for segment in each.segments})
-    shares = np.zeros((len(labels), len(classes) + 1))
-    for each in courses:
-        rows = np.array([labels.index(segment.label) for segment in each.segments])[each.segment[each.labelled]]
-        np.add.at(shares, (rows, each.published[each.labelled]), 1.0)
-    shares /= np.maximum(shares.sum(axis=1, keepdims=True), 1.0)
-    return labels, [*classes, "none"], shares
+    def __init__(self, stretches: Sequence[Stretch]) -> None:
+        self._units = list(_grouped(stretches, lambda each: each.key).values())
 
+    def ratio(self, counted: Callable[[Stretch], float], among: Callable[[Stretch], float], scale: float = 1) -> Ratio:
+        """Divide two sums."""
+        above, below = ([float(sum(map(count, unit))) for unit in self._units] for count in (counted, among))
+        return Ratio(above, below, scale)
 
-def _window_inside(course: Course, window: float) -> NDArray[np.bool_]:
-    starts = np.array([each.start for each in course.segments])[course.segment]
-    inside: NDArray[np.bool_] = course.labelled & (course.times - window >= starts)
-    return inside
+    def percentile(self, measured: Callable[[Stretch], float | None], percent: float) -> Percentile:
+        """Take a percentile of what was measured in the stretches that have it."""
+        values = [[value for value in map(measured, unit) if value is not None] for unit in self._units]
+        return Percentile(values, percent)
 
+    def scores(self) -> list[NDArray[np.float64]]:
+        """Give the raw scores of each segment."""
+        return [np.concatenate([each.scores for each in unit]) for unit in self._units]
 
-def _delays(courses: Sequence[Course]) -> tuple[list[float], list[float], int]:
-    """Give the found known segments' delays, in seconds and as a share, and how many known segments there are."""
-    delays, seen, sought = list[float](), list[float](), 0
-    for course in courses:
-        for index, segment in enumerate(course.segments):
-            frames = np.flatnonzero(course.segment == index)
-            if not frames.size or course.truth[frames[0]] == NONE:
-                continue
-            sought += 1
-            right = course.guess[frames] == course.truth[frames]
-            first = _first_lasting(right, course.times[frames])
-            if first is not None:
-                delays.append(float(course.times[frames[first]] - segment.start))
-                seen.append(delays[-1] / (segment.end - segment.start))
-    return delays, seen, sought
+    def basis(self) -> Basis:
+        """Say how much there is."""
+        first = [unit[0] for unit in self._units]
+        return _basis([each.seconds for each in first], [each.person for each in first])
 
 
-def _first_lasting(right: NDArray[np.bool_], times: NDArray[np.float64]) -> int | None:
-    """Find the first moment from which the answer stays right for `LASTING` seconds, or to the end."""
-    wrong = np.append(np.flatnonzero(~right), len(right))
-    for first in np.flatnonzero(right & ~np.append(False, right[:-1])):
-        stop = wrong[np.searchsorted(wrong, first)]
-        if stop == len(right) or times[stop] - times[first] >= LASTING:
-            return int(first)
-    return None
+def _grouped(items: Sequence[_Item], key: Callable[[_Item], object]) -> dict[object, list[_Item]]:
+    groups = dict[object, list[_Item]]()
+    for item in items:
+        groups.setdefault(key(item), []).append(item)
+    return groups
 
 
-def _event_delays(courses: Sequence[Course]) -> list[float]:
-    delays = list[float]()
-    for course in courses:
-        for index, segment in enumerate(course.segments):
-            going_on = (course.segment == index) & (course.truth != NONE) & (course.event == course.truth)
-            if going_on.any():
-                delays.append(float(course.times[int(np.argmax(going_on))] - segment.start))
-    return delays
+def _basis(seconds: Sequence[float], persons: Sequence[str]) -> Basis:
+    return Basis(float(sum(seconds)), len(seconds), len(set(persons)) if all(persons) else None)
 
 
-def _false_per_minute(courses: Sequence[Course]) -> float | None:
-    begun, seconds = 0, 0.0
-    for course in courses:
-        unknown = course.labelled & (course.truth == NONE)
-        new = np.append(True, course.published[1:] != course.published[:-1])
-        begun += int((unknown & new & (course.published != NONE)).sum())
-        seconds += float(unknown.mean()) * _seconds(course)
-    return begun / seconds * 60 if seconds else None
+def _basis_of_takes(courses: Sequence[Course]) -> Basis:
+    first = {each.name: each for each in reversed(courses)}.values()
+    return _basis([each.seconds for each in first], [each.person for each in first])
 
 
-def _by_class(
-    courses: Sequence[Course],
-    classes: Sequence[str],
-    truth: NDArray[np.intp],
-    guess: NDArray[np.intp],
-    inside: NDArray[np.bool_],
-) -> dict[str, ClassScore]:
-    frame = sum(_seconds(each) for each in courses) / max(len(truth), 1)
-    scores = {}
-    for index, class_name in enumerate(classes):
-        performed = truth == index
-        if performed.any():
-            right = guess == index
-            scores[class_name] = ClassScore(
-                seconds=float(performed.sum()) * frame,
-                right=_share(right, performed) or 0.0,
-                right_inside=_share(right, performed & inside) or 0.0,
-            )
-    return scores
+def _takes_found(courses: Sequence[Course]) -> Ratio:
+    takes = _grouped([each for each in courses if each.contains], lambda each: each.name).values()
+    found = [sum(len({*each.contains} & {*each.published.tolist()}) for each in take) for take in takes]
+    return Ratio(found, [sum(len(each.contains) for each in take) for take in takes])
 
 
-def _seconds(course: Course) -> float:
-    return float(course.times[-1] - course.times[0]) if len(course.times) > 1 else 0.0
+def _changes_per_minute(courses: Sequence[Course], track: Callable[[Course], NDArray[np.intp]]) -> Ratio:
+    takes = _grouped(courses, lambda each: each.name).values()
+    counted = [sum(_changes(track(each)) for each in take) for take in takes]
+    return Ratio(counted, [sum(each.seconds for each in take) for take in takes], 60)
 
 
 def _changes(track: NDArray[np.intp]) -> int:
@@ -318,19 +229,18 @@ def _changes(track: NDArray[np.intp]) -> int:
     return int(np.count_nonzero(np.diff(track[begun[0] :]))) if begun.size else 0
 
 
-def _share(of: NDArray[np.bool_], among: NDArray[np.bool_]) -> float | None:
-    return float(of[among].mean()) if among.any() else None
+def _by_class(stretches: Sequence[Stretch], classes: Sequence[str]) -> dict[str, ClassScore]:
+    performed = _grouped([each for each in stretches if each.known], lambda each: each.truth)
+    return {
+        classes[index]: ClassScore(
+            seconds=sum({each.key: each.seconds for each in performed[index]}.values()),
+            right=_share(performed[index], lambda each: each.right, lambda each: each.frames),
+            right_inside=_share(performed[index], lambda each: each.right_inside, lambda each: each.inside),
+        )
+        for index in range(len(classes))
+        if index in performed
+    }
 
 
-def _percentile(values: Sequence[float], percent: float) -> float | None:
-    return float(np.percentile(values, percent)) if values else None
-
-
-def _roc_area(known: NDArray[np.float64], unknown: NDArray[np.float64]) -> float | None:
-    """Probability that a known motion's score is above an unknown one's, ties counting half (Mann-Whitney)."""
-    known, unknown = known[np.isfinite(known)], unknown[np.isfinite(unknown)]
-    if not known.size or not unknown.size:
-        return None
-    ordered = np.sort(unknown)
-    below = np.searchsorted(ordered, known, side="left") + np.searchsorted(ordered, known, side="right")
-    return float(below.mean() / (2 * len(ordered)))
+def _share(stretches: Sequence[Stretch], counted: Callable[[Stretch], int], among: Callable[[Stretch], int]) -> float:
+    return sum(map(counted, stretches)) / max(sum(map(among, stretches)), 1)

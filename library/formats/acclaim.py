@@ -506,8 +506,8 @@ def _in_si(body: AcclaimSkeleton, motion: _Motion) -> NDArray[np.float64]:
 def find_asf(amc: Path) -> Path:
     """Find the skeleton of an AMC by name, beside it or one folder up.
 
-    `HDM_bd_squat1Reps_001_120.amc` is looked for as `HDM_bd.asf`, `13_29.amc` as `13.asf`; failing both, as the AMC's
-    own name with `.asf`. Upper and lower case endings are alike.
+    Of `HDM_bd_squat1Reps_001_120.amc` (cut) and `HDM_bd_03-03_01_120.amc` (uncut) it is `HDM_bd.asf`, of `13_29.amc`
+    `13.asf`; failing both, the AMC's own name with `.asf`. Upper and lower case endings are alike.
 
     Raises
     ------

@@ -1,201 +1,159 @@
-"""What a user would take instead: the same feed answered by well-kept libraries, each in its plain way.
+"""What one would take instead: a class named at every hop from the last moments, by well-known means, plainly.
 
-All are given what we have for nothing: the window's rows side by side, distances by our own function, the library's
-axes compared by one product. What differs is the computation at a hop.
+All get what we have for nothing: distances by our own function, templates prepared beforehand.
 """
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
+import math
 from collections import deque
-from importlib.util import find_spec
-from typing import TYPE_CHECKING, Any, ClassVar, Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
-from scipy.sparse.linalg import eigsh
 
-from library.distances import DistanceMeasurer
-from library.signature import similarity
-from stream.recognition import Outcome, Recognition
-from stream.window import MOST_PENDING, SlidingWindow
+from library.distances import distance_rows
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
+    from collections.abc import Callable, Sequence
 
     from numpy.typing import NDArray
 
-    from library import Clip, MotionLibrary
+    from library import MotionLibrary
     from library.skeleton import Skeleton
     from stream.frame import Frame
-    from tools.bench.recorded import Feed
 
-#: Rows that incremental PCA is given at once, and components it keeps: as many as frames come in a hop of 1/30 s.
-_COMPONENTS = 4
-#: Half width of a DTW band, as a share of the window.
-_BAND = 0.1
+#: Seconds of feed whose leading eigenvectors are compared.
+WINDOW = 0.5
+#: Seconds between two windows of a motion.
+_EVERY = 0.25
 
 
 class Alternative(Protocol):
-    """Another way to compare the last second with a library."""
+    """Another way to compare the last moments with a library."""
 
-    #: What must be installed for it, or nothing.
-    needs: ClassVar[str]
-
-    def push(self, frame: Frame) -> None:
-        """Take in a frame."""
+    def push(self, positions: NDArray[np.floating]) -> None:
+        """Take in a frame, (joints, 3), metres."""
 
     def read(self) -> NDArray[np.floating]:
-        """Compare the window that ends with the newest frame: a score of each class, higher is nearer, (classes,)."""
+        """Compare the last moments: a score of each class, higher is nearer, shape (classes,)."""
+
+    def clear(self) -> None:
+        """Forget the frames, as after a gap."""
 
 
-class _BestOfClass:
-    """Scores of motions to the best of each class."""
-
-    def __init__(self, library: MotionLibrary) -> None:
-        self._starts = np.unique(library.class_indices, return_index=True)[1]
-
-    def of(self, scores: NDArray[np.floating]) -> NDArray[np.floating]:
-        best: NDArray[np.floating] = np.maximum.reduceat(scores, self._starts)
-        return best
-
-
-class AxisAlternative(ABC):
-    """The paper's comparison of leading axes, whoever computes the axis."""
-
-    needs: ClassVar[str] = ""
-
-    def __init__(self, library: MotionLibrary, seconds: float) -> None:
-        self._library = library
-        self._best = _BestOfClass(library)
-        self._window = SlidingWindow(seconds, len(library.skeleton.pairs))
-        self._measurer = DistanceMeasurer(library.skeleton, 1)
-        self._row = np.empty((1, len(library.skeleton.pairs)))
-
-    def push(self, frame: Frame) -> None:
-        """Measure the frame's distances and put them into the window."""
-        if self._window.pending >= MOST_PENDING:
-            self.learn(self._window.take_change().entered)
-        self._measurer.measure(frame.positions[None], self._row)
-        self._window.push([frame.time], self._row)
-
-    def learn(self, rows: NDArray[np.float64]) -> None:  # noqa: B027 - most keep no state and have nothing to learn
-        """Take in rows that are new, shape (rows, pairs); for those that keep a state."""
-
-    def read(self) -> NDArray[np.floating]:
-        """Compare the window's leading axis with every motion's."""
-        axis = self.axis().astype(np.float32)
-        return self._best.of(similarity(self._library.axes, axis))
-
-    @abstractmethod
-    def axis(self) -> NDArray[np.float64]:
-        """Give the leading axis, shape (pairs,), unit length."""
-
-
-class SvdOfWindow(AxisAlternative):
-    """The paper's way: the window is centred and its singular value decomposition taken at every hop."""
-
-    def axis(self) -> NDArray[np.float64]:
-        """Give the first right singular vector."""
-        rows = self._window.rows
-        axis: NDArray[np.float64] = np.linalg.svd(rows - rows.mean(axis=0), full_matrices=False)[2][0]
-        return axis
-
-
-class CovarianceAndEigh(AxisAlternative):
-    """`np.cov`, then `np.linalg.eigh`."""
-
-    def axis(self) -> NDArray[np.float64]:
-        """Give the last eigenvector."""
-        axis: NDArray[np.float64] = np.linalg.eigh(np.cov(self._window.rows, rowvar=False))[1][:, -1]
-        return axis
-
-
-class Arpack(AxisAlternative):
-    """`np.cov`, then scipy's `eigsh`, started from the last hop's axis."""
-
-    def __init__(self, library: MotionLibrary, seconds: float) -> None:
-        super().__init__(library, seconds)
-        self._last = np.ones(len(library.skeleton.pairs))
-
-    def axis(self) -> NDArray[np.float64]:
-        """Give the eigenvector of the largest eigenvalue."""
-        _, vectors = eigsh(np.cov(self._window.rows, rowvar=False), k=1, v0=self._last)
-        self._last = vectors[:, 0]
-        return self._last
-
-
-class IncrementalPca(AxisAlternative):
-    """scikit-learn's `IncrementalPCA`, given each hop's new rows; it never forgets, so its window is the whole feed.
-
-    Attributes
-    ----------
-    model
-        scikit-learn's.
-    """
-
-    needs: ClassVar[str] = "scikit-learn"
-
-    def __init__(self, library: MotionLibrary, seconds: float) -> None:
-        from sklearn.decomposition import IncrementalPCA  # noqa: PLC0415 - of the bench extra
-
-        super().__init__(library, seconds)
-        self.model: Any = IncrementalPCA(n_components=_COMPONENTS)
-
-    def learn(self, rows: NDArray[np.float64]) -> None:
-        """Fit the rows that are new, at least as many as there are components."""
-        self.model.partial_fit(rows)
-
-    def axis(self) -> NDArray[np.float64]:
-        """Give the first component."""
-        if self._window.pending >= _COMPONENTS:
-            self.learn(self._window.take_change().entered)
-        axis: NDArray[np.float64] = self.model.components_[0]
-        return axis
-
-
-class DynamicTimeWarping:
-    """Nearest clip of the same library by dtaidistance's C implementation, on poses in the body's own frame.
-
-    Every clip is brought to the window's number of frames once, as is usual; positions rather than distances, because
-    five times fewer numbers make it five times faster.
+class LeadingAxis:
+    """The paper's comparison: |inner product| of leading eigenvectors of windows of half a second.
 
     Parameters
     ----------
     library
         Whose classes are asked for.
-    clips
-        What the library was made of.
-    frames
-        In the window.
-    band
-        How far a warping path may leave the diagonal, in frames; None for any distance.
+    axis
+        Gives the leading eigenvector of distance rows (frames, pairs).
+    frame_rate
+        Of the feed, frames per second.
     """
 
-    needs: ClassVar[str] = "dtaidistance"
-
-    def __init__(self, library: MotionLibrary, clips: Sequence[Clip], frames: int, band: int | None) -> None:
-        from dtaidistance import dtw_ndim  # noqa: PLC0415 - of the bench extra
-
-        self._distance: Callable[..., float] = dtw_ndim.distance
+    def __init__(
+        self, library: MotionLibrary, axis: Callable[[NDArray[np.float64]], NDArray[np.float64]], frame_rate: float
+    ) -> None:
         self._skeleton = library.skeleton
-        self._band = band
-        ordered = sorted(clips, key=lambda clip: clip.class_name)
-        self._templates = [_stretched(poses_in_body_frame(clip.positions, self._skeleton), frames) for clip in ordered]
-        self._classes = np.searchsorted(library.classes, [clip.class_name for clip in ordered])
-        self._count = len(library.classes)
-        self._poses: deque[NDArray[np.float64]] = deque(maxlen=frames)
+        self._axis = axis
+        self._rows: deque[NDArray[np.float64]] = deque(maxlen=round(WINDOW * frame_rate))
+        axes, names = [], []
+        for motion in library.motions:
+            rows = distance_rows(motion.positions, motion.skeleton)
+            length, step = (round(seconds * motion.frame_rate) for seconds in (WINDOW, _EVERY))
+            for end in range(max(min(length, len(rows)), 2), len(rows) + 1, step):
+                axes.append(by_svd(rows[max(end - length, 0) : end]))
+                names.append(motion.class_name)
+        self._axes = np.array(axes, dtype=np.float32)
+        self._starts = np.unique(names, return_index=True)[1]
 
-    def push(self, frame: Frame) -> None:
-        """Turn the frame's pose into the body's own frame and keep it."""
-        self._poses.append(poses_in_body_frame(frame.positions[None], self._skeleton)[0])
+    def push(self, positions: NDArray[np.floating]) -> None:
+        """Measure the frame's distances."""
+        self._rows.append(distance_rows(positions[None], self._skeleton)[0])
 
     def read(self) -> NDArray[np.floating]:
-        """Compare the window with every clip."""
-        window = np.array(self._poses)
-        distances = [self._distance(window, each, window=self._band, use_c=True) for each in self._templates]
-        nearest = np.full(self._count, np.inf)
-        np.minimum.at(nearest, self._classes, distances)
-        return 1 / (1 + nearest)
+        """Compare the window's axis with all windows of the library."""
+        products = np.abs(self._axes @ self._axis(np.array(self._rows)).astype(np.float32))
+        best: NDArray[np.floating] = np.maximum.reduceat(products, self._starts)
+        return best
+
+    def clear(self) -> None:
+        """Forget the rows."""
+        self._rows.clear()
+
+
+def by_svd(rows: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Give the leading eigenvector of rows (frames, pairs): the first right singular vector of the centred rows."""
+    axis: NDArray[np.float64] = np.linalg.svd(rows - rows.mean(axis=0), full_matrices=False)[2][0]
+    return axis
+
+
+def by_eigh(rows: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Give the leading eigenvector of rows (frames, pairs) by `np.cov` and `np.linalg.eigh`."""
+    axis: NDArray[np.float64] = np.linalg.eigh(np.cov(rows, rowvar=False))[1][:, -1]
+    return axis
+
+
+class TimeWarping:
+    """Dynamic time warping of the last second with any part of each motion: begin and end are open.
+
+    Poses in the body's own frame, thirty a second. A frame of the feed goes with the same frame of the motion as the
+    frame before, with the next or with the one after that: the asymmetric steps of Sakoe and Chiba (1978), which
+    matching with an open begin needs (Tormene et al. 2009). The score of a class is of its nearest part of a motion.
+
+    Parameters
+    ----------
+    library
+        Whose classes are asked for; of HDM05's joints.
+    frame_rate
+        Of the feed, frames per second.
+    """
+
+    RATE = 30.0
+    SECONDS = 1.0
+
+    def __init__(self, library: MotionLibrary, frame_rate: float) -> None:
+        self._skeleton = library.skeleton
+        self._every = round(frame_rate / self.RATE)
+        poses = [
+            poses_in_body_frame(motion.positions[:: round(motion.frame_rate / self.RATE)], motion.skeleton)
+            for motion in library.motions
+        ]
+        self._poses = np.concatenate(poses).astype(np.float32)
+        self._squares = np.square(self._poses).sum(axis=1)
+        firsts = np.cumsum([0, *map(len, poses[:-1])])
+        # No path goes from one motion into the next.
+        self._first, self._second = (np.isin(np.arange(len(self._poses)), firsts + place) for place in (0, 1))
+        names = [motion.class_name for motion in library.motions]
+        self._starts = firsts[np.unique(names, return_index=True)[1]]
+        self._costs: deque[NDArray[np.float32]] = deque(maxlen=round(self.SECONDS * self.RATE))
+        self._pushed = 0
+
+    def push(self, positions: NDArray[np.floating]) -> None:
+        """Compare every fourth frame of 120 a second with all poses of the library."""
+        self._pushed += 1
+        if (self._pushed - 1) % self._every == 0:
+            pose = poses_in_body_frame(positions[None], self._skeleton)[0].astype(np.float32)
+            squared = self._squares - 2 * (self._poses @ pose) + pose @ pose
+            self._costs.append(np.sqrt(np.maximum(squared, 0)))
+
+    def read(self) -> NDArray[np.floating]:
+        """Find the cheapest path through each class's motions."""
+        costs = iter(self._costs)
+        paths = next(costs)
+        for cost in costs:
+            by_one, by_two = np.roll(paths, 1), np.roll(paths, 2)
+            by_one[self._first] = by_two[self._first] = by_two[self._second] = np.inf
+            paths = cost + np.minimum(np.minimum(paths, by_one), by_two)
+        return 1 / (1 + np.minimum.reduceat(paths, self._starts) / len(self._costs))
+
+    def clear(self) -> None:
+        """Forget the costs."""
+        self._costs.clear()
+        self._pushed = 0
 
 
 def poses_in_body_frame(positions: NDArray[np.floating], skeleton: Skeleton) -> NDArray[np.float64]:
@@ -222,57 +180,17 @@ def poses_in_body_frame(positions: NDArray[np.floating], skeleton: Skeleton) -> 
     return np.ascontiguousarray(turned.reshape(len(turned), -1))
 
 
-def _stretched(poses: NDArray[np.float64], frames: int) -> NDArray[np.float64]:
-    places = np.linspace(0, len(poses) - 1, frames)
-    before = np.minimum(places.astype(np.intp), len(poses) - 2)
-    share = (places - before)[:, None]
-    stretched: NDArray[np.float64] = (1 - share) * poses[before] + share * poses[before + 1]
-    return stretched
-
-
-def makers(
-    library: MotionLibrary, clips: Sequence[Clip], *, window: float, frame_rate: float
-) -> Mapping[str, tuple[str, Callable[[], Alternative]]]:
-    """Give, by name, what each alternative needs installed and how to make one.
-
-    Parameters
-    ----------
-    library, clips
-        The library, and the recordings it was made of.
-    window
-        Seconds.
-    frame_rate
-        Of the feed, frames per second.
-    """
-    frames = round(window * frame_rate)
-    axes: dict[str, type[SvdOfWindow | CovarianceAndEigh | Arpack | IncrementalPca]] = {
-        "SVD of the window": SvdOfWindow,
-        "np.cov + eigh": CovarianceAndEigh,
-        "ARPACK eigsh": Arpack,
-        "IncrementalPCA": IncrementalPca,
-    }
-    bands = {"DTW": None, f"DTW, {_BAND:.0%} band": round(_BAND * frames)}
-
-    def of_axis(kind: Callable[[MotionLibrary, float], Alternative]) -> Callable[[], Alternative]:
-        return lambda: kind(library, window)
-
-    def of_band(band: int | None) -> Callable[[], Alternative]:
-        return lambda: DynamicTimeWarping(library, clips, frames, band)
-
+def makers(library: MotionLibrary, frame_rate: float) -> dict[str, Callable[[], Alternative]]:
+    """Give, by name, how to make each alternative for a feed of so many frames per second."""
     return {
-        **{name: (kind.needs, of_axis(kind)) for name, kind in axes.items()},
-        **{name: (DynamicTimeWarping.needs, of_band(band)) for name, band in bands.items()},
+        "SVD of the window": lambda: LeadingAxis(library, by_svd, frame_rate),
+        "np.cov + eigh": lambda: LeadingAxis(library, by_eigh, frame_rate),
+        "DTW": lambda: TimeWarping(library, frame_rate),
     }
 
 
-def is_installed(package: str) -> bool:
-    """Say whether what an alternative needs can be imported."""
-    module = {"scikit-learn": "sklearn"}.get(package, package)
-    return not module or find_spec(module) is not None
-
-
-class AlternativeRecognizer:
-    """An alternative asked at every hop, with the recogniser's own way to say what came out.
+class Hopping:
+    """Asks an alternative for the class with the best score at every hop, and starts it anew after a gap.
 
     Parameters
     ----------
@@ -280,32 +198,29 @@ class AlternativeRecognizer:
         Who is asked.
     classes
         The library's.
-    window, hop
+    first, hop
         Frames before the first answer, and between two.
-    every
-        Ask at every so many hops only, when time is short.
     """
 
-    def __init__(
-        self, alternative: Alternative, classes: tuple[str, ...], *, window: int, hop: int, every: int = 1
-    ) -> None:
+    #: Seconds without a frame after which it starts anew.
+    GAP = 0.5
+
+    def __init__(self, alternative: Alternative, classes: Sequence[str], *, first: int, hop: int) -> None:
         self._alternative = alternative
         self._classes = classes
-        self._window = window
-        self._hop = hop * every
+        self._first = first
+        self._hop = hop
         self._frames = 0
+        self._last = math.inf
 
-    def push(self, frame: Frame) -> Recognition | None:
-        """Take in a frame; an answer when one is due."""
-        self._alternative.push(frame)
+    def push(self, frame: Frame) -> str | None:
+        """Take in a frame; the name of a class when an answer is due."""
+        if frame.time - self._last > self.GAP:
+            self._alternative.clear()
+            self._frames = 0
+        self._last = frame.time
+        self._alternative.push(frame.positions)
         self._frames += 1
-        if self._frames <= self._window or (self._frames - self._window - 1) % self._hop:
+        if self._frames < self._first or (self._frames - self._first) % self._hop:
             return None
-        scores = self._alternative.read()
-        return Recognition(frame.performer, frame.time, Outcome.NAMED, self._classes, scores, float("nan"))
-
-    def fill(self, feed: Feed) -> None:
-        """Take in frames until the next one is answered."""
-        while self._frames < self._window or (self._frames - self._window) % self._hop:
-            self._alternative.push(feed.next())
-            self._frames += 1
+        return self._classes[int(np.argmax(self._alternative.read()))]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import multiprocessing
 import time
 from collections import defaultdict
@@ -23,7 +24,7 @@ from tools.feed import Cue, OscFrameSender, Pace, ZmqFrameSender
 from tools.listener import Listener, answer_in
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
     from multiprocessing.connection import Connection
 
     from numpy.typing import NDArray
@@ -47,7 +48,11 @@ _LISTEN = 0.05
 _WARM_UP = 0.5
 #: Steps in which the most performers are searched for, relative.
 _RESOLUTION = 1.1
-_TRIES = 2
+#: How often a crowd is tried before it counts as not held, and how often the search looks again above its end.
+_TRIES = 3
+_LOOKS = 3
+#: How many times as many are tried then.
+_ABOVE = 1.25
 #: Seconds in which the sender's process must have everything encoded.
 _LONGEST_START = 120.0
 
@@ -252,14 +257,41 @@ def most_performers(
 ) -> Crowd | None:
     """Find the largest crowd that one core holds: nothing lost, p99 within a frame's time.
 
-    It is doubled until it fails and then searched for in steps of a tenth; what fails gets a second try, because noise
-    of the machine only ever makes it worse. None when not even one performer is held.
+    It is doubled until it fails and then searched for in steps of a tenth. Noise of the machine only ever makes a crowd
+    worse, so one that fails is tried again, and the search does not end where a longer disturbance may have ended it:
+    when it has an answer it tries a quarter more, and goes on from there if that is held.
+
+    Parameters
+    ----------
+    transport, positions, settings, empty
+        As `play` has them.
+    most
+        Performers at most.
+
+    Returns
+    -------
+    None when not even one performer is held.
     """
-    held: Crowd | None = None
-    low, high, trying = 0, most + 1, 8
-    while trying > low and trying < high and (low == 0 or high / low > _RESOLUTION):
-        crowds = (play(transport, trying, positions, settings, empty=empty) for _ in range(_TRIES))
-        found = next((crowd for crowd in crowds if crowd.held), None)
+
+    def tried(performers: int) -> Crowd | None:
+        crowds = (play(transport, performers, positions, settings, empty=empty) for _ in range(_TRIES))
+        return next((crowd for crowd in crowds if crowd.held), None)
+
+    held = _searched(tried, None, 8, most)
+    for _ in range(_LOOKS):
+        above = min(math.ceil(held.performers * _ABOVE), most) if held else 0
+        found = tried(above) if held and above > held.performers else None
+        if found is None:
+            break
+        held = _searched(tried, found, min(2 * above, most), most)
+    return held
+
+
+def _searched(tried: Callable[[int], Crowd | None], held: Crowd | None, trying: int, most: int) -> Crowd | None:
+    """Go up from a crowd that is held in doublings, then close in on the largest between those held and not held."""
+    low, high = held.performers if held else 0, most + 1
+    while low < trying < high and (low == 0 or high / low > _RESOLUTION):
+        found = tried(trying)
         if found:
             held, low = found, trying
         else:

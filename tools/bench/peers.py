@@ -1,49 +1,35 @@
-"""`kinespace bench peers`: our recogniser and its alternatives on one feed, speed and accuracy side by side."""
+"""`kinespace bench peers`: the recogniser and its alternatives on one feed, speed and accuracy side by side.
+
+The feed is the motions of one person of the built-in library, and everybody compares with those of the others.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from library import MotionLibrary
-from stream.frame import Frame
 from stream.recognizer import LiveSignature, Recognizer, Settings
 from tools.bench import alternatives
-from tools.bench.alternatives import AlternativeRecognizer
-from tools.bench.recorded import FRAME_RATE, Feed
-from tools.bench.timing import in_turns, timed
+from tools.bench.alternatives import Hopping
+from tools.bench.recorded import FRAME_RATE
+from tools.bench.timing import clock
 from tools.console import progress
-from tools.evaluate_stream import replay
-from tools.streamscore import course_of, score_courses
+from tools.feed import clip_cues, resampled
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from numpy.typing import NDArray
+    from library import Clip, MotionLibrary
+    from stream.frame import Frame
+    from tools.feed import Cue
 
-    from library import Clip
-    from library.labels import Segment
-    from stream.recognition import Recognition
-    from tools.bench.recorded import Recorded
-    from tools.streamscore import Course
+    #: Takes a frame, and names a class when an answer is due.
+    Contender = Callable[[Frame], str | None]
 
-#: Seconds a contender's turn should take.
-_TURN = 0.15
-#: Most hops in a turn.
-_MOST_HOPS = 60
-#: Seconds that finding one contender's accuracy should take at most; a slower one is asked at fewer moments.
-_ASKING = 20.0
-#: Seconds that must lie in a segment for a moment to count as inside it, as `kinespace evaluate stream` has it.
-_INSIDE = 1.0
-
-
-class Contender(Protocol):
-    """Whoever takes frames and gives recognitions."""
-
-    def push(self, frame: Frame) -> Recognition | None:
-        """Take in a frame; an answer when one is due."""
+#: Seconds of a motion before answers count: nobody is asked sooner.
+_FIRST = 0.5
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,23 +41,17 @@ class Peer:
     name
         Who.
     us_per_frame
-        Microseconds per frame, from joint positions to class scores, median of the rounds.
+        Microseconds per frame, from joint positions to a class, median of the rounds.
     ratios
         How many times as long as each of our signatures it took, median of the rounds' ratios.
-    accuracy, accuracy_inside
-        Share of the labelled time of known motions whose class was the best guess, and the same where the last second
-        lies wholly inside the segment: what `kinespace evaluate stream` calls frame and segment accuracy. None when no
-        take is labelled.
-    every
-        At every how many hops it was asked for its accuracy.
+    accuracy
+        Share of the answers after half a second of a motion whose best guess was the motion's class.
     """
 
     name: str
     us_per_frame: float
     ratios: dict[LiveSignature, float]
-    accuracy: float | None
-    accuracy_inside: float | None
-    every: int
+    accuracy: float
 
     @property
     def frames_per_second(self) -> float:
@@ -81,153 +61,106 @@ class Peer:
 
 @dataclass(frozen=True, slots=True)
 class Peers:
-    """All contenders, ours first, and by name what those need that could not take part."""
+    """All contenders, ours first, and of how many motions and answers their accuracy is.
+
+    Attributes
+    ----------
+    peers
+        In their order.
+    person
+        Whose motions were played.
+    motions, answers
+        How many motions were played, and how many answers of each contender count, about.
+    """
 
     peers: tuple[Peer, ...]
-    missing: dict[str, str]
+    person: str
+    motions: int
+    answers: int
 
-    def ratio(self, name: str, signature: LiveSignature) -> float | None:
-        """Give how many times as long as ours a contender took; None when it is not there."""
-        found = [peer.ratios[signature] for peer in self.peers if peer.name == name]
-        return found[0] if found else None
+    def peer(self, name: str) -> Peer | None:
+        """Give a contender; None when it is not there."""
+        return next((peer for peer in self.peers if peer.name == name), None)
 
 
-def measure(recorded: Recorded, *, rounds: int, asking: float = _ASKING) -> Peers:
-    """Race everybody that is installed over the same frames, and score what they answer to the labelled takes.
+def measure(whole: MotionLibrary, *, person: str, rounds: int) -> Peers:
+    """Race everybody over the motions of one person, each compared with the motions of the others.
 
     Parameters
     ----------
-    recorded
-        The recordings; the clips must be those of the built-in library.
+    whole
+        Motions of several people who share classes, of HDM05's joints.
+    person
+        Whose motions are played.
     rounds
-        Of the race.
-    asking
-        Seconds that finding one contender's accuracy should take at most.
+        Pieces of the feed of which medians are taken; before them one warms up.
     """
-    library = MotionLibrary.builtin()
-    settings = {signature: Settings(signature=signature) for signature in LiveSignature}
-    window, hop = Settings().window, round(Settings().hop * FRAME_RATE)
-    makers = alternatives.makers(library, recorded.clips, window=window, frame_rate=FRAME_RATE)
-    there = {name: make for name, (needs, make) in makers.items() if alternatives.is_installed(needs)}
-
-    def asked(name: str, every: int = 1) -> AlternativeRecognizer:
-        return AlternativeRecognizer(
-            there[name](), library.classes, window=round(window * FRAME_RATE), hop=hop, every=every
-        )
-
-    positions = recorded.positions
-    turns: dict[str, Callable[[], float]] = {
-        **{signature: _OurTurns(Recognizer(library, each), positions).take for signature, each in settings.items()},
-        **{name: _Turns(asked(name), positions, hop).take for name in there},
+    library = whole.without(actors=[person])
+    played = [resampled(motion, FRAME_RATE) for motion in whole.motions if motion.actor == person]
+    hop, first = round(Settings().hop * FRAME_RATE), round(_FIRST * FRAME_RATE)
+    contenders: dict[str, Contender] = {
+        **{each: _ours(library, _settings(each)) for each in LiveSignature},
+        **{
+            name: Hopping(make(), library.classes, first=first, hop=hop).push
+            for name, make in alternatives.makers(library, FRAME_RATE).items()
+        },
     }
-    costs = in_turns(turns, rounds, what="Racing")
-    ours = {signature: costs[signature] for signature in LiveSignature}
-    hops = sum(take.frames for take in recorded.takes) / hop
-
-    def result(name: str) -> Peer:
-        us = float(np.median(costs[name]))
-        # Whoever keeps a state must see every hop, and ours are quick.
-        must_see_all = name in (*LiveSignature, "IncrementalPCA")
-        every = 1 if must_see_all else max(1, round(us * 1e-6 * hop * hops / asking))
-        courses = [
-            replay(take, segments, library=library, classes=library.classes, settings=settings[LiveSignature(name)])
-            if name in list(LiveSignature)
-            else replayed(asked(name, every), take, segments, library=library, every=every)
-            for take, segments in _labelled(recorded)
-        ]
-        score = score_courses(courses, library.classes, _INSIDE) if courses else None
-        return Peer(
-            name=name,
-            us_per_frame=us,
-            ratios={signature: float(np.median(costs[name] / each)) for signature, each in ours.items()},
-            accuracy=score.frame_accuracy if score else None,
-            accuracy_inside=score.segment_accuracy if score else None,
-            every=every,
-        )
-
+    pieces = _pieces(played, rounds + 1)
+    costs: dict[str, list[float]] = {name: [] for name in contenders}
+    right: dict[str, list[bool]] = {name: [] for name in contenders}
+    for piece in progress(pieces, "Racing", len(pieces)):
+        for name, contender in contenders.items():
+            start = clock()
+            answers = [contender(cue.frame) for cue in piece]
+            costs[name].append((clock() - start) * 1e6 / len(piece))
+            right[name] += _judged(piece, answers)
+    us = {name: np.array(each[1:]) for name, each in costs.items()}
     return Peers(
-        peers=tuple(result(name) for name in progress(list(turns), "Accuracy", len(turns))),
-        missing={name: needs for name, (needs, _) in makers.items() if name not in there},
+        peers=tuple(
+            Peer(
+                name=name,
+                us_per_frame=float(np.median(us[name])),
+                ratios={signature: float(np.median(us[name] / us[signature])) for signature in LiveSignature},
+                accuracy=float(np.mean(right[name])),
+            )
+            for name in contenders
+        ),
+        person=person,
+        motions=len(played),
+        answers=max(map(len, right.values())),
     )
 
 
-def _labelled(recorded: Recorded) -> list[tuple[Clip, tuple[Segment, ...]]]:
-    return [each for each in zip(recorded.takes, recorded.segments, strict=True) if each[1]]
+def _settings(signature: LiveSignature) -> Settings:
+    """Let the paper's signature look at as much as the alternatives that compute the same."""
+    return Settings(signature=signature, window=alternatives.WINDOW if signature is LiveSignature.PAPER else None)
 
 
-class _OurTurns:
-    """Our recogniser, going on along the feed."""
+def _ours(library: MotionLibrary, settings: Settings) -> Contender:
+    recognizer = Recognizer(library, settings)
 
-    def __init__(self, recognizer: Recognizer, positions: NDArray[np.float32]) -> None:
-        self._recognizer = recognizer
-        self._feed = Feed(positions)
-        for frame in self._feed.take(round(3 * FRAME_RATE)):
-            recognizer.push(frame)
+    def push(frame: Frame) -> str | None:
+        recognition = recognizer.push(frame)
+        return recognition.classes[recognition.best] if recognition else None
 
-    def take(self) -> float:
-        """Take some seconds of feed; microseconds per frame."""
-        frames = self._feed.take(4 * _MOST_HOPS)
-
-        def push() -> None:
-            for frame in frames:
-                self._recognizer.push(frame)
-
-        return timed(push) * 1e6 / len(frames)
+    return push
 
 
-class _Turns:
-    """An alternative, going on along the feed by as many hops as a turn has room for."""
-
-    def __init__(self, recognizer: AlternativeRecognizer, positions: NDArray[np.float32], hop: int) -> None:
-        self._recognizer = recognizer
-        self._feed = Feed(positions)
-        self._hop = hop
-        self._hops = 1
-        recognizer.fill(self._feed)
-
-    def take(self) -> float:
-        """Take some hops of feed; microseconds per frame."""
-        frames = self._feed.take(self._hops * self._hop)
-
-        def push() -> None:
-            for frame in frames:
-                self._recognizer.push(frame)
-
-        seconds = timed(push)
-        self._hops = min(max(1, int(_TURN / seconds * self._hops)), _MOST_HOPS)
-        return seconds * 1e6 / len(frames)
+def _pieces(motions: Sequence[Clip], count: int) -> list[list[Cue]]:
+    """Deal out motions, so that each piece has some of each class; a second lies between two motions."""
+    cues = list(clip_cues((motion for piece in range(count) for motion in motions[piece::count]), "bench"))
+    ends = np.cumsum([sum(motion.frames for motion in motions[piece::count]) for piece in range(count)])
+    return [cues[begin:end] for begin, end in zip([0, *ends[:-1]], ends, strict=True)]
 
 
-def replayed(
-    contender: Contender, take: Clip, segments: Sequence[Segment], *, library: MotionLibrary, every: int
-) -> Course:
-    """Push a take through a contender, and lay its answers beside the labels.
-
-    Somebody who is asked at few hops only is judged at those moments only: a sample of all moments, not a late answer.
-
-    Parameters
-    ----------
-    contender
-        Who has seen nothing yet.
-    take, segments
-        The take and what is performed when.
-    library
-        What is recognised with.
-    every
-        At every how many hops it answers.
-    """
-    recognitions = []
-    for time, positions in zip(take.times.tolist(), take.positions, strict=True):
-        recognition = contender.push(Frame(take.name, time, positions))
-        if recognition is not None:
-            recognitions.append(recognition)
-    times = take.times if every == 1 else np.array([each.time for each in recognitions])
-    return course_of(
-        take.name,
-        times,
-        segments,
-        classes=library.classes,
-        known=library.classes,
-        recognitions=recognitions,
-        events=(),
-    )
+def _judged(piece: Sequence[Cue], answers: Sequence[str | None]) -> list[bool]:
+    """Say of each answer that counts whether it is the class performed."""
+    begin, last, judged = 0.0, -np.inf, list[bool]()
+    for cue, answer in zip(piece, answers, strict=True):
+        if cue.due - last > _FIRST:
+            begin = cue.due
+        last = cue.due
+        # A frame more or less is rounding.
+        if answer is not None and cue.due - begin >= _FIRST - 1.5 / FRAME_RATE:
+            judged.append(answer == cue.class_name)
+    return judged

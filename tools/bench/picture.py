@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -13,6 +13,7 @@ except ImportError as error:
     raise ImportError("pictures need matplotlib: pip install kinespace[pictures]") from error
 
 from stream.recognizer import LiveSignature
+from tools.bench.stages import STEPS
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -21,7 +22,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from tools.bench.growth import Growth
-    from tools.bench.peers import Peer, Peers
+    from tools.bench.peers import Peers
     from tools.bench.report import Report
     from tools.bench.sockets import Sockets
     from tools.bench.stages import Stages
@@ -74,50 +75,31 @@ def draw(path: Path, report: Report) -> None:
 
 def _draw_peers(panel: Axes, peers: Peers) -> None:
     panel.set_title("Speed and accuracy on the same feed", loc="left")
-    ours = [peer for peer in peers.peers if peer.name in list(LiveSignature)]
-    theirs = sorted((peer for peer in peers.peers if peer not in ours), key=lambda peer: peer.frames_per_second)
-    for place, peer in enumerate(theirs):
+    for place, peer in enumerate(sorted(peers.peers, key=lambda peer: peer.frames_per_second)):
+        ours = peer.name in list(LiveSignature)
+        name, colour = (f"kinespace, {peer.name}", _OURS) if ours else (peer.name, _THEIRS)
+        at = (peer.frames_per_second, 100 * peer.accuracy)
+        panel.plot(*at, "o", color=colour, markersize=8)
         # Peers that compute the same thing lie side by side: labels take turns above and below.
-        above = place % 2 == 0
-        offset, up = (8, "bottom") if above else (-8, "top")
-        _mark(panel, peer, peer.name, _THEIRS, offset=(0, offset), aligned=("center", up))
-    for place, peer in enumerate(sorted(ours, key=lambda peer: peer.accuracy or 0.0)):
-        _mark(panel, peer, f"kinespace, {peer.name}", _OURS, offset=(8, 10 * place - 5), aligned=("left", "center"))
+        offset = 12 if place % 2 == 0 else -18
+        panel.annotate(name, at, xytext=(0, offset), textcoords="offset points", ha="center", fontsize=8, color=colour)
     panel.axvline(_FEED, color="lightgrey", zorder=0)
     panel.annotate("one performer\nat 120 Hz", (_FEED, 2), xytext=(4, 0), textcoords="offset points", fontsize=8)
     panel.set_xscale("log")
-    slowest, fastest = (choose(peer.frames_per_second for peer in peers.peers) for choose in (min, max))
-    panel.set_xlim(slowest / 2.5, fastest * 8)
+    panel.margins(x=0.25)
     panel.set_ylim(0, 105)
     panel.set_xlabel("frames per second, one core")
-    panel.set_ylabel("known motions guessed right, % of their time")
-
-
-def _mark(
-    panel: Axes, peer: Peer, name: str, colour: str, *, offset: tuple[int, int], aligned: tuple[Any, Any]
-) -> None:
-    if peer.accuracy is None:
-        return
-    place = (peer.frames_per_second, 100 * peer.accuracy)
-    panel.plot(*place, "o", color=colour, markersize=8)
-    across, up = aligned
-    panel.annotate(name, place, xytext=offset, textcoords="offset points", ha=across, va=up, fontsize=8, color=colour)
+    panel.set_ylabel(f"answers right, motions of {peers.person}, %")
 
 
 def _draw_stages(panel: Axes, stages: dict[str, Stages]) -> None:
     panel.set_title("Where a frame's time goes, OSC in to OSC out", loc="left")
-    names = list(dict.fromkeys(stage.name for each in stages.values() for stage in each.stages))
-    names = [name for name in names if "ZeroMQ" not in name]
-    colours = dict(zip(names, colormaps["tab10"](np.arange(len(names)) % 10), strict=True))
-    named: set[str] = set()
+    names = [name for name in STEPS if "ZeroMQ" not in name]
     for place, each in enumerate(stages.values()):
         left = 0.0
-        for stage in each.stages:
-            if stage.name in colours:
-                label = None if stage.name in named else stage.name
-                named.add(stage.name)
-                panel.barh(place, stage.us_per_frame, 0.55, left, color=colours[stage.name], label=label)
-                left += stage.us_per_frame
+        for name, colour in zip(names, colormaps["tab10"](np.arange(len(names))), strict=True):
+            panel.barh(place, each.us[name], 0.55, left, color=colour, label=None if place else name)
+            left += each.us[name]
         panel.annotate(f"{left:.0f} µs", (left, place), xytext=(4, 0), textcoords="offset points", va="center")
     panel.set_yticks(range(len(stages)), list(stages))
     panel.set_ylim(-0.5, len(stages) + 0.4)

@@ -23,6 +23,8 @@ if TYPE_CHECKING:
 
 #: What is said where nothing was measured.
 _NOTHING = "-"
+#: What the standard figures call the alternatives.
+_PEERS = {"svd": "SVD of the window", "eigh": "np.cov + eigh", "dtw": "DTW"}
 
 
 @dataclass(slots=True)
@@ -54,28 +56,26 @@ class Report:
             "us_per_frame": stages.us_per_frame if stages else None,
             "us_per_frame_numpy": stages.us_per_frame_numpy if stages else None,
             "frames_per_second": stages.frames_per_second if stages else None,
-            "osc_decode_us": stages.osc_decode_us if stages else None,
+            "osc_decode_us": stages.us["decode OSC"] if stages else None,
             "osc_decode_python_osc_us": stages.osc_decode_python_osc_us if stages else None,
         }
 
     def _of_peers(self) -> dict[str, float | None]:
-        names = {
-            "ratio_svd": "SVD of the window",
-            "ratio_eigh": "np.cov + eigh",
-            "ratio_incremental_pca": "IncrementalPCA",
-            "ratio_dtw_band": "DTW, 10% band",
+        ours = self.peers.peer(self.signature) if self.peers else None
+        found = {key: self.peers.peer(name) if self.peers else None for key, name in _PEERS.items()}
+        return {
+            **{f"ratio_{key}": peer.ratios[self.signature] if peer else None for key, peer in found.items()},
+            "accuracy": ours.accuracy if ours else None,
+            **{f"accuracy_{key}": peer.accuracy if peer else None for key, peer in found.items()},
         }
-        return {key: self.peers.ratio(name, self.signature) if self.peers else None for key, name in names.items()}
 
     def _of_growth(self) -> dict[str, float | None]:
         found = {each.of: each for each in self.growth or ()}
-        joints, library, together = found.get("joints"), found.get("library"), found.get("library, 8 together")
-        at_200k, together_at_200k = (_at(each, 200_000) for each in (library, together))
+        joints, library = found.get("joints"), found.get("library")
+        at_200k = dict(zip(library.sizes, library.us, strict=True)).get(200_000) if library else None
         return {
             "pairs_exponent": joints.exponent if joints else None,
             "match_200k_ms": at_200k / 1000 if at_200k else None,
-            "match_200k_together_ms": together_at_200k / 1000 if together_at_200k else None,
-            "match_200k_recall": library.recall if library and at_200k else None,
         }
 
     def _of_sockets(self) -> dict[str, float | None]:
@@ -89,6 +89,7 @@ class Report:
             "lost_360": sum(each.lost for each in fastest) if fastest else None,
             "performers_at_120hz": (held.performers if held else 0) if sockets else None,
             "floor_performers_at_120hz": (floor.performers if floor else 0) if sockets else None,
+            "performers_share_of_floor": sockets.share("osc") if sockets else None,
             "rss_mb": sockets.running.resident_mb if sockets else None,
             "rss_100_mb": sockets.running.resident_100_mb if sockets else None,
             "startup_s": sockets.running.startup_s if sockets else None,
@@ -112,17 +113,6 @@ class Report:
         if self.soak:
             yield _soak_table(self.soak)
 
-    def all_notes(self) -> list[str]:
-        """Give what the reader must know beside the tables."""
-        missing = self.peers.missing if self.peers else {}
-        asks = [f"{name}: not measured, needs {needs}: pip install kinespace[bench]" for name, needs in missing.items()]
-        return [*self.notes, *asks]
-
-
-def _at(growth: Growth | None, size: float) -> float | None:
-    """Give the cost at a size, microseconds; None when it was not measured."""
-    return dict(zip(growth.sizes, growth.us, strict=True)).get(size) if growth else None
-
 
 def _rounded(value: float | None) -> float | int | None:
     """Keep four digits: more would be noise; None for what is no number."""
@@ -141,32 +131,23 @@ def _table(title: str, names: Sequence[str], figures: Sequence[str]) -> Table:
 
 
 def _stages_table(signature: str, stages: Stages) -> Table:
-    headings = ("each, µs", "per frame, µs", "share of packet to answer")
-    table = _table(f"From packet to answer, {signature}, one core", ("step", "per"), headings)
-    for stage in stages.stages:
-        figures = (f"{stage.us:.1f}", f"{stage.us_per_frame:.1f}", f"{stage.share:.1%}")
-        table.add_row(stage.name, stage.per, *figures)
+    headings = ("per frame, µs", "share of packet to answer")
+    table = _table(f"From packet to answer, {signature}, one core", ("step",), headings)
+    for step, us in stages.us.items():
+        table.add_row(step, f"{us:.1f}", f"{stages.share(step):.1%}")
     table.add_section()
-    whole, theirs, memory = f"{stages.us_per_frame:.1f}", f"{stages.osc_decode_python_osc_us:.1f}", stages.memory
-    table.add_row("recogniser, all in", "frame", whole, whole, f"{stages.frames_per_second:,.0f} frames/s")
-    bought = f"{stages.us_per_frame_numpy / stages.us_per_frame:.1f} times that"
-    numpy = f"{stages.us_per_frame_numpy:.1f}"
-    table.add_row("... where nothing is compiled", "frame", numpy, numpy, bought)
-    table.add_row("python-osc decoding the same", "frame", theirs, theirs, "")
-    table.add_section()
-    table.add_row("bytes kept for good", "frame", f"{memory.kept:.1f}", "", "")
-    table.add_row("bytes in use at most", "frame", f"{memory.frame:,.0f}", "", "")
-    table.add_row("bytes in use at most", "hop", f"{memory.hop:,.0f}", "", "")
+    bought = stages.us_per_frame_numpy / stages.us_per_frame
+    table.add_row("recognised frames a second", "", f"{stages.frames_per_second:,.0f}")
+    table.add_row("recognise, nothing compiled", f"{stages.us_per_frame_numpy:.1f}", f"{bought:.1f} times that")
+    table.add_row("python-osc decoding the same", f"{stages.osc_decode_python_osc_us:.1f}", "")
     return table
 
 
 def _peers_table(peers: Peers) -> Table:
-    ratios = (f"times {signature}" for signature in LiveSignature)
-    headings = ("frames/s", *ratios, "right", "inside", "asked")
+    headings = ("frames/s", *(f"times {signature}" for signature in LiveSignature), "right")
     title = (
-        "The same feed by others: 31 joints, 120 Hz, window 1 s, hop 1/30 s\n"
-        "Times: its cost in ours; right: of the time of known motions; inside: the last\n"
-        "second wholly in one; asked: at every how many hops, to find that out"
+        f"{peers.motions} motions of {peers.person}, compared with those of the others\n"
+        f"Times: its cost in ours; right: of some {peers.answers:,} answers,\nthose after half a second of a motion"
     )
     table = _table(title, ("",), headings)
     for peer in peers.peers:
@@ -174,23 +155,18 @@ def _peers_table(peers: Peers) -> Table:
             f"ours, {peer.name}" if peer.name in list(LiveSignature) else peer.name,
             f"{peer.frames_per_second:,.0f}",
             *(f"{peer.ratios[signature]:,.2f}" for signature in LiveSignature),
-            _NOTHING if peer.accuracy is None else f"{peer.accuracy:.1%}",
-            _NOTHING if peer.accuracy_inside is None else f"{peer.accuracy_inside:.1%}",
-            f"{peer.every}",
+            f"{peer.accuracy:.1%}",
         )
-    for name, needs in peers.missing.items():
-        table.add_row(name, f"needs {needs}", *[_NOTHING] * (len(headings) - 1))
     return table
 
 
 def _growth_table(growth: Sequence[Growth]) -> Table:
-    table = _table("What it costs to grow, one core", ("of", "size", "cost of"), ("µs", "exponent", "recall"))
+    table = _table("What it costs to grow, one core", ("of", "size", "cost of"), ("µs", "exponent"))
     for each in growth:
         last = each.labels[-1]
         for label, us in zip(each.labels, each.us, strict=True):
             told = f"{each.exponent:.2f}" if label == last else ""
-            found = f"{each.recall:.4f}" if label == last and each.recall is not None else ""
-            table.add_row(each.of, label, each.cost, f"{us:,.1f}", told, found, end_section=label == last)
+            table.add_row(each.of, label, each.cost, f"{us:,.1f}", told, end_section=label == last)
     return table
 
 
@@ -214,6 +190,8 @@ def _outside_table(sockets: Sockets) -> Table:
         floor = sockets.floors[transport]
         told = _of_crowd(floor) if floor else ""
         table.add_row("... of a loop that recognises nothing", f"{floor.performers}" if floor else "0", told)
+        share = sockets.share(transport)
+        table.add_row("... share of that", _NOTHING if share is None else f"{share:.1%}", "")
     running = sockets.running
     table.add_row("start of `kinespace live` to its first answer", f"{running.startup_s:.2f} s", "")
     table.add_row("resident memory, one performer", _megabytes(running.resident_mb), "")
@@ -233,10 +211,10 @@ def _soak_table(soak: Soak) -> Table:
     table = _table(f"{day.frames:,} frames, {hours:.2f} hours of a 120 Hz feed", ("",), ("",))
     table.add_row("took", f"{day.seconds:,.0f} s, {day.frames / day.seconds:,.0f} frames/s")
     table.add_row("resident at start, middle, end", ", ".join(map(_megabytes, day.resident_mb)))
-    error = _NOTHING if day.max_error is None else f"{day.max_error:.2e} in {day.checked:,} hops computed anew"
-    table.add_row("largest eigenvector deviation", error)
+    error = _NOTHING if day.max_error is None else f"{day.max_error:.2e} in {day.checked:,} answers computed anew"
+    table.add_row("largest error of the leading eigenvector", error)
     counts = day.counts
-    told = f"{counts.frames:,} frames, {counts.hops:,} hops, {day.answers:,} answers, {counts.exact:,} solved exactly"
+    told = f"{counts.frames:,} frames, {counts.hops:,} hops, {day.answers:,} answers"
     table.add_row("counters", f"{told}: {'consistent' if day.consistent else 'NOT consistent'}")
     if crowd := soak.over_sockets:
         seconds = crowd.sent / crowd.performers / 120

@@ -8,8 +8,8 @@ import platform
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal, get_args
 
-from library import compiled
-from stream.recognizer import LiveSignature
+from library import MotionLibrary, compiled
+from stream.recognizer import LiveSignature, Settings
 from tools.bench import growth, peers, recorded, soak, sockets, stages
 from tools.bench.report import Report
 from tools.bench.timing import one_thread
@@ -19,7 +19,8 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
     from pathlib import Path
 
-    from tools.bench.recorded import Recorded
+    import numpy as np
+    from numpy.typing import NDArray
 
 Part = Literal["stages", "peers", "growth", "sockets", "soak"]
 PARTS: tuple[Part, ...] = get_args(Part)
@@ -35,8 +36,8 @@ class Effort:
         Turns of which medians are taken.
     seconds
         Of each latency run.
-    asking
-        Seconds for finding the accuracy of one peer.
+    person
+        Whose motions the peers are raced over.
     frames
         Of the long run.
     minutes
@@ -53,7 +54,7 @@ class Effort:
 
     rounds: int = 9
     seconds: float = 20.0
-    asking: float = 20.0
+    person: str = "bd"
     frames: int = soak.DAY
     minutes: float = 10.0
     sizes: growth.Sizes = growth.Sizes()  # noqa: RUF009 - frozen
@@ -78,10 +79,10 @@ def run(
     parts
         Which, in any order.
     data
-        The folder that holds `hdm05_cut_amc/` and `cmu/`.
+        A folder of recordings to play in place of the built-in library's motions.
     signature
-        Of which the standard figures tell and which sockets and the long run use. When not given: what is recognised
-        with by default, and the eigenvector in the long run, where it is checked.
+        Of which the standard figures tell and which growth, sockets and the long run use; the recogniser's own when
+        not given.
     effort
         How long everything takes.
     picture
@@ -94,7 +95,7 @@ def run(
 
         require_place_for_picture(picture)
     with one_thread() as note:
-        report = measured(parts, recorded.read(data), signature=signature, effort=effort)
+        report = measured(parts, recorded.positions(data), signature=signature, effort=effort)
     report.notes += [note] if note else []
     if picture:
         from tools.bench import picture as drawing  # noqa: PLC0415 - matplotlib is an extra, and slow to load
@@ -105,25 +106,26 @@ def run(
         return 0
     for table in report.tables():
         console.print(table)
-    for line in (*report.all_notes(), _machine()):
+    for line in (*report.notes, _machine()):
         console.print(line, soft_wrap=True)
     return 0
 
 
-def measured(parts: Sequence[Part], recordings: Recorded, *, signature: LiveSignature | None, effort: Effort) -> Report:
-    """Run some parts, in the order that a reader wants them."""
+def measured(
+    parts: Sequence[Part], positions: NDArray[np.float32], *, signature: LiveSignature | None, effort: Effort
+) -> Report:
+    """Run some parts, in the order that a reader wants them; positions as `recorded.positions` gives them."""
     usual = signature or LiveSignature.WINDOWS
-    positions = recordings.positions
     report = Report(usual)
 
     def run_stages() -> None:
         report.stages = stages.measure(positions, signatures=tuple(LiveSignature), rounds=effort.rounds)
 
     def run_peers() -> None:
-        report.peers = peers.measure(recordings, rounds=effort.rounds, asking=effort.asking)
+        report.peers = peers.measure(MotionLibrary.builtin(), person=effort.person, rounds=effort.rounds)
 
     def run_growth() -> None:
-        report.growth = growth.measure(recordings, sizes=effort.sizes, rounds=effort.rounds)
+        report.growth = growth.measure(Settings(signature=usual), sizes=effort.sizes, rounds=effort.rounds)
 
     def run_sockets() -> None:
         report.sockets = sockets.measure(
@@ -136,8 +138,7 @@ def measured(parts: Sequence[Part], recordings: Recorded, *, signature: LiveSign
         )
 
     def run_soak() -> None:
-        checked = signature or LiveSignature.EIGENVECTOR
-        report.soak = soak.measure(positions, signature=checked, frames=effort.frames, minutes=effort.minutes)
+        report.soak = soak.measure(positions, signature=usual, frames=effort.frames, minutes=effort.minutes)
 
     runs: dict[Part, Callable[[], None]] = {
         "stages": run_stages,

@@ -2,21 +2,19 @@
 
 from __future__ import annotations
 
+import math
 import multiprocessing
 import time
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from library import MotionLibrary, hdm05
-from library.distances import distance_rows
-from library.eigen import leading_axis
-from library.signature import Moments
-from stream.recognizer import LiveSignature, Recognizer, Settings
+from library import MotionLibrary
+from stream.frame import Frame
+from stream.recognizer import Recognizer, Settings
 from tools.bench import crowd
-from tools.bench.inner import last_axis
 from tools.bench.memory import resident_mb
 from tools.bench.recorded import FRAME_RATE, Feed
 from tools.console import progress
@@ -24,19 +22,21 @@ from tools.console import progress
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from library.eigen import LeadingAxis
-    from stream.recognizer import RecognizerCounts
+    from stream.recognition import Recognition
+    from stream.recognizer import LiveSignature, RecognizerCounts
     from tools.background import Transport
     from tools.bench.crowd import Crowd
 
 #: Frames of a day at 120 Hz.
 DAY = round(24 * 3600 * FRAME_RATE)
-#: Frames between two checks of the eigenvector: a prime number, so that checks fall on ever other places.
+#: Frames between two checks of the leading eigenvector: a prime number, so that checks fall on ever other places.
 _CHECK_EVERY = 9973
 #: Frames between two looks at the progress.
 _PIECE = 1000
 #: Pieces after which memory is looked at for the first time: everything is allocated and touched by then.
 _SETTLED = 20
+#: Seconds that a recogniser has seen that answers anew: more than the longest window.
+_LOOK_BACK = 3.0
 #: Performers of the feed over sockets.
 _PERFORMERS = 4
 _OVER: tuple[Transport, ...] = ("osc",)
@@ -55,10 +55,10 @@ class Day:
     resident_mb
         Resident memory at the start, in the middle and at the end, MB; None where the system does not say.
     checked
-        Hops whose eigenvector was computed anew, and exactly, from the window's frames.
+        Answers that were compared with those of a recogniser that had seen the last three seconds only.
     max_error
-        Largest length of the difference between such an eigenvector and ours, signs made alike, among windows whose
-        axis is not ambiguous; None when none was checked.
+        Largest difference of the two in the leading eigenvector's share of the variance, gap, or |inner product|; None
+        when none was checked.
     answers
         Recognitions that were given.
     counts
@@ -97,21 +97,20 @@ def measure(positions: NDArray[np.float32], *, signature: LiveSignature, frames:
     positions
         What the feed plays again and again, shape (frames, joints, 3), metres.
     signature
-        Of the recogniser; only the eigenvector's has one to check.
+        Of the recogniser.
     frames
         How many without sockets.
     minutes
         How long over UDP; 0 for not at all.
     """
     # In a process of its own: what other parts left in this one's memory is not the recogniser's.
+    settings = Settings(signature=signature)
     with ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as process:
-        day = process.submit(pushed, positions, Settings(signature=signature), frames).result()
+        day = process.submit(pushed, positions, settings, frames).result()
     if not minutes:
         return Soak(day, None)
     looped = np.resize(positions, (round(minutes * 60 * FRAME_RATE), *positions.shape[1:]))
-    over_sockets = next(
-        progress((crowd.play(each, _PERFORMERS, looped, Settings(signature=signature)) for each in _OVER), "Sockets", 1)
-    )
+    over_sockets = next(progress((crowd.play(each, _PERFORMERS, looped, settings) for each in _OVER), "Sockets", 1))
     return Soak(day, over_sockets)
 
 
@@ -127,23 +126,24 @@ def pushed(positions: NDArray[np.float32], settings: Settings, frames: int) -> D
     frames
         How many to push.
     """
-    recognizer, feed = Recognizer(MotionLibrary.builtin(), settings), Feed(positions)
+    library, feed = MotionLibrary.builtin(), Feed(positions)
+    recognizer = Recognizer(library, settings)
     pieces = [min(_PIECE, frames - begin) for begin in range(0, frames, _PIECE)]
     settled = min(_SETTLED, (len(pieces) - 1) // 4)
     memory: dict[int, float | None] = {}
-    errors, answers, check_at = list[float](), 0, 0
+    errors, answers, check_at = list[float](), 0, round(_LOOK_BACK * FRAME_RATE)
     start = time.perf_counter()
     for index, piece in enumerate(progress(pieces, "Thousands of frames", len(pieces))):
         if index in (settled, len(pieces) // 2):
             memory[index] = resident_mb()
         for _ in range(piece):
-            if recognizer.push(feed.next()) is None:
+            recognition = recognizer.push(feed.next())
+            if recognition is None:
                 continue
             answers += 1
-            axis = last_axis(recognizer)
-            if axis is not None and feed.sent >= check_at:
+            if feed.sent >= check_at:
                 check_at += _CHECK_EVERY
-                errors += _error(axis, feed, settings)
+                errors.append(_error(recognition, library, settings, feed))
     return Day(
         frames=feed.sent,
         seconds=time.perf_counter() - start,
@@ -155,10 +155,13 @@ def pushed(positions: NDArray[np.float32], settings: Settings, frames: int) -> D
     )
 
 
-def _error(axis: LeadingAxis, feed: Feed, settings: Settings) -> list[float]:
-    """Compare an axis with the one computed from the window's frames alone; nothing where the axis is arbitrary."""
-    rows = distance_rows(feed.last(round(settings.window * FRAME_RATE)), hdm05.SKELETON)
-    exact = leading_axis(Moments.of_rows(rows).covariance)
-    if exact.gap < settings.smallest_gap:
-        return []
-    return [float(min(np.linalg.norm(axis.vector - sign * exact.vector) for sign in (1, -1)))]
+def _error(answer: Recognition, library: MotionLibrary, settings: Settings, feed: Feed) -> float:
+    """Compare the numbers of an answer's leading eigenvector with those of a recogniser that has just begun."""
+    anew = Recognizer(library, replace(settings, hop=0.0))
+    begin, last = feed.sent - round(_LOOK_BACK * FRAME_RATE), None
+    for index, positions in enumerate(feed.last(feed.sent - begin)):
+        last = anew.push(Frame(answer.performer, 1.0 + (begin + index) / FRAME_RATE, positions))
+    if last is None:
+        return math.inf
+    differences = [getattr(answer, name) - getattr(last, name) for name in ("share", "gap", "eigenvector_score")]
+    return float(np.abs(differences).max())

@@ -9,7 +9,7 @@ from stream.recognizer import LiveSignature, Settings
 from tools import latency
 from tools.background import Transport
 from tools.bench import crowd, running
-from tools.bench.recorded import FRAME_RATE, resampled
+from tools.bench.recorded import FRAME_RATE
 from tools.console import progress
 
 if TYPE_CHECKING:
@@ -39,8 +39,8 @@ class Sockets:
     crowds
         By transport the largest crowd that one core holds; None when not even one performer is.
     floors
-        The same of a loop that only receives and answers: as near as anything in Python can come. Where it ends may be
-        what the sender's core holds.
+        The same of a loop that only receives and answers, each right after its crowd: as near as anything in Python can
+        come. Where it ends may be what the sender's core holds.
     running
         Start-up and memory.
     """
@@ -49,6 +49,11 @@ class Sockets:
     crowds: dict[Transport, Crowd | None]
     floors: dict[Transport, Crowd | None]
     running: Running
+
+    def share(self, transport: Transport) -> float | None:
+        """Give the crowd's size over that of the empty loop's; None when nothing was held."""
+        crowd, floor = self.crowds[transport], self.floors[transport]
+        return crowd.performers / floor.performers if crowd and floor else None
 
     def latency(self, transport: Transport, rate_hz: float) -> Latency | None:
         """Give one run; None when it was not made."""
@@ -70,7 +75,7 @@ def measure(
     Parameters
     ----------
     positions
-        What is fed, shape (frames, joints, 3), metres.
+        What performers do, shape (frames, joints, 3), metres; latency runs play a feed of their own.
     signature
         Of the recogniser.
     seconds
@@ -85,18 +90,13 @@ def measure(
     settings = Settings(signature=signature)
     runs = [(transport, rate) for transport in TRANSPORTS for rate in rates]
     latencies = tuple(
-        latency.measure(
-            transport, rate_hz=rate, seconds=seconds, settings=settings, positions=resampled(positions, rate)
-        )
+        latency.measure(transport, rate_hz=rate, seconds=seconds, settings=settings)
         for transport, rate in progress(runs, "Latency", len(runs))
     )
     played = positions[: round(_CROWD_SECONDS * FRAME_RATE)]
-    crowds = {
-        transport: crowd.most_performers(transport, played, settings, most=most)
-        for transport in progress(TRANSPORTS, "Performers", len(TRANSPORTS))
-    }
-    floors = {
-        transport: crowd.most_performers(transport, played, settings, most=most, empty=True)
-        for transport in progress(TRANSPORTS, "Performers, nothing recognised", len(TRANSPORTS))
-    }
+    crowds: dict[Transport, Crowd | None] = {}
+    floors: dict[Transport, Crowd | None] = {}
+    for transport in progress(TRANSPORTS, "Performers", len(TRANSPORTS)):
+        crowds[transport] = crowd.most_performers(transport, played, settings, most=most)
+        floors[transport] = crowd.most_performers(transport, played, settings, most=most, empty=True)
     return Sockets(latencies, crowds, floors, running.measure(positions, signature, starts=starts, many=min(most, 100)))

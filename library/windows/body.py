@@ -1,0 +1,79 @@
+"""The body behind the distances: its size, and the lengths that a posture is measured by."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from library.skeleton import Skeleton
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Body:
+    """How a distance row tells the body's size, and the length of the segments between two joints.
+
+    Attributes
+    ----------
+    sizing
+        A distance row times these weights is the body's size, metres: the mean length of its segments. A skeleton
+        without known parents has no segments, so all its distances stand in for them. Shape (pairs,).
+    segments
+        Index of each segment among the pairs, shape (segments,); none without known parents.
+    paths
+        Which segments lie between the joints of each pair, shape (pairs, segments), 0 or 1.
+    """
+
+    sizing: NDArray[np.float64] = field(repr=False)
+    segments: NDArray[np.intp] = field(repr=False)
+    paths: NDArray[np.float64] = field(repr=False)
+
+    @classmethod
+    def of(cls, skeleton: Skeleton) -> Body:
+        """Read segments and paths off a skeleton's parents.
+
+        Raises
+        ------
+        ValueError
+            The parents do not make one tree.
+        """
+        pairs = len(skeleton.pairs)
+        if not skeleton.parents:
+            return cls(np.full(pairs, 1 / pairs), np.empty(0, dtype=np.intp), np.zeros((pairs, 0)))
+        places = {(int(a), int(b)): index for index, (a, b) in enumerate(skeleton.pairs)}
+        children = [joint for joint, parent in enumerate(skeleton.parents) if parent >= 0]
+        segments = [places[min(j, skeleton.parents[j]), max(j, skeleton.parents[j])] for j in children]
+        above = _segments_above(skeleton.parents, children)
+        first, second = skeleton.pairs.T
+        sizing = np.bincount(segments, minlength=pairs) / len(segments)
+        return cls(sizing, np.array(segments, dtype=np.intp), (above[first] ^ above[second]).astype(np.float64))
+
+    def size(self, rows: NDArray[np.floating]) -> NDArray[np.float64]:
+        """Mean length of the segments in distance rows (..., pairs), metres: shape (...)."""
+        size: NDArray[np.float64] = rows @ self.sizing
+        return size
+
+    def lengths(self, rows: NDArray[np.floating]) -> NDArray[np.float64]:
+        """Length of the segments between the joints of each pair, in rows (..., pairs), metres: shape (..., pairs)."""
+        if not len(self.segments):
+            return np.broadcast_to(self.size(rows)[..., None], rows.shape)
+        lengths: NDArray[np.float64] = rows[..., self.segments] @ self.paths.T
+        return lengths
+
+
+def _segments_above(parents: tuple[int, ...], children: list[int]) -> NDArray[np.bool_]:
+    """Say which segments lie between each joint and the root, shape (joints, segments)."""
+    above = np.zeros((len(parents), len(children)), dtype=bool)
+    place = {joint: index for index, joint in enumerate(children)}
+    for joint in range(len(parents)):
+        step = joint
+        while parents[step] >= 0 and not above[joint, place[step]]:
+            above[joint, place[step]] = True
+            step = parents[step]
+        if parents[step] >= 0 or len(children) != len(parents) - 1:
+            raise ValueError(f"skeleton: expected parents that make one tree, got {parents}")
+    return above

@@ -1,0 +1,193 @@
+"""How windows are compared: which parts make one vector, and how much each vector counts.
+
+A group of parts is one vector: the parts' own vectors one after another, mapped by a metric of their own where there
+are several. The distance of two windows is a weighted mean of the logarithms of the groups' squared distances. Several
+views weigh the groups differently; a class is as near as the view that finds it nearest. The views are all parts, and
+the short parts: right after a change of motion only the short windows have left the motion before.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from library.windows.cutting import FIRST_WINDOW
+from library.windows.metric import Lessons, Metric, learned_metric
+from library.windows.parts import (
+    EIGEN_LONG,
+    EIGEN_SHORT,
+    PARTS,
+    POSTURE,
+    SHORT_PARTS,
+    SPREAD_LONG,
+    SPREAD_SHORT,
+    Kind,
+    Part,
+    flattened,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from numpy.typing import NDArray
+
+Group = tuple[Part, ...]
+
+#: Added to squared distances before the logarithm: below it two windows are as good as the same.
+NEAREST = 0.01
+#: Axes kept of each part, and of a group of several parts.
+_PART_AXES, _GROUP_AXES = 64, 128
+#: How much of the learned scatter gives way to equal scatter. The eigen part is compared by plain inner products.
+_PART_SHRINKAGE = {Kind.EIGEN: 1.0, Kind.SPREAD: 0.3, Kind.POSTURE: 0.3, Kind.TREND: 0.3}
+_GROUP_SHRINKAGE = 0.2
+
+
+@dataclass(frozen=True, slots=True)
+class Weighing:
+    """Which groups of parts are compared, and how much each counts.
+
+    Attributes
+    ----------
+    groups
+        The parts of each vector.
+    views
+        For each view the weight of each group; a view's weights add up to 1.
+    naming
+        How many of the views name the class: the first ones. The last view is evidence for a known motion.
+    first
+        Seconds from a motion's start to the end of its first window in the library.
+    lead
+        Lead of a class in log distance, times thirtieths of a second, after which it becomes the guess.
+
+    Raises
+    ------
+    ValueError
+        A view has another number of weights than there are groups, or its weights do not add up to 1.
+    """
+
+    groups: tuple[Group, ...]
+    views: tuple[tuple[float, ...], ...]
+    naming: int
+    first: float
+    lead: float
+
+    def __post_init__(self) -> None:
+        for view in self.views:
+            if len(view) != len(self.groups) or not np.isclose(sum(view), 1.0):
+                raise ValueError(f"views: expected {len(self.groups)} weights that add up to 1, got {view}")
+
+    def without(self, kind: Kind) -> Weighing:
+        """Leave out the parts of one kind, to see what they are worth; the other weights keep their proportions.
+
+        Raises
+        ------
+        ValueError
+            Nothing is left to name a class by.
+        """
+        groups = [tuple(part for part in group if part.kind is not kind) for group in self.groups]
+        left = [place for place, group in enumerate(groups) if group]
+        views = [tuple(view[place] for place in left) for view in self.views]
+        naming = sum(sum(view) > 0 for view in views[: self.naming])
+        if not naming:
+            raise ValueError(f"kind: expected some parts beside {kind}, got none")
+        # A view without weight is left out, but the last one: it is evidence, for which the first then stands in.
+        kept = [view for view in views if sum(view) > 0]
+        scaled = tuple(tuple(weight / sum(view) for weight in view) for view in kept)
+        return replace(self, groups=tuple(groups[place] for place in left), views=scaled, naming=naming)
+
+    @property
+    def parts(self) -> tuple[Part, ...]:
+        """All parts that are compared, each once."""
+        return tuple(dict.fromkeys(part for group in self.groups for part in group))
+
+
+#: Between laboratories each part counts for itself: one part that a laboratory's bodies shift does not outweigh the
+#: others. Trend and the joint metric fit one laboratory and mislead in another (tests/TRIED.md).
+ACROSS_LABORATORIES = Weighing(
+    groups=((EIGEN_LONG,), (EIGEN_SHORT,), (SPREAD_LONG,), (SPREAD_SHORT,), (POSTURE,)),
+    views=((2 / 9, 2 / 9, 2 / 9, 2 / 9, 1 / 9), (0.0, 1 / 3, 0.0, 1 / 3, 1 / 3), (1.0, 0.0, 0.0, 0.0, 0.0)),
+    naming=2,
+    first=0.5,
+    lead=0.6,
+)
+#: Within a laboratory one metric over all parts knows how they vary together between people.
+WITHIN_LABORATORY = Weighing(groups=(PARTS, SHORT_PARTS), views=((0.5, 0.5),), naming=1, first=FIRST_WINDOW, lead=0.3)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Comparison:
+    """Maps the numbers of a window's parts to the vectors of the groups.
+
+    Attributes
+    ----------
+    weighing
+        Groups and weights.
+    parts
+        The metric of each part.
+    groups
+        For each group of several parts the metric of their vectors, one after another; None for a single part.
+    """
+
+    weighing: Weighing
+    parts: Mapping[Part, Metric] = field(repr=False)
+    groups: tuple[Metric | None, ...] = field(repr=False)
+
+    @classmethod
+    def learned(cls, weighing: Weighing, numbers: Mapping[Part, NDArray[np.float64]], lessons: Lessons) -> Comparison:
+        """Learn the metrics from windows of known classes and people.
+
+        Parameters
+        ----------
+        weighing
+            Groups and weights.
+        numbers
+            Of each part, (windows, numbers).
+        lessons
+            Whose windows they are.
+        """
+        wanted = dict.fromkeys(part for group in weighing.groups if not _is_eigen(group) for part in group)
+        parts = {
+            part: learned_metric(
+                _as_vectors(part, numbers), lessons, shrinkage=_PART_SHRINKAGE[part.kind], kept=_PART_AXES
+            )
+            for part in wanted
+        }
+        placed = {part: metric.place(_as_vectors(part, numbers)) for part, metric in parts.items()}
+        groups: list[Metric | None] = []
+        for group in weighing.groups:
+            if len(group) == 1:
+                groups.append(None)
+                continue
+            joined = np.concatenate([placed[part] for part in group], axis=-1, dtype=np.float64)
+            groups.append(learned_metric(joined, lessons, shrinkage=_GROUP_SHRINKAGE, kept=_GROUP_AXES))
+        return cls(weighing, parts, tuple(groups))
+
+    def place(self, numbers: Mapping[Part, NDArray[np.float64]]) -> list[NDArray[np.float32]]:
+        """Give the vector of each group, of windows (windows, numbers) or of one (numbers,).
+
+        Returns
+        -------
+        For each group shape (..., axes); for a group of an eigen part alone its scaled eigenvectors, (..., k,
+        directions).
+        """
+        placed = {part: metric.place(_as_vectors(part, numbers)) for part, metric in self.parts.items()}
+        vectors: list[NDArray[np.float32]] = []
+        for group, metric in zip(self.weighing.groups, self.groups, strict=True):
+            if _is_eigen(group):
+                vectors.append(numbers[group[0]].astype(np.float32))
+            elif metric is None:
+                vectors.append(placed[group[0]])
+            else:
+                vectors.append(metric.place(np.concatenate([placed[part] for part in group], axis=-1)))
+        return vectors
+
+
+def _is_eigen(group: Group) -> bool:
+    """Whether a group is an eigen part alone, which is compared by plain inner products of eigenvectors."""
+    return len(group) == 1 and group[0].kind is Kind.EIGEN
+
+
+def _as_vectors(part: Part, numbers: Mapping[Part, NDArray[np.float64]]) -> NDArray[np.float64]:
+    return flattened(numbers[part]) if part.kind is Kind.EIGEN else numbers[part]

@@ -1,0 +1,192 @@
+"""Windows cut from whole motions, all of a motion at once."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from library.distances import distance_rows
+from library.windows.eigenvectors import eigenpairs
+from library.windows.parts import (
+    BASIS_LENGTHS,
+    DISTANCE_LENGTHS,
+    EIGENVECTORS,
+    PARTS,
+    Eigenpairs,
+    Kind,
+    Moments,
+    Part,
+    eigen,
+    posture,
+    spread,
+    trend,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from numpy.typing import NDArray
+
+    from library.clip import Clip
+    from library.windows.basis import Basis
+    from library.windows.body import Body
+
+#: Seconds after which a feed is first answered, and after which a motion's first window ends.
+FIRST_WINDOW = 0.15
+#: Windows of a motion whose sums are taken together.
+_TOGETHER = 8
+
+
+def window_ends(clip: Clip, every: float, first: float = FIRST_WINDOW) -> NDArray[np.intp]:
+    """Say before which frames the windows of a motion end: every so many seconds, the last with the motion.
+
+    Parameters
+    ----------
+    clip
+        The motion.
+    every, first
+        Seconds between two windows, and from the motion's start to the end of the first.
+
+    Returns
+    -------
+    Indices of frames, ascending; none when the motion is shorter than the shortest window allowed (`FIRST_WINDOW`).
+    """
+    earliest = round(min(first, clip.duration) * clip.frame_rate)
+    if clip.duration < FIRST_WINDOW or earliest < 2:
+        return np.empty(0, dtype=np.intp)
+    step = max(1, round(every * clip.frame_rate))
+    return np.arange(clip.frames, earliest - 1, -step)[::-1]
+
+
+class CutWindows:
+    """The numbers of all parts of some motions' windows.
+
+    Parameters
+    ----------
+    clips
+        The motions, all of one skeleton.
+    ends
+        Of each motion the frames before which its windows end (`window_ends`).
+    body, basis
+        Of the skeleton.
+    """
+
+    def __init__(self, clips: Sequence[Clip], ends: Sequence[NDArray[np.intp]], body: Body, basis: Basis) -> None:
+        self._body = body
+        moments: list[list[Moments]] = []
+        covariances: list[list[NDArray[np.float64]]] = []
+        for clip, end in zip(clips, ends, strict=True):
+            rows = distance_rows(clip.positions, clip.skeleton)
+            moments.append(_moments(rows, clip.frame_rate, end))
+            points = rows @ basis.directions
+            covariances.append([window_covariances(points, clip, end, seconds) for seconds in BASIS_LENGTHS])
+        self._moments = {
+            seconds: _joined(each) for seconds, each in zip(DISTANCE_LENGTHS, zip(*moments, strict=True), strict=True)
+        }
+        self.eigenpairs = {
+            seconds: eigenpairs_of(np.concatenate(each))
+            for seconds, each in zip(BASIS_LENGTHS, zip(*covariances, strict=True), strict=True)
+        }
+
+    def moments(self, seconds: float) -> Moments:
+        """Give the moments over one of `DISTANCE_LENGTHS`."""
+        return self._moments[seconds]
+
+    def numbers(self) -> dict[Part, NDArray[np.float64]]:
+        """Give the numbers of every part, each (windows, numbers)."""
+        return numbers_of(self._moments, self.eigenpairs, self._body)
+
+
+def numbers_of(
+    moments: Mapping[float, Moments], eigenpairs: Mapping[float, Eigenpairs], body: Body
+) -> dict[Part, NDArray[np.float64]]:
+    """Read all parts of some windows off their moments and eigenpairs, by length in seconds.
+
+    Returns
+    -------
+    For each of `PARTS` its numbers, (windows, numbers).
+    """
+    return {
+        part: eigen(eigenpairs[part.seconds])
+        if part.kind is Kind.EIGEN
+        else OF_DISTANCES[part.kind](moments[part.seconds], body)
+        for part in PARTS
+    }
+
+
+#: How each kind of part is read off moments.
+OF_DISTANCES = {Kind.SPREAD: spread, Kind.POSTURE: posture, Kind.TREND: trend}
+
+
+def eigenpairs_of(covariances: NDArray[np.float64]) -> Eigenpairs:
+    """Find the leading eigenpairs of covariances (windows, directions, directions)."""
+    return Eigenpairs(*eigenpairs(covariances, EIGENVECTORS))
+
+
+def _moments(rows: NDArray[np.float64], frame_rate: float, ends: NDArray[np.intp]) -> list[Moments]:
+    """Take the moments of all windows of one motion, by length."""
+    found = [Moments(*np.empty((3, len(ends), rows.shape[1]))) for _ in DISTANCE_LENGTHS]
+    # Windows that end near each other share most of their frames: their sums are one product.
+    for begin in range(0, len(ends), _TOGETHER):
+        some = slice(begin, begin + _TOGETHER)
+        starts = [_starts(ends[some], frame_rate, seconds) for seconds in DISTANCE_LENGTHS]
+        first, last = min(int(each.min()) for each in starts), int(ends[some][-1])
+        frames = np.arange(first, last)
+        reference = rows[first:last].mean(axis=0)
+        centred = rows[first:last] - reference
+        squared = np.square(centred)
+        for each, moments in zip(starts, found, strict=True):
+            weights = ((frames >= each[:, None]) & (frames < ends[some, None])).astype(np.float64)
+            weights /= weights.sum(axis=1, keepdims=True)
+            times = frames / frame_rate - (weights @ frames)[:, None] / frame_rate
+            swing = np.sqrt((weights * times**2).sum(axis=1, keepdims=True))
+            mean = weights @ centred
+            variance = weights @ squared - mean**2
+            moments.mean[some] = mean + reference
+            np.sqrt(np.maximum(variance, 0.0, out=variance), out=moments.deviation[some])
+            np.matmul(weights * times / np.where(swing > 0, swing, np.inf), centred, out=moments.trend[some])
+    return found
+
+
+def window_covariances(
+    points: NDArray[np.float64], clip: Clip, ends: NDArray[np.intp], seconds: float
+) -> NDArray[np.float64]:
+    """Take the covariances of a motion's windows of one length.
+
+    Parameters
+    ----------
+    points
+        The motion's points in the basis, shape (frames, directions).
+    clip
+        Tells the frame rate.
+    ends
+        The frames before which the windows end.
+    seconds
+        Length of the windows.
+
+    Returns
+    -------
+    Shape (windows, directions, directions).
+    """
+    starts = _starts(ends, clip.frame_rate, seconds)
+    counts = ends - starts
+    frames = starts[:, None] + np.arange(counts.max(initial=0))
+    inside = frames < ends[:, None]
+    windows = points[np.minimum(frames, len(points) - 1)] * inside[:, :, None]
+    windows -= (windows.sum(axis=1) / counts[:, None])[:, None]
+    windows *= (inside / np.sqrt(counts)[:, None])[:, :, None]
+    covariances: NDArray[np.float64] = np.matmul(windows.transpose(0, 2, 1), windows)
+    return covariances
+
+
+def _starts(ends: NDArray[np.intp], frame_rate: float, seconds: float) -> NDArray[np.intp]:
+    """Say where windows of so many seconds start."""
+    return np.maximum(ends - round(seconds * frame_rate), 0)
+
+
+def _joined(several: Sequence[Moments]) -> Moments:
+    """Put the windows of several motions one after another."""
+    return Moments(
+        *(np.concatenate([getattr(each, name) for each in several]) for name in ("mean", "deviation", "trend"))
+    )

@@ -1,0 +1,345 @@
+"""A library opened for recognition: the windows of its motions, as vectors that a live window is compared with."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
+from typing import TYPE_CHECKING, Self
+
+import numpy as np
+
+from library.distances import distance_rows
+from library.motionlibrary import MotionLibrary
+from library.windows.basis import Basis
+from library.windows.body import Body
+from library.windows.comparison import (
+    ACROSS_LABORATORIES,
+    WITHIN_LABORATORY,
+    Comparison,
+    Weighing,
+)
+from library.windows.cutting import FIRST_WINDOW, CutWindows, window_ends
+from library.windows.laid import Windows
+from library.windows.metric import Lessons, rounded
+from library.windows.parts import EIGEN_LONG
+from library.windows.rejection import Rejection, learned_rejection, typical_evidence
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from numpy.typing import NDArray
+
+    from library.clip import Clip
+    from library.skeleton import Skeleton
+    from library.windows.parts import Part
+
+#: Seconds between two windows of a motion that are kept: in a library of one person, and of several.
+_EVERY_ONE, _EVERY_SEVERAL = 0.1, 0.4
+#: Frames per second at which a library's windows are measured.
+_MEASURED_AT = 30.0
+#: Frames per second at which the basis is learned.
+_BASIS_AT = 10.0
+#: People from whom metrics can be learned: with fewer the built-in library's people teach.
+_TEACHERS = 3
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class WindowIndex:
+    """The windows of a library's motions, by class and person.
+
+    Attributes
+    ----------
+    library
+        The motions.
+    body, basis, comparison
+        How windows are measured and compared.
+    vectors
+        For each group the windows' vectors, shape (windows, axes), float32, rounded to half precision.
+    eigenvectors
+        The leading eigenvector of each window over two seconds, in the basis, shape (windows, directions), float32.
+    motions
+        Index of each window's motion, ascending, shape (windows,).
+    classes
+        All class names that windows have, sorted; `nothing` among them when the library holds such motions.
+    """
+
+    library: MotionLibrary
+    body: Body
+    basis: Basis
+    comparison: Comparison
+    vectors: tuple[NDArray[np.float32], ...] = field(repr=False)
+    eigenvectors: NDArray[np.float32] = field(repr=False)
+    motions: NDArray[np.intp] = field(repr=False)
+    classes: tuple[str, ...] = field(init=False)
+    blocks: Blocks = field(init=False, repr=False)
+    _windows: Windows = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        names = [self.library.motions[index].class_name for index in self.motions]
+        classes = sorted(set(names))
+        object.__setattr__(self, "classes", tuple(classes))
+        people = [self.library.motions[index].actor for index in self.motions]
+        object.__setattr__(self, "blocks", Blocks.of(np.searchsorted(classes, names), people))
+        object.__setattr__(self, "vectors", tuple(rounded(each) for each in self.vectors))
+        windows = Windows(self.comparison, self.vectors, self.eigenvectors, self.blocks)
+        object.__setattr__(self, "_windows", windows)
+
+    @property
+    def rejection(self) -> Rejection:
+        """How a known motion is told from an unknown one; learned from the motions when first asked for."""
+        return _rejection(self)
+
+    @classmethod
+    def of(cls, library: MotionLibrary, teacher: MotionLibrary | None = None, weighing: Weighing | None = None) -> Self:
+        """Cut, measure and place the windows of a library's motions.
+
+        Parameters
+        ----------
+        library
+            Motions, one at least long enough for a window.
+        teacher
+            From whose people the metrics are learned; found by itself when not given.
+        weighing
+            Which groups of parts are compared; `usual_weighing` when not given.
+
+        Raises
+        ------
+        ValueError
+            No motion is long enough for a window.
+        """
+        weighing = weighing or usual_weighing(library)
+        teacher = teacher or teacher_of(library)
+        body, basis = Body.of(teacher.skeleton), learned_basis(teacher)
+        clips, ends, motions = measured_clips(teacher, _EVERY_SEVERAL, weighing.first)
+        cut = CutWindows(clips, ends, body, basis)
+        comparison = Comparison.learned(weighing, cut.numbers(), _lessons(teacher, motions))
+        if library is not teacher:
+            clips, ends, motions = measured_clips(library, first=weighing.first)
+            cut = CutWindows(clips, ends, body, basis)
+        return cls(
+            library,
+            body,
+            basis,
+            comparison,
+            vectors=tuple(comparison.place(cut.numbers())),
+            eigenvectors=cut.eigenpairs[EIGEN_LONG.seconds].vectors[:, 0].astype(np.float32),
+            motions=motions,
+        )
+
+    def __len__(self) -> int:
+        return len(self.motions)
+
+    def without(self, motions: Sequence[int]) -> WindowIndex:
+        """Give the index without the windows of some motions; the metrics stay as they were learned."""
+        return self._kept(~np.isin(self.motions, motions))
+
+    def of_some(self, motions: Sequence[int]) -> WindowIndex:
+        """Give the index of some motions' windows alone; the metrics stay as they were learned."""
+        return self._kept(np.isin(self.motions, motions))
+
+    def _kept(self, kept: NDArray[np.bool_]) -> WindowIndex:
+        return replace(
+            self,
+            vectors=tuple(each[kept] for each in self.vectors),
+            eigenvectors=self.eigenvectors[kept],
+            motions=self.motions[kept],
+        )
+
+    def log_distances(self, numbers: Mapping[Part, NDArray[np.float64]]) -> NDArray[np.float64]:
+        """Compare one live window with every window of the library.
+
+        Parameters
+        ----------
+        numbers
+            Of each part, (numbers,).
+
+        Returns
+        -------
+        For each view and class the log distance of the nearest window, mean over the two nearest people: shape
+        (views, classes).
+        """
+        return self._windows.compared(numbers)
+
+    def own_distances(self, window: int, left_out: NDArray[np.bool_]) -> NDArray[np.float64]:
+        """Compare one of the library's own windows with the others, some of them left out.
+
+        Parameters
+        ----------
+        window
+            Which window asks.
+        left_out
+            Which windows are not compared, shape (windows,).
+
+        Returns
+        -------
+        For each view the log distance of each class, shape (views, classes); infinite for a class without windows left.
+        """
+        views = self._windows.weighed([each[window] for each in self.vectors])
+        views[:, left_out] = np.inf
+        return self.blocks.agreed(self.blocks.nearest(views))
+
+    def eigenvector_scores(self, eigenvector: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Compare a leading eigenvector alone: each class's best |inner product| (Le Naour et al. 2012, section 3).
+
+        Parameters
+        ----------
+        eigenvector
+            Unit length, in the basis, shape (directions,).
+
+        Returns
+        -------
+        Shape (classes,), 0 to 1.
+        """
+        return self._windows.scores(eigenvector)
+
+
+@lru_cache(maxsize=8)
+def _rejection(index: WindowIndex) -> Rejection:
+    learned = index.library.learned
+    if learned is None:
+        return learned_rejection(index)
+    rejection = Rejection.of_kept(learned)
+    fewer = len(index.library.skeleton.joints) < rejection.joints
+    return rejection.moved_to(typical_evidence(index)) if fewer else rejection
+
+
+@lru_cache(maxsize=4)
+def opened(library: MotionLibrary) -> WindowIndex:
+    """Give a library's windows; several recognisers of one library share them."""
+    return WindowIndex.of(library)
+
+
+def usual_weighing(library: MotionLibrary) -> Weighing:
+    """Choose how a library's windows are compared: with numbers learned from another laboratory, as between two."""
+    return ACROSS_LABORATORIES if library.learned else WITHIN_LABORATORY
+
+
+def teacher_of(library: MotionLibrary) -> MotionLibrary:
+    """Choose from whose people metrics are learned.
+
+    Three people or more who share classes teach their own library. Otherwise the built-in library's people teach, if
+    it knows all joints; if it does not, the library teaches itself what it can.
+    """
+    performed = {(clip.class_name, clip.actor) for clip in library.motions if clip.actor}
+    people = {actor for _, actor in performed}
+    if len(people) >= _TEACHERS and len(performed) > len({class_name for class_name, _ in performed}):
+        return library
+    builtin = _builtin()
+    if set(library.skeleton.joints) <= set(builtin.skeleton.joints):
+        taught = builtin.restricted_to(library.skeleton.joints)
+        return _in_order(taught, library.skeleton)
+    return library
+
+
+@lru_cache(maxsize=1)
+def _builtin() -> MotionLibrary:
+    return MotionLibrary.builtin()
+
+
+def _in_order(library: MotionLibrary, skeleton: Skeleton) -> MotionLibrary:
+    """Put a library's joints in the order of a skeleton."""
+    if library.skeleton.joints == skeleton.joints:
+        return library
+    return replace(library, skeleton=skeleton, motions=tuple(clip.as_of(skeleton) for clip in library.motions))
+
+
+def learned_basis(library: MotionLibrary, *, weighted: bool = True) -> Basis:
+    """Learn the basis from a library's motions."""
+    rows: dict[str, list[NDArray[np.float64]]] = {}
+    for clip in library.motions:
+        thinned = clip.positions[:: max(1, round(clip.frame_rate / _BASIS_AT))]
+        rows.setdefault(clip.class_name, []).append(distance_rows(thinned, clip.skeleton))
+    return Basis.learned(rows, Body.of(library.skeleton), weighted=weighted)
+
+
+def measured_clips(
+    library: MotionLibrary, every: float | None = None, first: float = FIRST_WINDOW
+) -> tuple[list[Clip], list[NDArray[np.intp]], NDArray[np.intp]]:
+    """Cut a library's motions into windows.
+
+    Parameters
+    ----------
+    library
+        The motions.
+    every, first
+        Seconds between two windows, and from a motion's start to the end of its first window; by default windows lie
+        closer in a library of one person.
+
+    Returns
+    -------
+    The motions at the frame rate at which windows are measured, the frames before which the windows of each end, and
+    for each window the index of its motion.
+
+    Raises
+    ------
+    ValueError
+        No motion is long enough for a window.
+    """
+    every = every or (_EVERY_SEVERAL if len(library.actors) > 1 else _EVERY_ONE)
+    clips = [_thinned(clip) for clip in library.motions]
+    ends = [window_ends(clip, every, first) for clip in clips]
+    motions = np.repeat(np.arange(len(clips)), [len(each) for each in ends])
+    if not len(motions):
+        raise ValueError("library: expected a motion long enough for a window, got none")
+    return clips, ends, motions
+
+
+def _thinned(clip: Clip) -> Clip:
+    step = max(1, round(clip.frame_rate / _MEASURED_AT))
+    return replace(clip, positions=clip.positions[::step], frame_rate=clip.frame_rate / step)
+
+
+def _lessons(library: MotionLibrary, motions: NDArray[np.intp]) -> Lessons:
+    """Say of which class and person each window is; motions of unnamed people are by people of their own."""
+    _, classes = np.unique([clip.class_name for clip in library.motions], return_inverse=True)
+    _, people = np.unique([clip.actor for clip in library.motions], return_inverse=True)
+    return Lessons(classes[motions], people[motions])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Blocks:
+    """Which windows are whose: the windows of one person in one class stand together.
+
+    Attributes
+    ----------
+    starts
+        Where the windows of each person in each class start, shape (blocks,).
+    class_starts
+        Where the windows of each class start, shape (classes,).
+    places
+        For each class its blocks, filled up with a block that is not there, shape (classes, most people).
+    """
+
+    starts: NDArray[np.intp]
+    class_starts: NDArray[np.intp]
+    places: NDArray[np.intp]
+
+    @classmethod
+    def of(cls, classes: NDArray[np.intp], people: Sequence[str]) -> Blocks:
+        """Find the blocks of windows that stand by class and, within a class, by person."""
+        actors = np.asarray(people)
+        begins = np.append(True, (classes[1:] != classes[:-1]) | (actors[1:] != actors[:-1]))
+        starts = np.flatnonzero(begins)
+        counts = np.unique(classes[starts], return_counts=True)[1]
+        places = np.full((len(counts), counts.max()), len(starts))
+        places[np.arange(counts.max()) < counts[:, None]] = np.arange(len(starts))
+        return cls(starts, np.flatnonzero(np.diff(classes, prepend=-1)), places)
+
+    def nearest(self, distances: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Take the least of each block's distances, (..., windows) to (..., blocks)."""
+        nearest: NDArray[np.float32] = np.minimum.reduceat(distances, self.starts, axis=-1)
+        return nearest
+
+    def agreed(self, logs: NDArray[np.floating]) -> NDArray[np.float64]:
+        """Take the mean of the two least of each class's blocks, (..., blocks) to (..., classes).
+
+        The second nearest person must agree where two perform a class: only one of them does it their own way.
+        """
+        padded = np.full((*logs.shape[:-1], logs.shape[-1] + 1), np.inf)
+        padded[..., :-1] = logs
+        by_person = np.sort(padded.take(self.places, axis=-1), axis=-1)
+        first = by_person[..., 0]
+        if by_person.shape[-1] == 1:
+            return first
+        second = by_person[..., 1]
+        return (first + np.where(np.isfinite(second), second, first)) / 2

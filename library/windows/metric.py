@@ -1,0 +1,153 @@
+"""Metrics: how numbers of windows become vectors whose distances tell motions apart and people not.
+
+What differs between people who do the same is learned from windows of known classes: the scatter of the differences
+between a window and the nearest window of its class by another person. The metric divides by that scatter (within-class
+covariance normalisation, Hatch, Kajarekar and Stolcke 2006), shrunk towards equal scatter everywhere (Ledoit and Wolf
+2004), and keeps the directions in which the windows then vary most.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, TypeVar
+
+import numpy as np
+
+from library.windows.eigenvectors import leading_eigenvectors
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+_Number = TypeVar("_Number", np.float32, np.float64)
+
+#: Principal axes in which the learning happens: the rest of the numbers is noise, and costs time.
+_LEARNED_IN = 160
+#: How often the nearest windows are looked for anew, in the metric learned so far.
+_ROUNDS = 2
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Metric:
+    """A linear map: vectors are (numbers − origin) @ axes, compared by squared distances.
+
+    Attributes
+    ----------
+    origin
+        Shape (numbers,).
+    axes
+        Shape (numbers, kept).
+    """
+
+    origin: NDArray[np.float32] = field(repr=False)
+    axes: NDArray[np.float32] = field(repr=False)
+
+    def place(self, numbers: NDArray[np.floating]) -> NDArray[np.float32]:
+        """Give the vectors of windows' numbers, (..., numbers) to (..., kept)."""
+        placed: NDArray[np.float32] = np.subtract(numbers, self.origin, dtype=np.float32) @ self.axes
+        return placed
+
+
+def rounded(numbers: NDArray[np.floating]) -> NDArray[np.float32]:
+    """Round numbers to half precision: the compiled loops read half as much, and numpy computes with the same."""
+    return numbers.astype(np.float16).astype(np.float32)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Lessons:
+    """Whose windows a metric is learned from.
+
+    Attributes
+    ----------
+    classes, people
+        Index of the class and of the person of each window, both of shape (windows,).
+    """
+
+    classes: NDArray[np.intp] = field(repr=False)
+    people: NDArray[np.intp] = field(repr=False)
+
+    @property
+    def shared(self) -> list[NDArray[np.intp]]:
+        """The windows of each class that two people perform."""
+        each = [np.flatnonzero(self.classes == index) for index in np.unique(self.classes)]
+        return [own for own in each if len(np.unique(self.people[own])) > 1]
+
+
+def learned_metric(numbers: NDArray[np.float64], lessons: Lessons, *, shrinkage: float, kept: int) -> Metric:
+    """Learn a metric from windows of several people.
+
+    Parameters
+    ----------
+    numbers
+        Shape (windows, numbers).
+    lessons
+        Whose they are. When no class is performed by two people, nothing is divided by: the axes are principal axes.
+    shrinkage
+        0 to 1; at 1 nothing is divided by either.
+    kept
+        How many axes to keep, at most.
+
+    Returns
+    -------
+    The metric, scaled so that windows of one class by two people are at a mean squared distance of 1.
+    """
+    origin = numbers.mean(axis=0)
+    reduced, back = _reduced(numbers - origin)
+    axes = _principal(reduced, kept)
+    shared = lessons.shared
+    differences = _differences(reduced @ axes, reduced, lessons, shared) if shared else reduced
+    # People whose recordings are the same, number for number, teach nothing.
+    if shrinkage < 1 and shared and differences.any():
+        for _ in range(_ROUNDS):
+            axes = _whitened_axes(differences, reduced, shrinkage, kept)
+            differences = _differences(reduced @ axes, reduced, lessons, shared)
+    square = float(np.square(differences @ axes).sum(axis=1).mean())
+    axes = axes / np.sqrt(square) if square > 0 else axes
+    return Metric(origin.astype(np.float32), rounded(back @ axes))
+
+
+def _reduced(centred: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Give windows along their principal axes, and the axes, (numbers, `_LEARNED_IN`)."""
+    # What is learned among the axes does not depend on how exact they are.
+    back = _principal(centred.astype(np.float32), _LEARNED_IN).astype(np.float64)
+    return centred @ back, back
+
+
+def _principal(centred: NDArray[_Number], kept: int) -> NDArray[_Number]:
+    square: NDArray[_Number] = centred.T @ centred
+    return leading_eigenvectors(square, kept)[1]
+
+
+def _whitened_axes(
+    differences: NDArray[np.float64], centred: NDArray[np.float64], shrinkage: float, kept: int
+) -> NDArray[np.float64]:
+    """Whiten the differences, then take the principal axes of the windows; shape (numbers, kept)."""
+    scatter = differences.T @ differences
+    scatter /= np.trace(scatter) / len(scatter)
+    values, vectors = np.linalg.eigh(scatter)
+    whitening = vectors / np.sqrt((1 - shrinkage) * np.maximum(values, 0.0) + shrinkage)
+    axes: NDArray[np.float64] = whitening @ _principal(centred @ whitening, kept)
+    return axes
+
+
+def _differences(
+    vectors: NDArray[np.float64],
+    numbers: NDArray[np.float64],
+    lessons: Lessons,
+    shared: list[NDArray[np.intp]],
+) -> NDArray[np.float64]:
+    """Take each window's difference to the nearest of its class by another person, each class weighing the same."""
+    count = sum(map(len, shared)) / len(shared)
+    differences: list[NDArray[np.float64]] = []
+    for own in shared:
+        squared = squared_distances(vectors[own], vectors[own])
+        squared[lessons.people[own][:, None] == lessons.people[own]] = np.inf
+        nearest = own[squared.argmin(axis=1)]
+        differences.append((numbers[own] - numbers[nearest]) * np.sqrt(count / len(own)))
+    return np.concatenate(differences)
+
+
+def squared_distances(first: NDArray[np.floating], second: NDArray[np.floating]) -> NDArray[np.floating]:
+    """Take |a − b|² as |a|² + |b|² − 2 a·b for all rows of two matrices: shape (n, m), never below 0."""
+    lengths = np.square(first).sum(axis=1)[:, None] + np.square(second).sum(axis=1)
+    squared: NDArray[np.floating] = np.maximum(lengths - 2 * first @ second.T, 0.0)
+    return squared

@@ -1,0 +1,99 @@
+"""The one hysteresis of guess and event: a class must gather a lead before it takes over.
+
+Each hop the class in front gains its lead over the others, in log distance times thirtieths of a second; when another
+class comes to the front the count begins anew. A clear lead takes over at once, a doubtful one takes a moment. The
+guess needs little (`library.windows.comparison.Weighing.lead`), a start event more (`Settings.lead`).
+"""
+
+from __future__ import annotations
+
+import math
+
+#: Seconds over which the evidence for a known motion is averaged.
+_KNOWN_OVER = 0.3
+#: By how much the evidence for a named motion may fall below the threshold: without it a motion at the threshold
+#: flickers.
+_HELD = 1.5
+#: The unit of leads: log distance times a thirtieth of a second.
+PER_SECOND = 30.0
+
+
+class Hysteresis:
+    """Follows which of several indices is in front for long enough.
+
+    Parameters
+    ----------
+    needed
+        Lead after which an index takes over.
+
+    Attributes
+    ----------
+    current
+        The index that took over last; None before the first.
+    """
+
+    def __init__(self, needed: float) -> None:
+        self._needed = needed
+        self.clear()
+
+    def clear(self) -> None:
+        """Forget everything, as at the start."""
+        self.current: int | None = None
+        self._leader: int | None = None
+        self._lead = 0.0
+
+    def push(self, leader: int, pace: float, elapsed: float) -> bool:
+        """Take in which index is in front.
+
+        Parameters
+        ----------
+        leader
+            The index in front.
+        pace
+            Its lead in log distance.
+        elapsed
+            Seconds that it counts for.
+
+        Returns
+        -------
+        Whether the index took over now.
+        """
+        if leader != self._leader:
+            self._leader, self._lead = leader, 0.0
+        self._lead += pace * elapsed * PER_SECOND
+        if leader == self.current or self._lead < self._needed:
+            return False
+        self.current = leader
+        return True
+
+
+class Judgement:
+    """Whether the guess is known: averaged evidence against a threshold, which a named motion may undercut a little.
+
+    Parameters
+    ----------
+    threshold
+        Evidence, as a logit (`library.windows.rejection`), from which a guess is known.
+
+    Attributes
+    ----------
+    average
+        The averaged evidence; NaN before the first.
+    """
+
+    def __init__(self, threshold: float) -> None:
+        self._threshold = threshold
+        self.clear()
+
+    def clear(self) -> None:
+        """Forget everything, as at the start."""
+        self.average = math.nan
+        self._known = False
+
+    def push(self, logit: float, elapsed: float) -> bool:
+        """Take in the evidence of the newest window, so many seconds after the last; say whether the guess is known."""
+        if math.isnan(self.average):
+            self.average = logit
+        self.average -= math.expm1(-elapsed / _KNOWN_OVER) * (logit - self.average)
+        self._known = self.average >= self._threshold - (_HELD if self._known else 0.0)
+        return self._known

@@ -1,0 +1,137 @@
+"""The slow twin of how streams are scored: a walk through the moments of takes, one at a time; see `naive`.
+
+Nothing here calls the product.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping, Sequence
+
+
+@dataclass(frozen=True)
+class Moment:
+    """One frame of a take: when, in which segment (its number, start, end and known class), what was answered."""
+
+    time: float
+    segment: int
+    start: float
+    end: float
+    truth: int
+    guess: int
+    published: int
+    event: int
+    score: float
+
+
+def share(of: Sequence[bool]) -> float | None:
+    """Give the share that is true, None of nothing."""
+    return sum(of) / len(of) if of else None
+
+
+def percentile(values: Sequence[float], percent: float) -> float | None:
+    """Find a percentile, in a straight line between neighbours."""
+    if not values:
+        return None
+    ordered, place = sorted(values), percent / 100 * (len(values) - 1)
+    below = math.floor(place)
+    above = min(below + 1, len(values) - 1)
+    return ordered[below] + (place - below) * (ordered[above] - ordered[below])
+
+
+def roc_area(known: Sequence[float], unknown: Sequence[float]) -> float | None:
+    """Count in how many pairs the known one scores higher, ties for a half; NaN never answered and is left out."""
+    pairs = [(a, b) for a in known for b in unknown if not (math.isnan(a) or math.isnan(b))]
+    return sum(1.0 if a > b else 0.5 if a == b else 0.0 for a, b in pairs) / len(pairs) if pairs else None
+
+
+def stream_score(takes: Sequence[Sequence[Moment]], window: float, lasting: float) -> Mapping[str, float | None]:
+    """Score takes by walking through their moments, one at a time."""
+    moments = [moment for take in takes for moment in take]
+    known = [m for m in moments if m.truth >= 0]
+    unknown = [m for m in moments if m.truth < 0 and m.segment >= 0]
+    inside = [m for m in known if m.time - window >= m.start]
+    delays, seen, event_delays, sought = list[float](), list[float](), list[float](), 0
+    for take in takes:
+        for number in sorted({m.segment for m in take if m.truth >= 0}):
+            performed = [m for m in take if m.segment == number]
+            sought += 1
+            delay = _delay(performed, lasting)
+            delays += delay
+            seen += [found / (performed[0].end - performed[0].start) for found in delay]
+            event_delays += [m.time - m.start for m in performed if m.event == m.truth][:1]
+    seconds = sum(take[-1].time - take[0].time for take in takes)
+    unknown_seconds = sum(
+        sum(m.truth < 0 <= m.segment for m in take) / len(take) * (take[-1].time - take[0].time) for take in takes
+    )
+
+    def begun(track: Callable[[Moment], int]) -> int:
+        return sum(
+            track(m) >= 0 and m.truth < 0 <= m.segment and (index == 0 or track(take[index - 1]) != track(m))
+            for take in takes
+            for index, m in enumerate(take)
+        )
+
+    majorities = [
+        2 * sum(m.guess == m.truth for m in take if m.segment == number) > sum(m.segment == number for m in take)
+        for take in takes
+        for number in sorted({m.segment for m in take if m.truth >= 0})
+    ]
+    return {
+        "frame_accuracy": share([m.guess == m.truth for m in known]),
+        "segment_accuracy": share([m.guess == m.truth for m in inside]),
+        "known_answered": share([m.published >= 0 for m in inside]),
+        "segments_found": len(delays) / sought if sought else None,
+        "median_delay_s": percentile(delays, 50),
+        "p90_delay_s": percentile(delays, 90),
+        "median_seen": percentile(seen, 50),
+        "median_event_delay_s": percentile(event_delays, 50),
+        "false_per_minute": begun(lambda m: m.published) / unknown_seconds * 60 if unknown else None,
+        "unknown_answered": share([m.published >= 0 for m in unknown]),
+        "changes_per_minute": 60 * sum(_changes([m.event for m in take]) for take in takes) / seconds,
+        "true_changes_per_minute": 60 * sum(_changes([m.truth for m in take]) for take in takes) / seconds,
+        "auc_unknown": roc_area([m.score for m in inside], [m.score for m in unknown if m.time - window >= m.start]),
+        "segment_majority": share(majorities),
+        "false_starts_per_minute": begun(lambda m: m.event) / unknown_seconds * 60 if unknown else None,
+        "takes_found": None,
+    }
+
+
+def _changes(track: Sequence[int]) -> int:
+    """Walk along a track and count what changes once the first motion goes on."""
+    changes, before = 0, -1
+    begun = False
+    for now in track:
+        changes += begun and now != before
+        begun = begun or now >= 0
+        before = now
+    return changes
+
+
+def _delay(performed: Sequence[Moment], lasting: float) -> list[float]:
+    """Give the delay of the first guess that stays right for long enough or to the end, if there is one."""
+    for index, first in enumerate(performed):
+        if index and performed[index - 1].guess == first.truth:
+            continue
+        wrong = [m.time for m in performed[index:] if m.guess != m.truth]
+        if first.guess == first.truth and (not wrong or wrong[0] - first.time >= lasting):
+            return [first.time - first.start]
+    return []
+
+
+def drawn_again(units: int, seed: int) -> list[list[int]]:
+    """Draw units with replacement a thousand times: how often each, by the product's own chance."""
+    return np.random.default_rng(seed).multinomial(units, [1 / units] * units, size=1000).tolist()
+
+
+def middle(values: Sequence[float | None]) -> tuple[float, float] | None:
+    """Find the 2.5th and the 97.5th percentile of the values that there are."""
+    there = [value for value in values if value is not None]
+    low, high = percentile(there, 2.5), percentile(there, 97.5)
+    return None if low is None or high is None else (low, high)

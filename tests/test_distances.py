@@ -17,6 +17,7 @@ from library.skeleton import Skeleton
 
 if TYPE_CHECKING:
     from library.clip import Clip
+    from library.motionlibrary import MotionLibrary
 
 #: Everything holds of the compiled loops and of numpy.
 pytestmark = pytest.mark.usefixtures("arithmetic")
@@ -83,9 +84,9 @@ def test_distances_scale_with_the_body(scale: float, tolerance: float) -> None:
 
 
 @pytest.mark.parametrize("skeleton", [BODY, BODY.without_segments()], ids=["465 pairs", "435 pairs"])
-def test_one_frame_is_bit_for_bit_what_it_is_among_many(hdm05_clips: tuple[Clip, ...], skeleton: Skeleton) -> None:
+def test_one_frame_is_bit_for_bit_what_it_is_among_many(builtin: MotionLibrary, skeleton: Skeleton) -> None:
     """A frame measured alone, as live, gives the bits it gives in a batch, as at rest."""
-    for clip in hdm05_clips[::9]:
+    for clip in builtin.motions[::9]:
         rows = distance_rows(clip.positions, skeleton)
         for frame in range(0, clip.frames, 7):
             assert np.array_equal(distance_rows(clip.positions[frame], skeleton), rows[frame])

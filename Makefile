@@ -12,7 +12,7 @@ export OMP_NUM_THREADS := 1
 
 setup: $(MADE)
 
-$(MADE): pyproject.toml library/compiled.c library/loops.h
+$(MADE): pyproject.toml library/kernels/compiled.c library/kernels/loops.h
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { echo "kinespace needs Python 3.11 or newer: make PYTHON=python3.12 ..."; exit 2; }
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --upgrade pip
@@ -29,7 +29,10 @@ lint: setup
 	$(BIN)/ruff check
 	$(BIN)/ruff format --check
 
+# mypy looks for packages by folder: this lays ours out below the one name that they are imported by.
+PACKAGES := $(VENV)/packages/kinespace
 types: setup
+	@mkdir -p $(PACKAGES) && cd $(PACKAGES) && ln -sfn ../../../library library && ln -sfn ../../../stream stream && ln -sfn ../../../tools tools
 	$(BIN)/mypy
 
 # On every core, each file's tests together: what a file prepares, it prepares once.
@@ -50,5 +53,5 @@ wheel-check: setup
 	cd build/wheel && venv/bin/kinespace info && venv/bin/kinespace demo --json
 
 clean:
-	rm -rf $(VENV) build dist *.egg-info library/_compiled.* .mypy_cache .ruff_cache .pytest_cache .hypothesis
+	rm -rf $(VENV) build dist *.egg-info library/kernels/_compiled.* .mypy_cache .ruff_cache .pytest_cache .hypothesis
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +

@@ -1,11 +1,11 @@
 """Motions at rest: skeletons, recordings, distances, signatures, the motion library and retrieval."""
 
-from library.clip import Clip
-from library.distances import distance_rows
-from library.motionlibrary import NOTHING, MotionLibrary
-from library.recordings import Reading, find_recordings, read_recordings
-from library.signature import signature_of, similarity
-from library.skeleton import Skeleton, SkeletonMismatchError
+from kinespace.library.clip import Clip
+from kinespace.library.distances import distance_rows
+from kinespace.library.motion_library import NOTHING, MotionLibrary
+from kinespace.library.recordings import Reading, find_recordings, read_recordings
+from kinespace.library.signature import signature_of, similarity
+from kinespace.library.skeleton import Skeleton, SkeletonMismatchError
 
 __all__ = [
     "NOTHING",

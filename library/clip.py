@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from library.skeleton import SkeletonMismatchError
+from kinespace.library.skeleton import SkeletonMismatchError
 
 if TYPE_CHECKING:
     from collections.abc import Collection
 
     from numpy.typing import NDArray
 
-    from library.skeleton import Skeleton
+    from kinespace.library.skeleton import Skeleton
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -38,7 +38,7 @@ class Clip:
         where nobody has said.
     rotations
         Joint rotations as recorded, shape (frames, angles), radians; (frames, 0) when the source has none. Only
-        the comparison of spaces (`library.retrieval`) looks at them.
+        the comparison of spaces (`library.retrieval.experiment`) looks at them.
     filled
         How many of the frames × joints positions the source lacks and straight lines stand for.
 

@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from library import compiled
+from kinespace.library.kernels import compiled
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from library.skeleton import Skeleton
+    from kinespace.library.skeleton import Skeleton
 
 
 #: Frames measured at once of a long recording: more would not stay in the cache.

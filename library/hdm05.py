@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from typing import TYPE_CHECKING, NamedTuple
 
-from library.skeleton import Skeleton
+from kinespace.library.skeleton import Skeleton
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -7,16 +7,16 @@ from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
-from library.formats import acclaim, bvh, c3d, trc, utkinect
-from library.formats.c3dprocess import C3dProcess
-from library.formats.error import RecordingError
-from library.formats.naming import chosen
-from library.formats.units import metres_of
+from kinespace.library.formats import acclaim, bvh, c3d, trc, utkinect
+from kinespace.library.formats.c3d_process import C3dProcess
+from kinespace.library.formats.errors import RecordingError
+from kinespace.library.formats.joint_choice import chosen
+from kinespace.library.formats.units import metres_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
-    from library.clip import Clip
+    from kinespace.library.clip import Clip
 
 __all__ = [
     "ActorIn",
@@ -59,7 +59,7 @@ class Reading:
     unit
         Of length of all BVH, C3D and TRC files, by name or in metres; what each says, or its size tells, when empty.
     joints
-        Which joints or markers, by names and patterns (`library.formats.naming.chosen`); all when there are none.
+        Which joints or markers, by names and patterns (`library.formats.joint_choice.chosen`); all when there are none.
     actor_in
         Where `labelled` finds who performs.
 

@@ -1,8 +1,7 @@
 """A motion in flight: frames, the sliding window, the recogniser, its answers, and the transports around it."""
 
-from stream.frame import Announcement, Frame
-from stream.performers import Performers
-from stream.recognition import Outcome, Recognition
-from stream.recognizer import LiveSignature, Recognizer, Settings
+from kinespace.stream.frame import Announcement, Frame
+from kinespace.stream.recognition import Outcome, Recognition
+from kinespace.stream.recognizer import LiveSignature, Performers, Recognizer, Settings
 
 __all__ = ["Announcement", "Frame", "LiveSignature", "Outcome", "Performers", "Recognition", "Recognizer", "Settings"]

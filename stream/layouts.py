@@ -17,14 +17,14 @@ from typing import TYPE_CHECKING, Protocol
 from pythonosc.osc_bundle_builder import IMMEDIATELY, OscBundleBuilder
 from pythonosc.osc_message_builder import OscMessageBuilder
 
-from stream import osc
-from stream.recognition import EventKind
+from kinespace.stream import osc
+from kinespace.stream.recognition import EventKind
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from stream.recognition import Event, Recognition
-    from stream.status import Status
+    from kinespace.stream.recognition import Event, Recognition
+    from kinespace.stream.status import Status
 
 #: VRChat's whole-number parameters end here.
 _LARGEST_PARAMETER = 255

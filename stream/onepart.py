@@ -11,14 +11,14 @@ from typing import TYPE_CHECKING
 import msgpack
 import numpy as np
 
-from stream import zeromq
+from kinespace.stream import zeromq
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from stream.frame import Frame
-    from stream.receiver import MessageReceiver
-    from stream.zeromq import NumberedFrame
+    from kinespace.stream.frame import Frame
+    from kinespace.stream.receiver import MessageReceiver
+    from kinespace.stream.zeromq import NumberedFrame
 
 
 #: First bytes of msgpack maps: of up to 15 fields, and of more.

@@ -27,15 +27,15 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from pythonosc.osc_message_builder import OscMessageBuilder
 
-from stream.answer import Answer
-from stream.frame import LONGEST_PERFORMER, Announcement, Frame
-from stream.oscpacket import Message, PacketError, decode_packet
+from kinespace.stream.answer import Answer
+from kinespace.stream.frame import LONGEST_PERFORMER, Announcement, Frame
+from kinespace.stream.oscpacket import Message, PacketError, decode_packet
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from stream.recognition import Event, Recognition
-    from stream.status import Status
+    from kinespace.stream.recognition import Event, Recognition
+    from kinespace.stream.status import Status
 
 #: Datagrams above this are cut into fragments on most networks, and one lost fragment loses them whole.
 LARGEST_ANSWER = 1200

@@ -5,12 +5,12 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from typing import TYPE_CHECKING, Generic, Protocol, TypeVar
 
-from stream.status import InputCounts
+from kinespace.stream.status import InputCounts
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from stream.frame import Announcement, Frame
+    from kinespace.stream.frame import Announcement, Frame
 
 _Packet = TypeVar("_Packet")
 _Packet_co = TypeVar("_Packet_co", covariant=True)

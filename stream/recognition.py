@@ -11,7 +11,7 @@ import numpy as np
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from library.windows.rejection import Evidence
+    from kinespace.library.windows.rejection import Evidence
 
 
 class Outcome(StrEnum):

@@ -4,20 +4,20 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, NamedTuple
 
-from stream.feeds import builtin_preset
-from stream.feeds.preset import parse_preset
-from stream.feeds.source import FeedSource
-from stream.frame import Announcement, Frame
-from stream.onepart import ZmqPackets
-from stream.service import OscSource, TendedSource, ZmqSource
+from kinespace.stream.feeds import builtin_preset
+from kinespace.stream.feeds.preset import parse_preset
+from kinespace.stream.feeds.source import FeedSource
+from kinespace.stream.frame import Announcement, Frame
+from kinespace.stream.onepart import ZmqPackets
+from kinespace.stream.service import OscSource, TendedSource, ZmqSource
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
 
-    from stream.feeds import Preset
-    from stream.performers import Performers
-    from stream.rawfile import RawHeader, RawPacket
-    from stream.recognition import Recognition
+    from kinespace.stream.feeds import Preset
+    from kinespace.stream.rawfile import RawHeader, RawPacket
+    from kinespace.stream.recognition import Recognition
+    from kinespace.stream.recognizer import Performers
 
 #: Seconds of recorded time between two looks for performers who fell silent, as the service looks.
 _SILENCE_EVERY = 1.0

@@ -7,17 +7,17 @@ from typing import TYPE_CHECKING, Protocol, Self, runtime_checkable
 
 import zmq
 
-from stream import onepart, osc, zeromq
-from stream.frame import Announcement, Frame
-from stream.receiver import ReceivingSource
-from stream.status import HopTimes, InputCounts, Rates, Status
+from kinespace.stream import onepart, osc, zeromq
+from kinespace.stream.frame import Announcement, Frame
+from kinespace.stream.receiver import ReceivingSource
+from kinespace.stream.status import HopTimes, InputCounts, Rates, Status
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from stream.performers import Performers
-    from stream.receiver import MessageReceiver, PacketReceiver
-    from stream.recognition import Event, Recognition
+    from kinespace.stream.receiver import MessageReceiver, PacketReceiver
+    from kinespace.stream.recognition import Event, Recognition
+    from kinespace.stream.recognizer import Performers
 
 #: Seconds between two statuses, and between two lists of classes.
 STATUS_EVERY = 1.0

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from stream.performers import PerformerCounts
+    from kinespace.stream.recognizer.performers import PerformerCounts
 
 #: Hops whose time is remembered for the percentiles: a minute and more of one performer's.
 _REMEMBERED_HOPS = 2048

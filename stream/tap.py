@@ -4,20 +4,20 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
-from stream.rawfile import RawPacket
-from stream.receiver import MessageReceiver, PacketReceiver, Receiver
-from stream.service import TendedSource
-from stream.zeromq import ZmqReceiver
+from kinespace.stream.rawfile import RawPacket
+from kinespace.stream.receiver import MessageReceiver, PacketReceiver, Receiver
+from kinespace.stream.service import TendedSource
+from kinespace.stream.zeromq import ZmqReceiver
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from stream.feeds import Preset
-    from stream.frame import Announcement, Frame
-    from stream.osc import OscReceiver
-    from stream.rawfile import RawWriter
-    from stream.service import Source
-    from stream.status import InputCounts
+    from kinespace.stream.feeds import Preset
+    from kinespace.stream.frame import Announcement, Frame
+    from kinespace.stream.osc import OscReceiver
+    from kinespace.stream.rawfile import RawWriter
+    from kinespace.stream.service import Source
+    from kinespace.stream.status import InputCounts
 
 _Receiver = TypeVar("_Receiver", bound=Receiver[Any])
 

@@ -20,15 +20,15 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 import zmq
 
-from stream.answer import Answer
-from stream.connections import Connections, Endpoint
-from stream.frame import LONGEST_PERFORMER, Announcement, Frame
+from kinespace.stream.answer import Answer
+from kinespace.stream.connections import Connections, Endpoint
+from kinespace.stream.frame import LONGEST_PERFORMER, Announcement, Frame
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from stream.recognition import Event, Recognition
-    from stream.status import Status
+    from kinespace.stream.recognition import Event, Recognition
+    from kinespace.stream.status import Status
 
 VERSION = 1
 #: A header with 31 joint names is 500 bytes; a frame of 1000 joints in doubles 24 kB.

@@ -16,12 +16,12 @@ from liblotools import LibloTools
 from programs import builtin_library
 from synthetic import stick_clips
 
-from library import compiled
-from library.motionlibrary import MotionLibrary
-from library.recordings import find_recordings, read_recordings
-from library.windows.index import opened
-from tools.bench import recorded
-from tools.feed import resampled
+from kinespace.library.kernels import compiled
+from kinespace.library.motion_library import MotionLibrary
+from kinespace.library.recordings import find_recordings, read_recordings
+from kinespace.library.windows.index import opened
+from kinespace.tools.bench import recorded
+from kinespace.tools.feeding.feed import resampled
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -30,8 +30,8 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from library.clip import Clip
-    from library.windows.index import WindowIndex
+    from kinespace.library.clip import Clip
+    from kinespace.library.windows.index import WindowIndex
 
 # The same examples in every run, and no deadline: a slow machine is not a failure.
 settings.register_profile("kinespace", derandomize=True, deadline=None)

@@ -141,7 +141,7 @@ Figures = dict[str, dict[str, Figure]]
 
 def measured(run: Run, data: Path | None) -> dict[str, float]:
     """Run one evaluation as a person would, on the recordings of a folder; the figures that there are."""
-    from tools.cli import main  # noqa: PLC0415 - as a script this file first has to find the project
+    from kinespace.tools.cli.main import main  # noqa: PLC0415 - as a script this file first has to find the project
 
     printed = io.StringIO()
     arguments = [argument.replace("{data}", str(data)) for argument in run.arguments]
@@ -196,7 +196,6 @@ def written(before: Figures, got: Mapping[str, Mapping[str, float]]) -> str:
 
 def _main(arguments: Sequence[str] | None = None) -> int:
     root = FILE.parents[1]
-    sys.path.insert(0, str(root))
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("runs", nargs="*", metavar="RUN", help="default: all")
     parser.add_argument("--update", action="store_true", help="write what comes out to figures.toml")

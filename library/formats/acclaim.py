@@ -16,12 +16,12 @@ from typing import TYPE_CHECKING, Literal, NoReturn
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from library import hdm05
-from library.clip import Clip
-from library.formats.error import RecordingError
-from library.formats.gaps import with_missing_frames
-from library.formats.turning import turn_about
-from library.skeleton import Skeleton
+from kinespace.library import hdm05
+from kinespace.library.clip import Clip
+from kinespace.library.formats.errors import RecordingError
+from kinespace.library.formats.gap_filling import with_missing_frames
+from kinespace.library.formats.rotations import turn_about
+from kinespace.library.skeleton import Skeleton
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping

@@ -19,14 +19,14 @@ from typing import TYPE_CHECKING, NoReturn
 
 import numpy as np
 
-from library import hdm05
-from library.clip import Clip
-from library.distances import distance_rows
-from library.formats.error import RecordingError
-from library.formats.naming import chosen, short_names
-from library.formats.turning import turn_about
-from library.formats.units import guessed_metres
-from library.skeleton import Skeleton
+from kinespace.library import hdm05
+from kinespace.library.clip import Clip
+from kinespace.library.distances import distance_rows
+from kinespace.library.formats.errors import RecordingError
+from kinespace.library.formats.joint_choice import chosen, short_names
+from kinespace.library.formats.rotations import turn_about
+from kinespace.library.formats.units import guessed_metres
+from kinespace.library.skeleton import Skeleton
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
@@ -443,7 +443,7 @@ def read_clip(
     frame_rate
         Frames per second; what the file says when not given.
     joints
-        Which joints the clip is to have, by name (`library.formats.naming.chosen`); all that differ when not given.
+        Which joints the clip has, by name (`library.formats.joint_choice.chosen`); all that differ when not given.
 
     Returns
     -------

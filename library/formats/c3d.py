@@ -16,10 +16,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from library.formats.c3dprocess import C3dProcess
-from library.formats.error import RecordingError
-from library.formats.markers import clip_of_markers
-from library.formats.units import guessed_metres, metres_of
+from kinespace.library.formats.c3d_process import C3dProcess
+from kinespace.library.formats.errors import RecordingError
+from kinespace.library.formats.marker_clip import clip_of_markers
+from kinespace.library.formats.units import guessed_metres, metres_of
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from library.clip import Clip
+    from kinespace.library.clip import Clip
 
 #: Parameters of the group POINT in which files list the points that are no places.
 _NO_PLACES = ("ANGLES", "FORCES", "MOMENTS", "POWERS", "SCALARS", "REACTIONS")
@@ -142,7 +142,7 @@ def read_clip(
     metres_per_unit, frame_rate
         What its numbers are, and frames per second; what POINT:UNITS and POINT:RATE say when not given.
     joints
-        Which points, by name (`library.formats.naming.chosen`); all labelled places when none are given.
+        Which points, by name (`library.formats.joint_choice.chosen`); all labelled places when none are given.
     process
         Reads it; one for this file alone when not given. To start one takes some 0.3 s.
 

@@ -14,9 +14,9 @@ from typing import TYPE_CHECKING, NoReturn
 
 import numpy as np
 
-from library.formats.error import RecordingError
-from library.formats.markers import clip_of_markers
-from library.formats.units import metres_of
+from kinespace.library.formats.errors import RecordingError
+from kinespace.library.formats.marker_clip import clip_of_markers
+from kinespace.library.formats.units import metres_of
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from library.clip import Clip
+    from kinespace.library.clip import Clip
 
 
 class TrcError(RecordingError):
@@ -166,7 +166,7 @@ def read_clip(
     metres_per_unit, frame_rate
         What its numbers are, and frames per second; what the header says when not given.
     joints
-        Which markers, by name (`library.formats.naming.chosen`); all when none are given.
+        Which markers, by name (`library.formats.joint_choice.chosen`); all when none are given.
 
     Returns
     -------

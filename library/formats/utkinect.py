@@ -13,12 +13,12 @@ from typing import TYPE_CHECKING, NamedTuple, NoReturn
 
 import numpy as np
 
-from library.clip import Clip
-from library.formats.error import RecordingError
-from library.formats.gaps import with_missing_frames
-from library.formats.naming import chosen
-from library.labels import Segment
-from library.skeleton import Skeleton
+from kinespace.library.clip import Clip
+from kinespace.library.formats.errors import RecordingError
+from kinespace.library.formats.gap_filling import with_missing_frames
+from kinespace.library.formats.joint_choice import chosen
+from kinespace.library.formats.labels import Segment
+from kinespace.library.skeleton import Skeleton
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -107,7 +107,7 @@ def read_clip(
     metres_per_unit, frame_rate
         What its numbers are, and frames per second; metres and 30 when not given.
     joints
-        Which joints, by name (`library.formats.naming.chosen`); all when none are given.
+        Which joints, by name (`library.formats.joint_choice.chosen`); all when none are given.
 
     Raises
     ------

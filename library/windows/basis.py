@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from library.windows.eigenvectors import leading_eigenvectors
+from kinespace.library.windows.eigenvectors import leading_eigenvectors
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from numpy.typing import NDArray
 
-    from library.windows.body import Body
+    from kinespace.library.windows.body import Body
 
 #: Directions in the basis. With HDM05's 31 joints they hold 98.6 % of the weighted variance (`Basis.share`).
 MAX_DIRECTIONS = 32

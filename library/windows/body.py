@@ -10,7 +10,7 @@ import numpy as np
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from library.skeleton import Skeleton
+    from kinespace.library.skeleton import Skeleton
 
 
 @dataclass(frozen=True, slots=True, eq=False)

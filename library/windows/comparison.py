@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from library.windows.cutting import FIRST_WINDOW
-from library.windows.metric import Lessons, Metric, learned_metric
-from library.windows.parts import (
+from kinespace.library.windows.cutting import FIRST_WINDOW
+from kinespace.library.windows.metric import Lessons, Metric, learned_metric
+from kinespace.library.windows.parts import (
     EIGEN_LONG,
     EIGEN_SHORT,
     PARTS,

@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from library.distances import distance_rows
-from library.windows.eigenvectors import eigenpairs
-from library.windows.parts import (
+from kinespace.library.distances import distance_rows
+from kinespace.library.windows.eigenvectors import eigenpairs
+from kinespace.library.windows.parts import (
     BASIS_LENGTHS,
     DISTANCE_LENGTHS,
     EIGENVECTORS,
@@ -28,9 +28,9 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from library.clip import Clip
-    from library.windows.basis import Basis
-    from library.windows.body import Body
+    from kinespace.library.clip import Clip
+    from kinespace.library.windows.basis import Basis
+    from kinespace.library.windows.body import Body
 
 #: Seconds after which a feed is first answered, and after which a motion's first window ends.
 FIRST_WINDOW = 0.15

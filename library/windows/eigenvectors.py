@@ -8,7 +8,7 @@ import numpy as np
 from scipy.linalg import eigh
 from scipy.linalg.lapack import dsyevr
 
-from library import compiled
+from kinespace.library.kernels import compiled
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

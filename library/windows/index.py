@@ -8,30 +8,25 @@ from typing import TYPE_CHECKING, Self
 
 import numpy as np
 
-from library.distances import distance_rows
-from library.motionlibrary import MotionLibrary
-from library.windows.basis import Basis
-from library.windows.body import Body
-from library.windows.comparison import (
-    ACROSS_LABORATORIES,
-    WITHIN_LABORATORY,
-    Comparison,
-    Weighing,
-)
-from library.windows.cutting import FIRST_WINDOW, CutWindows, window_ends
-from library.windows.laid import Windows
-from library.windows.metric import Lessons, rounded
-from library.windows.parts import EIGEN_LONG
-from library.windows.rejection import Rejection, learned_rejection, typical_evidence
+from kinespace.library.distances import distance_rows
+from kinespace.library.motion_library import MotionLibrary
+from kinespace.library.windows.basis import Basis
+from kinespace.library.windows.body import Body
+from kinespace.library.windows.comparison import ACROSS_LABORATORIES, WITHIN_LABORATORY, Comparison, Weighing
+from kinespace.library.windows.cutting import FIRST_WINDOW, CutWindows, window_ends
+from kinespace.library.windows.laid import Windows
+from kinespace.library.windows.metric import Lessons, rounded
+from kinespace.library.windows.parts import EIGEN_LONG
+from kinespace.library.windows.rejection import Rejection, learned_rejection, typical_evidence
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from numpy.typing import NDArray
 
-    from library.clip import Clip
-    from library.skeleton import Skeleton
-    from library.windows.parts import Part
+    from kinespace.library.clip import Clip
+    from kinespace.library.skeleton import Skeleton
+    from kinespace.library.windows.parts import Part
 
 #: Seconds between two windows of a motion that are kept: in a library of one person, and of several.
 _EVERY_ONE, _EVERY_SEVERAL = 0.1, 0.4

@@ -6,19 +6,19 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from library import compiled
-from library.windows.comparison import NEAREST
-from library.windows.parts import EIGENVECTORS, Kind
+from kinespace.library.kernels import compiled
+from kinespace.library.windows.comparison import NEAREST
+from kinespace.library.windows.parts import EIGENVECTORS, Kind
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from numpy.typing import NDArray
 
-    from library.windows.comparison import Comparison
-    from library.windows.index import Blocks
-    from library.windows.metric import Metric
-    from library.windows.parts import Part
+    from kinespace.library.windows.comparison import Comparison
+    from kinespace.library.windows.index import Blocks
+    from kinespace.library.windows.metric import Metric
+    from kinespace.library.windows.parts import Part
 
 
 class Windows:

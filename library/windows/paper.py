@@ -8,16 +8,16 @@ from typing import TYPE_CHECKING, Self
 
 import numpy as np
 
-from library.windows.index import Blocks, learned_basis, measured_clips, teacher_of
+from kinespace.library.windows.index import Blocks, learned_basis, measured_clips, teacher_of
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from library.motionlibrary import MotionLibrary
-    from library.windows.basis import Basis
+    from kinespace.library.motion_library import MotionLibrary
+    from kinespace.library.windows.basis import Basis
 
-from library.distances import distance_rows
-from library.windows.cutting import eigenpairs_of, window_covariances
+from kinespace.library.distances import distance_rows
+from kinespace.library.windows.cutting import eigenpairs_of, window_covariances
 
 
 @dataclass(frozen=True, slots=True, eq=False)

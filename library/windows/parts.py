@@ -24,7 +24,7 @@ import numpy as np
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from library.windows.body import Body
+    from kinespace.library.windows.body import Body
 
 #: Added to each deviation, relative to the body's size, before the logarithm: the noise of a marker.
 NOISE_FLOOR = 1 / 60

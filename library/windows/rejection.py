@@ -12,14 +12,14 @@ from typing import TYPE_CHECKING, NamedTuple, Self
 
 import numpy as np
 
-from library.learned import Learned
+from kinespace.library.learned import Learned
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from numpy.typing import NDArray
 
-    from library.windows.index import WindowIndex
+    from kinespace.library.windows.index import WindowIndex
 
 #: Shares of unknown time that may be named, at which thresholds are kept.
 RATES = (0.01, 0.02, 0.05, 0.1, 0.2, 0.4)

@@ -1,7 +1,16 @@
 """Feeds of other products: presets that say what their messages mean, and what makes frames of them."""
 
-from stream.feeds.assembler import FrameAssembler
-from stream.feeds.mapper import Mapper
-from stream.feeds.preset import Preset, PresetError, builtin_names, builtin_preset, load_preset
+from kinespace.stream.feeds.frame_assembler import FrameAssembler
+from kinespace.stream.feeds.message_reader import Mapper
+from kinespace.stream.feeds.preset import Preset, PresetError, builtin_names, builtin_preset, builtin_text, load_preset
 
-__all__ = ["FrameAssembler", "Mapper", "Preset", "PresetError", "builtin_names", "builtin_preset", "load_preset"]
+__all__ = [
+    "FrameAssembler",
+    "Mapper",
+    "Preset",
+    "PresetError",
+    "builtin_names",
+    "builtin_preset",
+    "builtin_text",
+    "load_preset",
+]

@@ -14,33 +14,17 @@ from enum import StrEnum
 from importlib import resources
 from typing import TYPE_CHECKING
 
-from stream.feeds.checkedtable import CheckedTable, PresetError
-from stream.feeds.kinematics import Bone
+from kinespace.stream.feeds.checked_table import CheckedTable, PresetError
+from kinespace.stream.feeds.kinematics import Bone
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
+    from importlib.resources.abc import Traversable
     from pathlib import Path
 
 __all__ = ["Preset", "PresetError", "builtin_names", "builtin_preset", "load_preset"]
 
-#: The presets that come with kinespace, in the order they are listed.
-_BUILTIN = (
-    "native",
-    "osceleton",
-    "osceleton2",
-    "kinectv2",
-    "nimate",
-    "nimate-omni",
-    "synapse",
-    "vmc",
-    "vrchat",
-    "qtm",
-    "natnet2osc",
-    "natnetthree2osc",
-    "mediapipe",
-    "captury",
-    "wekinator",
-)
+_ENDING = ".toml"
 _POSITION = ("x", "y", "z")
 _ROTATION = ("qx", "qy", "qz", "qw")
 #: What an argument can be; a role that begins with = is a text that must stand there.
@@ -241,9 +225,28 @@ def spelling(name: str) -> str:
     return _BETWEEN_WORDS.sub("", name).casefold()
 
 
+def _presets() -> Traversable:
+    return resources.files("kinespace.stream.feeds") / "presets"
+
+
 def builtin_names() -> tuple[str, ...]:
-    """List the presets that come with kinespace."""
-    return _BUILTIN
+    """List the presets that come with kinespace, in alphabetical order: the files in the folder `presets`."""
+    names = (path.name for path in _presets().iterdir())
+    return tuple(sorted(name.removesuffix(_ENDING) for name in names if name.endswith(_ENDING)))
+
+
+def builtin_text(name: str) -> str:
+    """Give the TOML of a preset that comes with kinespace.
+
+    Raises
+    ------
+    PresetError
+        There is none of that name.
+    """
+    names = builtin_names()
+    if name not in names:
+        raise PresetError(f"feed: expected a .toml file or one of {', '.join(names)}, got {name!r}")
+    return (_presets() / f"{name}{_ENDING}").read_text(encoding="utf-8")
 
 
 def builtin_preset(name: str) -> Preset:
@@ -254,10 +257,7 @@ def builtin_preset(name: str) -> Preset:
     PresetError
         There is none of that name.
     """
-    if name not in _BUILTIN:
-        raise PresetError(f"feed: expected a .toml file or one of {', '.join(_BUILTIN)}, got {name!r}")
-    text = (resources.files("stream.feeds") / f"{name}.toml").read_text(encoding="utf-8")
-    return parse_preset(text, name, f"{name}.toml")
+    return parse_preset(builtin_text(name), name, f"{name}{_ENDING}")
 
 
 def load_preset(path: Path) -> Preset:

@@ -4,18 +4,18 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from stream.feeds.asking import NEVER, farewells, is_due, questions
-from stream.feeds.assembler import FORGET_AFTER, FrameAssembler
-from stream.oscpacket import PacketError, decode_packet
-from stream.receiver import ReceivingSource
+from kinespace.stream.feeds.frame_assembler import FORGET_AFTER, FrameAssembler
+from kinespace.stream.feeds.handshake import NEVER, farewells, is_due, questions
+from kinespace.stream.oscpacket import PacketError, decode_packet
+from kinespace.stream.receiver import ReceivingSource
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from stream.feeds.preset import Preset
-    from stream.frame import Announcement, Frame
-    from stream.receiver import PacketReceiver
-    from stream.status import InputCounts
+    from kinespace.stream.feeds.preset import Preset
+    from kinespace.stream.frame import Announcement, Frame
+    from kinespace.stream.receiver import PacketReceiver
+    from kinespace.stream.status import InputCounts
 
 #: Hosts that send to one port at once.
 MOST_SENDERS = 16

@@ -10,20 +10,20 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from stream.recognizer import LiveSignature, Recognizer, Settings
-from tools.bench import alternatives
-from tools.bench.alternatives import Hopping
-from tools.bench.recorded import FRAME_RATE
-from tools.bench.timing import clock
-from tools.console import progress
-from tools.feed import clip_cues, resampled
+from kinespace.stream.recognizer import LiveSignature, Recognizer, Settings
+from kinespace.tools.bench import baselines
+from kinespace.tools.bench.baselines import Hopping
+from kinespace.tools.bench.recorded import FRAME_RATE
+from kinespace.tools.bench.timing import clock
+from kinespace.tools.feeding.feed import clip_cues, resampled
+from kinespace.tools.terminal.console import progress
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from library import Clip, MotionLibrary
-    from stream.frame import Frame
-    from tools.feed import Cue
+    from kinespace.library import Clip, MotionLibrary
+    from kinespace.stream.frame import Frame
+    from kinespace.tools.feeding.feed import Cue
 
     #: Takes a frame, and names a class when an answer is due.
     Contender = Callable[[Frame], str | None]
@@ -102,7 +102,7 @@ def measure(whole: MotionLibrary, *, person: str, rounds: int) -> Peers:
         **{each: _ours(library, _settings(each)) for each in LiveSignature},
         **{
             name: Hopping(make(), library.classes, first=first, hop=hop).push
-            for name, make in alternatives.makers(library, FRAME_RATE).items()
+            for name, make in baselines.makers(library, FRAME_RATE).items()
         },
     }
     pieces = _pieces(played, rounds + 1)
@@ -133,7 +133,7 @@ def measure(whole: MotionLibrary, *, person: str, rounds: int) -> Peers:
 
 def _settings(signature: LiveSignature) -> Settings:
     """Let the paper's signature look at as much as the alternatives that compute the same."""
-    return Settings(signature=signature, window=alternatives.WINDOW if signature is LiveSignature.PAPER else None)
+    return Settings(signature=signature, window=baselines.WINDOW if signature is LiveSignature.PAPER else None)
 
 
 def _ours(library: MotionLibrary, settings: Settings) -> Contender:

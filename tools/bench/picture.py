@@ -12,8 +12,8 @@ try:
 except ImportError as error:
     raise ImportError("pictures need matplotlib: pip install kinespace[pictures]") from error
 
-from stream.recognizer import LiveSignature
-from tools.bench.stages import STEPS
+from kinespace.stream.recognizer import LiveSignature
+from kinespace.tools.bench.stages import STEPS
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -21,11 +21,11 @@ if TYPE_CHECKING:
 
     from matplotlib.axes import Axes
 
-    from tools.bench.growth import Growth
-    from tools.bench.peers import Peers
-    from tools.bench.report import Report
-    from tools.bench.sockets import Sockets
-    from tools.bench.stages import Stages
+    from kinespace.tools.bench.peers import Peers
+    from kinespace.tools.bench.report import Report
+    from kinespace.tools.bench.scaling import Growth
+    from kinespace.tools.bench.sockets import Sockets
+    from kinespace.tools.bench.stages import Stages
 
 _OURS, _THEIRS = "#b5367a", "#5f6a72"
 #: Frames per second of the feed: whoever is slower cannot follow one performer.

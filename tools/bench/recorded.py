@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from library import MotionLibrary, find_recordings, read_recordings
-from stream.frame import Frame
-from tools.feed import without_pause
+from kinespace.library import MotionLibrary, find_recordings, read_recordings
+from kinespace.stream.frame import Frame
+from kinespace.tools.feeding.feed import without_pause
 
 if TYPE_CHECKING:
     from pathlib import Path

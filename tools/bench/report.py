@@ -6,20 +6,20 @@ import math
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from stream.recognizer import LiveSignature
-from tools.tables import narrow_table
+from kinespace.stream.recognizer import LiveSignature
+from kinespace.tools.terminal.tables import narrow_table
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from rich.table import Table
 
-    from tools.bench.crowd import Crowd
-    from tools.bench.growth import Growth
-    from tools.bench.peers import Peers
-    from tools.bench.soak import Soak
-    from tools.bench.sockets import Sockets
-    from tools.bench.stages import Stages
+    from kinespace.tools.bench.capacity import Crowd
+    from kinespace.tools.bench.peers import Peers
+    from kinespace.tools.bench.scaling import Growth
+    from kinespace.tools.bench.soak import Soak
+    from kinespace.tools.bench.sockets import Sockets
+    from kinespace.tools.bench.stages import Stages
 
 #: What is said where nothing was measured.
 _NOTHING = "-"

@@ -8,12 +8,13 @@ import platform
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal, get_args
 
-from library import MotionLibrary, compiled
-from stream.recognizer import LiveSignature, Settings
-from tools.bench import growth, peers, recorded, soak, sockets, stages
-from tools.bench.report import Report
-from tools.bench.timing import one_thread
-from tools.console import console
+from kinespace.library import MotionLibrary
+from kinespace.library.kernels import compiled
+from kinespace.stream.recognizer import LiveSignature, Settings
+from kinespace.tools.bench import peers, recorded, scaling, soak, sockets, stages
+from kinespace.tools.bench.report import Report
+from kinespace.tools.bench.timing import one_thread
+from kinespace.tools.terminal.console import console
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -57,7 +58,7 @@ class Effort:
     person: str = "bd"
     frames: int = soak.DAY
     minutes: float = 10.0
-    sizes: growth.Sizes = growth.Sizes()  # noqa: RUF009 - frozen
+    sizes: scaling.Sizes = scaling.Sizes()  # noqa: RUF009 - frozen
     rates: tuple[float, ...] = sockets.RATES
     most: int = 1024
     starts: int = 5
@@ -91,14 +92,14 @@ def run(
         Print one JSON object of the standard figures and nothing else.
     """
     if picture:
-        from tools.pictures import require_place_for_picture  # noqa: PLC0415 - matplotlib is an extra, slow to load
+        from kinespace.tools.terminal.pictures import require_place_for_picture  # noqa: PLC0415 - matplotlib is an extra, slow to load
 
         require_place_for_picture(picture)
     with one_thread() as note:
         report = measured(parts, recorded.positions(data), signature=signature, effort=effort)
     report.notes += [note] if note else []
     if picture:
-        from tools.bench import picture as drawing  # noqa: PLC0415 - matplotlib is an extra, and slow to load
+        from kinespace.tools.bench import picture as drawing  # noqa: PLC0415 - matplotlib is an extra, and slow to load
 
         drawing.draw(picture, report)
     if as_json:
@@ -125,7 +126,7 @@ def measured(
         report.peers = peers.measure(MotionLibrary.builtin(), person=effort.person, rounds=effort.rounds)
 
     def run_growth() -> None:
-        report.growth = growth.measure(Settings(signature=usual), sizes=effort.sizes, rounds=effort.rounds)
+        report.growth = scaling.measure(Settings(signature=usual), sizes=effort.sizes, rounds=effort.rounds)
 
     def run_sockets() -> None:
         report.sockets = sockets.measure(

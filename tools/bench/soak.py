@@ -11,21 +11,21 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from library import MotionLibrary
-from stream.frame import Frame
-from stream.recognizer import Recognizer, Settings
-from tools.bench import crowd
-from tools.bench.memory import resident_mb
-from tools.bench.recorded import FRAME_RATE, Feed
-from tools.console import progress
+from kinespace.library import MotionLibrary
+from kinespace.stream.frame import Frame
+from kinespace.stream.recognizer import Recognizer, Settings
+from kinespace.tools.bench import capacity
+from kinespace.tools.bench.memory import resident_mb
+from kinespace.tools.bench.recorded import FRAME_RATE, Feed
+from kinespace.tools.terminal.console import progress
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from stream.recognition import Recognition
-    from stream.recognizer import LiveSignature, RecognizerCounts
-    from tools.background import Transport
-    from tools.bench.crowd import Crowd
+    from kinespace.stream.recognition import Recognition
+    from kinespace.stream.recognizer import LiveSignature, RecognizerCounts
+    from kinespace.tools.bench.capacity import Crowd
+    from kinespace.tools.loopback.service_process import Transport
 
 #: Frames of a day at 120 Hz.
 DAY = round(24 * 3600 * FRAME_RATE)
@@ -110,7 +110,7 @@ def measure(positions: NDArray[np.float32], *, signature: LiveSignature, frames:
     if not minutes:
         return Soak(day, None)
     looped = np.resize(positions, (round(minutes * 60 * FRAME_RATE), *positions.shape[1:]))
-    over_sockets = next(progress((crowd.play(each, _PERFORMERS, looped, settings) for each in _OVER), "Sockets", 1))
+    over_sockets = next(progress((capacity.play(each, _PERFORMERS, looped, settings) for each in _OVER), "Sockets", 1))
     return Soak(day, over_sockets)
 
 

@@ -5,12 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, get_args
 
-from stream.recognizer import LiveSignature, Settings
-from tools import latency
-from tools.background import Transport
-from tools.bench import crowd, running
-from tools.bench.recorded import FRAME_RATE
-from tools.console import progress
+from kinespace.stream.recognizer import LiveSignature, Settings
+from kinespace.tools.bench import capacity, startup
+from kinespace.tools.bench.recorded import FRAME_RATE
+from kinespace.tools.loopback.service_process import Transport
+from kinespace.tools.programs import latency
+from kinespace.tools.terminal.console import progress
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -18,9 +18,9 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from tools.bench.crowd import Crowd
-    from tools.bench.running import Running
-    from tools.latency import Latency
+    from kinespace.tools.bench.capacity import Crowd
+    from kinespace.tools.bench.startup import Running
+    from kinespace.tools.programs.latency import Latency
 
 RATES = (60.0, 120.0, 240.0, 360.0)
 TRANSPORTS: tuple[Transport, ...] = get_args(Transport)
@@ -97,6 +97,6 @@ def measure(
     crowds: dict[Transport, Crowd | None] = {}
     floors: dict[Transport, Crowd | None] = {}
     for transport in progress(TRANSPORTS, "Performers", len(TRANSPORTS)):
-        crowds[transport] = crowd.most_performers(transport, played, settings, most=most)
-        floors[transport] = crowd.most_performers(transport, played, settings, most=most, empty=True)
-    return Sockets(latencies, crowds, floors, running.measure(positions, signature, starts=starts, many=min(most, 100)))
+        crowds[transport] = capacity.most_performers(transport, played, settings, most=most)
+        floors[transport] = capacity.most_performers(transport, played, settings, most=most, empty=True)
+    return Sockets(latencies, crowds, floors, startup.measure(positions, signature, starts=starts, many=min(most, 100)))

@@ -9,19 +9,20 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from pythonosc.osc_packet import OscPacket
 
-from library import MotionLibrary, compiled
-from stream import osc, zeromq
-from stream.recognizer import Recognizer, Settings
-from tools.bench.recorded import FRAME_RATE, Feed
-from tools.bench.timing import in_turns, timed
-from tools.console import progress
+from kinespace.library import MotionLibrary
+from kinespace.library.kernels import compiled
+from kinespace.stream import osc, zeromq
+from kinespace.stream.recognizer import Recognizer, Settings
+from kinespace.tools.bench.recorded import FRAME_RATE, Feed
+from kinespace.tools.bench.timing import in_turns, timed
+from kinespace.tools.terminal.console import progress
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from numpy.typing import NDArray
 
-    from stream.recognizer import LiveSignature
+    from kinespace.stream.recognizer import LiveSignature
 
 #: From packet to answer; a transport's own steps have its name.
 STEPS = ("decode OSC", "decode ZeroMQ", "recognise", "encode OSC", "encode ZeroMQ")

@@ -1,0 +1,818 @@
+/* The inner loops of a hop, compiled: what numpy does in many calls is done here in a few.
+ *
+ * Each function is the twin of Python code that is named above it and does the same but for rounding; the tests compare
+ * the two. Nobody needs it: `compiled.py` says whether it was built, and numpy does the same without it, more slowly.
+ *
+ * Memory is the caller's, in numpy's arrays; none is allocated while a feed runs. Shapes and types are checked here, once
+ * a call, and a wrong one raises ValueError; the loops in `loops.h` take for granted that they fit.
+ */
+#define Py_LIMITED_API 0x030B0000
+#define PY_SSIZE_T_CLEAN
+#include <Python.h>
+
+#include <float.h>
+#include <math.h>
+#include <stdint.h>
+#include <string.h>
+
+#if !defined(__GNUC__)
+#error "these loops are written for gcc and clang; without them numpy does the same"
+#endif
+
+/* Frames measured side by side. */
+#define TOGETHER 4
+/* What memory on the stack has room for; what is larger is left to numpy. */
+#define MOST_JOINTS 256
+#define MOST_DIRECTIONS 32
+#define MOST_PARTS 8
+#define MOST_VIEWS 4
+#define MOST_AXES 256
+#define MOST_WINDOWS 10000000
+#define MOST_NUMBERS (MOST_JOINTS * (MOST_JOINTS - 1) / 2)
+#define MOST_OWNED (6 * MOST_PARTS + 6)
+#define MOST_ARGUMENTS 12
+/* Eigenvectors of a window that are compared with another's. */
+#define EIGENVECTORS 4
+/* Bytes of a cache line. */
+#define LINE 64
+/* Axes, windows and pairs whose sums are kept in registers. */
+#define LANE 64
+/* Points whose products are added up in registers. */
+#define SOME_POINTS 16
+/* Numbers beside a tridiagonal matrix's diagonal that are none, when its trace is 1; turns after which they always are. */
+#define NO_EIGENVALUE 1e-12
+#define MOST_TURNS 60
+/* Bounds between which each eigenvalue is looked for at once, and how often. */
+#define SECTIONS 8
+#define PASSES 6
+#define BOUNDS (SECTIONS * EIGENVECTORS)
+/* Squared distance that is as far as any. */
+#define FARTHEST 1e30F
+
+/* A number in half precision: half as much to read is a third less to wait. */
+typedef uint16_t Half;
+
+/* How numbers become a vector: library.windows.metric.Metric. */
+typedef struct {
+    Py_ssize_t numbers, kept, stride; /* from one number's axes to the next's: a multiple of LANE */
+    float *origin;                    /* (numbers) */
+    Half *axes;                       /* (numbers, stride) */
+} Metric;
+
+/* A part of a signature: of distances, or so many scaled eigenvectors in so many directions. */
+typedef struct {
+    Py_ssize_t vectors, directions; /* 0 for a part of distances */
+    Metric metric;                  /* keeps nothing of eigenvectors that are only compared as they are */
+} Part;
+
+/* Parts compared as one vector, and the library's windows as they have it. */
+typedef struct {
+    int members[MOST_PARTS], count, between; /* whether eigenvectors are compared as they are */
+    Py_ssize_t axes;                         /* directions, where they are */
+    Metric joint;                            /* keeps nothing where there is none */
+    Half *windows;                           /* (lanes, axes or EIGENVECTORS * axes, LANE) */
+    float *lengths;                          /* |b|² + nearest, (lanes, LANE) */
+} Group;
+
+/* library.windows.index.WindowIndex */
+typedef struct {
+    PyObject_HEAD
+    int parts, groups, views;
+    Part part[MOST_PARTS];
+    Group group[MOST_PARTS];
+    float weights[MOST_VIEWS][MOST_PARTS], nearest;
+    Py_ssize_t windows, lanes, blocks, classes, wanted; /* so many groups */
+    Py_ssize_t *block_starts, *class_starts; /* one more than there are: where the last one ends */
+    float *room;                             /* (MOST_NUMBERS): what place() works on */
+    float (*placed)[MOST_AXES];              /* (MOST_PARTS) */
+    float *products;                         /* (MOST_VIEWS, lanes, LANE) */
+    void *owned[MOST_OWNED];
+    int blocks_owned;
+} Table;
+
+/* gcc on Windows spills wide registers to where the stack is not aligned for them, and crashes (its bug 54412). */
+#if defined(__x86_64__) && (!defined(_WIN32) || defined(__clang__))
+#define WIDE_REGISTERS
+#endif
+
+#if defined(WIDE_REGISTERS)
+#include <cpuid.h>
+#include <immintrin.h>
+/* What clang does not know makes it leave out all of a target; unasked it takes registers as wide as the numbers. */
+#if defined(__clang__)
+#define PREFERRED ""
+#else
+#define PREFERRED ",prefer-vector-width=512"
+#endif
+#define REGISTER 64
+#define KIND(name) name##_avx512
+#define LOOP __attribute__((target("avx512f,avx512vl,avx512dq,avx512bw,avx2,fma,f16c" PREFERRED)))
+#include "loops.h"
+#undef REGISTER
+#undef KIND
+#undef LOOP
+#define REGISTER 32
+#define KIND(name) name##_avx2
+#define LOOP __attribute__((target("avx2,fma,f16c")))
+#include "loops.h"
+#undef REGISTER
+#undef KIND
+#undef LOOP
+#endif
+#define REGISTER 0
+#define KIND(name) name##_any
+#define LOOP
+#include "loops.h"
+
+/* The loops for the processor that this runs on. */
+static struct {
+    const char *name;
+    __typeof__(distances_any) *distances;
+    __typeof__(add_rows_any) *add_rows;
+    __typeof__(largest_any) *largest;
+    __typeof__(add_products_any) *add_products;
+    __typeof__(parts_any) *parts;
+    __typeof__(covariance_any) *covariance;
+    __typeof__(eigenpairs_any) *eigenpairs;
+    __typeof__(compare_any) *compare;
+} loops;
+
+#define CHOOSE(kind)                                                                                                    \
+    do {                                                                                                                \
+        loops.name = #kind;                                                                                             \
+        loops.distances = distances_##kind;                                                                             \
+        loops.add_rows = add_rows_##kind;                                                                               \
+        loops.largest = largest_##kind;                                                                                 \
+        loops.add_products = add_products_##kind;                                                                       \
+        loops.parts = parts_##kind;                                                                                     \
+        loops.covariance = covariance_##kind;                                                                           \
+        loops.eigenpairs = eigenpairs_##kind;                                                                           \
+        loops.compare = compare_##kind;                                                                                 \
+    } while (0)
+
+#if defined(WIDE_REGISTERS)
+/* Whether the processor can widen halves: __builtin_cpu_supports knows the name in recent compilers only. */
+static int can_widen(void) {
+    unsigned int a, b, c, d;
+    return __get_cpuid(1, &a, &b, &c, &d) && (c & bit_F16C) != 0;
+}
+#endif
+
+/* Whether the processor can do what a kind of loops asks for. */
+static int can(const char *kind) {
+#if defined(WIDE_REGISTERS)
+    __builtin_cpu_init();
+    const int avx2 = __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma") && can_widen();
+    if (strcmp(kind, "avx2") == 0) {
+        return avx2;
+    }
+    if (strcmp(kind, "avx512") == 0) {
+        return avx2 && __builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512vl") &&
+               __builtin_cpu_supports("avx512dq") && __builtin_cpu_supports("avx512bw");
+    }
+#endif
+    return strcmp(kind, "any") == 0;
+}
+
+/* Use one kind of loops from now on; -1 if there are none such here. */
+static int choose(const char *kind) {
+    if (!can(kind)) {
+        return -1;
+    }
+#if defined(WIDE_REGISTERS)
+    if (strcmp(kind, "avx512") == 0) {
+        CHOOSE(avx512);
+        return 0;
+    }
+    if (strcmp(kind, "avx2") == 0) {
+        CHOOSE(avx2);
+        return 0;
+    }
+#endif
+    CHOOSE(any);
+    return 0;
+}
+
+/* numpy's type of an index. */
+#if defined(_WIN64)
+#define INDEX "q"
+#else
+#define INDEX "l"
+#endif
+
+/* ---- what comes in -----------------------------------------------------------------------------------------------*/
+
+/* An argument: its name, numpy's type of its numbers, and its shape, a letter or digit for each dimension. Where a letter
+ * stands again the length must be the same, a star stands for any; an argument without dimensions is a number. */
+typedef struct {
+    const char *name, *type, *shape;
+    int how;
+} Wanted;
+#define WRITTEN 1
+/* Between rows there may be room. */
+#define ROOM 2
+
+/* Arguments as they came: arrays held, numbers read, and the lengths that the letters stand for. */
+typedef struct {
+    int count;
+    Py_buffer held[MOST_ARGUMENTS];
+    double number[MOST_ARGUMENTS];
+    Py_ssize_t length[128];
+} Taken;
+
+static int expect(const char *name, Py_ssize_t expected, Py_ssize_t got) {
+    if (expected != got) {
+        PyErr_Format(PyExc_ValueError, "%s: expected %zd, got %zd", name, expected, got);
+        return -1;
+    }
+    return 0;
+}
+
+static int expect_most(const char *name, Py_ssize_t most, Py_ssize_t got) {
+    if (got < 1 || got > most) {
+        PyErr_Format(PyExc_ValueError, "%s: expected 1 to %zd, got %zd", name, most, got);
+        return -1;
+    }
+    return 0;
+}
+
+static int expect_arguments(Py_ssize_t expected, Py_ssize_t got) {
+    if (expected != got) {
+        PyErr_Format(PyExc_TypeError, "expected %zd arguments, got %zd", expected, got);
+        return -1;
+    }
+    return 0;
+}
+
+static void let_go(Taken *taken) {
+    for (int i = 0; i < taken->count; i++) {
+        PyBuffer_Release(&taken->held[i]); /* of one that is not held nothing happens */
+    }
+}
+
+/* Whether a held array is as wanted: so many dimensions of this type, its numbers side by side where they must be. */
+static int fits(const Py_buffer *held, const Wanted *wanted) {
+    const int dimensions = (int)strlen(wanted->shape);
+    if (held->ndim != dimensions || held->format == NULL || strcmp(held->format, wanted->type) != 0) {
+        PyErr_Format(PyExc_ValueError, "%s: expected %d dimensions of type %s, got %d of %s", wanted->name, dimensions,
+                     wanted->type, held->ndim, held->format ? held->format : "B");
+        return 0;
+    }
+    if ((uintptr_t)held->buf % (size_t)held->itemsize != 0) {
+        PyErr_Format(PyExc_ValueError, "%s: expected numbers that begin at multiples of their size", wanted->name);
+        return 0;
+    }
+    Py_ssize_t apart = held->itemsize;
+    for (int i = dimensions - 1; i >= 0; i--) {
+        const Py_ssize_t stride = held->strides[i];
+        const int room = (wanted->how & ROOM) && i == 0 && stride > apart && stride % held->itemsize == 0;
+        if (held->shape[i] > 1 && stride != apart && !room) {
+            PyErr_Format(PyExc_ValueError, "%s: expected numbers side by side, got some %zd bytes apart", wanted->name,
+                         stride);
+            return 0;
+        }
+        apart *= held->shape[i];
+    }
+    return 1;
+}
+
+/* Whether an array's lengths are those of the letters so far; new letters stand for its lengths from now on. */
+static int agrees(Taken *taken, const Py_buffer *held, const Wanted *wanted) {
+    for (int i = 0; i < held->ndim; i++) {
+        const unsigned char letter = (unsigned char)wanted->shape[i] & 127;
+        if (letter == '*') {
+            continue;
+        }
+        if (letter >= '0' && letter <= '9') {
+            taken->length[letter] = letter - '0';
+        } else if (taken->length[letter] < 0) {
+            taken->length[letter] = held->shape[i];
+        }
+        if (expect(wanted->name, taken->length[letter], held->shape[i]) < 0) {
+            return 0;
+        }
+    }
+    return 1;
+}
+
+/* Whether some bytes may be in both, those between rows counted. */
+static int overlap(const Py_buffer *one, const Py_buffer *other) {
+    if (one->len == 0 || other->len == 0) {
+        return 0;
+    }
+    const char *begin = one->buf, *end = begin + (one->shape[0] - 1) * one->strides[0] + one->len / one->shape[0];
+    const char *start = other->buf, *stop = start + (other->shape[0] - 1) * other->strides[0] + other->len / other->shape[0];
+    return begin < stop && start < end;
+}
+
+/* Take arguments; whether they are taken or not, they must be let go. */
+static int take(Taken *taken, const Wanted *wanted, int count, PyObject *const *arguments, Py_ssize_t given) {
+    taken->count = 0;
+    memset(taken->length, -1, sizeof taken->length);
+    if (expect_arguments(count, given) < 0) {
+        return -1;
+    }
+    for (int i = 0; i < count; i++) {
+        Py_buffer *held = &taken->held[taken->count++];
+        held->obj = NULL;
+        held->len = 0;
+        if (wanted[i].shape[0] == 0) {
+            taken->number[i] = PyFloat_AsDouble(arguments[i]);
+            if (taken->number[i] == -1.0 && PyErr_Occurred()) {
+                return -1;
+            }
+        } else if (PyObject_GetBuffer(arguments[i], held,
+                                      PyBUF_STRIDES | PyBUF_FORMAT | (wanted[i].how & WRITTEN ? PyBUF_WRITABLE : 0)) < 0 ||
+                   !fits(held, &wanted[i]) || !agrees(taken, held, &wanted[i])) {
+            return -1;
+        }
+    }
+    /* Nothing may be read from where something is written: indices that were checked would be others when used. */
+    for (int i = 0; i < count; i++) {
+        for (int j = 0; j < count && wanted[i].how & WRITTEN; j++) {
+            if (i != j && overlap(&taken->held[i], &taken->held[j])) {
+                PyErr_Format(PyExc_ValueError, "%s: expected memory that is in no other array", wanted[i].name);
+                return -1;
+            }
+        }
+    }
+    return 0;
+}
+
+#define TAKE(taken, wanted) take(taken, wanted, (int)(sizeof(wanted) / sizeof(wanted)[0]), arguments, given)
+
+static Py_ssize_t stride_of(const Py_buffer *held) { return held->strides[0] / held->itemsize; }
+
+static int expect_indices(const char *name, const Py_buffer *held, Py_ssize_t below) {
+    const Py_ssize_t *indices = held->buf;
+    for (Py_ssize_t i = 0; i < held->len / held->itemsize; i++) {
+        if (indices[i] < 0 || indices[i] >= below) {
+            PyErr_Format(PyExc_ValueError, "%s: expected indices below %zd, got %zd", name, below, indices[i]);
+            return -1;
+        }
+    }
+    return 0;
+}
+
+/* ---- a hop's loops ------------------------------------------------------------------------------------------------*/
+
+/* library.distances.DistanceMeasurer.measure: measure_distances(positions, pairs, rows) */
+static PyObject *measure_distances(PyObject *module, PyObject *const *arguments, Py_ssize_t given) {
+    static const Wanted wanted[] = {
+        {"positions", "d", "fj3", 0}, {"pairs", INDEX, "p2", 0}, {"rows", "d", "fp", WRITTEN | ROOM}};
+    Taken taken;
+    PyObject *result = NULL;
+    (void)module;
+    if (TAKE(&taken, wanted) == 0 && expect_most("joints", MOST_JOINTS, taken.length['j']) == 0 &&
+        expect_indices("pairs", &taken.held[1], taken.length['j']) == 0) {
+        loops.distances(taken.held[0].buf, taken.length['f'], taken.length['j'], taken.held[1].buf, taken.length['p'],
+                        taken.held[2].buf, stride_of(&taken.held[2]));
+        result = Py_NewRef(Py_None);
+    }
+    let_go(&taken);
+    return result;
+}
+
+/* stream.rolling.RollingMoments._add: follow(sums, clock, entered, left, entered_times, left_times) -> (the largest sum of
+ * squares, the sum that belongs to it) */
+static PyObject *follow(PyObject *module, PyObject *const *arguments, Py_ssize_t given) {
+    static const Wanted wanted[] = {{"sums", "d", "4w", WRITTEN}, {"clock", "d", "3", WRITTEN}, {"entered", "d", "ew", ROOM},
+                                    {"left", "d", "lw", ROOM}, {"entered_times", "d", "e", 0}, {"left_times", "d", "l", 0}};
+    Taken taken;
+    PyObject *result = NULL;
+    (void)module;
+    if (TAKE(&taken, wanted) == 0 && expect_most("sums", PY_SSIZE_T_MAX, taken.length['w']) == 0) {
+        const Py_ssize_t width = taken.length['w'];
+        Py_buffer *held = taken.held;
+        double *sums = held[0].buf, *squares = sums + 3 * width;
+        loops.add_rows(sums, width, held[1].buf, held[2].buf, stride_of(&held[2]), held[4].buf, taken.length['e'], 1.0);
+        loops.add_rows(sums, width, held[1].buf, held[3].buf, stride_of(&held[3]), held[5].buf, taken.length['l'], -1.0);
+        const Py_ssize_t largest = loops.largest(squares, width);
+        result = Py_BuildValue("dd", squares[largest], squares[largest - 2 * width]);
+    }
+    let_go(&taken);
+    return result;
+}
+
+/* stream.rolling.RollingCovariance._add: follow_products(reference, sum, products, entered, left) -> (the trace
+ * of the products, the squared length of the sum) */
+static PyObject *follow_products(PyObject *module, PyObject *const *arguments, Py_ssize_t given) {
+    static const Wanted wanted[] = {{"reference", "d", "w", 0},
+                                    {"sum", "d", "w", WRITTEN},
+                                    {"products", "d", "ww", WRITTEN},
+                                    {"entered", "d", "ew", ROOM},
+                                    {"left", "d", "lw", ROOM}};
+    Taken taken;
+    PyObject *result = NULL;
+    (void)module;
+    if (TAKE(&taken, wanted) == 0 && expect_most("directions", MOST_DIRECTIONS, taken.length['w']) == 0) {
+        const int width = (int)taken.length['w'];
+        Py_buffer *held = taken.held;
+        loops.add_products(held[0].buf, held[1].buf, held[2].buf, width, held[3].buf, stride_of(&held[3]),
+                           taken.length['e'], 1.0);
+        loops.add_products(held[0].buf, held[1].buf, held[2].buf, width, held[4].buf, stride_of(&held[4]),
+                           taken.length['l'], -1.0);
+        const double *sum = held[1].buf, *products = held[2].buf;
+        double trace = 0.0, square = 0.0;
+        for (int i = 0; i < width; i++) {
+            trace += products[i * width + i];
+            square += sum[i] * sum[i];
+        }
+        result = Py_BuildValue("dd", trace, square);
+    }
+    let_go(&taken);
+    return result;
+}
+
+/* RollingMoments.read, library.windows.parts.spread, posture, trend and movement:
+ * read_parts(sums, clock, count, sizing, segments, paths, floor, level, parts) -> (movement, the body's size) */
+static PyObject *read_parts(PyObject *module, PyObject *const *arguments, Py_ssize_t given) {
+    static const Wanted wanted[] = {{"sums", "d", "4w", 0},   {"clock", "d", "3", 0},        {"count", "d", "", 0},
+                                    {"sizing", "d", "w", 0},  {"segments", INDEX, "s", 0},   {"paths", "d", "sw", 0},
+                                    {"floor", "d", "", 0},    {"level", "d", "", 0},         {"parts", "d", "3w", WRITTEN}};
+    Taken taken;
+    PyObject *result = NULL;
+    (void)module;
+    if (TAKE(&taken, wanted) == 0 && expect_most("sums", PY_SSIZE_T_MAX, taken.length['w']) == 0 &&
+        expect_most("segments", MOST_JOINTS, taken.length['s'] + 1) == 0 &&
+        expect_indices("segments", &taken.held[4], taken.length['w']) == 0) {
+        Py_buffer *held = taken.held;
+        double movement;
+        const double size = loops.parts(held[0].buf, taken.length['w'], held[1].buf, taken.number[2], held[3].buf, held[4].buf,
+                                        held[5].buf, taken.length['s'], taken.number[6], taken.number[7], held[8].buf, &movement);
+        result = Py_BuildValue("dd", movement, size);
+    }
+    let_go(&taken);
+    return result;
+}
+
+static int expect_eigenpairs(Py_ssize_t size, Py_ssize_t most) {
+    return expect_most("directions", MOST_DIRECTIONS, size) == 0 &&
+                   expect_most("values", size < EIGENVECTORS ? size : EIGENVECTORS, most) == 0
+               ? 0
+               : -1;
+}
+
+/* library.windows.cutting.eigenpairs_of: eigenpairs(covariances, values, vectors) -> whether all were found */
+static PyObject *eigenpairs(PyObject *module, PyObject *const *arguments, Py_ssize_t given) {
+    static const Wanted wanted[] = {{"covariances", "d", "cnn", 0}, {"values", "d", "ck", WRITTEN}, {"vectors", "d", "ckn", WRITTEN}};
+    Taken taken;
+    PyObject *result = NULL;
+    (void)module;
+    if (TAKE(&taken, wanted) == 0 && expect_eigenpairs(taken.length['n'], taken.length['k']) == 0) {
+        const int size = (int)taken.length['n'], count = (int)taken.length['k'];
+        const double *covariances = taken.held[0].buf;
+        double *values = taken.held[1].buf, *vectors = taken.held[2].buf;
+        int found = 1;
+        for (Py_ssize_t c = 0; c < taken.length['c'] && found; c++) {
+            found = loops.eigenpairs(covariances + c * size * size, size, count, values + c * count, vectors + c * count * size);
+        }
+        result = PyBool_FromLong(found);
+    }
+    let_go(&taken);
+    return result;
+}
+
+/* RollingCovariance.read, library.windows.cutting.eigenpairs_of and library.windows.parts.eigen:
+ * read_eigen(sum, products, count, none, values, vectors, scaled) -> the covariance's trace */
+static PyObject *read_eigen(PyObject *module, PyObject *const *arguments, Py_ssize_t given) {
+    static const Wanted wanted[] = {{"sum", "d", "n", 0},          {"products", "d", "nn", 0},        {"count", "d", "", 0},
+                                    {"none", "d", "", 0},          {"values", "d", "k", WRITTEN},     {"vectors", "d", "kn", WRITTEN},
+                                    {"scaled", "d", "kn", WRITTEN}};
+    Taken taken;
+    PyObject *result = NULL;
+    (void)module;
+    if (TAKE(&taken, wanted) == 0 && expect_eigenpairs(taken.length['n'], taken.length['k']) == 0) {
+        const int size = (int)taken.length['n'], most = (int)taken.length['k'];
+        double covariance[MOST_DIRECTIONS * MOST_DIRECTIONS], total = 0.0;
+        double *values = taken.held[4].buf, *vectors = taken.held[5].buf, *scaled = taken.held[6].buf;
+        const double trace = loops.covariance(taken.held[0].buf, taken.held[1].buf, size, taken.number[2], taken.number[3], covariance);
+        if (loops.eigenpairs(covariance, size, most, values, vectors)) {
+            for (int k = 0; k < most; k++) {
+                total += values[k] > 0.0 ? values[k] : 0.0;
+            }
+            for (int k = 0; k < most; k++) {
+                const double root = values[k] > 0.0 ? sqrt(sqrt(values[k] / total)) : 0.0;
+                for (int i = 0; i < size; i++) {
+                    scaled[k * size + i] = root * vectors[k * size + i];
+                }
+            }
+            result = PyFloat_FromDouble(trace);
+        } else {
+            PyErr_SetString(PyExc_ValueError, "products: expected finite numbers");
+        }
+    }
+    let_go(&taken);
+    return result;
+}
+
+/* ---- windows compared: library.windows.index.WindowIndex ----------------------------------------------------------*/
+
+/* Give zeros that begin with a cache line; NULL and an error when there are none to be had. */
+static void *zeros(Table *table, Py_ssize_t count, size_t bytes) {
+    void *block = table->blocks_owned < MOST_OWNED ? PyMem_Calloc((size_t)count + LINE, bytes) : NULL;
+    if (block == NULL) {
+        return PyErr_NoMemory();
+    }
+    table->owned[table->blocks_owned++] = block;
+    return (char *)block + (LINE - (uintptr_t)block % LINE) % LINE;
+}
+
+static void table_dealloc(PyObject *self) {
+    Table *table = (Table *)self;
+    PyTypeObject *type = Py_TYPE(self);
+    while (table->blocks_owned > 0) {
+        PyMem_Free(table->owned[--table->blocks_owned]);
+    }
+    ((freefunc)PyType_GetSlot(type, Py_tp_free))(self);
+    Py_DECREF(type);
+}
+
+/* Take over where things start, ascending from 0, and set where the last of them ends. */
+static Py_ssize_t *take_starts(Table *table, const Py_buffer *starts, const char *name, Py_ssize_t end, Py_ssize_t *count) {
+    *count = starts->shape[0];
+    Py_ssize_t *taken = expect_most(name, end, *count) < 0 ? NULL : zeros(table, *count + 1, sizeof(Py_ssize_t));
+    if (taken == NULL) {
+        return NULL;
+    }
+    memcpy(taken, starts->buf, sizeof(Py_ssize_t) * (size_t)*count);
+    taken[*count] = end;
+    for (Py_ssize_t i = 0; i < *count; i++) {
+        if (taken[0] != 0 || taken[i] >= taken[i + 1]) {
+            PyErr_Format(PyExc_ValueError, "%s: expected to start at 0 and ascend below %zd", name, end);
+            return NULL;
+        }
+    }
+    return taken;
+}
+
+/* Lay halves (windows, columns) out, lane by lane of windows. */
+static Half *take_lanes(Table *table, const Py_buffer *halves) {
+    const Py_ssize_t columns = halves->shape[1];
+    Half *taken = zeros(table, table->lanes * columns * LANE, sizeof(Half));
+    for (Py_ssize_t row = 0; taken != NULL && row < table->windows; row++) {
+        const Half *numbers = (Half *)halves->buf + row * columns;
+        for (Py_ssize_t k = 0; k < columns; k++) {
+            taken[(row / LANE * columns + k) * LANE + row % LANE] = numbers[k];
+        }
+    }
+    return taken;
+}
+
+/* Take over a metric's origin (numbers) and axes (numbers, kept); one that keeps nothing is none. */
+static int take_metric(Table *table, Metric *metric, const Py_buffer *origin, const Py_buffer *axes) {
+    const Py_ssize_t numbers = axes->shape[0], kept = axes->shape[1], stride = (kept + LANE - 1) / LANE * LANE;
+    if (kept == 0) {
+        return 0;
+    }
+    if (expect_most("axes", MOST_AXES, kept) < 0 || expect_most("numbers", MOST_NUMBERS, numbers) < 0 ||
+        (metric->origin = zeros(table, numbers, sizeof(float))) == NULL ||
+        (metric->axes = zeros(table, numbers * stride, sizeof(Half))) == NULL) {
+        return -1;
+    }
+    metric->numbers = numbers;
+    metric->kept = kept;
+    metric->stride = stride;
+    memcpy(metric->origin, origin->buf, sizeof(float) * (size_t)numbers);
+    for (Py_ssize_t i = 0; i < numbers; i++) {
+        memcpy(metric->axes + i * stride, (Half *)axes->buf + i * kept, sizeof(Half) * (size_t)kept);
+    }
+    return 0;
+}
+
+/* Table(windows, block starts, class starts, weights, nearest) */
+static PyObject *table_new(PyTypeObject *type, PyObject *tuple, PyObject *named) {
+    static const Wanted wanted[] = {{"windows", "d", "", 0}, {"blocks", INDEX, "b", 0}, {"classes", INDEX, "c", 0},
+                                    {"weights", "f", "vg", 0},     {"nearest", "d", "", 0}};
+    const Py_ssize_t given = PyTuple_Size(tuple);
+    PyObject *arguments[5] = {NULL};
+    Taken taken;
+    for (Py_ssize_t i = 0; i < given && i < 5; i++) {
+        arguments[i] = PyTuple_GetItem(tuple, i);
+    }
+    Table *table = NULL;
+    if (TAKE(&taken, wanted) == 0 && (named == NULL || expect_arguments(0, PyDict_Size(named)) == 0) &&
+        expect_most("windows", MOST_WINDOWS, (Py_ssize_t)fmax(fmin(taken.number[0], MOST_WINDOWS + 1.0), 0.0)) == 0 &&
+        expect_most("groups", MOST_PARTS, taken.length['g']) == 0 && expect_most("views", MOST_VIEWS, taken.length['v']) == 0) {
+        table = (Table *)((allocfunc)PyType_GetSlot(type, Py_tp_alloc))(type, 0);
+    }
+    if (table != NULL) {
+        Py_buffer *held = taken.held;
+        table->windows = (Py_ssize_t)taken.number[0];
+        table->lanes = (table->windows + LANE - 1) / LANE;
+        table->nearest = (float)taken.number[4];
+        table->wanted = taken.length['g'];
+        table->views = (int)taken.length['v'];
+        for (Py_ssize_t v = 0; v < table->views; v++) {
+            memcpy(table->weights[v], (float *)held[3].buf + v * table->wanted, sizeof(float) * (size_t)table->wanted);
+        }
+        if ((table->block_starts = take_starts(table, &held[1], "blocks", table->windows, &table->blocks)) == NULL ||
+            (table->class_starts = take_starts(table, &held[2], "classes", table->blocks, &table->classes)) == NULL ||
+            (table->products = zeros(table, MOST_VIEWS * table->lanes * LANE, sizeof(float))) == NULL ||
+            (table->placed = zeros(table, MOST_PARTS * MOST_AXES, sizeof(float))) == NULL ||
+            (table->room = zeros(table, MOST_NUMBERS, sizeof(float))) == NULL) {
+            Py_CLEAR(table);
+        }
+    }
+    let_go(&taken);
+    return (PyObject *)table;
+}
+
+/* add_part(eigenvectors, directions, origin, axes): 0 eigenvectors for a part of distances; no axes for eigenvectors that
+ * are compared as they are */
+static PyObject *table_add_part(PyObject *self, PyObject *const *arguments, Py_ssize_t given) {
+    static const Wanted wanted[] = {
+        {"eigenvectors", "d", "", 0}, {"directions", "d", "", 0}, {"origin", "f", "n", 0}, {"axes", "e", "nk", 0}};
+    Table *table = (Table *)self;
+    Taken taken;
+    PyObject *result = NULL;
+    if (TAKE(&taken, wanted) == 0 && expect_most("parts", MOST_PARTS, table->parts + 1) == 0) {
+        const double vectors = taken.number[0], directions = taken.number[1];
+        Part *part = &table->part[table->parts];
+        memset(part, 0, sizeof *part);
+        if (vectors >= 0 && vectors <= EIGENVECTORS && directions >= 0 && directions <= MOST_DIRECTIONS) {
+            part->vectors = (Py_ssize_t)vectors;
+            part->directions = part->vectors > 0 ? (Py_ssize_t)directions : 0;
+        }
+        const Py_ssize_t flattened = part->directions * (part->directions + 1) / 2;
+        if ((part->directions == 0 ? expect_most("axes", MOST_AXES, taken.length['k'])
+                                   : taken.length['k'] > 0 ? expect("origin", flattened, taken.length['n']) : 0) == 0 &&
+            take_metric(table, &part->metric, &taken.held[2], &taken.held[3]) == 0) {
+            table->parts++;
+            result = Py_NewRef(Py_None);
+        }
+    }
+    let_go(&taken);
+    return result;
+}
+
+/* Set what a group consists of; -1 where it is none. */
+static int take_members(const Table *table, Group *group, const Py_buffer *members) {
+    if (expect_most("members", MOST_PARTS, members->shape[0]) < 0 || expect_indices("members", members, table->parts) < 0) {
+        return -1;
+    }
+    group->count = (int)members->shape[0];
+    for (int m = 0; m < group->count; m++) {
+        const Part *part = &table->part[group->members[m] = (int)((Py_ssize_t *)members->buf)[m]];
+        group->axes += part->metric.kept;
+        group->between = group->between || part->metric.kept == 0;
+    }
+    if (group->between) {
+        group->axes = table->part[group->members[0]].directions;
+        return expect("members", 1, group->count);
+    }
+    return 0;
+}
+
+/* add_group(members, origin, axes, windows, lengths): no axes where the parts' vectors are compared as they are */
+static PyObject *table_add_group(PyObject *self, PyObject *const *arguments, Py_ssize_t given) {
+    static const Wanted wanted[] = {{"members", INDEX, "m", 0},
+                                    {"origin", "f", "n", 0},
+                                    {"axes", "e", "nk", 0},
+                                    {"windows", "e", "wa", 0},
+                                    {"lengths", "f", "w", 0}};
+    Table *table = (Table *)self;
+    Taken taken;
+    PyObject *result = NULL;
+    if (TAKE(&taken, wanted) == 0 && expect_most("groups", table->wanted, table->groups + 1) == 0) {
+        Group *group = &table->group[table->groups];
+        Py_buffer *held = taken.held;
+        memset(group, 0, sizeof *group);
+        if (take_members(table, group, &held[0]) == 0 &&
+            (taken.length['k'] == 0 || expect("origin", group->axes, taken.length['n']) == 0) &&
+            take_metric(table, &group->joint, &held[1], &held[2]) == 0) {
+            group->axes = group->joint.kept > 0 ? group->joint.kept : group->axes;
+            if (expect_most("axes", MOST_AXES, group->axes) == 0 &&
+                expect("windows", group->axes * (group->between ? EIGENVECTORS : 1), taken.length['a']) == 0 &&
+                expect("windows", table->windows, taken.length['w']) == 0 &&
+                (group->windows = take_lanes(table, &held[3])) != NULL &&
+                (group->lengths = zeros(table, table->lanes * LANE, sizeof(float))) != NULL) {
+                for (Py_ssize_t w = 0; w < table->windows; w++) {
+                    group->lengths[w] = ((float *)held[4].buf)[w] + table->nearest;
+                }
+                table->groups++;
+                result = Py_NewRef(Py_None);
+            }
+        }
+    }
+    let_go(&taken);
+    return result;
+}
+
+/* compared(numbers, ..., logs): of each part its numbers, or its eigenvectors; logs (views, classes) */
+static PyObject *table_compared(PyObject *self, PyObject *const *arguments, Py_ssize_t given) {
+    Table *table = (Table *)self;
+    Wanted wanted[MOST_PARTS + 1];
+    const double *numbers[MOST_PARTS];
+    Taken taken;
+    PyObject *result = NULL;
+    for (int p = 0; p < table->parts; p++) {
+        wanted[p] = (Wanted){"numbers", "d", table->part[p].directions > 0 ? "**" : "*", 0};
+    }
+    wanted[table->parts] = (Wanted){"logs", "d", "vc", WRITTEN};
+    if (take(&taken, wanted, table->parts + 1, arguments, given) == 0 &&
+        expect("groups", table->wanted, table->groups) == 0 && expect("views", table->views, taken.length['v']) == 0 &&
+        expect("classes", table->classes, taken.length['c']) == 0) {
+        int right = 1;
+        for (int p = 0; p < table->parts && right; p++) {
+            const Part *part = &table->part[p];
+            const Py_ssize_t *shape = taken.held[p].shape;
+            numbers[p] = taken.held[p].buf;
+            right = part->directions > 0 ? expect("numbers", part->vectors, shape[0]) == 0 &&
+                                               expect("numbers", part->directions, shape[1]) == 0
+                                         : expect("numbers", part->metric.numbers, shape[0]) == 0;
+        }
+        if (right) {
+            loops.compare(table, numbers, taken.held[table->parts].buf);
+            result = Py_NewRef(Py_None);
+        }
+    }
+    let_go(&taken);
+    return result;
+}
+
+/* ---- which loops -------------------------------------------------------------------------------------------------*/
+
+/* kind() -> those in use */
+static PyObject *kind(PyObject *module, PyObject *const *arguments, Py_ssize_t given) {
+    (void)module, (void)arguments;
+    return expect_arguments(0, given) == 0 ? PyUnicode_FromString(loops.name) : NULL;
+}
+
+/* use(kind): others than the best, so that those can be tested */
+static PyObject *use(PyObject *module, PyObject *name) {
+    (void)module;
+    const char *text = PyUnicode_AsUTF8AndSize(name, NULL);
+    if (text == NULL) {
+        return NULL;
+    }
+    if (choose(text) < 0) {
+        PyErr_Format(PyExc_ValueError, "kind: expected any, avx2 or avx512, as far as this processor has it, got %s", text);
+        return NULL;
+    }
+    return Py_NewRef(Py_None);
+}
+
+/* ---- the module ---------------------------------------------------------------------------------------------------*/
+
+#define FUNCTION(function) (PyCFunction)(void (*)(void))(function), METH_FASTCALL, NULL
+
+static PyMethodDef table_methods[] = {
+    {"add_part", FUNCTION(table_add_part)},
+    {"add_group", FUNCTION(table_add_group)},
+    {"compared", FUNCTION(table_compared)},
+    {NULL, NULL, 0, NULL},
+};
+
+static PyType_Slot table_slots[] = {
+    {Py_tp_new, table_new},
+    {Py_tp_dealloc, table_dealloc},
+    {Py_tp_methods, table_methods},
+    {0, NULL},
+};
+
+static PyType_Spec table_type = {
+    .name = "kinespace.library.kernels._compiled.Table",
+    .basicsize = sizeof(Table),
+    .flags = Py_TPFLAGS_DEFAULT,
+    .slots = table_slots,
+};
+
+static PyMethodDef methods[] = {
+    {"measure_distances", FUNCTION(measure_distances)},
+    {"follow", FUNCTION(follow)},
+    {"follow_products", FUNCTION(follow_products)},
+    {"read_parts", FUNCTION(read_parts)},
+    {"read_eigen", FUNCTION(read_eigen)},
+    {"eigenpairs", FUNCTION(eigenpairs)},
+    {"kind", FUNCTION(kind)},
+    {"use", use, METH_O, NULL},
+    {NULL, NULL, 0, NULL},
+};
+
+static int prepare(PyObject *module) {
+    if (choose("avx512") < 0 && choose("avx2") < 0) {
+        choose("any");
+    }
+    PyObject *type = PyType_FromModuleAndSpec(module, &table_type, NULL);
+    int added = type != NULL && PyModule_AddType(module, (PyTypeObject *)type) == 0 &&
+                PyModule_AddIntMacro(module, MOST_JOINTS) == 0 && PyModule_AddIntMacro(module, MOST_DIRECTIONS) == 0 &&
+                PyModule_AddIntMacro(module, MOST_PARTS) == 0 && PyModule_AddIntMacro(module, MOST_VIEWS) == 0 &&
+                PyModule_AddIntMacro(module, MOST_AXES) == 0;
+    Py_XDECREF(type);
+    return added ? 0 : -1;
+}
+
+static PyModuleDef_Slot slots[] = {
+    {Py_mod_exec, prepare},
+    {0, NULL},
+};
+
+static PyModuleDef definition = {
+    PyModuleDef_HEAD_INIT,
+    .m_name = "kinespace.library.kernels._compiled",
+    .m_methods = methods,
+    .m_slots = slots,
+};
+
+PyMODINIT_FUNC PyInit__compiled(void) { return PyModuleDef_Init(&definition); }

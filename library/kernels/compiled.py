@@ -1,0 +1,211 @@
+"""The inner loops of a hop, compiled (`compiled.c`): there if a compiler was when kinespace was installed.
+
+Without them numpy does the same, at a multiple of the cost. `KINESPACE_COMPILED=0` in the environment leaves them
+aside.
+
+They are in C because what else compiles loops costs every start time, and memory more than all the rest takes: what was
+measured of numba stands in tests/TRIED.md.
+"""
+
+from __future__ import annotations
+
+import importlib
+import os
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Protocol, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+Numbers = NDArray[np.float64]
+Indices = NDArray[np.intp]
+Halves = NDArray[np.float16]
+Floats = NDArray[np.float32]
+
+
+class Table(Protocol):
+    """A library's windows, laid out for a live one to be compared with all of them."""
+
+    def add_part(self, eigenvectors: int, directions: int, origin: Floats, axes: Halves, /) -> None:
+        """Say how the next part's numbers become a vector: (numbers − origin) @ axes.
+
+        Parameters
+        ----------
+        eigenvectors, directions
+            Shape of a part of scaled eigenvectors; 0 for a part of distances.
+        origin, axes
+            Shape (numbers,) and (numbers, kept); both empty for eigenvectors that are compared as they are.
+        """
+
+    def add_group(self, parts: Indices, origin: Floats, axes: Halves, windows: Halves, lengths: Floats, /) -> None:
+        """Say how the next group is compared.
+
+        Parameters
+        ----------
+        parts
+            Which parts it joins.
+        origin, axes
+            A metric of the joined vector; both empty where there is none.
+        windows
+            The windows' vectors, (windows, kept); of eigenvectors four after another, (windows, 4 directions).
+        lengths
+            Squared lengths, (windows,).
+        """
+
+    def compared(self, *arrays: Numbers) -> None:
+        """Compare the numbers of a window's parts, and write log distances to the last array, (views, classes)."""
+
+
+class Loops(Protocol):
+    """What is compiled; each raises ValueError where an array is of another shape or type than it works on.
+
+    Attributes
+    ----------
+    MOST_JOINTS, MOST_DIRECTIONS
+        More than these are left to numpy.
+    """
+
+    MOST_JOINTS: int
+    MOST_DIRECTIONS: int
+
+    def kind(self) -> str:
+        """Say for which processors the loops in use are: avx512, avx2, or any."""
+
+    def use(self, kind: str, /) -> None:
+        """Use those of another kind, so that they can be tested."""
+
+    def measure_distances(self, positions: Numbers, pairs: Indices, rows: Numbers, /) -> None:
+        """Write the distances of frames (frames, joints, 3) between pairs (pairs, 2) to rows (frames, pairs)."""
+
+    def follow(  # noqa: PLR0913, PLR0917 - a call from Python costs by its arguments' names
+        self,
+        sums: Numbers,
+        clock: Numbers,
+        entered: Numbers,
+        left: Numbers,
+        entered_times: Numbers,
+        left_times: Numbers,
+        /,
+    ) -> tuple[float, float]:
+        """Add rows to a window's sums (4, width) and clock (3,), and take rows away, as `RollingMoments` keeps them.
+
+        Gives the largest sum of squares, and the sum there.
+        """
+
+    def follow_products(
+        self, reference: Numbers, total: Numbers, products: Numbers, entered: Numbers, left: Numbers, /
+    ) -> tuple[float, float]:
+        """Add rows, relative to a reference, to their sum (width,) and products (width, width), and take rows away.
+
+        Gives the trace of the products, and the squared length of the sum.
+        """
+
+    def read_parts(  # noqa: PLR0913, PLR0917 - as above
+        self,
+        sums: Numbers,
+        clock: Numbers,
+        count: float,
+        sizing: Numbers,
+        segments: Indices,
+        paths: Numbers,
+        floor: float,
+        level: float,
+        parts: Numbers,
+        /,
+    ) -> tuple[float, float]:
+        """Write spread, posture and trend of a window of so many rows with these sums, (3, width).
+
+        Gives its movement, and the size of the body.
+
+        Parameters
+        ----------
+        sums, clock, count
+            As `RollingMoments` keeps them.
+        sizing, segments, paths
+            As `Body` has them, but paths (segments, width).
+        floor, level
+            `NOISE_FLOOR` and `LEVEL_REMOVED`.
+        parts
+            Where to write.
+        """
+
+    def read_eigen(  # noqa: PLR0913, PLR0917 - as above
+        self,
+        total: Numbers,
+        products: Numbers,
+        count: float,
+        none: float,
+        values: Numbers,
+        vectors: Numbers,
+        scaled: Numbers,
+        /,
+    ) -> float:
+        """Write the leading eigenpairs of a covariance, and the part `eigen`; give the covariance's trace.
+
+        Parameters
+        ----------
+        total, products, count
+            As `RollingCovariance` keeps them.
+        none
+            Trace at which nothing moves.
+        values, vectors, scaled
+            Where to write, (k,), (k, width) and (k, width): four at most.
+        """
+
+    def eigenpairs(self, covariances: Numbers, values: Numbers, vectors: Numbers, /) -> bool:
+        """Write the largest eigenvalues of each matrix, (n, k), and their eigenvectors, (n, k, size): four at most.
+
+        Gives False where a matrix holds what is no number.
+        """
+
+    def Table(  # noqa: N802 - a class behind a border that has no names
+        self, windows: int, block_starts: Indices, class_starts: Indices, weights: Floats, nearest: float, /
+    ) -> Table:
+        """Begin a table.
+
+        Parameters
+        ----------
+        windows
+            How many there are.
+        block_starts, class_starts
+            Where the windows of each person in each class start, and where among those the people of each class do.
+        weights
+            Of each group in each view, (views, groups).
+        nearest
+            The least that a squared distance counts.
+        """
+
+
+def _built() -> Loops | None:
+    if os.environ.get("KINESPACE_COMPILED") == "0":
+        return None
+    try:
+        built = importlib.import_module("kinespace.library.kernels._compiled")
+    except ImportError:
+        return None
+    # What was built from older sources may lack something: until it is built anew numpy does it all.
+    wanted = {name for name in (*vars(Loops), *Loops.__annotations__) if not name.startswith("_")}
+    return cast("Loops", built) if wanted <= set(dir(built)) else None
+
+
+#: The compiled loops; None where there are none.
+loops: Loops | None = _built()
+
+
+@contextmanager
+def left_aside() -> Iterator[None]:
+    """Leave the compiled loops aside for a while: a recogniser made meanwhile is for meanwhile."""
+    global loops  # noqa: PLW0603 - one for the process, as modules are
+    before, loops = loops, None
+    try:
+        yield
+    finally:
+        loops = before
+
+
+def kind() -> str:
+    """Say in a few words what does the arithmetic."""
+    return f"compiled loops ({loops.kind()})" if loops else "numpy"

@@ -1,0 +1,417 @@
+"""Frames out of joints: which belong together, and what becomes of those that are absent. No socket, no clock.
+
+A frame may come as one message, one bundle, several bundles or loose messages, with or without a mark at its end. It
+is closed by an end message, by the end of a bundle, by a joint that comes again, by being complete, or by time; the
+preset says which of them count. An end message inside a bundle counts at the bundle's end, because senders put it
+before the last joints as often as after them.
+
+A receiver that starts in the middle of a frame would mix two of them for ever, when joints are all it goes by: the last
+joints of one and the first of the next are a set as good as any. But joints of one frame come in a burst. So the
+timeout is half of the time between two frames where that is less than the preset's, and silence tells where one begins.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from kinespace.stream.feeds.kinematics import world_positions
+from kinespace.stream.feeds.message_reader import Mapper, MessageError
+from kinespace.stream.feeds.preset import Closing, Means
+from kinespace.stream.frame import Announcement, Frame
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping, Sequence
+
+    from kinespace.stream.feeds.kinematics import Vector
+    from kinespace.stream.feeds.message_reader import Reading, Sighting
+    from kinespace.stream.feeds.preset import Preset
+    from kinespace.stream.oscpacket import Message
+
+#: Seconds of silence after which a performer is forgotten; and after which a bone that came before is taken to be one
+#: that this sender does not send any more.
+FORGET_AFTER = 5.0
+#: A sender's time this far behind is not a late joint but a clock that began again, seconds.
+_NEW_CLOCK = 1.0
+#: Share of the joints that came lately below which a joint that comes again is a straggler, not the next frame's.
+_STRAGGLERS = 0.5
+#: Silence, relative to the time between two frames, that parts one frame from the next.
+_PAUSE = 0.5
+#: How much each joint that comes again counts in the time between two frames.
+_NEWER = 0.05
+#: Longer than this is an absence, not a frame rate, seconds.
+_LONGEST_INTERVAL = 0.2
+#: Names of absent joints that are counted one by one.
+_MOST_NAMED = 256
+
+
+@dataclass(slots=True)
+class AssemblerCounts:
+    """What became of messages and joints."""
+
+    #: Messages whose address the preset knows and whose arguments it does not.
+    malformed: int = 0
+    #: Messages the preset does not know.
+    foreign: int = 0
+    #: Frames given out.
+    frames: int = 0
+    #: Frames refused because a joint was absent for too long, or never came.
+    incomplete: int = 0
+    #: Frames refused because they make no sense: a joint beyond any stage.
+    absurd: int = 0
+    #: Joints that came after their frame was closed.
+    late: int = 0
+    #: Joints that a frame took from before, because they were absent.
+    held: int = 0
+    #: Joints the sender itself says it does not see, or is not sure of.
+    unsure: int = 0
+    #: Performers there was no room for.
+    no_room: int = 0
+    #: Frames by what closed them.
+    closed_by: Counter[str] = field(default_factory=Counter)
+    #: For refused frames, the joints that were absent.
+    absent: Counter[str] = field(default_factory=Counter)
+
+
+class _Packet(NamedTuple):
+    arrival: float
+    sender: int
+    bundle: bool
+
+
+@dataclass(slots=True)
+class _Body:
+    """One performer's frame in the making."""
+
+    sender: int
+    heard: float
+    open: dict[str, Sighting] = field(default_factory=dict)
+    opened: float = 0.0
+    #: The sender's time of the open frame.
+    time: float | None = None
+    #: The sender's time of the last frame given out.
+    closed_time: float | None = None
+    #: Where each joint was last seen, and when.
+    seen: dict[str, tuple[Sighting, float]] = field(default_factory=dict)
+    #: Seconds from one frame to the next, as joints come again.
+    interval: float = 0.0
+    #: What the sender's clock was ahead of ours at that frame.
+    ahead: float | None = None
+    #: An end message came in a bundle that is not over.
+    ending: bool = False
+    announced: bool = False
+
+
+class FrameAssembler:
+    """Makes frames of a feed's messages.
+
+    Parameters
+    ----------
+    preset
+        What the messages mean and when a frame is complete.
+    most
+        How many performers at once.
+    """
+
+    def __init__(self, preset: Preset, *, most: int = 64) -> None:
+        if most < 1:
+            raise ValueError(f"most: expected at least 1 performer, got {most}")
+        self.preset = preset
+        self.most = most
+        self.counts = AssemblerCounts()
+        self.mapper = Mapper(preset)
+        self._bodies: dict[str, _Body] = {}
+        self._out: list[Frame | Announcement] = []
+        #: The last time each sender told of everybody.
+        self._told: dict[int, float] = {}
+        self._needed = tuple(name for name, target in preset.joint_map.items() if target)
+        rules = [rule for rule in preset.messages if rule.means in (Means.JOINT, Means.FRAME)]
+        self._says_who = any("performer" in rule.arguments or "{performer}" in rule.address for rule in rules)
+        self._targets = preset.joints
+        self._axes = np.array([axis for axis, _ in preset.axes])
+        signs = np.array([sign for _, sign in preset.axes])
+        self._metres = signs * np.array(preset.metres)[self._axes]
+
+    def __len__(self) -> int:
+        """How many performers' frames are being made."""
+        return len(self._bodies)
+
+    def push(
+        self, messages: Sequence[Message], arrival: float, *, bundle: bool = False, sender: int = 1
+    ) -> list[Frame | Announcement]:
+        """Take in the messages of one packet.
+
+        Parameters
+        ----------
+        messages
+            In the order of the packet.
+        arrival
+            When it came, seconds on our clock.
+        bundle
+            Whether the packet was a bundle.
+        sender
+            Which of several senders: the performers of all but the first get its number added to their names.
+
+        Returns
+        -------
+        Frames that were completed, each performer's joints announced before its first.
+        """
+        packet = _Packet(arrival, sender, bundle)
+        self._expire(arrival)
+        touched = dict[str, None]()
+        for message in messages:
+            try:
+                reading = self.mapper.read(message)
+            except MessageError:
+                self.counts.malformed += 1
+                continue
+            if reading is None:
+                self.counts.foreign += 1
+            elif reading.means not in (Means.NAME, Means.ORDER):
+                touched |= dict.fromkeys(self._take(reading, packet))
+        if bundle:
+            for name in touched:
+                self._end_bundle(name)
+        return self._given()
+
+    def expire(self, now: float) -> list[Frame | Announcement]:
+        """Close frames for which nothing came for too long, and forget performers who are silent."""
+        self._expire(now)
+        return self._given()
+
+    def _given(self) -> list[Frame | Announcement]:
+        given, self._out = self._out, []
+        return given
+
+    def _expire(self, now: float) -> None:
+        for name, body in list(self._bodies.items()):
+            silent = now - body.heard
+            if body.open and Closing.TIMEOUT in self.preset.closings.by and silent > self._timeout(body):
+                self._close(name, body, Closing.TIMEOUT)
+            if silent > FORGET_AFTER:
+                del self._bodies[name]
+
+    def _timeout(self, body: _Body) -> float:
+        return min(self.preset.closings.timeout, _PAUSE * body.interval)
+
+    def _take(self, reading: Reading, packet: _Packet) -> Sequence[str]:
+        """Take in one message; the performers it is about."""
+        if reading.performer is None and reading.means in (Means.TIME, Means.BEGIN) and reading.time is not None:
+            self._told[packet.sender] = reading.time
+        names = self._names(reading, packet.sender)
+        for name in names:
+            body = self._bodies.get(name) or self._new_body(name, reading, packet)
+            if body is not None:
+                body.heard = packet.arrival
+                self._take_for(name, body, reading, packet)
+        return names
+
+    def _take_for(self, name: str, body: _Body, reading: Reading, packet: _Packet) -> None:
+        if not reading.present:
+            if body.open:
+                self._close(name, body, Closing.END)
+            body.seen.clear()
+        elif reading.means in (Means.BEGIN, Means.END):
+            body.ending |= packet.bundle and reading.means is Means.END
+            if body.open and not body.ending:
+                self._close(name, body, Closing.END)
+            body.time = reading.time if reading.time is not None else body.time
+        elif reading.means is Means.TIME:
+            body.time = reading.time
+        elif reading.means is Means.FRAME:
+            self._add_whole(name, body, reading, packet.arrival)
+        else:
+            self._add(name, body, reading, packet.arrival)
+
+    def _names(self, reading: Reading, sender: int) -> Sequence[str]:
+        """Say whom a message is about: one that names nobody and is no joint is about all of its sender's."""
+        suffix = "" if sender == 1 else f"-{sender}"
+        if reading.performer is not None:
+            return (reading.performer + suffix,)
+        if reading.means in (Means.JOINT, Means.FRAME) or not self._says_who:
+            return (self.preset.performer + suffix,)
+        return [name for name, body in self._bodies.items() if body.sender == sender]
+
+    def _new_body(self, name: str, reading: Reading, packet: _Packet) -> _Body | None:
+        """Begin a performer, when there is something to begin with and room."""
+        if reading.means in (Means.JOINT, Means.FRAME) and not any(each.position for each in reading.sightings):
+            return None
+        if reading.means in (Means.BEGIN, Means.END) or not reading.present:
+            return None
+        if len(self._bodies) >= self.most:
+            self.counts.no_room += 1
+            return None
+        body = self._bodies[name] = _Body(
+            packet.sender, packet.arrival, time=self._told.get(packet.sender), interval=1 / self.preset.rate
+        )
+        return body
+
+    def _add_whole(self, name: str, body: _Body, reading: Reading, arrival: float) -> None:
+        """Take in all joints of a frame at once."""
+        if body.open:
+            self._close(name, body, Closing.REPEAT)
+        self._add(name, body, reading, arrival)
+        if body.open:
+            self._close(name, body, Closing.COMPLETE)
+
+    def _add(self, name: str, body: _Body, reading: Reading, arrival: float) -> None:
+        """Take in a joint, or several that came together."""
+        if reading.time is not None and not self._in_time(name, body, reading.time):
+            self.counts.late += len(reading.sightings)
+            return
+        for sighting in reading.sightings:
+            if sighting.position is None:
+                self.counts.unsure += 1
+                continue
+            if sighting.joint in body.open:
+                self._see_again(name, body)
+            if not body.open:
+                body.opened = arrival
+            body.time = body.time if reading.time is None else reading.time
+            if sighting.joint in body.seen:
+                since = arrival - body.seen[sighting.joint][1]
+                body.interval += _NEWER * (min(since, _LONGEST_INTERVAL) - body.interval)
+            body.open[sighting.joint] = sighting
+            body.seen[sighting.joint] = (sighting, arrival)
+        if Closing.COMPLETE in self.preset.closings.by and self._is_complete(body):
+            self._close(name, body, Closing.COMPLETE)
+
+    def _see_again(self, name: str, body: _Body) -> None:
+        """Deal with a joint that is in the frame already: the next frame's first, or one that came late."""
+        if self._is_straggler(body):
+            self.counts.late += 1
+        elif Closing.REPEAT in self.preset.closings.by:
+            self._close(name, body, Closing.REPEAT)
+
+    def _is_complete(self, body: _Body) -> bool:
+        # The count, which costs nothing, says no for all but the last joints.
+        if len(body.open) < len(self._targets):
+            return False
+        return self._targets_of(body.open) >= set(self._targets)
+
+    def _in_time(self, name: str, body: _Body, time: float) -> bool:
+        """Let a joint of another time begin another frame; False for one that is too late for its own."""
+        reference = body.time if body.open else body.closed_time
+        if reference is None or (body.open and time == reference):
+            return True
+        if reference - _NEW_CLOCK < time <= reference:
+            return False
+        if body.open:
+            self._close(name, body, Closing.REPEAT)
+        return True
+
+    def _is_straggler(self, body: _Body) -> bool:
+        """Tell a joint of the frame before, come late, from the first of the next, by how little is there."""
+        return len(body.open) < _STRAGGLERS * self._coming(body)
+
+    def _coming(self, body: _Body) -> int:
+        """How many joints came lately: a frame that has them all is as complete as it will get."""
+        earliest = body.opened - self.preset.closings.hold
+        return sum(moment >= earliest for _, moment in body.seen.values())
+
+    def _is_all_that_comes(self, body: _Body) -> bool:
+        """Say whether the frame has every joint that came lately; before all have come once, it is a frame's part."""
+        return len(body.open) >= self._coming(body) and (
+            bool(self.preset.bones) or self._targets_of(body.seen) >= set(self._targets)
+        )
+
+    def _targets_of(self, joints: Iterable[str]) -> set[str]:
+        return {self.preset.joint_map[joint] for joint in joints}
+
+    def _end_bundle(self, name: str) -> None:
+        body = self._bodies.get(name)
+        if body is None:
+            return
+        ended, body.ending = body.ending, False
+        if not body.open:
+            return
+        if ended:
+            self._close(name, body, Closing.END)
+        elif Closing.BUNDLE in self.preset.closings.by and self._is_all_that_comes(body):
+            self._close(name, body, Closing.BUNDLE)
+
+    def _close(self, name: str, body: _Body, by: Closing) -> None:
+        """Give out the open frame, or refuse it; either way the next one begins."""
+        moment = self._moment(body)
+        scraps = by is not Closing.COMPLETE and self._is_straggler(body)
+        opened, body.open = body.open, {}
+        body.closed_time, body.time = body.time, None
+        if scraps:
+            self.counts.late += len(opened)
+            return
+        self.counts.closed_by[str(by)] += 1
+        places = self._placed_bones(body, opened) if self.preset.bones else self._placed(body, opened)
+        if places is None:
+            self.counts.incomplete += 1
+            return
+        # What overflows is beyond any stage, and refused as such.
+        with np.errstate(over="ignore", invalid="ignore"):
+            positions = np.array([places[target] for target in self._targets])[:, self._axes] * self._metres
+        try:
+            frame = Frame(name, moment, positions)
+        except ValueError:
+            self.counts.absurd += 1
+            return
+        self.counts.frames += 1
+        if not body.announced:
+            body.announced = True
+            self._out.append(Announcement(name, self._targets))
+        self._out.append(frame)
+
+    def _moment(self, body: _Body) -> float:
+        """Tell a frame's time; one whose own was lost is as far ahead of its arrival as the one before."""
+        if not self.preset.sender_clock:
+            return body.opened
+        if body.time is not None:
+            body.ahead = body.time - body.opened
+        return body.opened + (body.ahead or 0.0)
+
+    def _placed(self, body: _Body, opened: Mapping[str, Sighting]) -> dict[str, Vector] | None:
+        """Find each joint in the frame or, held, before it; None when one is absent for too long."""
+        places: dict[str, Vector] = {}
+        absent = dict[str, None]()
+        for name in self._needed:
+            target = self.preset.joint_map[name]
+            if target in places and name not in opened:
+                continue
+            sighting = opened.get(name) or self._held(body, name, self.preset.closings.hold)
+            if sighting is None or sighting.position is None:
+                absent[target] = None
+            else:
+                places[target] = sighting.position
+        lacking = [target for target in absent if target not in places]
+        self._count_absent(lacking)
+        return None if lacking else places
+
+    def _placed_bones(self, body: _Body, opened: Mapping[str, Sighting]) -> dict[str, Vector] | None:
+        """Place bones in the world; those that the sender never sends stay as they are at rest."""
+        poses = {}
+        lacking = list[str]()
+        for bone in self.preset.bones:
+            sighting = opened.get(bone.name) or self._held(body, bone.name, self.preset.closings.hold)
+            if sighting is not None:
+                poses[bone.name] = (sighting.position, sighting.rotation)
+            elif self._held(body, bone.name, FORGET_AFTER) is not None:
+                lacking.append(bone.name)
+        if lacking:
+            self._count_absent(lacking)
+            return None
+        world = world_positions(self.preset.bones, poses)
+        return {self.preset.joint_map[name]: world[name] for name in self._needed}
+
+    def _held(self, body: _Body, joint: str, longest: float) -> Sighting | None:
+        sighting, moment = body.seen.get(joint, (None, -math.inf))
+        if sighting is None or body.opened - moment > longest:
+            return None
+        if longest == self.preset.closings.hold:
+            self.counts.held += 1
+        return sighting
+
+    def _count_absent(self, names: Sequence[str]) -> None:
+        for name in names:
+            if name in self.counts.absent or len(self.counts.absent) < _MOST_NAMED:
+                self.counts.absent[name] += 1

@@ -1,0 +1,75 @@
+"""What a sender must be told: handshakes, subscriptions and keep-alives; what to send and when, nothing sent here."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from pythonosc.osc_message_builder import OscMessageBuilder
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from kinespace.stream.feeds.preset import Asking, Preset
+
+#: Seconds without a frame after which a sender is silent.
+SILENCE = 1.0
+
+
+def is_due(asking: Asking, now: float, asked: float, heard: float) -> bool:
+    """Say whether the sender is to be told (again).
+
+    Parameters
+    ----------
+    asking
+        What it must be told, and how often.
+    now, asked, heard
+        Seconds on one clock: now, when it was last told and when the last frame came; -inf for never.
+    """
+    if now - asked < asking.every:
+        return False
+    return not asking.while_silent or now - heard > SILENCE
+
+
+def questions(preset: Preset, port: int) -> list[bytes]:
+    """Encode what the sender is told.
+
+    Parameters
+    ----------
+    preset
+        Whose asking it is; nothing is told when there is none.
+    port
+        Where we listen.
+    """
+    return _encoded(preset, preset.asking.messages, port) if preset.asking else []
+
+
+def farewells(preset: Preset, port: int) -> list[bytes]:
+    """Encode what the sender is told when we stop listening on a port."""
+    return _encoded(preset, preset.asking.farewell, port) if preset.asking else []
+
+
+def _encoded(preset: Preset, messages: Sequence[tuple[str, tuple[str | int | float, ...]]], port: int) -> list[bytes]:
+    packets = list[bytes]()
+    for address, arguments in messages:
+        everything = address + "".join(map(str, arguments))
+        named = [name for name, target in preset.joint_map.items() if target] if "{joint}" in everything else [""]
+        packets += [_message(address, arguments, joint, port) for joint in named]
+    return packets
+
+
+def _message(address: str, arguments: Sequence[str | float], joint: str, port: int) -> bytes:
+    builder = OscMessageBuilder(address.replace("{joint}", joint))
+    for argument in arguments:
+        if argument == "{port}":
+            builder.add_arg(port, "i")
+        elif isinstance(argument, str):
+            builder.add_arg(argument.replace("{joint}", joint).replace("{port}", str(port)), "s")
+        else:
+            builder.add_arg(argument, "i" if isinstance(argument, int) else "f")
+    encoded: bytes = builder.build().dgram
+    return encoded
+
+
+#: Never, on any clock.
+NEVER = -math.inf

@@ -1,0 +1,321 @@
+"""From OSC messages to what they say of joints, as a preset has it; one reader for all products."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, NamedTuple
+
+from kinespace.stream.feeds.preset import Means, MessageRule, spelling
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from kinespace.stream.feeds.kinematics import Quaternion, Vector
+    from kinespace.stream.feeds.preset import Preset
+    from kinespace.stream.oscpacket import Message
+
+#: A frame's performer may have 64 characters; what tells two senders' performers apart goes on top of this.
+LONGEST_PERFORMER = 48
+#: Addresses and names remembered; only somebody who makes them up gets there.
+_MOST_REMEMBERED = 4096
+_MOST_UNKNOWN = 64
+_NUMBERED_LENGTH = 6
+
+
+class MessageError(ValueError):
+    """A message has an address of the preset's, but not its arguments."""
+
+
+class Sighting(NamedTuple):
+    """Where one joint was seen, in the sender's units and axes.
+
+    Attributes
+    ----------
+    joint
+        The preset's name of it.
+    position
+        None when the sender says that it does not see the joint.
+    rotation
+        None when the message holds none.
+    """
+
+    joint: str
+    position: Vector | None
+    rotation: Quaternion | None = None
+
+
+class Reading(NamedTuple):
+    """What one message says.
+
+    Attributes
+    ----------
+    means
+        What it is to the frame.
+    performer
+        Whose; None when the message does not say.
+    sightings
+        Joints in it that the preset knows.
+    time
+        Seconds on the sender's clock; None when the message does not say.
+    present
+        False when the sender says that the performer is not there.
+    """
+
+    means: Means
+    performer: str | None = None
+    sightings: Sequence[Sighting] = ()
+    time: float | None = None
+    present: bool = True
+
+
+class Mapper:
+    """Reads messages by a preset.
+
+    Parameters
+    ----------
+    preset
+        What they mean.
+
+    Attributes
+    ----------
+    unknown
+        Joints that were sent and the preset does not name, some of them.
+    """
+
+    def __init__(self, preset: Preset) -> None:
+        self.preset = preset
+        self.unknown: set[str] = set()
+        self._names = {spelling(name): name for name in preset.joint_map}
+        self._order = preset.order
+        self._taught: dict[tuple[str | None, str], str] = {}
+        self._ways: dict[str, list[_Way]] = {}
+        self._resolved: dict[tuple[str | None, str], str | None] = {}
+
+    def read(self, message: Message) -> Reading | None:
+        """Read one message; None for one that the preset does not know.
+
+        Raises
+        ------
+        MessageError
+            The preset knows the address, but nothing it knows has such arguments.
+        """
+        ways = self._ways.get(message.address)
+        if ways is None:
+            ways = self._find_ways(message.address)
+        ways = [way for way in ways if way.literals_fit(message.arguments)]
+        best: Reading | None = None
+        for way in ways:
+            reading = self._read(way, message.arguments)
+            if reading is None:
+                continue
+            if reading.means is not Means.FRAME or len(ways) == 1:
+                return reading
+            # Groups of one length can look like groups of another: the names in them tell.
+            if best is None or len(reading.sightings) > len(best.sightings):
+                best = reading
+        if ways and best is None:
+            raise MessageError(f"{message.address}: expected other arguments, got {len(message.arguments)}")
+        return best
+
+    def _find_ways(self, address: str) -> list[_Way]:
+        if len(self._ways) >= _MOST_REMEMBERED:
+            self._ways.clear()
+        found = [(rule, rule.pattern.fullmatch(address)) for rule in self.preset.messages]
+        ways = self._ways[address] = [_Way(rule, match.groupdict()) for rule, match in found if match]
+        return ways
+
+    def _read(self, way: _Way, arguments: Sequence[object]) -> Reading | None:
+        if not way.counts_fit(arguments):
+            return None
+        try:
+            return self._understood(way, arguments)
+        except (TypeError, OverflowError):
+            return None
+
+    def _understood(self, way: _Way, arguments: Sequence[object]) -> Reading | None:
+        """Read arguments whose number fits; None or TypeError when they are not what the roles need."""
+        performer = way.text("performer", arguments, way.performer)
+        time = self._time(way, arguments)
+        means = way.rule.means
+        if means is Means.GONE or way.nobody(arguments):
+            return Reading(means, performer, (), time, present=False)
+        sightings: list[Sighting] | None = []
+        if means is Means.ORDER:
+            self._order = tuple(way.group_text("joint", arguments, start) for start in way.starts(arguments))
+            self._resolved.clear()
+        elif means is Means.NAME:
+            self._learn(performer, way, arguments)
+        elif means is Means.FRAME:
+            sightings = self._whole(way, arguments, performer)
+        elif means is Means.JOINT:
+            joint = self._known(way.text("joint", arguments, way.joint), performer)
+            sightings = self._listed(self._sighting(way.spots, arguments, 0, joint))
+        return None if sightings is None else Reading(means, performer, sightings, time)
+
+    def _learn(self, performer: str | None, way: _Way, arguments: Sequence[object]) -> None:
+        number, name = way.text("joint", arguments, way.joint), way.text("name", arguments, None)
+        if number is None or name is None:
+            raise TypeError("joint and name: expected both")
+        if len(self._taught) >= _MOST_REMEMBERED:
+            self._taught.clear()
+        self._taught[performer, number] = name
+        self._resolved.clear()
+
+    def _time(self, way: _Way, arguments: Sequence[object]) -> float | None:
+        place = way.places.get("time")
+        if place is None:
+            return None
+        time = _number(arguments[place])
+        high = way.places.get("time_high")
+        if high is not None:
+            time = float((int(_number(arguments[high])) << 32) + (int(time) & 0xFFFFFFFF))
+        # As in our own frames, 0 is "on arrival".
+        return time * self.preset.seconds if time and math.isfinite(time) else None
+
+    def _whole(self, way: _Way, arguments: Sequence[object], performer: str | None) -> list[Sighting] | None:
+        """Read all joints of a frame; None when there are more than have names."""
+        starts = way.starts(arguments)
+        named = "joint" in way.group_places
+        if not named and len(starts) > len(self._order):
+            return None
+        sightings = list[Sighting]()
+        for index, start in enumerate(starts):
+            name = way.group_text("joint", arguments, start) if named else self._order[index]
+            joint = self._known(name, performer)
+            sightings += self._listed(self._sighting(way.group_spots, arguments, start, joint))
+        return sightings
+
+    @staticmethod
+    def _listed(sighting: Sighting | None) -> list[Sighting]:
+        return [] if sighting is None else [sighting]
+
+    def _known(self, name: str | None, performer: str | None) -> str | None:
+        """Give the preset's name for a joint, None when it has none."""
+        if name is None:
+            return None
+        key = performer if self._taught else None, name
+        if key not in self._resolved:
+            if len(self._resolved) >= _MOST_REMEMBERED:
+                self._resolved.clear()
+            self._resolved[key] = self._resolve(name, performer)
+        return self._resolved[key]
+
+    def _resolve(self, name: str, performer: str | None) -> str | None:
+        known = self._taught.get((performer, name)) or self._taught.get((None, name)) or name
+        if (
+            known.isascii()
+            and known.isdigit()
+            and len(known) <= _NUMBERED_LENGTH
+            and spelling(known) not in self._names
+        ):
+            index = int(known) - self.preset.order_from
+            known = self._order[index] if 0 <= index < len(self._order) else known
+        found = self._names.get(spelling(known))
+        if found is None and len(self.unknown) < _MOST_UNKNOWN and not known.isdigit():
+            self.unknown.add(known)
+        return found
+
+    def _sighting(self, spots: _Spots, arguments: Sequence[object], start: int, joint: str | None) -> Sighting | None:
+        if joint is None:
+            return None
+        numbers = (arguments[start + spots.x], arguments[start + spots.y], arguments[start + spots.z])
+        if None in numbers:
+            return Sighting(joint, None)
+        x, y, z = _number(numbers[0]), _number(numbers[1]), _number(numbers[2])
+        rotation = None
+        # Who sends places in the world need not be asked which way they are turned.
+        if spots.rotation and self.preset.bones:
+            a, b, c, d = (_number(arguments[start + place]) for place in spots.rotation)
+            rotation = (a, b, c, d)
+        seen = math.isfinite(x + y + z) and (rotation is None or math.isfinite(sum(rotation)))
+        if seen and spots.confidence is not None:
+            seen = self._confidence(arguments[start + spots.confidence]) >= self.preset.closings.confidence
+        return Sighting(joint, (x, y, z) if seen else None, rotation if seen else None)
+
+    def _confidence(self, argument: object) -> float:
+        if isinstance(argument, str):
+            # A word nobody told us about says nothing against the joint.
+            return self.preset.closings.words.get(argument.casefold(), math.inf)
+        return math.inf if argument is None else _number(argument)
+
+
+class _Spots(NamedTuple):
+    """Where in the arguments a joint's numbers stand."""
+
+    x: int
+    y: int
+    z: int
+    rotation: tuple[int, ...]
+    confidence: int | None
+
+    @classmethod
+    def of(cls, places: dict[str, int]) -> _Spots:
+        """Look the roles up once; those that are not there are not asked for."""
+        x, y, z = (places.get(axis, 0) for axis in ("x", "y", "z"))
+        turned = tuple(places[axis] for axis in ("qx", "qy", "qz", "qw")) if "qx" in places else ()
+        return cls(x, y, z, turned, places.get("confidence"))
+
+
+class _Way:
+    """A rule, and what an address says by it."""
+
+    def __init__(self, rule: MessageRule, named: dict[str, str]) -> None:
+        self.rule = rule
+        self.joint = named.get("joint")
+        self.performer = named.get("performer")
+        self.places = {role: place for place, role in enumerate(rule.arguments)}
+        self.group_places = {role: place for place, role in enumerate(rule.each)}
+        self.spots = _Spots.of(self.places)
+        self.group_spots = _Spots.of(self.group_places)
+        self.group = len(rule.each)
+        self._literals = [(place, role[1:]) for place, role in enumerate(rule.arguments) if role.startswith("=")]
+
+    def counts_fit(self, arguments: Sequence[object]) -> bool:
+        """Say whether there are as many arguments as the rule needs."""
+        rest = len(arguments) - len(self.rule.arguments)
+        if rest < 0 or not self.group:
+            return rest >= 0
+        # A message of a whole frame that says nobody is there has nothing after that.
+        return rest % self.group == 0 and (rest > 0 or self.nobody(arguments))
+
+    def literals_fit(self, arguments: Sequence[object]) -> bool:
+        """Say whether the texts that must stand in the arguments do."""
+        return not self._literals or all(
+            place < len(arguments) and arguments[place] == text for place, text in self._literals
+        )
+
+    def nobody(self, arguments: Sequence[object]) -> bool:
+        """Say whether the sender says that there is no performer."""
+        place = self.places.get("present")
+        return place is not None and not arguments[place]
+
+    def starts(self, arguments: Sequence[object]) -> range:
+        """Give where each group of arguments begins."""
+        return range(len(self.rule.arguments), len(arguments), self.group)
+
+    def text(self, role: str, arguments: Sequence[object], default: str | None) -> str | None:
+        """Give the name or number in a role, the address's when no argument has it."""
+        place = self.places.get(role)
+        return _text(arguments[place]) if place is not None else default if default is None else _text(default)
+
+    def group_text(self, role: str, arguments: Sequence[object], start: int) -> str:
+        """Give the name or number in a role of a group."""
+        return _text(arguments[start + self.group_places[role]])
+
+
+def _text(argument: object) -> str:
+    # Patchers send ids as numbers as often as names, and integers as floats.
+    if isinstance(argument, float) and argument.is_integer():
+        argument = int(argument)
+    if isinstance(argument, bool) or not isinstance(argument, (str, int)):
+        raise TypeError(f"expected a name or an integer, got {type(argument).__name__}")
+    text = str(argument)
+    if not 0 < len(text) <= LONGEST_PERFORMER:
+        raise TypeError(f"expected a name of 1 to {LONGEST_PERFORMER} characters, got {len(text)}")
+    return text
+
+
+def _number(argument: object) -> float:
+    if type(argument) not in (float, int):
+        raise TypeError(f"expected a number, got {type(argument).__name__}")
+    return float(argument)  # type: ignore[arg-type]  # checked above

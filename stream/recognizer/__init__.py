@@ -1,0 +1,7 @@
+"""The recogniser: frames go in with their time, recognitions come out. No socket, clock, thread or print in here."""
+
+from kinespace.stream.recognizer.performers import Performers
+from kinespace.stream.recognizer.recognizer import Recognizer, RecognizerCounts
+from kinespace.stream.recognizer.settings import LiveSignature, Settings
+
+__all__ = ["LiveSignature", "Performers", "Recognizer", "RecognizerCounts", "Settings"]

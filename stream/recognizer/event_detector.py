@@ -1,0 +1,95 @@
+"""From the moment's guess to events: a motion starts, a motion ends, once each, without flicker.
+
+The guess changes with every doubtful window, above all at a change of motion. An event waits until one named class has
+gathered its lead (`stream.recognizer.hysteresis`). Having no class to name, for stillness or an unknown movement,
+gathers lead at a steady pace, slower for the unknown: a motion that goes on may look strange for a moment, and nobody
+stands still by chance.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from kinespace.stream.recognition import Event, EventKind, Outcome
+from kinespace.stream.recognizer.hysteresis import PER_SECOND, Hysteresis
+
+if TYPE_CHECKING:
+    from kinespace.stream.recognition import Recognition
+
+#: Seconds of stillness, and of unknown or ambiguous movement, after which a motion has ended.
+_ENDED_AFTER = {Outcome.STILL: 0.4, Outcome.UNKNOWN: 0.8, Outcome.AMBIGUOUS: 0.4}
+#: A pause between two recognitions that is longer counts as this long (seconds), so that a gap in the feed does not
+#: add evidence.
+_MAX_HOP = 0.1
+#: Lead, in log distance, at which a class gathers fastest.
+_MAX_PACE = 1.0
+#: Stands for "no class" among indices.
+_NONE = -1
+
+
+class EventDetector:
+    """Turns one performer's recognitions into events.
+
+    Parameters
+    ----------
+    lead
+        Lead in log distance, times thirtieths of a second, that a class must gather. More is later and surer.
+
+    Raises
+    ------
+    ValueError
+        The lead is negative or not finite.
+    """
+
+    def __init__(self, lead: float = 3.0) -> None:
+        if not (math.isfinite(lead) and lead >= 0):
+            raise ValueError(f"lead: expected a number not below 0, got {lead}")
+        self._needed = lead
+        self._hysteresis = Hysteresis(lead)
+        self._active: Event | None = None
+        self._last = math.nan
+
+    def push(self, recognition: Recognition) -> tuple[Event, ...]:
+        """Take in the next recognition; give what it made happen: nothing, an end, a start, or an end and a start."""
+        elapsed = recognition.time - self._last
+        self._last = recognition.time
+        if not 0 <= elapsed <= _MAX_HOP:
+            elapsed = _MAX_HOP if elapsed > 0 else 0.0
+        named = recognition.class_index
+        if not self._hysteresis.push(named, self._pace(recognition, named), elapsed):
+            return ()
+        return self._changed(recognition)
+
+    def end(self, time: float) -> Event | None:
+        """End the motion that is going on, at a time in seconds; None when none is."""
+        begun, self._active = self._active, None
+        self._hysteresis.clear()
+        self._last = math.nan
+        return replace(begun, kind=EventKind.END, time=time) if begun else None
+
+    def _pace(self, recognition: Recognition, named: int) -> float:
+        """Say how fast this recognition gathers lead, in log distance."""
+        if named == _NONE:
+            return self._needed / (_ENDED_AFTER[recognition.outcome] * PER_SECOND)
+        return min(max(recognition.lead, 0.0), _MAX_PACE)
+
+    def _changed(self, recognition: Recognition) -> tuple[Event, ...]:
+        events = [self._event(EventKind.END, recognition, self._active.index)] if self._active else []
+        self._active = None
+        if recognition.class_index != _NONE:
+            self._active = self._event(EventKind.START, recognition, recognition.class_index)
+            events.append(self._active)
+        return tuple(events)
+
+    @staticmethod
+    def _event(kind: EventKind, recognition: Recognition, index: int) -> Event:
+        return Event(
+            performer=recognition.performer,
+            kind=kind,
+            label=recognition.classes[index],
+            index=index,
+            score=float(recognition.scores[index]),
+            time=recognition.time,
+        )

@@ -1,0 +1,217 @@
+"""The recogniser of one performer: frames go in with their time, recognitions come out.
+
+No socket, clock, thread or print in here. The recogniser sorts out frames that come late, starts anew after gaps, and
+keeps the hops; a matcher compares the windows: by all parts of the signature, or by the paper's eigenvector alone.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from kinespace.library.distances import DistanceMeasurer
+from kinespace.library.motion_library import MotionLibrary
+from kinespace.library.windows.body import Body
+from kinespace.library.windows.index import opened
+from kinespace.library.windows.paper import opened_by_paper
+from kinespace.stream.recognition import Recognition
+from kinespace.stream.recognizer.event_detector import EventDetector
+from kinespace.stream.recognizer.matcher import PaperMatcher, WindowMatcher
+from kinespace.stream.recognizer.settings import LiveSignature, Settings
+from kinespace.stream.recognizer.smoothing import RowSmoother
+
+if TYPE_CHECKING:
+    from kinespace.library.windows.index import WindowIndex
+    from kinespace.stream.frame import Frame
+    from kinespace.stream.recognition import Event
+    from kinespace.stream.recognizer.matcher import Matcher, Reading
+
+
+#: Frames that wait for the next hop to be measured together, at most.
+_MAX_WAITING = 16
+#: Tolerance, as a share of the hop: a frame this much early still counts as due, because times are rounded.
+_EARLY = 1e-3
+#: What applies to one signature only, with its default there.
+_WINDOW, _SMALLEST_GAP = 0.5, 0.02
+_SENSITIVITY_LEARNED, _SENSITIVITY_OWN = 0.1, 0.2
+
+
+@dataclass(slots=True)
+class RecognizerCounts:
+    """What a recogniser did with the frames it was given."""
+
+    #: Frames taken into the window.
+    frames: int = 0
+    #: Frames refused because they were not newer than the newest.
+    out_of_order: int = 0
+    #: Times the window was started anew: after a gap, or a sender that began again.
+    restarts: int = 0
+    #: Windows answered.
+    hops: int = 0
+
+
+class Recognizer:
+    """Names the motion in the last seconds of one performer's feed.
+
+    Parameters
+    ----------
+    library
+        The motions to compare with; or their windows, when they are at hand already.
+    settings
+        How to recognise; the defaults suit feeds of 20 to 500 frames per second.
+
+    Attributes
+    ----------
+    counts
+        What became of the frames.
+    """
+
+    def __init__(self, library: MotionLibrary | WindowIndex, settings: Settings | None = None) -> None:
+        self.settings = settings or Settings()
+        self.library, self._matcher, classes = _matched(library, self.settings)
+        self.counts = RecognizerCounts()
+        self._named = np.flatnonzero([name in self.library.classes for name in classes])
+        self.classes = tuple(classes[index] for index in self._named)
+        self._detector = EventDetector(self.settings.lead)
+        skeleton = self.library.skeleton
+        self._shape = (len(skeleton.joints), 3)
+        self._positions = np.empty((_MAX_WAITING, *self._shape))
+        self._rows = np.empty((_MAX_WAITING, len(skeleton.pairs)))
+        self._measurer = DistanceMeasurer(skeleton, _MAX_WAITING)
+        self._smoother = RowSmoother(Body.of(skeleton).segments, len(skeleton.pairs))
+        self._times: list[float] = []
+        self._longest_gap = min(self.settings.longest_gap, self._matcher.longest)
+        self._early = _EARLY * self.settings.hop
+        # NaN until the first frame: every comparison with it is False, so the first frame is neither late nor after a
+        # gap.
+        self._newest = math.nan
+        self._last = -math.inf
+        self._due = -math.inf
+        self._late_in_a_row = 0
+
+    def reset(self) -> None:
+        """Forget the windows, as when the feed begins; the counts stay, and a motion goes on till something ends it."""
+        self._matcher.clear()
+        self._smoother.clear()
+        self._times.clear()
+        self._newest, self._due = math.nan, -math.inf
+        self._late_in_a_row = 0
+
+    def push(self, frame: Frame) -> Recognition | None:
+        """Take in a frame.
+
+        Parameters
+        ----------
+        frame
+            Positions in the order of the library's skeleton, (joints, 3), metres. The performer is passed on.
+
+        Returns
+        -------
+        A recognition when one is due, else None: between hops, while the first window fills, or when the frame was
+        refused because it was not newer than the newest (counted).
+
+        Raises
+        ------
+        ValueError
+            The frame has another number of joints than the library's skeleton.
+        """
+        positions, time = frame.positions, frame.time
+        if positions.shape != self._shape:
+            raise ValueError(f"positions: expected {self._shape}, got {positions.shape}")
+        if not self._in_time(time):
+            return None
+        self._positions[len(self._times)] = positions
+        self._times.append(time)
+        self._newest = self._last = time
+        self.counts.frames += 1
+        due = time >= self._due - self._early
+        if due or len(self._times) == _MAX_WAITING:
+            self._measure()
+        reading = self._matcher.read() if due else None
+        if reading is None:
+            return None
+        self._set_due(time)
+        return self._recognized(frame, reading)
+
+    def _measure(self) -> None:
+        """Measure the frames that came since the last hop, all in one go: that halves their cost."""
+        count = len(self._times)
+        rows = self._rows[:count]
+        self._measurer.measure(self._positions[:count], rows)
+        self._smoother.smooth(self._times, rows)
+        self._matcher.push(self._times, rows)
+        self._times.clear()
+
+    def _in_time(self, time: float) -> bool:
+        """Sort out frames that come late; start anew after a gap or when the sender's clock began again."""
+        behind = self._newest - time
+        if behind < -self._longest_gap:
+            self._restart()
+        elif behind >= 0:
+            self._late_in_a_row += 1
+            if behind <= self._matcher.longest and self._late_in_a_row <= self.settings.patience:
+                self.counts.out_of_order += 1
+                return False
+            self._restart()
+        self._late_in_a_row = 0
+        return True
+
+    def _restart(self) -> None:
+        self.reset()
+        self.counts.restarts += 1
+
+    def _set_due(self, time: float) -> None:
+        """Keep hops on a grid, so that their mean distance is the hop whatever the frame rate."""
+        hop = self.settings.hop
+        self._due = self._due + hop if self._due + hop > time else time + hop
+
+    def _recognized(self, frame: Frame, reading: Reading) -> Recognition:
+        """Make the answer to a frame of what its windows say."""
+        self.counts.hops += 1
+        distances = reading.distances[self._named]
+        guesses = np.flatnonzero(self._named == reading.guess)
+        recognition = Recognition(
+            performer=frame.performer,
+            time=frame.time,
+            outcome=reading.outcome,
+            classes=self.classes,
+            scores=1 / (1 + np.exp(distances)),
+            # A window that is nearest to `nothing` is unknown; its best guess is the nearest class.
+            guess=int(guesses[0]) if len(guesses) else int(distances.argmin()),
+            movement=reading.movement,
+            lead=reading.lead,
+            eigenvector_class=self._eigenvector_class(reading),
+            eigenvector_score=reading.eigenvector_score,
+            share=reading.share,
+            gap=reading.gap,
+            evidence=reading.evidence,
+        )
+        events = self._detector.push(recognition)
+        return replace(recognition, events=events) if events else recognition
+
+    def _eigenvector_class(self, reading: Reading) -> str | None:
+        found = np.flatnonzero(self._named == reading.eigenvector_class)
+        return self.classes[int(found[0])] if len(found) else None
+
+    def end(self) -> Event | None:
+        """End the motion that is going on, because nothing more will come; None when none is."""
+        return self._detector.end(self._last)
+
+
+def _matched(
+    library: MotionLibrary | WindowIndex, settings: Settings
+) -> tuple[MotionLibrary, Matcher, tuple[str, ...]]:
+    """Give a library, the matcher that compares with it, and the class names that the matcher counts in."""
+    if settings.signature is LiveSignature.PAPER:
+        motions = library if isinstance(library, MotionLibrary) else library.library
+        paper = opened_by_paper(motions, _WINDOW if settings.window is None else settings.window)
+        gap = _SMALLEST_GAP if settings.smallest_gap is None else settings.smallest_gap
+        return motions, PaperMatcher(paper, stillness=settings.stillness, smallest_gap=gap), paper.classes
+    index = opened(library) if isinstance(library, MotionLibrary) else library
+    usual = _SENSITIVITY_LEARNED if index.library.learned else _SENSITIVITY_OWN
+    sensitivity = usual if settings.sensitivity is None else settings.sensitivity
+    matcher = WindowMatcher(index, stillness=settings.stillness, sensitivity=sensitivity)
+    return index.library, matcher, index.classes

@@ -1,0 +1,82 @@
+"""How a live feed is recognised: the settings of one recogniser, checked once."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from enum import StrEnum
+
+
+class LiveSignature(StrEnum):
+    """By which signature live windows are compared with the library's windows."""
+
+    #: All parts read off the covariance, over several lengths of time (`library.windows.parts`).
+    WINDOWS = "windows"
+    #: The leading eigenvector of one window, unweighted, by |inner products| (Le Naour et al. 2012).
+    PAPER = "paper"
+
+
+@dataclass(frozen=True, slots=True)
+class Settings:
+    """How a live feed is recognised.
+
+    Attributes
+    ----------
+    signature
+        By what windows are compared.
+    window
+        Length of the paper's window, seconds; None is 0.5. PAPER only: WINDOWS has lengths of its own, from a quarter
+        of a second to two.
+    sensitivity
+        Share of the time of unknown motions that may be answered with a class, as far as the motions can tell from
+        which the library learned what is unknown; None is 0.1 where strangers' motions taught it (`kinespace learn`),
+        and 0.2 where its own classes did, each left out: they are harder to tell. More answers more, of known and of
+        unknown motions. WINDOWS only.
+    hop
+        Seconds between answers; 0 answers every frame.
+    lead
+        How clear a lead, added up over time, a class needs before a start event (`stream.recognizer.hysteresis`): more
+        is later and surer.
+    longest_gap
+        Seconds without a frame after which the window starts anew, because what happened in between is not known.
+        With a gap as long as the longest window it always does: nothing would be left in it.
+    stillness
+        Movement, relative to the body's size, below which a window is still. The default, 1 %, is about 8 mm for an
+        adult: a tenth of the quietest motion of the built-in library, twenty times a marker's noise.
+    smallest_gap
+        (λ₁ − λ₂) / λ₁ below which the leading eigenvector is too arbitrary to be compared; None is 0.02. PAPER only.
+    patience
+        How many frames in a row may be older than the newest before the sender is taken to have started anew. One
+        older than the longest window says so at once.
+
+    Raises
+    ------
+    ValueError
+        A value is not finite, window or longest_gap not positive, another negative, or a value is given that does not
+        apply to the signature.
+    """
+
+    signature: LiveSignature = LiveSignature.WINDOWS
+    window: float | None = None
+    sensitivity: float | None = None
+    lead: float = 3.0
+    hop: float = 1 / 30
+    longest_gap: float = 0.5
+    stillness: float = 0.01
+    smallest_gap: float | None = None
+    patience: int = 10
+
+    def __post_init__(self) -> None:
+        others = ("window", "smallest_gap") if self.signature is LiveSignature.WINDOWS else ("sensitivity",)
+        for name in others:
+            value = getattr(self, name)
+            if value is not None:
+                raise ValueError(f"{name}: expected none with the signature {self.signature}, got {value}")
+        for name in ("window", "longest_gap"):
+            value = getattr(self, name)
+            if value is not None and not (math.isfinite(value) and value > 0):
+                raise ValueError(f"{name}: expected a positive number of seconds, got {value}")
+        for name in ("sensitivity", "lead", "hop", "stillness", "smallest_gap", "patience"):
+            value = getattr(self, name)
+            if value is not None and not (math.isfinite(value) and value >= 0):
+                raise ValueError(f"{name}: expected a number not below 0, got {value}")

@@ -1,0 +1,197 @@
+"""Labels of continuous takes: read, refused, and the clips cut by them."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import re
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+import naive_windows
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from synthetic import stick_clip
+
+from kinespace.library.formats.labels import LabelError, Segment, cut, read_labels, renamed
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from kinespace.library.clip import Clip
+
+HEADER = "start_s,end_s,label\n"
+
+
+def _file(folder: Path, text: str | bytes) -> Path:
+    path = folder / "labels.csv"
+    path.write_bytes(text.encode() if isinstance(text, str) else text)
+    return path
+
+
+def _take(frames: int = 100, frame_rate: float = 50.0) -> Clip:
+    clip = stick_clip("wave", frames=frames, actor="bb")
+    return dataclasses.replace(
+        clip, frame_rate=frame_rate, name="evening", rotations=np.arange(2.0 * frames).reshape(-1, 2)
+    )
+
+
+# --- segments ----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("start", "end"),
+    [(1.0, 1.0), (2.0, 1.0), (-0.1, 1.0), (0.0, math.inf), (math.nan, 1.0), (0.0, math.nan), (math.inf, math.inf)],
+)
+def test_a_segment_without_time_is_refused(start: float, end: float) -> None:
+    """A segment that does not end after it starts, starts before 0 or has no finite end is refused."""
+    with pytest.raises(ValueError, match="segment: expected 0 <= start < end, got"):
+        Segment(start, end, "wave")
+
+
+def test_a_segment_needs_a_label() -> None:
+    """An empty label is refused; a duration is the time between."""
+    with pytest.raises(ValueError, match="label: expected a name"):
+        Segment(0.0, 1.0, "")
+    assert Segment(0.5, 2.0, "wave").duration == pytest.approx(1.5)
+
+
+# --- reading -----------------------------------------------------------------------------------------------------
+
+
+def test_labels_are_read_in_order_of_time(tmp_path: Path) -> None:
+    """Lines in any order come sorted by start, spaces about a label gone, blank lines passed over."""
+    path = _file(tmp_path, HEADER + '2.5,3,bow\n\n0,1.25, wave \n1.25,2.5,"rest, long"\n')
+    assert read_labels(path) == (
+        Segment(0.0, 1.25, "wave"),
+        Segment(1.25, 2.5, "rest, long"),
+        Segment(2.5, 3.0, "bow"),
+    )
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        pytest.param(b"\xef\xbb\xbfstart_s,end_s,label\n0,1,\xc3\x9cbung\n", id="byte order mark"),
+        pytest.param("start_s,end_s,label\r\n0,1,Übung\r\n", id="Windows"),
+        pytest.param("start_s,end_s,label\n0,1,Übung", id="no last line end"),
+        pytest.param("label,who,end_s,start_s\nÜbung,me,1,0\n", id="other columns, other order"),
+        pytest.param('"start_s","end_s","label"\n"0","1e0","Übung",,\n', id="quoted, cells too many"),
+    ],
+)
+def test_what_spreadsheets_write_is_read(tmp_path: Path, text: str | bytes) -> None:
+    """A byte order mark, Windows' line ends, quotes, further columns and another order change nothing."""
+    assert read_labels(_file(tmp_path, text)) == (Segment(0.0, 1.0, "Übung"),)
+
+
+@pytest.mark.parametrize(
+    ("line", "said"),
+    [
+        pytest.param("x,4,wave", "could not convert string to float: 'x'", id="a word"),
+        pytest.param("3,,wave", "could not convert string to float: ''", id="no end"),
+        pytest.param("3", "could not convert string to float: ''", id="cells missing"),
+        pytest.param('3,"4,5",wave', "could not convert string to float: '4,5'", id="decimal comma"),
+        pytest.param("4,3,wave", "segment: expected 0 <= start < end, got 4.0 to 3.0", id="backwards"),
+        pytest.param("-1,3,wave", "segment: expected 0 <= start < end, got -1.0 to 3.0", id="negative"),
+        pytest.param("nan,3,wave", "segment: expected 0 <= start < end, got nan to 3.0", id="NaN"),
+        pytest.param("3,inf,wave", "segment: expected 0 <= start < end, got 3.0 to inf", id="infinite"),
+        pytest.param("3,4, ", "label: expected a name, got an empty one", id="no label"),
+    ],
+)
+def test_a_line_that_makes_no_sense_is_named(tmp_path: Path, line: str, said: str) -> None:
+    """A bad line is refused naming the file, the line as an editor counts and what is wrong with it."""
+    path = _file(tmp_path, f"{HEADER}0,1,bow\n\n{line}\n5,6,bow\n")
+    with pytest.raises(LabelError, match=re.escape(f"{path}:4: {said}")):
+        read_labels(path)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        pytest.param("", "expected the columns start_s, end_s, label, no start_s, end_s, label in it", id="empty"),
+        pytest.param("start_s,end_s\n0,1\n", "expected the columns start_s, end_s, label, no label", id="no label"),
+        pytest.param(
+            "start,end_s,label\n0,1,a\n", "expected the columns start_s, end_s, label, no start_s", id="other"
+        ),
+        pytest.param("0,1,bow\n", "expected the columns start_s, end_s, label, no", id="no header"),
+        pytest.param(HEADER, "no segment in it", id="header alone"),
+        pytest.param(HEADER + "\n\n", "no segment in it", id="blank lines"),
+        pytest.param(
+            HEADER + "2,3,bow\n0,2.001,wave\n", "'wave' (to 2.001) and 'bow' (from 2.0) overlap", id="overlapping"
+        ),
+        pytest.param(HEADER + "0,9,bow\n1,2,bow\n", "'bow' (to 9.0) and 'bow' (from 1.0) overlap", id="one in another"),
+        pytest.param(HEADER + "0,1,bow\n0,1,bow\n", "'bow' (to 1.0) and 'bow' (from 0.0) overlap", id="twice"),
+        pytest.param((HEADER + "0,1,Übung\n").encode("latin-1"), "expected a CSV in UTF-8", id="Latin-1"),
+        pytest.param(b"PK\x03\x04\xff\xfe\x00", "expected a CSV in UTF-8", id="binary"),
+        pytest.param(HEADER + "0,1," + "a" * 200_000 + "\n", "expected a CSV in UTF-8", id="endless cell"),
+    ],
+)
+def test_a_file_that_is_no_labels_is_refused(tmp_path: Path, text: str | bytes, said: str) -> None:
+    """Without the columns or any line, with overlaps, or not a text at all, a file is refused by name."""
+    path = _file(tmp_path, text)
+    with pytest.raises(LabelError, match=re.escape(f"{path}: {said}")):
+        read_labels(path)
+
+
+def test_labels_that_are_not_there_are_an_os_error(tmp_path: Path) -> None:
+    """A file that cannot be opened is the system's error."""
+    with pytest.raises(FileNotFoundError, match=r"absent\.csv"):
+        read_labels(tmp_path / "absent.csv")
+
+
+def test_renaming_leaves_other_labels() -> None:
+    """Labels that are in the names are replaced, others and all times stay."""
+    segments = (Segment(0.0, 1.0, "bow"), Segment(1.0, 2.0, "wave"))
+    assert renamed(segments, {"bow": "Verbeugung"}) == (Segment(0.0, 1.0, "Verbeugung"), segments[1])
+
+
+# --- cutting -----------------------------------------------------------------------------------------------------
+
+
+def test_a_cut_clip_is_its_segments_frames() -> None:
+    """Positions and rotations are the segment's, the class is its label, the take the take's name, the rest stays."""
+    take = _take()
+    first, second = cut(take, [Segment(0.2, 0.6, "bow"), Segment(0.6, 2.0, "jump")])
+    assert np.array_equal(first.positions, take.positions[10:30])
+    assert np.array_equal(first.rotations, take.rotations[10:30])
+    assert np.array_equal(second.positions, take.positions[30:100])
+    assert (first.class_name, first.take, first.actor, first.frame_rate) == ("bow", "evening", "bb", 50.0)
+    assert second.class_name == "jump"
+
+
+@given(
+    st.sampled_from([24.0, 29.97, 50.0, 120.0]),
+    st.lists(st.integers(1, 4000), min_size=2, max_size=6, unique=True).map(sorted),
+)
+def test_cuts_are_made_at_frame_boundaries(frame_rate: float, milliseconds: list[int]) -> None:
+    """A segment has the frames whose middles lie in it: neighbours share none and leave none out between them."""
+    take = _take(70, frame_rate)
+    times = [number / 1000 + 1e-7 for number in milliseconds]
+    segments = [Segment(start, end, "bow") for start, end in pairwise(times)]
+    places = {positions.tobytes(): place for place, positions in enumerate(take.positions)}
+    found = [[places[frame.tobytes()] for frame in clip.positions] for clip in cut(take, segments)]
+    expected = [naive_windows.frames_within(70, frame_rate, segment.start, segment.end) for segment in segments]
+    assert found == [frames for frames in expected if len(frames) >= 2]
+
+
+def test_what_lies_beyond_the_takes_end_is_left_out() -> None:
+    """A segment that runs over the end is cut short, one with fewer than two frames there is none at all."""
+    segments = [Segment(1.0, 9.0, "bow"), Segment(1.98, 9.0, "jump"), Segment(2.0, 3.0, "wave"), Segment(7, 8, "wave")]
+    (clip,) = cut(_take(), segments)
+    assert (clip.class_name, clip.frames) == ("bow", 50)
+
+
+def test_a_segment_shorter_than_two_frames_is_left_out() -> None:
+    """At 50 frames per second 0.02 seconds are one frame and make no clip, 0.04 seconds are two and do."""
+    clips = list(cut(_take(), [Segment(0.1, 0.12, "bow"), Segment(0.2, 0.24, "jump")]))
+    assert [(clip.class_name, clip.frames) for clip in clips] == [("jump", 2)]
+
+
+def test_a_take_without_rotations_is_cut() -> None:
+    """Where the source has no rotations the clips have none either."""
+    take = dataclasses.replace(stick_clip("wave"), rotations=np.zeros((0, 0)))
+    (clip,) = cut(take, [Segment(0.0, 0.2, "bow")])
+    assert clip.frames == 24
+    assert not clip.rotations.size

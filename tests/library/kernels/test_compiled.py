@@ -1,0 +1,644 @@
+"""The compiled loops: each beside numpy on the library's own motions, of every kind; wrong arrays refused."""
+
+from __future__ import annotations
+
+import copy
+import os
+import pickle
+import subprocess
+import sys
+from fractions import Fraction
+from typing import TYPE_CHECKING, Any, cast
+
+import naive
+import numpy as np
+import pytest
+from conftest import NO_LOOPS
+from programs import ROOT
+
+from kinespace.library import MotionLibrary
+from kinespace.library.distances import distance_rows
+from kinespace.library.kernels import compiled
+from kinespace.library.windows.body import Body
+from kinespace.library.windows.comparison import ACROSS_LABORATORIES, WITHIN_LABORATORY
+from kinespace.library.windows.cutting import eigenpairs_of, window_covariances
+from kinespace.library.windows.index import WindowIndex, opened
+from kinespace.library.windows.parts import (
+    EIGENVECTORS,
+    LEVEL_REMOVED,
+    NOISE_FLOOR,
+    Eigenpairs,
+    Moments,
+    eigen,
+    movement,
+    posture,
+    spread,
+    trend,
+)
+from kinespace.stream.frame import Frame
+from kinespace.stream.recognizer import LiveSignature, Recognizer, Settings
+from kinespace.stream.recognizer.live_windows import LiveWindows
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+    from kinespace.library.clip import Clip
+    from kinespace.stream.recognition import Recognition
+
+KINDS = ("any", "avx2", "avx512")
+#: As many joints as the library has, and every other.
+BODIES = pytest.mark.parametrize("every", [1, 2], ids=["31 joints", "16 joints"])
+BUILTIN = MotionLibrary.builtin()
+CLIPS = BUILTIN.motions[::29]
+PAIRS = np.ascontiguousarray(BUILTIN.skeleton.pairs)
+
+
+@pytest.fixture(scope="module", params=KINDS)
+def loops(request: pytest.FixtureRequest) -> Iterator[compiled.Loops]:
+    """Give the loops of one kind."""
+    if compiled.loops is None:
+        pytest.skip(NO_LOOPS)
+    before = compiled.loops.kind()
+    try:
+        compiled.loops.use(request.param)
+    except ValueError as error:
+        pytest.skip(str(error))
+    yield compiled.loops
+    compiled.loops.use(before)
+
+
+def _with_room(rows: np.ndarray, room: int = 7) -> np.ndarray:
+    """Lay rows out with room between them, as a sliding window has them."""
+    wide = np.full((len(rows), rows.shape[1] + room), np.nan)
+    wide[:, : rows.shape[1]] = rows
+    return wide[:, : rows.shape[1]]
+
+
+def _library(every: int) -> MotionLibrary:
+    joints = BUILTIN.skeleton.joints
+    return BUILTIN if every == 1 else BUILTIN.restricted_to(joints[::every])
+
+
+def _covariances(clip: Clip) -> np.ndarray:
+    """Take the covariances of a motion's windows of half a second and less, in the built-in library's basis."""
+    points = distance_rows(clip.positions, clip.skeleton) @ opened(BUILTIN).basis.directions
+    return window_covariances(points, clip, np.arange(3, clip.frames, 4), 0.5)
+
+
+# --- each loop ---------------------------------------------------------------------------------------------------
+
+
+def test_as_many_kinds_are_tried_as_the_processor_has(loops: compiled.Loops) -> None:
+    """What is in use is what was asked for, and what does not exist is refused by name."""
+    kind = loops.kind()
+    assert kind in KINDS
+    assert compiled.kind() == f"compiled loops ({kind})"
+    with pytest.raises(ValueError, match=r"kind: expected any, avx2 or avx512, .* got mmx"):
+        loops.use("mmx")
+    assert loops.kind() == kind
+
+
+@pytest.mark.parametrize("frames", [1, 2, 3, 4, 5, 7, 16])
+def test_distances_are_those_of_three_loops(loops: compiled.Loops, frames: int) -> None:
+    """However many frames are measured side by side, each has the distances that three loops give."""
+    for clip in CLIPS:
+        positions = np.ascontiguousarray(clip.positions[20 : 20 + frames])
+        rows = _with_room(np.zeros((frames, len(PAIRS))))
+        loops.measure_distances(positions, PAIRS, rows)
+        np.testing.assert_allclose(rows, naive.distance_rows(positions, PAIRS.tolist()), rtol=1e-14, atol=1e-15)
+        for index in range(frames):
+            alone = np.empty((1, len(PAIRS)))
+            loops.measure_distances(positions[index : index + 1], PAIRS, alone)
+            assert np.array_equal(alone[0], rows[index])
+
+
+def _sums(rows: np.ndarray, times: np.ndarray, reference: np.ndarray, begin: float) -> tuple[np.ndarray, np.ndarray]:
+    relative, since = rows - reference, times - begin
+    sums = [reference, relative.sum(axis=0), since @ relative, np.square(relative).sum(axis=0)]
+    return np.array(sums), np.array([begin, since.sum(), np.square(since).sum()])
+
+
+@pytest.mark.parametrize(("entered", "left"), [(4, 4), (1, 0), (0, 3), (9, 2), (0, 0)])
+def test_sums_follow_rows(loops: compiled.Loops, entered: int, left: int) -> None:
+    """What entered is added and what left is taken away; the largest sum of squares is told with its sum."""
+    for clip in CLIPS:
+        rows = _with_room(distance_rows(clip.positions, clip.skeleton))
+        times = np.arange(len(rows)) / 60 + 1e3
+        end = len(rows) - 9
+        reference, begin = rows[:end].mean(axis=0), times[end]
+        sums, clock = _sums(rows[:end], times[:end], reference, begin)
+        came, went = slice(end, end + entered), slice(0, left)
+        squares, total = loops.follow(sums, clock, rows[came], rows[went], times[came], times[went])
+        expected = _sums(rows[left : end + entered], times[left : end + entered], reference, begin)
+        for ours, theirs in zip((sums, clock), expected, strict=True):
+            np.testing.assert_allclose(ours, theirs, atol=1e-10)
+        assert squares == sums[3].max()
+        assert total == sums[1, sums[3].argmax()]
+
+
+@pytest.mark.parametrize("size", [1, 2, 7, 8, 20, 32])
+@pytest.mark.parametrize(("entered", "left"), [(4, 4), (1, 0), (0, 3), (40, 17)])
+def test_products_follow_points(loops: compiled.Loops, entered: int, left: int, size: int) -> None:
+    """In any number of directions sums and products are those of the rows that are left, symmetric to the last bit."""
+    directions = np.random.default_rng(size).normal(size=(len(PAIRS), size)) / 20
+    rows = _with_room(distance_rows(CLIPS[0].positions, CLIPS[0].skeleton) @ directions)
+    reference, end = rows.mean(axis=0), len(rows) - 40
+    relative = rows - reference
+    total, products = relative[:end].sum(axis=0), relative[:end].T @ relative[:end]
+    products = np.tril(products) + np.tril(products, -1).T
+    trace, square = loops.follow_products(reference, total, products, rows[end : end + entered], rows[:left])
+    kept = relative[left : end + entered]
+    np.testing.assert_allclose(total, kept.sum(axis=0), atol=1e-12)
+    np.testing.assert_allclose(products, kept.T @ kept, atol=1e-12)
+    assert np.array_equal(products, products.T)
+    assert (trace, square) == (pytest.approx(products.trace()), pytest.approx(total @ total))
+
+
+@BODIES
+@pytest.mark.parametrize("parents", [True, False], ids=["segments", "no segments"])
+def test_parts_are_numpys(loops: compiled.Loops, every: int, parents: bool) -> None:  # noqa: FBT001 - a parameter
+    """Of real windows spread, posture, trend, movement and size are as numpy reads them off the moments."""
+    library = _library(every)
+    for clip in library.motions[::29]:
+        body = Body.of(clip.skeleton if parents else type(clip.skeleton)(clip.skeleton.joints))
+        rows = distance_rows(clip.positions, clip.skeleton)
+        times = np.arange(len(rows)) / 60
+        moments = Moments(rows.mean(axis=0)[None], rows.std(axis=0)[None], _trend(rows, times)[None])
+        expected = [read(moments, body)[0] for read in (spread, posture, trend)]
+        sums, clock = _sums(rows, times, rows[0], times[-1])
+        parts, paths = np.full((3, rows.shape[1]), np.nan), np.ascontiguousarray(body.paths.T)
+        moved, size = loops.read_parts(
+            sums, clock, len(rows), body.sizing, body.segments, paths, NOISE_FLOOR, LEVEL_REMOVED, parts
+        )
+        for ours, theirs in zip(parts, expected, strict=True):
+            np.testing.assert_allclose(ours, theirs, rtol=1e-9, atol=1e-7)
+        assert moved == pytest.approx(float(movement(moments)[0]), rel=1e-9)
+        assert size == pytest.approx(float(body.size(moments.mean)[0]), rel=1e-9)
+
+
+def _trend(rows: np.ndarray, times: np.ndarray) -> np.ndarray:
+    since = (times - times.mean()) / times.std()
+    return np.asarray(since @ rows / len(rows))
+
+
+def test_a_body_in_one_point_has_numbers(loops: compiled.Loops) -> None:
+    """Where no joint is apart from another, and none ever moved, nothing is divided by nothing."""
+    body = Body.of(BUILTIN.skeleton)
+    parts, paths = np.full((3, len(PAIRS)), np.nan), np.ascontiguousarray(body.paths.T)
+    sums, clock = np.zeros((4, len(PAIRS))), np.zeros(3)
+    read = loops.read_parts(sums, clock, 1, body.sizing, body.segments, paths, NOISE_FLOOR, LEVEL_REMOVED, parts)
+    assert read == (0.0, 0.0)
+    still = Moments(*np.zeros((3, 1, len(PAIRS))))
+    np.testing.assert_allclose(parts[0], spread(still, body)[0], rtol=1e-12)
+    assert not parts[1:].any()
+
+
+def test_eigenpairs_are_lapacks(loops: compiled.Loops) -> None:
+    """Of windows of every length, of two frames on, values and vectors are as LAPACK finds them."""
+    for clip in CLIPS:
+        covariances = _covariances(clip)
+        values, vectors = np.empty((len(covariances), 4)), np.empty((len(covariances), 4, 32))
+        assert loops.eigenpairs(covariances, values, vectors)
+        exact = np.linalg.eigvalsh(covariances)[:, :-5:-1]
+        largest = exact[:, :1]
+        np.testing.assert_allclose(values / largest, exact / largest, atol=1e-12)
+        np.testing.assert_allclose(
+            vectors @ vectors.transpose(0, 2, 1), np.broadcast_to(np.eye(4), (len(vectors), 4, 4)), atol=1e-12
+        )
+        outside = vectors @ covariances - values[:, :, None] * vectors
+        assert np.abs(outside / largest[:, :, None]).max() < 1e-11
+
+
+@pytest.mark.parametrize("size", [1, 2, 3, 5, 31, 32])
+def test_eigenpairs_of_any_size(loops: compiled.Loops, size: int) -> None:
+    """Of many directions and few, all alike, one alone, or none, vectors are orthonormal and values the largest."""
+    most = min(4, size)
+    generator = np.random.default_rng(size)
+    one, several = generator.normal(size=(size, size)), generator.normal(size=(size, 2))
+    matrices = np.array(
+        [one @ one.T, several @ several.T, np.eye(size), np.diag(np.eye(size)[-1]), np.zeros((size, size))]
+    )
+    values, vectors = np.empty((len(matrices), most)), np.empty((len(matrices), most, size))
+    assert loops.eigenpairs(matrices, values, vectors)
+    np.testing.assert_allclose(values, np.linalg.eigvalsh(matrices)[:, : -most - 1 : -1], atol=1e-11 * size)
+    np.testing.assert_allclose(
+        vectors @ vectors.transpose(0, 2, 1), np.broadcast_to(np.eye(most), (len(vectors), most, most)), atol=1e-12
+    )
+    np.testing.assert_allclose(vectors @ matrices, values[:, :, None] * vectors, atol=1e-10 * size)
+
+
+def test_what_is_no_number_has_no_eigenpairs(loops: compiled.Loops) -> None:
+    """A covariance that holds what is no number is told, and does not hang."""
+    matrices = np.full((1, 8, 8), np.nan)
+    assert not loops.eigenpairs(matrices, np.empty((1, 4)), np.empty((1, 4, 8)))
+
+
+def test_a_window_is_read_as_numpy_reads_it(loops: compiled.Loops) -> None:
+    """From sums and products come the covariance's trace, its eigenpairs, and the scaled eigenvectors."""
+    points = distance_rows(CLIPS[1].positions, CLIPS[1].skeleton) @ opened(BUILTIN).basis.directions
+    relative = points - points[0]
+    covariance = np.cov(points.T, bias=True)
+    values, vectors = np.empty(EIGENVECTORS), np.empty((2, EIGENVECTORS, 32))
+    total, products = relative.sum(axis=0), relative.T @ relative
+    trace = loops.read_eigen(total, products, len(points), 0.0, values, *vectors)
+    with compiled.left_aside():
+        pairs = eigenpairs_of(covariance[None])
+    assert trace == pytest.approx(covariance.trace(), rel=1e-9)
+    np.testing.assert_allclose(values, pairs.values[0], rtol=1e-9)
+    scaled = eigen(Eigenpairs(values[None], vectors[:1]))[0]
+    np.testing.assert_allclose(vectors[1], scaled, atol=1e-12)
+    assert loops.read_eigen(total, products, len(points), 2 * trace, values, *vectors) == 0.0
+    assert not vectors[1].any()
+
+
+# --- windows compared --------------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module", params=["across", "within", "fewer joints", "few motions"])
+def index(request: pytest.FixtureRequest) -> WindowIndex:
+    """Open libraries that are compared in every way."""
+    if request.param == "few motions":
+        return WindowIndex.of(MotionLibrary.of_clips(BUILTIN.motions[:3]))
+    weighing = WITHIN_LABORATORY if request.param == "within" else ACROSS_LABORATORIES
+    return WindowIndex.of(_library(2 if request.param == "fewer joints" else 1), weighing=weighing)
+
+
+@pytest.mark.usefixtures("loops")
+def test_windows_are_as_far_as_numpy_finds_them(index: WindowIndex) -> None:
+    """At every hop of some motions log distances and scores are numpy's, whatever is compared."""
+    for clip in index.library.motions[::41]:
+        live = LiveWindows(index.body, index.basis)
+        rows = distance_rows(clip.positions, clip.skeleton)
+        for end in range(4, len(rows), 4):
+            live.push((np.arange(end - 4, end) / clip.frame_rate).tolist(), rows[end - 4 : end])
+            signature = live.read()
+            ours = index.log_distances(signature.numbers), index.eigenvector_scores(signature.eigenvector)
+            with compiled.left_aside():
+                theirs = index.log_distances(signature.numbers), index.eigenvector_scores(signature.eigenvector)
+            for mine, other in zip(ours, theirs, strict=True):
+                np.testing.assert_allclose(mine, other, atol=1e-3)
+
+
+@pytest.mark.usefixtures("loops")
+def test_what_is_no_number_is_as_far_as_can_be() -> None:
+    """Numbers beyond count, or none at all, do not come out as near."""
+    index = opened(BUILTIN)
+    live = LiveWindows(index.body, index.basis)
+    rows = distance_rows(CLIPS[0].positions[:20], CLIPS[0].skeleton)
+    live.push((np.arange(20) / 60).tolist(), rows)
+    numbers = live.read().numbers
+    usual = index.log_distances(numbers)
+    none = index.log_distances({part: np.full_like(each, np.nan) for part, each in numbers.items()})
+    assert (none > usual + 10).all()
+    far = {part: each if each.ndim == 2 else np.full_like(each, 1e30) for part, each in numbers.items()}
+    # The last view looks at eigenvectors alone.
+    assert (index.log_distances(far)[:-1] > usual[:-1] + 10).all()
+
+
+@pytest.mark.usefixtures("loops")
+def test_more_views_than_there_is_room_for_are_left_to_numpy() -> None:
+    """A weighing with five views is not refused."""
+    views = (ACROSS_LABORATORIES.views[0],) * 5
+    weighing = type(ACROSS_LABORATORIES)(ACROSS_LABORATORIES.groups, views, naming=1, first=0.5, lead=0.6)
+    index = WindowIndex.of(MotionLibrary.of_clips(BUILTIN.motions[:3]), weighing=weighing)
+    numbers = {part: np.ones((4, 32) if part.kind == "eigen" else 465) for part in weighing.parts}
+    assert index.log_distances(numbers).shape == (5, len(index.classes))
+
+
+@pytest.mark.usefixtures("loops")
+@pytest.mark.parametrize("copied", [copy.deepcopy, lambda each: pickle.loads(pickle.dumps(each))])  # noqa: S301 - its own
+def test_an_index_can_be_copied(copied: Callable[[object], Any]) -> None:
+    """A deep copy, and what another process is handed, compare as the index does."""
+    index = WindowIndex.of(MotionLibrary.of_clips(BUILTIN.motions[:3]))
+    eigenvector = np.eye(index.basis.directions.shape[1])[0]
+    scores = index.eigenvector_scores(eigenvector)
+    assert np.array_equal(copied(index).eigenvector_scores(eigenvector), scores)
+
+
+# --- whole streams -----------------------------------------------------------------------------------------------
+
+
+def _answers(library: MotionLibrary, settings: Settings, positions: np.ndarray) -> list[Recognition]:
+    recognizer = Recognizer(library, settings)
+    frames = (Frame("p", index / 60, each) for index, each in enumerate(positions))
+    return [answer for frame in frames if (answer := recognizer.push(frame))]
+
+
+@pytest.mark.usefixtures("loops")
+@BODIES
+@pytest.mark.parametrize("signature", list(LiveSignature))
+def test_a_stream_is_answered_as_numpy_answers_it(signature: LiveSignature, every: int) -> None:
+    """At every hop of some motions outcome, guess and events are the same, scores to three digits."""
+    library, settings = _library(every), Settings(signature=signature)
+    positions = np.concatenate([clip.positions for clip in library.motions[5::47]])
+    ours = _answers(library, settings, positions)
+    with compiled.left_aside():
+        theirs = _answers(library, settings, positions)
+    assert len(ours) == len(theirs) > 0
+    for mine, other in zip(ours, theirs, strict=True):
+        assert (mine.outcome, mine.guess, mine.time) == (other.outcome, other.guess, other.time)
+        assert [event.kind for event in mine.events] == [event.kind for event in other.events]
+        np.testing.assert_allclose(mine.scores, other.scores, atol=1e-3)
+        assert mine.movement == pytest.approx(other.movement, rel=1e-6)
+
+
+@pytest.mark.usefixtures("loops")
+@pytest.mark.parametrize("signature", list(LiveSignature))
+def test_a_recogniser_is_copied_in_full(signature: LiveSignature) -> None:
+    """A copy made in the middle of a feed goes on as the recogniser does that it was made of."""
+    recognizer = Recognizer(BUILTIN, Settings(signature=signature))
+    frames = [Frame("p", index / 60, each) for index, each in enumerate(CLIPS[0].positions)]
+    half = len(frames) // 2
+    for frame in frames[:half]:
+        recognizer.push(frame)
+    copied = copy.deepcopy(recognizer)
+    for frame in frames[half:]:
+        ours, theirs = recognizer.push(frame), copied.push(frame)
+        assert (ours is None) == (theirs is None)
+        if ours and theirs:
+            assert np.array_equal(ours.scores, theirs.scores)
+
+
+# --- left aside --------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.usefixtures("loops")
+def test_they_can_be_left_aside_for_a_while() -> None:
+    """While they are left aside numpy does the arithmetic; afterwards, even after an error, they are back."""
+    before, meanwhile = compiled.loops, list[str]()
+
+    def fail() -> None:
+        with compiled.left_aside():
+            meanwhile.append(compiled.kind())
+            raise ZeroDivisionError
+
+    with pytest.raises(ZeroDivisionError):
+        fail()
+    assert meanwhile == ["numpy"]
+    assert compiled.loops is before is not None
+
+
+def test_what_was_built_from_older_sources_is_left_aside() -> None:
+    """A module that lacks one of the loops is as good as none."""
+    lacking = (
+        "import sys, types; old = types.ModuleType('kinespace.library.kernels._compiled'); old.follow = None; "
+        "sys.modules['kinespace.library.kernels._compiled'] = old; "
+        "from kinespace.library.kernels import compiled; print(compiled.kind())"
+    )
+    asked = [sys.executable, "-c", lacking]
+    told = subprocess.run(asked, cwd=ROOT, capture_output=True, text=True, check=True, timeout=60)
+    assert told.stdout == "numpy\n"
+
+
+def test_they_can_be_left_aside() -> None:
+    """With KINESPACE_COMPILED=0 numpy does the arithmetic."""
+    asked = [sys.executable, "-c", "from kinespace.library.kernels import compiled; print(compiled.kind())"]
+    environment = os.environ | {"KINESPACE_COMPILED": "0"}
+    told = subprocess.run(asked, cwd=ROOT, env=environment, capture_output=True, text=True, check=True, timeout=60)
+    assert told.stdout == "numpy\n"
+
+
+# --- what is refused ---------------------------------------------------------------------------------------------
+
+_F, _H = np.float32, np.float16
+_ONE = np.array([0])
+_SIX_ROWS, _INDICES = np.zeros((6, 5)), np.zeros(60, np.intp)
+_NO_ORIGIN, _NO_AXES = np.zeros(0, _F), np.zeros((0, 0), _H)
+
+
+def _table(loops: compiled.Loops, parts: int = 1, groups: int = 1) -> compiled.Table:
+    """Lay out three windows of one class, with parts of four numbers and two axes."""
+    table = loops.Table(3, _ONE, _ONE, np.ones((1, groups), _F), 0.01)
+    for _ in range(parts):
+        table.add_part(0, 0, np.zeros(4, _F), np.zeros((4, 2), _H))
+    return table
+
+
+def _with_group(loops: compiled.Loops) -> compiled.Table:
+    table = _table(loops)
+    table.add_group(_ONE, _NO_ORIGIN, _NO_AXES, np.zeros((3, 2), _H), np.zeros(3, _F))
+    return table
+
+
+def _parts(loops: compiled.Loops, **other: np.ndarray) -> object:
+    """Read the parts of five pairs, with another array or two."""
+    usual = {
+        "sums": np.ones((4, 5)),
+        "clock": np.zeros(3),
+        "sizing": np.ones(5),
+        "segments": _ONE,
+        "paths": np.ones((1, 5)),
+        "parts": np.zeros((3, 5)),
+    }
+    sums, clock, sizing, segments, paths, parts = (usual | other).values()
+    return loops.read_parts(sums, clock, 2.0, sizing, segments, paths, 0.1, 0.5, parts)
+
+
+_REFUSED: dict[str, tuple[Callable[[compiled.Loops], object], str]] = {
+    "distances: coordinates": (
+        lambda loops: loops.measure_distances(np.zeros((2, 31, 2)), PAIRS, np.zeros((2, 465))),
+        "positions: expected 3, got 2",
+    ),
+    "distances: single precision": (
+        lambda loops: loops.measure_distances(np.zeros((2, 31, 3), _F), PAIRS, np.zeros((2, 465))),
+        "positions: expected 3 dimensions of type d, got 3 of f",
+    ),
+    "distances: pairs": (
+        lambda loops: loops.measure_distances(np.zeros((2, 30, 3)), PAIRS, np.zeros((2, 465))),
+        "pairs: expected indices below 30, got 30",
+    ),
+    "distances: fewer rows": (
+        lambda loops: loops.measure_distances(np.zeros((2, 31, 3)), PAIRS, np.zeros((1, 465))),
+        "rows: expected 2, got 1",
+    ),
+    "distances: narrow rows": (
+        lambda loops: loops.measure_distances(np.zeros((2, 31, 3)), PAIRS, np.zeros((2, 464))),
+        "rows: expected 465, got 464",
+    ),
+    "distances: every other frame": (
+        lambda loops: loops.measure_distances(np.zeros((4, 31, 3))[::2], PAIRS, np.zeros((2, 465))),
+        "positions: expected numbers side by side",
+    ),
+    "distances: many joints": (
+        lambda loops: loops.measure_distances(np.zeros((1, 257, 3)), PAIRS, np.zeros((1, 465))),
+        "joints: expected 1 to 256, got 257",
+    ),
+    "distances: over the pairs": (
+        lambda loops: loops.measure_distances(
+            np.ones((1, 31, 3)), _INDICES[:40].reshape(20, 2), _INDICES[20:40].view(np.float64).reshape(1, 20)
+        ),
+        "rows: expected memory that is in no other array",
+    ),
+    "sums: three rows": (
+        lambda loops: loops.follow(
+            np.zeros((3, 5)), np.zeros(3), np.zeros((1, 5)), np.zeros((0, 5)), np.zeros(1), np.zeros(0)
+        ),
+        "sums: expected 4, got 3",
+    ),
+    "sums: wide rows": (
+        lambda loops: loops.follow(
+            np.zeros((4, 5)), np.zeros(3), np.zeros((1, 6)), np.zeros((0, 5)), np.zeros(1), np.zeros(0)
+        ),
+        "entered: expected 5, got 6",
+    ),
+    "sums: times": (
+        lambda loops: loops.follow(
+            np.zeros((4, 5)), np.zeros(3), np.zeros((1, 5)), np.zeros((0, 5)), np.zeros(2), np.zeros(0)
+        ),
+        "entered_times: expected 1, got 2",
+    ),
+    "sums: no distance": (
+        lambda loops: loops.follow(
+            np.zeros((4, 0)), np.zeros(3), np.zeros((9, 0)), np.zeros((0, 0)), np.zeros(9), np.zeros(0)
+        ),
+        "sums: expected 1 to [0-9]*, got 0",
+    ),
+    "sums: among the rows": (
+        lambda loops: loops.follow(
+            _SIX_ROWS[:4], np.zeros(3), _SIX_ROWS[3:5], np.zeros((0, 5)), np.zeros(2), np.zeros(0)
+        ),
+        "sums: expected memory that is in no other array",
+    ),
+    "products: many directions": (
+        lambda loops: loops.follow_products(
+            np.zeros(33), np.zeros(33), np.zeros((33, 33)), np.zeros((1, 33)), np.zeros((0, 33))
+        ),
+        "directions: expected 1 to 32, got 33",
+    ),
+    "products: no square": (
+        lambda loops: loops.follow_products(
+            np.zeros(3), np.zeros(3), np.zeros((3, 4)), np.zeros((1, 3)), np.zeros((0, 3))
+        ),
+        "products: expected 3, got 4",
+    ),
+    "parts: sizing": (lambda loops: _parts(loops, sizing=np.ones(4)), "sizing: expected 5, got 4"),
+    "parts: segments": (
+        lambda loops: _parts(loops, segments=np.array([5])),
+        "segments: expected indices below 5, got 5",
+    ),
+    "parts: paths": (lambda loops: _parts(loops, paths=np.ones((2, 5))), "paths: expected 1, got 2"),
+    "parts: parts": (lambda loops: _parts(loops, parts=np.zeros((3, 6))), "parts: expected 5, got 6"),
+    "parts: between two numbers": (
+        lambda loops: _parts(loops, sizing=cast("np.ndarray", memoryview(bytearray(41))[1:].cast("d"))),
+        "sizing: expected numbers that begin at multiples of their size",
+    ),
+    "eigenpairs: many": (
+        lambda loops: loops.eigenpairs(np.zeros((1, 8, 8)), np.zeros((1, 5)), np.zeros((1, 5, 8))),
+        "values: expected 1 to 4, got 5",
+    ),
+    "eigenpairs: more than there are": (
+        lambda loops: loops.eigenpairs(np.zeros((1, 2, 2)), np.zeros((1, 3)), np.zeros((1, 3, 2))),
+        "values: expected 1 to 2, got 3",
+    ),
+    "eigen: no number": (
+        lambda loops: loops.read_eigen(
+            np.zeros(3), np.full((3, 3), np.nan), 2.0, 0.0, np.zeros(3), np.zeros((3, 3)), np.zeros((3, 3))
+        ),
+        "products: expected finite numbers",
+    ),
+    "table: many groups": (
+        lambda loops: loops.Table(3, _ONE, _ONE, np.ones((1, 9), _F), 0.01),
+        "groups: expected 1 to 8, got 9",
+    ),
+    "table: blocks descend": (
+        lambda loops: loops.Table(3, np.array([0, 2, 1]), _ONE, np.ones((1, 1), _F), 0.01),
+        "blocks: expected to start at 0 and ascend below 3",
+    ),
+    "table: blocks beyond": (
+        lambda loops: loops.Table(3, np.array([0, 3]), _ONE, np.ones((1, 1), _F), 0.01),
+        "blocks: expected to start at 0 and ascend below 3",
+    ),
+    "table: classes": (
+        lambda loops: loops.Table(3, _ONE, np.array([0, 1]), np.ones((1, 1), _F), 0.01),
+        "classes: expected 1 to 1, got 2",
+    ),
+    "part: origin": (
+        lambda loops: _table(loops).add_part(0, 0, np.zeros(3, _F), np.zeros((4, 2), _H)),
+        "axes: expected 3, got 4",
+    ),
+    "part: many axes": (
+        lambda loops: _table(loops).add_part(0, 0, np.zeros(4, _F), np.zeros((4, 257), _H)),
+        "axes: expected 1 to 256, got 257",
+    ),
+    "part: eigenvectors": (
+        lambda loops: _table(loops).add_part(4, 3, np.zeros(5, _F), np.zeros((5, 2), _H)),
+        "origin: expected 6, got 5",
+    ),
+    "part: many": (
+        lambda loops: _table(loops, parts=8).add_part(0, 0, np.zeros(4, _F), np.zeros((4, 2), _H)),
+        "parts: expected 1 to 8, got 9",
+    ),
+    "group: members": (
+        lambda loops: _table(loops).add_group(
+            np.array([1]), _NO_ORIGIN, _NO_AXES, np.zeros((3, 2), _H), np.zeros(3, _F)
+        ),
+        "members: expected indices below 1, got 1",
+    ),
+    "group: windows": (
+        lambda loops: _table(loops).add_group(_ONE, _NO_ORIGIN, _NO_AXES, np.zeros((2, 2), _H), np.zeros(2, _F)),
+        "windows: expected 3, got 2",
+    ),
+    "group: axes": (
+        lambda loops: _table(loops).add_group(_ONE, _NO_ORIGIN, _NO_AXES, np.zeros((3, 3), _H), np.zeros(3, _F)),
+        "windows: expected 2, got 3",
+    ),
+    "group: metric": (
+        lambda loops: _table(loops).add_group(
+            _ONE, np.zeros(3, _F), np.zeros((3, 2), _H), np.zeros((3, 2), _H), np.zeros(3, _F)
+        ),
+        "origin: expected 2, got 3",
+    ),
+    "group: one too many": (
+        lambda loops: _with_group(loops).add_group(_ONE, _NO_ORIGIN, _NO_AXES, np.zeros((3, 2), _H), np.zeros(3, _F)),
+        "groups: expected 1 to 1, got 2",
+    ),
+    "compared: groups are missing": (
+        lambda loops: _table(loops).compared(np.zeros(4), np.zeros((1, 1))),
+        "groups: expected 1, got 0",
+    ),
+    "compared: numbers": (
+        lambda loops: _with_group(loops).compared(np.zeros(3), np.zeros((1, 1))),
+        "numbers: expected 4, got 3",
+    ),
+    "compared: logs": (
+        lambda loops: _with_group(loops).compared(np.zeros(4), np.zeros((1, 2))),
+        "classes: expected 1, got 2",
+    ),
+    "table: no window": (
+        lambda loops: loops.Table(0, _ONE, _ONE, np.ones((1, 1), _F), 0.01),
+        "windows: expected 1 to [0-9]*, got 0",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", _REFUSED)
+def test_arrays_that_do_not_fit_are_refused(loops: compiled.Loops, name: str) -> None:
+    """An array of another shape or type raises ValueError, saying which, what was expected and what was got."""
+    call, told = _REFUSED[name]
+    with pytest.raises(ValueError, match=told):
+        call(loops)
+
+
+@pytest.mark.parametrize(
+    "function", ["measure_distances", "follow", "follow_products", "read_parts", "read_eigen", "eigenpairs", "Table"]
+)
+def test_too_few_arguments_are_refused(loops: compiled.Loops, function: str) -> None:
+    """A call without its arrays raises TypeError."""
+    with pytest.raises(TypeError, match=r"expected \d arguments, got 1"):
+        getattr(loops, function)(np.zeros(3))
+
+
+def test_of_two_numbers_that_are_none_the_first_is_told(loops: compiled.Loops) -> None:
+    """What is no number raises TypeError before the next, which may be a fraction, is asked for."""
+    none, fraction = cast("Any", "2"), cast("Any", Fraction(1, 2))
+    arrays = np.ones((4, 5)), np.zeros(3)
+    with pytest.raises(TypeError, match="must be real number, not str"):
+        loops.read_parts(*arrays, none, np.ones(5), _ONE, np.ones((1, 5)), fraction, 0.5, np.zeros((3, 5)))
+
+
+def test_what_must_be_written_to_may_not_be_read_only(loops: compiled.Loops) -> None:
+    """Rows that may not be written to are refused before anything is written."""
+    rows = np.zeros((1, 465))
+    rows.flags.writeable = False
+    with pytest.raises(ValueError, match="read-only"):
+        loops.measure_distances(np.ones((1, 31, 3)), PAIRS, rows)

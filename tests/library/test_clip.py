@@ -1,0 +1,83 @@
+"""The clip: joint positions over time, checked once when it is made."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+from synthetic import STICK, stick_clip
+
+from kinespace.library.clip import Clip
+
+
+@pytest.mark.parametrize(("frames", "rate"), [(1, 120.0), (60, 30.0), (301, 240.0)])
+def test_a_clip_measures_its_time_from_its_first_frame(frames: int, rate: float) -> None:
+    """Frame i is at i / rate seconds, and the duration reaches to the end of the last frame."""
+    clip = Clip(STICK, np.zeros((frames, 6, 3)), rate)
+    assert clip.frames == frames
+    assert clip.duration == pytest.approx(frames / rate)
+    assert clip.times.tolist() == pytest.approx([index / rate for index in range(frames)])
+
+
+def test_a_moved_clip_keeps_what_is_said_of_it() -> None:
+    """Other positions make a new clip of the same labels and leave the old one as it was."""
+    clip = stick_clip("wave", seed=4, actor="bb")
+    before = clip.positions.copy()
+    moved = clip.moved_to(clip.positions + 1.0)
+    assert np.array_equal(moved.positions, before + 1.0)
+    assert np.array_equal(clip.positions, before)
+    assert (moved.skeleton, moved.name, moved.class_name, moved.actor, moved.take, moved.frame_rate) == (
+        STICK,
+        "wave_4",
+        "wave",
+        "bb",
+        "004",
+        120.0,
+    )
+
+
+def test_a_clip_of_unknown_source_has_empty_labels_and_no_rotations() -> None:
+    """Where the source says nothing the labels are empty and there are no rotations."""
+    clip = Clip(STICK, np.zeros((2, 6, 3)), 120.0)
+    assert (clip.name, clip.class_name, clip.actor, clip.take) == ("", "", "", "")
+    assert clip.rotations.shape[1] == 0
+
+
+def test_a_clip_does_not_change() -> None:
+    """A clip's fields cannot be set anew."""
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        stick_clip("wave").frame_rate = 60.0
+
+
+@pytest.mark.parametrize(
+    "shape",
+    [
+        pytest.param((0, 6, 3), id="no frame"),
+        pytest.param((5, 5, 3), id="a joint missing"),
+        pytest.param((5, 6, 2), id="flat"),
+        pytest.param((6, 3), id="one frame alone"),
+        pytest.param((5, 18), id="joints run together"),
+        pytest.param((1, 5, 6, 3), id="a stack of clips"),
+    ],
+)
+def test_positions_of_another_shape_are_refused(shape: tuple[int, ...]) -> None:
+    """Positions are (frames, joints, 3) with at least one frame, and the message says what was got."""
+    with pytest.raises(ValueError, match=r"positions: expected \(frames, 6, 3\), got \(" + str(shape[0])):
+        Clip(STICK, np.zeros(shape), 120.0)
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
+def test_positions_that_are_not_finite_are_refused(value: float) -> None:
+    """One coordinate that is not a number of metres spoils the clip, which is named."""
+    positions = np.zeros((9, 6, 3))
+    positions[8, 5, 2] = value
+    with pytest.raises(ValueError, match="positions: expected finite metres, got NaN or infinity in clip 'kick'"):
+        Clip(STICK, positions, 120.0, name="kick")
+
+
+@pytest.mark.parametrize("rate", [0.0, -120.0, np.nan, np.inf])
+def test_a_frame_rate_is_positive(rate: float) -> None:
+    """A clip without a positive, finite frame rate has no time."""
+    with pytest.raises(ValueError, match="frame_rate: expected a positive number of frames per second, got"):
+        Clip(STICK, np.zeros((2, 6, 3)), rate)

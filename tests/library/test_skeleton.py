@@ -1,0 +1,132 @@
+"""The skeleton: which pairs are measured, and how joints of another order are found again."""
+
+from __future__ import annotations
+
+import naive
+import numpy as np
+import pytest
+
+from kinespace.library import hdm05
+from kinespace.library.skeleton import Skeleton, SkeletonMismatchError
+
+JOINTS = ("root", "chest", "head", "left", "right")
+PARENTS = (-1, 0, 1, 1, 1)
+#: Seven joints, of which the first five go missing in the error test.
+MANY = ("a", "b", "c", "d", "e", "f", "g")
+
+
+@pytest.mark.parametrize("count", [2, 3, 4, 31])
+def test_every_pair_is_measured_once_in_order(count: int) -> None:
+    """Pairs are all n(n-1)/2, the lower joint first, in lexicographic order, as counting them out gives."""
+    skeleton = Skeleton.of_joints([f"joint{index}" for index in range(count)])
+    assert [tuple(pair) for pair in skeleton.pairs.tolist()] == naive.pairs(count)
+
+
+@pytest.mark.parametrize(
+    "parents",
+    [
+        pytest.param(PARENTS, id="a tree"),
+        pytest.param((1, 2, -1, 2, 3), id="children before parents"),
+        pytest.param((-1, 0, -1, 2, 2), id="two roots"),
+    ],
+)
+def test_pairs_without_segments_leave_out_the_rigid_ones_only(parents: tuple[int, ...]) -> None:
+    """Without segments exactly the parent-child pairs are missing, whichever of the two has the lower index."""
+    skeleton = Skeleton(JOINTS, parents).without_segments()
+    segments = [(joint, parent) for joint, parent in enumerate(parents) if parent >= 0]
+    assert [tuple(pair) for pair in skeleton.pairs.tolist()] == naive.pairs(len(JOINTS), segments)
+
+
+def test_the_papers_two_counts() -> None:
+    """The 31 joints of HDM05 give the paper's 465 distances, 435 without the 30 rigid segments."""
+    assert len(hdm05.SKELETON.joints) == 31
+    assert len(hdm05.SKELETON.pairs) == 465
+    assert len(hdm05.SKELETON.without_segments().pairs) == 435
+
+
+def test_pairs_cannot_be_written() -> None:
+    """The measured pairs are read-only: a library's columns cannot change their meaning."""
+    with pytest.raises(ValueError, match="read-only"):
+        Skeleton(JOINTS).pairs[0, 0] = 3
+
+
+def test_order_from_finds_every_joint_again() -> None:
+    """Positions taken in the order found are in the skeleton's own order, further joints being passed over."""
+    skeleton = Skeleton(JOINTS)
+    sent = [*JOINTS, "prop", "camera"]
+    np.random.default_rng(5).shuffle(sent)
+    assert tuple(sent[index] for index in skeleton.order_from(sent)) == JOINTS
+
+
+@pytest.mark.parametrize(
+    ("sent", "message"),
+    [
+        pytest.param(("root",), r"expected all 5 .*got 1 without chest, head, left, right$", id="four missing"),
+        pytest.param(("Root", *JOINTS[1:]), r"without root$", id="another case is another joint"),
+        pytest.param((), r"got 0 without root, chest, head, left, right$", id="nothing sent"),
+    ],
+)
+def test_missing_joints_are_named(sent: tuple[str, ...], message: str) -> None:
+    """A joint that is not in the list is refused by name."""
+    with pytest.raises(SkeletonMismatchError, match=message):
+        Skeleton(JOINTS).order_from(sent)
+
+
+def test_many_missing_joints_are_cut_short() -> None:
+    """Of more than five missing joints the first five are named."""
+    with pytest.raises(SkeletonMismatchError, match=r"without a, b, c, d, e \.\.\.$"):
+        Skeleton(MANY).order_from([])
+
+
+def test_same_skeleton_is_accepted_whatever_its_parents() -> None:
+    """A feed that announces names alone is the same body: parents do not enter a distance."""
+    Skeleton(JOINTS, PARENTS).require_same(Skeleton.of_joints(JOINTS))
+
+
+@pytest.mark.parametrize(
+    "other",
+    [
+        pytest.param(Skeleton((*JOINTS[:-1], "tail")), id="another name"),
+        pytest.param(Skeleton(JOINTS[::-1]), id="another order"),
+        pytest.param(Skeleton((*JOINTS, "tail")), id="one joint more"),
+        pytest.param(Skeleton(JOINTS, PARENTS).without_segments(), id="other pairs"),
+    ],
+)
+def test_another_skeleton_is_refused(other: Skeleton) -> None:
+    """Other joints, another order or other pairs are refused, in either direction, both sides being described."""
+    skeleton = Skeleton(JOINTS, PARENTS)
+    with pytest.raises(SkeletonMismatchError, match=r"expected 5 joints and 10 pairs \(root \.\.\. right\), got"):
+        skeleton.require_same(other)
+    with pytest.raises(SkeletonMismatchError, match=r"got 5 joints and 10 pairs \(root \.\.\. right\)"):
+        other.require_same(skeleton)
+
+
+@pytest.mark.parametrize(
+    ("joints", "parents", "with_segments", "message"),
+    [
+        pytest.param((), (), True, "joints: expected at least 2 names, got 0", id="no joint"),
+        pytest.param(("root",), (-1,), True, "joints: expected at least 2 names, got 1", id="one joint"),
+        pytest.param(("root", ""), (), True, "joints: expected distinct, non-empty names", id="empty name"),
+        pytest.param(("root", "root"), (), True, "joints: expected distinct, non-empty names", id="name twice"),
+        pytest.param(JOINTS, (-1, 0), True, r"parents: expected one per joint \(5\), got 2", id="too few parents"),
+        pytest.param(JOINTS, (-1, 0, 1, 1, 5), True, "parents: expected joint indices or -1", id="parent too high"),
+        pytest.param(JOINTS, (-2, 0, 1, 1, 1), True, "parents: expected joint indices or -1", id="parent too low"),
+        pytest.param(JOINTS, (-1, 1, 1, 1, 1), True, "parents: expected joint indices or -1", id="own parent"),
+        pytest.param(JOINTS, (), False, "with_segments: False needs the parents", id="segments unknown"),
+    ],
+)
+def test_bad_skeletons_are_refused(
+    joints: tuple[str, ...], parents: tuple[int, ...], *, with_segments: bool, message: str
+) -> None:
+    """Joints and parents that cannot describe a body are refused, saying which and why."""
+    with pytest.raises(ValueError, match=message):
+        Skeleton(joints, parents, with_segments=with_segments)
+
+
+def test_a_part_of_a_skeleton_hangs_together() -> None:
+    """Each kept joint hangs on the nearest kept one above it, the first holds what nothing else does."""
+    whole = Skeleton(("hip", "chest", "head", "arm", "hand"), (-1, 0, 1, 1, 3))
+    assert whole.restricted_to([0, 2, 4]) == Skeleton(("hip", "head", "hand"), (-1, 0, 0))
+    assert whole.restricted_to([4, 3, 1]) == Skeleton(("hand", "arm", "chest"), (1, 2, -1))
+    assert whole.restricted_to([2, 4, 3]) == Skeleton(("head", "hand", "arm"), (-1, 2, 0))
+    assert Skeleton(("a", "b", "c")).restricted_to([2, 0]) == Skeleton(("c", "a"))

@@ -1,0 +1,67 @@
+"""A library's windows as the slow twins have them: what was learned is taken as it is, and computed with again."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from naive_windows import NaiveBody, NaiveComparison, NaiveMetric, nearest, numbers_of
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from naive_windows import Matrix
+
+    from kinespace.library.skeleton import Skeleton
+    from kinespace.library.windows.index import WindowIndex
+    from kinespace.library.windows.metric import Metric
+
+
+def body_of(skeleton: Skeleton) -> NaiveBody:
+    """Give a skeleton's body."""
+    return NaiveBody([(int(first), int(second)) for first, second in skeleton.pairs], skeleton.parents)
+
+
+def _metric(metric: Metric | None) -> NaiveMetric | None:
+    return metric and NaiveMetric(metric.origin.astype(np.float64), metric.axes.astype(np.float64))
+
+
+def comparison_of(index: WindowIndex) -> NaiveComparison:
+    """Give what an index compares windows by."""
+    comparison = index.comparison
+    weighing = comparison.weighing
+    return NaiveComparison(
+        groups=[[(str(part.kind), part.seconds) for part in group] for group in weighing.groups],
+        parts={(str(part.kind), part.seconds): _metric(metric) for part, metric in comparison.parts.items()},
+        joint=[_metric(metric) for metric in comparison.groups],
+        views=weighing.views,
+    )
+
+
+class Twin:
+    """An opened library, and what its twin makes of a live window.
+
+    Attributes
+    ----------
+    windows
+        Of each group the vectors of all windows; scaled eigenvectors become their matrix.
+    labels
+        Class and person of each window.
+    """
+
+    def __init__(self, index: WindowIndex) -> None:
+        self.index, self.body, self.comparison = index, body_of(index.library.skeleton), comparison_of(index)
+        vectors = [each.astype(np.float64) for each in index.vectors]
+        self.windows = [np.array([one.T @ one for one in each]) if each.ndim == 3 else each for each in vectors]
+        motions = [index.library.motions[place] for place in index.motions]
+        self.labels = [each.class_name for each in motions], [each.actor for each in motions]
+
+    def numbers(self, ends: float, times: Matrix, rows: Matrix) -> dict[tuple[str, float], Matrix]:
+        """Read all parts off the rows up to a time."""
+        parts = [(str(part.kind), part.seconds) for part in self.index.comparison.weighing.parts]
+        return numbers_of(parts, ends, times, rows, self.index.basis.directions, self.body)
+
+    def log_distances(self, numbers: Mapping[tuple[str, float], Matrix]) -> Matrix:
+        """Compare with every window, one at a time: (views, classes)."""
+        views = self.comparison.log_distances(self.comparison.place(numbers), self.windows)
+        return np.array([list(nearest(view, *self.labels).values()) for view in views])

@@ -1,0 +1,414 @@
+"""Frames out of joints: the closing rules, split and nested bundles, late and absent joints, several performers."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from golden import bundle, message
+from hypothesis import given
+from hypothesis import strategies as st
+
+from kinespace.stream.feeds.frame_assembler import FORGET_AFTER, FrameAssembler
+from kinespace.stream.feeds.preset import parse_preset
+from kinespace.stream.frame import Announcement, Frame
+from kinespace.stream.oscpacket import decode_packet
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+JOINTS = ("a", "b", "c", "d")
+
+
+def preset_text(close: Sequence[str], *, extra: str = "", frame: str = "", top: str = "") -> str:
+    """Give a small preset of four joints."""
+    closings = ", ".join(f'"{each}"' for each in close)
+    return f"""
+port = 7000
+{top}
+[frame]
+close = [{closings}]
+timeout = 0.1
+hold = 0.25
+{frame}
+[[message]]
+address = "/j"
+arguments = ["joint", "performer", "x", "y", "z"]
+[[message]]
+address = "/c"
+arguments = ["joint", "performer", "x", "y", "z", "confidence"]
+[[message]]
+address = "/t"
+arguments = ["joint", "performer", "x", "y", "z", "skip", "time"]
+[[message]]
+address = "/end"
+means = "end"
+[[message]]
+address = "/begin"
+means = "begin"
+[[message]]
+address = "/time"
+arguments = ["time"]
+[[message]]
+address = "/gone"
+arguments = ["performer", "present"]
+{extra}
+[joints]
+a = "root"
+b = "head"
+c = "lhand"
+d = "rhand"
+e = ""
+"""
+
+
+def assembler(*close: str, most: int = 64, extra: str = "", frame: str = "", top: str = "") -> FrameAssembler:
+    """Make an assembler that closes frames by some rules."""
+    return FrameAssembler(
+        parse_preset(preset_text(close, extra=extra, frame=frame, top=top), "small", "small.toml"), most=most
+    )
+
+
+def joint(name: str, value: float, performer: str = "p") -> bytes:
+    """Say where a joint is; all three coordinates are the same."""
+    return message("/j", "ssfff", name, performer, value, value, value)
+
+
+def pushed(target: FrameAssembler, packets: Sequence[bytes], arrival: float, sender: int = 1) -> list[Frame]:
+    """Push datagrams; the frames that came of it, announcements aside."""
+    made: list[Frame | Announcement] = []
+    for packet in packets:
+        made += target.push(decode_packet(packet), arrival, bundle=packet.startswith(b"#"), sender=sender)
+    return [each for each in made if isinstance(each, Frame)]
+
+
+def whole(value: float, performer: str = "p") -> list[bytes]:
+    """Give all four joints."""
+    return [joint(name, value, performer) for name in JOINTS]
+
+
+def values(frame: Frame) -> list[float]:
+    """Give the joints' first coordinates."""
+    return frame.positions[:, 0].tolist()
+
+
+# --- what closes a frame -----------------------------------------------------------------------------------------
+
+
+def test_an_end_message_closes_a_frame() -> None:
+    """Loose joints become a frame when the end message comes, and not before; a second end changes nothing."""
+    target = assembler("end")
+    assert pushed(target, whole(1.0), 0.0) == []
+    (frame,) = pushed(target, [message("/end")], 0.01)
+    assert (frame.performer, frame.time, values(frame)) == ("p", 0.0, [1.0] * 4)
+    assert pushed(target, [message("/end")], 0.02) == []
+    assert target.counts.closed_by == {"end": 1}
+
+
+def test_a_beginning_closes_the_frame_before() -> None:
+    """When the end message was lost, the next frame's beginning does its work."""
+    target = assembler("end")
+    pushed(target, [message("/begin"), *whole(1.0)], 0.0)
+    (frame,) = pushed(target, [message("/begin"), *whole(2.0)], 0.02)
+    assert values(frame) == [1.0] * 4
+
+
+def test_an_end_in_a_bundle_counts_at_its_end() -> None:
+    """Joints after the end message in the same bundle are still the frame's."""
+    target = assembler("end")
+    packet = bundle(joint("a", 1.0), message("/end"), *[joint(name, 1.0) for name in "bcd"])
+    (frame,) = pushed(target, [packet], 0.0)
+    assert values(frame) == [1.0] * 4
+
+
+def test_the_end_of_a_bundle_closes_a_frame() -> None:
+    """A bundle with all joints is a frame, and so is one that nests another."""
+    target = assembler("bundle")
+    (first,) = pushed(target, [bundle(*whole(1.0))], 0.0)
+    nested = bundle(joint("a", 2.0), bundle(joint("b", 2.0), bundle(joint("c", 2.0))), joint("d", 2.0))
+    (second,) = pushed(target, [nested], 0.02)
+    assert (values(first), values(second)) == ([1.0] * 4, [2.0] * 4)
+    assert target.counts.closed_by == {"bundle": 2}
+
+
+def test_a_frame_split_over_bundles_is_one_frame() -> None:
+    """Once it is known which joints come, a frame is closed by the bundle that completes them; none is mixed."""
+    target = assembler("bundle", "repeat")
+    made: list[Frame] = []
+    for number in range(6):
+        halves = [bundle(joint("a", number), joint("b", number)), bundle(joint("c", number), joint("d", number))]
+        made += pushed(target, halves, number * 0.02)
+    assert [values(frame) for frame in made] == [[number] * 4 for number in range(6)]
+    assert target.counts.incomplete == 0
+
+
+@pytest.mark.parametrize("rate", [15, 30, 120, 240])
+@pytest.mark.parametrize("close", [("bundle",), ("complete", "repeat"), ("repeat",)], ids="-".join)
+def test_who_begins_in_the_middle_of_a_frame_finds_the_next(close: tuple[str, ...], rate: int) -> None:
+    """Started between two joints, and again after a lost packet, no frame mixes what belongs to two for long."""
+    target = assembler(*close, "timeout")
+    made: list[Frame] = []
+    for number in range(200):
+        packets = [bundle(*whole(number)[:2]), bundle(*whole(number)[2:])] if "bundle" in close else whole(number)
+        lost = {0: len(packets) // 2, 100: 1}.get(number, 0)
+        for place, packet in enumerate(packets[lost:]):
+            made += pushed(target, [packet], number / rate + place * 1e-4)
+    mixed = [frame for frame in made if len(set(values(frame))) > 1 and max(values(frame)) != 100]
+    # The time between frames is learned, when it is not the preset's 30 Hz.
+    assert len(mixed) <= (0 if rate <= 30 else 30)
+    assert not [frame for frame in mixed if min(values(frame)) > 30]
+    assert len(made) >= 195
+
+
+def test_a_joint_that_comes_again_closes_a_frame() -> None:
+    """Loose joints without any mark: the first joint of the next frame ends this one."""
+    target = assembler("repeat")
+    assert pushed(target, whole(1.0), 0.0) == []
+    (frame,) = pushed(target, whole(2.0), 0.03)
+    assert (values(frame), frame.time) == ([1.0] * 4, 0.0)
+
+
+def test_a_complete_frame_need_not_wait() -> None:
+    """When all joints of the preset are there the frame is given out at once."""
+    target = assembler("complete", "repeat")
+    assert pushed(target, whole(1.0)[:3], 0.0) == []
+    (frame,) = pushed(target, whole(1.0)[3:], 0.0)
+    assert values(frame) == [1.0] * 4
+
+
+def test_time_closes_a_frame() -> None:
+    """When nothing more comes for the timeout the frame is taken as it is, and not a moment earlier."""
+    target = assembler("timeout", top="rate = 2")
+    pushed(target, whole(1.0), 0.0)
+    assert target.expire(0.1) == []
+    _, frame = target.expire(0.11)
+    assert isinstance(frame, Frame)
+    assert target.expire(0.5) == []
+
+
+def test_another_time_begins_another_frame() -> None:
+    """Joints that carry their frame's time are told apart by it, whatever else is missing."""
+    target = assembler("repeat", top='clock = "sender"\nseconds = 0.001')
+
+    def timed(name: str, value: float, time: float) -> bytes:
+        return message("/t", "ssfffid", name, "p", value, value, value, 0, time)
+
+    pushed(target, [timed(name, 1.0, 1000.0) for name in JOINTS], 0.0)
+    (first,) = pushed(target, [timed(name, 2.0, 1030.0) for name in "ab"], 0.03)
+    assert (values(first), first.time) == ([1.0] * 4, 1.0)
+    assert pushed(target, [timed("c", 9.0, 1000.0)], 0.03) == []
+    assert target.counts.late == 1
+    (second,) = pushed(target, [*[timed(name, 2.0, 1030.0) for name in "cd"], timed("a", 3.0, 1060.0)], 0.06)
+    assert (values(second), second.time) == ([2.0] * 4, 1.03)
+
+
+def test_a_sender_whose_clock_began_again_is_followed() -> None:
+    """A time far below the last is a sender that began anew, not a late joint."""
+    target = assembler("repeat", top='clock = "sender"')
+    packets = [
+        message("/t", "ssfffid", name, "p", value, value, value, 0, time)
+        for value, time in ((1.0, 100.0), (2.0, 5.0), (3.0, 5.02))
+        for name in JOINTS
+    ]
+    assert [frame.time for frame in pushed(target, packets, 0.0)] == [100.0, 5.0]
+
+
+# --- late and absent joints --------------------------------------------------------------------------------------
+
+
+def test_a_joint_that_comes_late_makes_no_frame_of_its_own() -> None:
+    """A joint of a frame that is closed already is counted, and spoils neither that frame nor the next."""
+    target = assembler("end")
+    pushed(target, [*whole(1.0), message("/end")], 0.0)
+    assert pushed(target, [joint("d", 1.0), message("/begin")], 0.01) == []
+    assert target.counts.late == 1
+    (frame,) = pushed(target, [*whole(2.0), message("/end")], 0.02)
+    assert values(frame) == [2.0] * 4
+
+
+def test_a_straggler_does_not_close_the_next_frame() -> None:
+    """Without end messages a late joint, followed by its own new self, is replaced and counted."""
+    target = assembler("complete", "repeat")
+    pushed(target, whole(1.0), 0.0)
+    made = pushed(target, [joint("d", 1.0), joint("d", 2.0), joint("a", 2.0), joint("b", 2.0), joint("c", 2.0)], 0.03)
+    assert [values(frame) for frame in made] == [[2.0] * 4]
+    assert target.counts.late == 1
+
+
+def test_an_absent_joint_is_held_for_a_while() -> None:
+    """A joint that is absent stays where it was, each time counted, then frames without it are refused and counted."""
+    target = assembler("end")
+    pushed(target, [*whole(0.0), message("/end")], 0.0)
+    made: list[Frame] = []
+    for number in range(1, 11):
+        packets = [joint(name, number) for name in "abc"]
+        made += pushed(target, [*packets, message("/end")], number * 0.05)
+    assert [values(frame) for frame in made] == [[number] * 3 + [0.0] for number in range(1, 6)]
+    assert (target.counts.held, target.counts.incomplete) == (5, 5)
+    assert target.counts.absent == {"rhand": 5}
+
+
+def test_a_joint_that_never_came_is_not_made_up() -> None:
+    """Frames without a joint that was never seen are refused, and the joint is named."""
+    target = assembler("end")
+    assert pushed(target, [*whole(1.0)[:3], message("/end")] * 2, 0.0) == []
+    assert (target.counts.incomplete, target.counts.absent) == (2, {"rhand": 2})
+
+
+def test_a_joint_that_comes_back_is_taken() -> None:
+    """After frames were refused, the absent joint's return makes frames again."""
+    target = assembler("end")
+    pushed(target, [*whole(0.0), message("/end")], 0.0)
+    for number in range(1, 10):
+        pushed(target, [*whole(1.0)[:3], message("/end")], number * 0.1)
+    (frame,) = pushed(target, [*whole(5.0), message("/end")], 1.0)
+    assert values(frame) == [5.0] * 4
+
+
+def test_what_is_not_sure_is_absent() -> None:
+    """A joint below the confidence floor, or not a number, or none at all, is held like an absent one; words count."""
+    target = assembler("end", frame="confidence = 0.3\nwords = { Tracked = 1.0, Lost = 0.0 }")
+    pushed(target, [*whole(0.0), message("/end")], 0.0)
+    unsure = [
+        message("/c", "ssffff", "a", "p", 1.0, 1.0, 1.0, 0.2),
+        message("/c", "ssfffs", "b", "p", 1.0, 1.0, 1.0, "Lost"),
+        message("/c", "ssffff", "c", "p", float("nan"), 1.0, 1.0, 1.0),
+        message("/j", "ssNNN", "d", "p"),
+        message("/c", "ssfffs", "d", "p", 1.0, 1.0, 1.0, "tracked"),
+    ]
+    assert pushed(target, [*unsure, joint("a", 2.0), message("/end")], 0.02)[0].positions[:, 0].tolist() == [2, 0, 0, 1]
+    assert (target.counts.unsure, target.counts.held) == (4, 2)
+
+
+# --- performers and senders --------------------------------------------------------------------------------------
+
+
+def test_interleaved_performers_are_kept_apart() -> None:
+    """Joints of three performers, one after the other, give each performer's own frames."""
+    target = assembler("repeat")
+    made: list[Frame] = []
+    for number in range(4):
+        packets = [joint(name, 10 * who + number, f"p{who}") for name in JOINTS for who in range(3)]
+        made += pushed(target, packets, number * 0.03)
+    for who in range(3):
+        own = [values(frame) for frame in made if frame.performer == f"p{who}"]
+        assert own == [[10 * who + number] * 4 for number in range(3)]
+
+
+def test_an_end_message_without_a_name_ends_everybodys_frames() -> None:
+    """Where joints say whose they are and the end does not, it ends the frames of all."""
+    target = assembler("end")
+    made = pushed(target, [*whole(1.0, "p"), *whole(2.0, "q"), message("/end")], 0.0)
+    assert {frame.performer: values(frame)[0] for frame in made} == {"p": 1.0, "q": 2.0}
+
+
+def test_two_senders_of_one_performer_are_two_performers() -> None:
+    """The second host's performer gets its number added; one host's end message leaves the other's frame open."""
+    target = assembler("end")
+    pushed(target, whole(1.0), 0.0, sender=1)
+    pushed(target, whole(2.0), 0.0, sender=2)
+    (second,) = pushed(target, [message("/end")], 0.01, sender=2)
+    assert (second.performer, values(second)) == ("p-2", [2.0] * 4)
+    (first,) = pushed(target, [message("/end")], 0.01, sender=1)
+    assert (first.performer, values(first)) == ("p", [1.0] * 4)
+
+
+def test_who_is_silent_is_forgotten() -> None:
+    """After some seconds of silence a performer's joints are not held any more, and are announced anew."""
+    target = assembler("end")
+    pushed(target, [*whole(1.0), message("/end")], 0.0)
+    assert len(target) == 1
+    target.expire(FORGET_AFTER + 0.1)
+    assert len(target) == 0
+    made = target.push(decode_packet(bundle(*whole(2.0), message("/end"))), 10.0, bundle=True)
+    assert made[0] == Announcement("p", ("root", "head", "lhand", "rhand"))
+
+
+def test_there_is_room_for_so_many() -> None:
+    """Beyond the most performers a further one is refused and counted, those who are there go on."""
+    target = assembler("end", most=2)
+    assert {f.performer for f in pushed(target, [*whole(1.0, "p"), *whole(1.0, "q"), message("/end")], 0.0)} == {
+        "p",
+        "q",
+    }
+    pushed(target, whole(1.0, "r"), 0.0)
+    assert (target.counts.no_room, len(target)) == (4, 2)
+    with pytest.raises(ValueError, match="most: expected at least 1 performer, got 0"):
+        assembler("end", most=0)
+
+
+def test_who_leaves_is_not_held() -> None:
+    """When the sender says that a performer is gone, the last frame is given out and nothing is held after."""
+    target = assembler("end")
+    pushed(target, whole(1.0), 0.0)
+    (frame,) = pushed(target, [message("/gone", "si", "p", 0)], 0.01)
+    assert values(frame) == [1.0] * 4
+    assert pushed(target, [*whole(2.0)[:2], message("/end")], 0.02) == []
+    assert target.counts.incomplete == 1
+
+
+# --- clocks ------------------------------------------------------------------------------------------------------
+
+
+def test_the_senders_clock_bridges_a_lost_time() -> None:
+    """A frame whose own time was lost is as far from its arrival as the one before."""
+    target = assembler("end", top='clock = "sender"')
+    made: list[Frame] = []
+    for number in range(3):
+        time = [message("/time", "d", 100.0 + number * 0.02)] if number != 1 else []
+        made += pushed(target, [*time, *whole(1.0), message("/end")], 5.0 + number * 0.02)
+    np.testing.assert_allclose([frame.time for frame in made], [100.0, 100.02, 100.04])
+
+
+def test_without_the_senders_clock_the_arrival_counts() -> None:
+    """By default a frame's time is when its first joint came, whatever the sender says."""
+    target = assembler("end")
+    (frame,) = pushed(target, [message("/time", "d", 100.0), *whole(1.0), message("/end")], 5.0)
+    assert frame.time == 5.0
+
+
+def test_what_makes_no_sense_is_counted() -> None:
+    """Wrong arguments, other addresses and joints beyond any stage are counted, each as what it is."""
+    target = assembler("end")
+    pushed(
+        target,
+        [message("/j", "s", "a"), message("/elsewhere", "i", 1), message("/j", "ssfff", "a", "p", *[1e30] * 3)],
+        0.0,
+    )
+    pushed(target, [*whole(1.0)[1:], message("/end")], 0.0)
+    assert (target.counts.malformed, target.counts.foreign, target.counts.absurd) == (1, 1, 1)
+    assert target.counts.frames == 0
+
+
+@given(
+    st.lists(st.sampled_from(["a", "b", "c", "d", "e", "z", "end", "begin", "gone", "time"]), max_size=60), st.data()
+)
+def test_whatever_the_order_nothing_is_made_up(words: list[str], data: st.DataObject) -> None:
+    """Any order of messages gives frames whose every joint was sent, never older than the hold, times ascending."""
+    target = assembler(
+        *data.draw(st.lists(st.sampled_from(["end", "bundle", "repeat", "complete", "timeout"]), min_size=1))
+    )
+    sent: dict[str, dict[float, float]] = {}
+    made: list[tuple[float, Frame]] = []
+    now = 0.0
+    for number, word in enumerate(words, start=1):
+        now += data.draw(st.floats(0.0, 0.2))
+        packet = {
+            "end": message("/end"),
+            "begin": message("/begin"),
+            "gone": message("/gone", "si", "p", 0),
+            "time": message("/time", "f", now),
+        }.get(word) or joint(word, number)
+        sent.setdefault(word, {})[float(number)] = now
+        if data.draw(st.booleans()):
+            packet = bundle(packet)
+        made += [(now, frame) for frame in pushed(target, [packet], now)]
+    made += [(now + 1.0, each) for each in target.expire(now + 1.0) if isinstance(each, Frame)]
+    for _, frame in made:
+        for name, value in zip(JOINTS, values(frame), strict=True):
+            assert value in sent[name]
+            assert frame.time - sent[name][value] <= 0.25 + 1e-9
+    times = [frame.time for _, frame in made]
+    assert times == sorted(times)
+    assert target.counts.frames == len(made)

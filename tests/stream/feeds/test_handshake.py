@@ -1,0 +1,176 @@
+"""What senders must be told, when, and that it is sent from the port that is listened on; many senders on one port."""
+
+from __future__ import annotations
+
+import socket
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+import pytest
+from golden import message
+
+from kinespace.stream.feeds import builtin_preset
+from kinespace.stream.feeds.frame_assembler import FORGET_AFTER
+from kinespace.stream.feeds.handshake import NEVER, SILENCE, farewells, is_due, questions
+from kinespace.stream.feeds.preset import parse_preset
+from kinespace.stream.feeds.source import MOST_SENDERS, FeedSource, SenderNumbers
+from kinespace.stream.frame import Frame
+from kinespace.stream.osc import OscReceiver
+from kinespace.stream.oscpacket import Message, decode_packet
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+LOOPBACK = "127.0.0.1"
+
+
+def told(packets: list[bytes]) -> list[Message]:
+    """Decode what a sender is told."""
+    return [message for packet in packets for message in decode_packet(packet)]
+
+
+def test_qualisys_is_shaken_hands_with() -> None:
+    """Connect with our port, then stream; at the end stop and disconnect: as Qualisys' protocol has it."""
+    preset = builtin_preset("qtm")
+    assert told(questions(preset, 4545)) == [
+        Message("/qtm", ["Connect 4545"]),
+        Message("/qtm", ["StreamFrames AllFrames 3D Skeleton:global"]),
+    ]
+    assert told(farewells(preset, 4545)) == [Message("/qtm", ["StreamFrames Stop"]), Message("/qtm", ["Disconnect"])]
+    assert preset.asking
+    assert preset.asking.port == 22225
+
+
+def test_synapse_is_kept_awake() -> None:
+    """Every joint is asked for in world coordinates, every two seconds, whether frames come or not."""
+    preset = builtin_preset("synapse")
+    messages = told(questions(preset, 12345))
+    assert len(messages) == 15
+    assert Message("/righthand_trackjointpos", [2]) in messages
+    assert preset.asking
+    assert is_due(preset.asking, 10.0, 8.0, 9.9)
+    assert not is_due(preset.asking, 10.0, 8.1, 9.9)
+
+
+def test_captury_is_subscribed_to() -> None:
+    """Our port, and a subscription with its three numbers for each bone."""
+    messages = told(questions(builtin_preset("captury"), 1066))
+    assert messages[0] == Message("/configure/port", [1066])
+    assert Message("/subscribe/John-Doe/blender/Hips/vector", [50.0, 0.0, 100.0]) in messages
+    assert len(messages) == 21
+
+
+def test_the_handshake_is_repeated_only_while_nothing_comes() -> None:
+    """Asked at once, then every two seconds while frames stay away, and not while they come."""
+    asking = builtin_preset("qtm").asking
+    assert asking
+    assert is_due(asking, 100.0, NEVER, NEVER)
+    assert not is_due(asking, 101.0, 100.0, NEVER)
+    assert is_due(asking, 102.0, 100.0, NEVER)
+    assert not is_due(asking, 200.0, 100.0, 200.0 - 0.9 * SILENCE)
+    assert is_due(asking, 200.0, 100.0, 200.0 - 1.1 * SILENCE)
+
+
+def test_who_need_not_be_asked_is_not() -> None:
+    """Presets without [ask] send nothing."""
+    assert (questions(builtin_preset("vmc"), 1), farewells(builtin_preset("vmc"), 1)) == ([], [])
+
+
+@contextmanager
+def asked_source(every: float = 2.0) -> Iterator[tuple[FeedSource, socket.socket]]:
+    """Open a source that asks, and the socket of the one that is asked."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
+        sender.bind((LOOPBACK, 0))
+        sender.settimeout(5.0)
+        port = sender.getsockname()[1]
+        text = f"""
+port = 1
+[[message]]
+address = "/{{joint}}"
+arguments = ["x", "y", "z"]
+[frame]
+close = ["complete", "timeout"]
+[ask]
+port = {port}
+every = {every}
+while_silent = true
+[[ask.message]]
+address = "/please"
+arguments = ["{{port}}", "to {{port}}", 1.5]
+[[ask.farewell]]
+address = "/bye"
+[joints]
+a = "root"
+b = "head"
+"""
+        source = FeedSource(OscReceiver(LOOPBACK, 0), parse_preset(text, "asks", "asks.toml"))
+        yield source, sender
+
+
+def test_the_sender_is_told_by_the_endpoint() -> None:
+    """The source asks when tended, from the port it listens on, stops while frames come, and says goodbye."""
+    with asked_source() as (source, sender):
+        port = source.receiver.address[1]
+        assert source.tend(0.0) == []
+        packet, came_from = sender.recvfrom(1000)
+        assert decode_packet(packet) == [Message("/please", [port, f"to {port}", 1.5])]
+        assert came_from[1] == port
+        for place, name in enumerate("ab"):
+            sender.sendto(message(f"/{name}", "fff", 1.0, 2.0, 3.0 + place), came_from)
+        made = [event for _ in range(2) for event in wait_for(source, 1.5)]
+        assert [type(event) is Frame for event in made] == [False, True]
+        source.tend(1.9)
+        source.tend(2.2)
+        sender.sendto(b"nothing in between", sender.getsockname())
+        assert sender.recv(1000) == b"nothing in between"
+        source.tend(4.5)
+        assert decode_packet(sender.recv(1000))[0].address == "/please"
+        source.close()
+        assert decode_packet(sender.recv(1000))[0].address == "/bye"
+
+
+def wait_for(source: FeedSource, arrival: float) -> list[object]:
+    """Take in one datagram, waiting for it."""
+    source.receiver.socket.settimeout(5.0)
+    while (taken := source.take(arrival)) is None:
+        pass
+    return list(taken)
+
+
+def test_whom_nobody_can_reach_is_counted() -> None:
+    """A sender whose name cannot be resolved costs a count, not the loop."""
+    source = FeedSource(OscReceiver(LOOPBACK, 0), builtin_preset("qtm"), sender="no such host.invalid")
+    source.tend(0.0)
+    assert source.unasked == 2
+    source.close()
+
+
+def test_the_source_counts_everything() -> None:
+    """No OSC, wrong messages, foreign ones and refused frames stand in the counts."""
+    with asked_source() as (source, sender):
+        for packet in (b"junk", message("/a", "s", "x"), message("/elsewhere/x"), message("/a", "fff", 1.0, 2.0, 3.0)):
+            sender.sendto(packet, source.receiver.address)
+            wait_for(source, 0.0)
+        source.tend(1.0)
+        counts = source.counts
+        assert (counts.received, counts.malformed, counts.foreign, counts.incomplete) == (4, 2, 1, 1)
+        assert str(source) == f"asks {LOOPBACK}:{source.receiver.address[1]}"
+        source.close()
+
+
+def test_hosts_are_numbered() -> None:
+    """Hosts are told apart by number; one that is silent for long gives its number back; there is an end to them."""
+    numbers = SenderNumbers()
+    assert [numbers.number(host, 0.0) for host in ("a", "b", "a")] == [1, 2, 1]
+    numbers.number("b", FORGET_AFTER)
+    assert numbers.number("c", FORGET_AFTER + 1.0) == 1
+    assert [numbers.number(f"h{index}", FORGET_AFTER) for index in range(20)][-1] == MOST_SENDERS
+    assert numbers.number("b", FORGET_AFTER) == 2
+
+
+@pytest.mark.parametrize("name", ["qtm", "synapse", "captury"])
+def test_what_is_asked_is_osc(name: str) -> None:
+    """Everything that senders are told is one OSC message a packet, far below any network's limit."""
+    for packet in questions(builtin_preset(name), 4545):
+        assert len(decode_packet(packet)) == 1
+        assert len(packet) < 200

@@ -1,0 +1,94 @@
+"""Forward kinematics against the textbook's: a product of 4 × 4 matrices down from the root."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+from kinespace.stream.feeds import builtin_preset
+from kinespace.stream.feeds.kinematics import Bone, world_positions
+
+VMC = builtin_preset("vmc").bones
+UPRIGHT = (0.0, 0.0, 0.0, 1.0)
+
+
+def naive_positions(bones, poses):  # noqa: ANN001, ANN201 - the textbook's way, for comparison only
+    """Multiply each bone's matrix to its parent's."""
+    matrices = {"": np.eye(4)}
+    for bone in bones:
+        position, rotation = poses.get(bone.name, (bone.offset, UPRIGHT))
+        matrix = np.eye(4)
+        matrix[:3, :3] = Rotation.from_quat(rotation).as_matrix()
+        matrix[:3, 3] = position
+        matrices[bone.name] = matrices[bone.parent] @ matrix
+    return {bone.name: matrices[bone.name][:3, 3] for bone in bones}
+
+
+@given(st.integers(0, 10_000))
+def test_it_is_the_product_of_matrices(seed: int) -> None:
+    """For any positions and rotations of all humanoid bones every bone stands where the matrices put it."""
+    generator = np.random.default_rng(seed)
+    poses = {
+        bone.name: (tuple(generator.normal(size=3)), tuple(Rotation.random(rng=generator).as_quat())) for bone in VMC
+    }
+    expected = naive_positions(VMC, poses)
+    for name, position in world_positions(VMC, poses).items():
+        np.testing.assert_allclose(position, expected[name], atol=1e-9)
+
+
+@given(st.integers(0, 10_000))
+def test_rotations_alone_are_enough(seed: int) -> None:
+    """With positions of zero or none the fallback offsets stand in, and every segment keeps its length."""
+    generator = np.random.default_rng(seed)
+    turns = {bone.name: tuple(Rotation.random(rng=generator).as_quat()) for bone in VMC}
+    expected = naive_positions(VMC, {bone.name: (bone.offset, turns[bone.name]) for bone in VMC})
+    for position in ((0.0, 0.0, 0.0), None):
+        placed = world_positions(VMC, {name: (position, turn) for name, turn in turns.items()})
+        for bone in VMC:
+            np.testing.assert_allclose(placed[bone.name], expected[bone.name], atol=1e-9)
+            if bone.parent:
+                length = np.linalg.norm(np.subtract(placed[bone.name], placed[bone.parent]))
+                assert length == pytest.approx(np.linalg.norm(bone.offset))
+
+
+def test_a_quarter_turn_of_the_upper_arm_lifts_the_hand() -> None:
+    """Turned by 90° about z, the left arm, which points to -x, points down; nothing else moves."""
+    at_rest = world_positions(VMC, {})
+    turned = world_positions(VMC, {"LeftUpperArm": (None, (0.0, 0.0, np.sqrt(0.5), np.sqrt(0.5)))})
+    shoulder, hand = turned["LeftUpperArm"], turned["LeftHand"]
+    length = at_rest["LeftUpperArm"][0] - at_rest["LeftHand"][0]
+    np.testing.assert_allclose(np.subtract(hand, shoulder), (0.0, -length, 0.0), atol=1e-12)
+    np.testing.assert_allclose(turned["RightHand"], at_rest["RightHand"])
+
+
+def test_the_root_moves_and_turns_everything() -> None:
+    """A root that is moved and turned takes the whole body along."""
+    turn = Rotation.from_euler("y", 40, degrees=True)
+    placed = world_positions(VMC, {"root": ((1.0, 2.0, 3.0), tuple(turn.as_quat()))})
+    for name, position in world_positions(VMC, {}).items():
+        np.testing.assert_allclose(placed[name], turn.apply(position) + np.array([1.0, 2.0, 3.0]), atol=1e-12)
+
+
+def test_the_body_at_rest_is_a_body() -> None:
+    """Without any pose it is a standing person of some 1.6 metres to the head's base, left on the left."""
+    rest = world_positions(VMC, {})
+    assert 1.3 < rest["Head"][1] < 1.7
+    assert abs(rest["LeftToes"][1]) < 0.1
+    assert rest["LeftHand"][0] < 0 < rest["RightHand"][0]
+
+
+@pytest.mark.parametrize("rotation", [(0.0,) * 4, (1e300,) * 4, (1e-20,) * 4])
+def test_a_rotation_that_is_none_is_no_rotation(rotation: tuple[float, ...]) -> None:
+    """Zeros, and numbers too large or small to have a direction, leave the bone as it is."""
+    bones = (Bone("a", "", (0.0, 0.0, 0.0)), Bone("b", "a", (1.0, 0.0, 0.0)))
+    assert world_positions(bones, {"a": (None, rotation)})["b"] == (1.0, 0.0, 0.0)  # type: ignore[dict-item]  # of four
+
+
+def test_a_rotation_is_made_a_unit() -> None:
+    """A quaternion of another length than one turns, and does not stretch."""
+    bones = (Bone("a", "", (0.0, 0.0, 0.0)), Bone("b", "a", (1.0, 0.0, 0.0)))
+    placed = world_positions(bones, {"a": (None, (0.0, 0.0, 3.0, 3.0))})
+    np.testing.assert_allclose(placed["b"], (0.0, 1.0, 0.0), atol=1e-12)

@@ -1,0 +1,177 @@
+"""The mapper: which message says what, for whom and of which joint, whatever numbers and names it comes with."""
+
+from __future__ import annotations
+
+import pytest
+from golden import message
+
+from kinespace.stream.feeds import Mapper, builtin_preset
+from kinespace.stream.feeds.message_reader import LONGEST_PERFORMER, MessageError, Reading
+from kinespace.stream.feeds.preset import Means, parse_preset
+from kinespace.stream.oscpacket import Message, decode_packet
+
+JOINTS = '[joints]\nhand = "lhand"\nhead = "head"\nneck = ""\n'
+
+
+def mapper(text: str) -> Mapper:
+    """Make a mapper of a preset's text, port and joints added."""
+    return Mapper(parse_preset(f"port = 1\n{text}\n{JOINTS}", "mine", "mine.toml"))
+
+
+def read(target: Mapper, packet: bytes) -> Reading:
+    """Read one message that is understood."""
+    (decoded,) = decode_packet(packet)
+    reading = target.read(decoded)
+    assert reading is not None
+    return reading
+
+
+LOOSE = mapper(
+    """
+[[message]]
+address = "/{performer}/at/{joint}"
+arguments = ["x", "y", "z"]
+[[message]]
+address = "/at"
+arguments = ["=pos", "joint", "performer", "x", "y", "z"]
+"""
+)
+
+
+def test_addresses_name_joint_and_performer() -> None:
+    """What stands in the placeholders' places is taken, capitals in the rest of the address passed over."""
+    reading = read(LOOSE, message("/Ada/AT/Hand", "fff", 1.0, 2.0, 3.0))
+    assert (reading.performer, reading.sightings[0].joint) == ("Ada", "hand")
+    assert reading.sightings[0].position == (1.0, 2.0, 3.0)
+
+
+def test_further_arguments_are_passed_over() -> None:
+    """More arguments than the preset knows do no harm."""
+    assert read(LOOSE, message("/a/at/hand", "fffsi", 1.0, 2.0, 3.0, "more", 4)).sightings
+
+
+def test_a_text_that_must_stand_there_decides() -> None:
+    """With another text in its place the message is somebody else's, with fewer arguments after it a wrong one."""
+    assert read(LOOSE, message("/at", "sssfff", "pos", "head", "p", 1.0, 2.0, 3.0)).performer == "p"
+    (other,) = decode_packet(message("/at", "sss", "quat", "head", "p"))
+    assert LOOSE.read(other) is None
+    (short,) = decode_packet(message("/at", "sss", "pos", "head", "p"))
+    with pytest.raises(MessageError, match="/at: expected other arguments, got 3"):
+        LOOSE.read(short)
+
+
+@pytest.mark.parametrize("performer", [7, 7.0, "7"])
+def test_numbers_are_names_too(performer: object) -> None:
+    """A performer's id may be an integer, a whole float or text: it is the same performer."""
+    reading = LOOSE.read(Message("/at", ["pos", "hand", performer, 1.0, 2, 3.0]))
+    assert reading is not None
+    assert reading.performer == "7"
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["pos", "hand", True, 1.0, 2.0, 3.0],
+        ["pos", "hand", 1.5, 1.0, 2.0, 3.0],
+        ["pos", "hand", "", 1.0, 2.0, 3.0],
+        ["pos", "hand", "p" * (LONGEST_PERFORMER + 1), 1.0, 2.0, 3.0],
+        ["pos", None, "p", 1.0, 2.0, 3.0],
+        ["pos", "hand", "p", "1.0", 2.0, 3.0],
+        ["pos", "hand", "p", 1.0, True, 3.0],
+        ["pos", "hand", "p", 1.0, 2.0, [3.0]],
+        ["pos", b"hand", "p", 1.0, 2.0, 3.0],
+    ],
+)
+def test_wrong_types_are_refused(arguments: list[object]) -> None:
+    """A name that is none, a number that is none: the message is refused as a whole."""
+    with pytest.raises(MessageError):
+        LOOSE.read(Message("/at", arguments))
+
+
+def test_a_joint_nobody_named_is_remembered() -> None:
+    """A joint the preset does not name is passed over and can be shown; one without counterpart is known."""
+    target = mapper('[[message]]\naddress = "/{joint}"\narguments = ["x", "y", "z"]')
+    assert not read(target, message("/tail", "fff", 1.0, 2.0, 3.0)).sightings
+    assert read(target, message("/neck", "fff", 1.0, 2.0, 3.0)).sightings
+    assert target.unknown == {"tail"}
+
+
+def test_what_is_not_there_is_no_number() -> None:
+    """None, NaN and infinity in a coordinate say that the joint is not seen."""
+    for coordinate in (None, float("nan"), float("inf")):
+        reading = LOOSE.read(Message("/p/at/hand", [1.0, coordinate, 3.0]))
+        assert reading is not None
+        assert reading.sightings[0].position is None
+
+
+def test_the_first_rule_that_fits_is_used() -> None:
+    """Two rules of one address are told apart by their arguments' number and kind."""
+    target = Mapper(builtin_preset("natnet2osc"))
+    bone = ("Hip", 1.0, 2.0, 3.0, 0.0, 0.0, 0.0, 1.0)
+    offsets = (2, 0.0, 0.0, 0.0)
+    short = read(target, message("/skeleton", "si" + "sfffffff" * 3, "Jan", 1, *bone * 3))
+    long = read(target, message("/skeleton", "si" + "sfffffffifff" * 2, "Jan", 1, *(bone + offsets) * 2))
+    assert (len(short.sightings), len(long.sightings)) == (3, 2)
+    for reading in (short, long):
+        assert {sighting.position for sighting in reading.sightings} == {(1.0, 2.0, 3.0)}
+
+
+def test_numbers_of_joints_are_taught_by_the_sender() -> None:
+    """A number is the preset's joint at that place until the sender gives it a name; each performer's own."""
+    target = Mapper(builtin_preset("natnetthree2osc"))
+    place = message("/skeleton/1/bone/5/position", "fff", 1.0, 2.0, 3.0)
+    assert read(target, place).sightings[0].joint == "Head"
+    taught = read(target, message("/motive/skeleton/id/bone", "iis", 1, 5, "LHand"))
+    assert taught.means is Means.NAME
+    assert read(target, place).sightings[0].joint == "LHand"
+    other = message("/skeleton/2/bone/5/position", "fff", 1.0, 2.0, 3.0)
+    assert read(target, other).sightings[0].joint == "Head"
+
+
+def test_the_order_of_joints_is_taught_by_the_sender() -> None:
+    """After /motion/skeleton with another order, the same numbers are other joints'."""
+    target = Mapper(builtin_preset("native"))
+    frame = message("/motion/frame", "sd" + "f" * 6, "p", 1.0, *[1.0] * 3, *[2.0] * 3)
+    assert [sighting.joint for sighting in read(target, frame).sightings] == ["root", "lhipjoint"]
+    read(target, message("/motion/skeleton", "sss", "p", "head", "root"))
+    assert [sighting.joint for sighting in read(target, frame).sightings] == ["head", "root"]
+
+
+def test_more_joints_than_names_are_refused() -> None:
+    """A whole frame with more joints than the order has, or a broken group, is a wrong message; fewer are taken."""
+    target = Mapper(builtin_preset("nimate-omni"))
+    assert len(read(target, message("/skeleton", "f" * 42, *[1.0] * 42)).sightings) == 14
+    for count in (48, 44, 0):
+        with pytest.raises(MessageError):
+            target.read(Message("/skeleton", [1.0] * count))
+
+
+def test_nobody_is_there() -> None:
+    """`/mediapipe/pose 0` says that nobody is there, with or without anything after it."""
+    target = Mapper(builtin_preset("mediapipe"))
+    assert not read(target, message("/mediapipe/pose", "i", 0)).present
+    assert not read(target, message("/mediapipe/pose", "iffff", 0, *[1.0] * 4)).present
+
+
+def test_a_user_is_lost() -> None:
+    """OSCeleton's `/lost_user` says who has left."""
+    reading = read(Mapper(builtin_preset("osceleton")), message("/lost_user", "i", 3))
+    assert (reading.performer, reading.present) == ("3", False)
+
+
+def test_a_time_of_64_bits_comes_in_two_halves() -> None:
+    """QTM's microseconds are put together from two integers, the low one with or without a sign."""
+    target = Mapper(builtin_preset("qtm"))
+    for low, expected in ((5, (3 << 32) + 5), (-2, (3 << 32) + 2**32 - 2)):
+        reading = read(target, message("/qtm/data", "iiiiiii", 3, low, 0, 1, 0, 0, 1))
+        assert reading.time == pytest.approx(expected * 1e-6)
+
+
+def test_memory_is_bounded() -> None:
+    """Somebody who makes up addresses, joints and names finds an end to what is remembered."""
+    target = Mapper(builtin_preset("natnetthree2osc"))
+    for number in range(9000):
+        target.read(Message(f"/skeleton/p{number}/bone/x{number}/position", [1.0, 2.0, 3.0]))
+        target.read(Message("/motive/skeleton/id/bone", [f"p{number}", number, "Hip"]))
+    sizes = [len(getattr(target, name)) for name in ("_ways", "_taught", "_resolved", "unknown")]
+    assert max(sizes) <= 4096

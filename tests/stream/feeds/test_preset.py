@@ -1,0 +1,229 @@
+"""Presets: those that come along are whole, and a mistake in one's own is one line that says what and where."""
+
+from __future__ import annotations
+
+from importlib import resources
+from typing import TYPE_CHECKING
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from kinespace.library.hdm05 import SKELETON
+from kinespace.stream.feeds import PresetError, builtin_names, builtin_preset, load_preset
+from kinespace.stream.feeds.preset import Closing, Means, parse_preset, spelling
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+GOOD = """
+port = 7000
+[[message]]
+address = "/joint/{joint}"
+arguments = ["x", "y", "z"]
+[joints]
+hand = "lhand"
+head = "head"
+"""
+
+
+@pytest.mark.parametrize("name", builtin_names())
+def test_presets_that_come_along_are_whole(name: str) -> None:
+    """Each has a product, a port, something to set, and at least nine joints, all of them HDM05's."""
+    preset = builtin_preset(name)
+    assert preset.name == name
+    assert preset.product
+    assert "nothing: this is your own" not in preset.sender
+    assert 1 <= preset.port <= 65535
+    assert len(preset.joints) >= 9
+    assert set(preset.joints) <= set(SKELETON.joints)
+    assert {Closing.TIMEOUT} <= preset.closings.by
+    assert any(rule.means in (Means.JOINT, Means.FRAME) for rule in preset.messages)
+
+
+def test_the_presets_are_those_that_lie_there() -> None:
+    """Every TOML file of the package is listed, and every listed preset is a file."""
+    files = {path.name for path in resources.files("kinespace.stream.feeds").iterdir() if path.name.endswith(".toml")}
+    assert files == {f"{name}.toml" for name in builtin_names()}
+
+
+@pytest.mark.parametrize("name", builtin_names())
+def test_a_copy_is_the_same_preset(name: str, tmp_path: Path) -> None:
+    """Copied to a file of one's own, a preset means the same."""
+    path = tmp_path / "mine.toml"
+    path.write_text(
+        (resources.files("kinespace.stream.feeds") / f"{name}.toml").read_text(encoding="utf-8"), encoding="utf-8"
+    )
+    mine, theirs = load_preset(path), builtin_preset(name)
+    assert mine.name == "mine"
+    for field in ("port", "joints", "messages", "closings", "order", "bones", "axes", "metres", "asking", "seconds"):
+        assert getattr(mine, field) == getattr(theirs, field)
+
+
+def test_the_least_that_is_needed_is_little() -> None:
+    """A port, a message and two joints are a preset; the rest has defaults."""
+    preset = parse_preset(GOOD, "mine", "mine.toml")
+    assert (preset.port, preset.joints, preset.performer) == (7000, ("lhand", "head"), "mine")
+    assert preset.closings.by == {Closing.REPEAT, Closing.TIMEOUT}
+    assert (preset.metres, preset.axes, preset.sender_clock) == ((1.0,) * 3, ((0, 1.0), (1, 1.0), (2, 1.0)), False)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("port = 7000", "", "port: expected a number from 1 to 65535, got nothing"),
+        (
+            "port = 7000",
+            "prot = 7000",
+            "port: expected a number from 1 to 65535, got nothing, but 'prot', which is no key",
+        ),
+        (
+            "[[message]]",
+            "[[mesage]]",
+            "message: expected at least one that holds x, y and z, got nothing, but 'mesage'",
+        ),
+        ("address =", "adress =", "message 1, address: expected text, got nothing, but 'adress', which is no key"),
+        ("port = 7000", "port = 7000\nxyzzy = 1", "xyzzy: no such key: expected one of ask"),
+        ("port = 7000", "port = 70000", "port: expected a number from 1 to 65535, got 70000"),
+        ("port = 7000", "port = 7000.5", "port: expected a whole number from 1 to 65535, got 7000.5"),
+        ("port = 7000", 'port = "x"', "port: expected a number from 1 to 65535, got 'x'"),
+        ("port = 7000", f"port = 1{'0' * 400}", "port: expected a number from 1 to 65535, got 1000"),
+        (
+            "port = 7000",
+            "port = 7000\nprot = 1",
+            "prot: no such key, perhaps port is meant: expected one of ask, axes, bones, c",
+        ),
+        ("port = 7000", "port = 7000\nmetres = [1, 2]", "metres: expected 3 numbers, got [1, 2]"),
+        ("port = 7000", "port = 7000\nmetres = 0", "metres: expected numbers above 0, got 0"),
+        ("port = 7000", "port = 7000\nmetres = inf", "metres: expected 3 numbers, got inf"),
+        ("port = 7000", 'port = 7000\naxes = "x y"', "axes: expected x, y and z in some order"),
+        ("port = 7000", 'port = 7000\naxes = "x --y z"', "axes: expected x, y and z in some order"),
+        ("port = 7000", 'port = 7000\nclock = "mine"', "clock: expected one of arrival, sender, got 'mine'"),
+        ("port = 7000", "port = 7000\nframe = 1", "frame: expected a table, got 1"),
+        (
+            "port = 7000",
+            'port = 7000\norder = ["tail"]',
+            "order: expected names that stand in [joints], and not 'tail'",
+        ),
+        ("port = 7000", 'port = 7000\norder = ["head", "Head"]', "order: expected distinct names"),
+        ("[[message]]", "[frame]\nhold = -1\n[[message]]", "frame, hold: expected a number from 0 to 10, got -1"),
+        ("[[message]]", '[frame]\nclose = ["soon"]\n[[message]]', "frame, close: expected some of end, bundle"),
+        (
+            "[[message]]",
+            '[frame]\nwords = { Good = "x" }\n[[message]]',
+            "frame, words, Good: expected a number, got 'x'",
+        ),
+        (
+            "[[message]]",
+            "[frame]\nholdd = 1\n[[message]]",
+            "frame, holdd: no such key, perhaps hold is meant: expected",
+        ),
+        ('"/joint/{joint}"', '"joint"', "message 1, address: expected an address that begins with /, got 'joint'"),
+        (
+            '"/joint/{joint}"',
+            '"/{bone}"',
+            "message 1, address: expected only {joint}, {performer}, {skip}, {any} in br",
+        ),
+        ('"/joint/{joint}"', '"/{joint}/{joint}"', "message 1, address: expected each of {joint} and {performer} once"),
+        ('"/joint/{joint}"', '"/joint"', "message: expected at least one that holds x, y and z"),
+        ('"x", "y", "z"', '"x", "y"', "message 1, arguments: expected joint, x, y, z in a joint message, z too"),
+        ('"x", "y", "z"', '"x", "y", "z", "w"', "message 1, arguments: expected roles out of joint"),
+        ('"x", "y", "z"', '"x", "y", "z", "x"', "message 1, arguments: expected each role but skip once"),
+        ('"x", "y", "z"', '"x", "y", "z", "qx"', "message 1, arguments: expected all of qx, qy, qz, qw or none"),
+        ('arguments = ["x", "y", "z"]', 'each = ["x", "y", "z"]', "order: expected the joints' order"),
+        ('head = "head"', "", "joints: expected at least two joints"),
+        ('head = "head"', "head = 1", "joints, head: expected text, got 1"),
+        ('head = "head"', 'Hand = "head"', "joints: expected names that differ in more than capitals"),
+        (
+            'head = "head"',
+            'head = "head"\n[bones]\nhand = {}',
+            "joints: expected names that stand in [bones], and not 'hea",
+        ),
+        (
+            'head = "head"',
+            'head = "head"\n[bones]\nhead = { parent = "hand" }\nhand = {}',
+            "bones, head, parent: expected a bone that stands before this one, got 'hand'",
+        ),
+        ('head = "head"', 'head = "head"\n[bones]\nhead = {}\nhand = {}', "message: expected one with qx, qy, qz, qw"),
+        ('head = "head"', 'head = "head"\n[ask]\nport = 1', "ask, message: expected at least one [[ask.message]]"),
+        (
+            'head = "head"',
+            'head = "head"\n[ask]\nport = 1\n[[ask.message]]\naddress = "x"',
+            "ask, message 1, address: ex",
+        ),
+        ("port = 7000", "port =", "expected TOML, got a mistake: Invalid value (at line 2"),
+    ],
+)
+def test_a_mistake_is_one_line(old: str, new: str, said: str) -> None:
+    """File, key, expectation and what was got, in one line."""
+    assert old in GOOD
+    with pytest.raises(PresetError) as caught:
+        parse_preset(GOOD.replace(old, new), "mine", "mine.toml")
+    told = str(caught.value)
+    assert told.startswith(f"mine.toml: {said}")
+    assert "\n" not in told
+    assert ", got " in told
+
+
+def test_what_is_not_there_is_said() -> None:
+    """An unknown name says which there are; a file that is missing is the system's error."""
+    with pytest.raises(PresetError, match=r"feed: expected a .toml file or one of native, .*, got 'kinect'"):
+        builtin_preset("kinect")
+
+
+def test_a_file_that_is_no_text_is_said(tmp_path: Path) -> None:
+    """Bytes that are no UTF-8 are said to be none, with the file's name."""
+    path = tmp_path / "mine.toml"
+    path.write_bytes(b'port = "\xff"')
+    with pytest.raises(PresetError, match=r"mine\.toml: expected UTF-8 text, got byte 8"):
+        load_preset(path)
+    with pytest.raises(FileNotFoundError):
+        load_preset(tmp_path / "nothing.toml")
+
+
+def test_names_are_compared_without_capitals_and_what_is_between_words() -> None:
+    """LeftHand, left_hand and LEFT HAND are one joint's name."""
+    assert len({spelling(name) for name in ("LeftHand", "left_hand", "LEFT HAND", "left-hand")}) == 1
+
+
+def refusal(text: str) -> str:
+    """Say why a preset is refused; nothing when it is not."""
+    try:
+        parse_preset(text, "mine", "mine.toml")
+    except PresetError as error:
+        return str(error)
+    return ""
+
+
+@given(st.sampled_from(GOOD.split("\n")[1:]), st.text(max_size=30))
+def test_no_text_raises_anything_else(line: str, put: str) -> None:
+    """Whatever stands in a line's place, a preset is read or one PresetError of one line is raised."""
+    told = refusal(GOOD.replace(line, put))
+    assert told == "" or told.startswith("mine.toml: ")
+    assert "\n" not in told
+
+
+_KEYS = ("port", "rate", "metres", "axes", "clock", "seconds", "frame", "message", "joints", "order", "bones", "ask")
+_VALUES = (
+    "1",
+    "-1",
+    "inf",
+    "nan",
+    "true",
+    '""',
+    '"x"',
+    "[]",
+    "[1]",
+    '["x"]',
+    "{}",
+    "{x = 1}",
+    "[{}]",
+    "{x = {}}",
+    "1979-05-27",
+)
+
+
+@given(st.sampled_from(_KEYS), st.sampled_from(_VALUES))
+def test_no_value_raises_anything_else(key: str, value: str) -> None:
+    """Any key with a value of any kind is taken or refused by a PresetError of one line."""
+    assert "\n" not in refusal(f"{key} = {value}\n{GOOD}")

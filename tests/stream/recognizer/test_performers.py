@@ -1,0 +1,370 @@
+"""Several performers: each recognised as if alone, followed from first frame to silence, bounded in number."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from synthetic import STICK, STICK_CLASSES, stick_clip
+
+from kinespace.stream.frame import Announcement, Frame
+from kinespace.stream.recognizer import Performers, Recognizer, Settings
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from kinespace.library.motion_library import MotionLibrary
+    from kinespace.stream.recognition import Recognition
+
+POSE = stick_clip("bow").positions[0]
+
+
+@pytest.fixture(scope="module")
+def library(sticks: MotionLibrary) -> MotionLibrary:
+    return sticks
+
+
+def _frames(performer: str, class_name: str, *, frames: int = 200, start: float = 0.0) -> list[Frame]:
+    positions = stick_clip(class_name, seed=70, frames=frames).positions
+    return [Frame(performer, start + index / 120, each) for index, each in enumerate(positions)]
+
+
+def _reordered(frames: Sequence[Frame], order: Sequence[int]) -> list[Frame]:
+    return [dataclasses.replace(frame, positions=frame.positions[list(order)]) for frame in frames]
+
+
+def _pushed(performers: Performers, frames: Sequence[Frame], arrival: float = 0.0) -> list[Recognition]:
+    return [answer for frame in frames if (answer := performers.push(frame, arrival)) is not None]
+
+
+def _alone(library: MotionLibrary, frames: Sequence[Frame]) -> list[Recognition]:
+    recognizer = Recognizer(library)
+    return [answer for frame in frames if (answer := recognizer.push(frame)) is not None]
+
+
+def _assert_same(first: Sequence[Recognition], second: Sequence[Recognition]) -> None:
+    """Demand the same answers, number for number."""
+    assert len(first) == len(second) > 0
+    for one, other in zip(first, second, strict=True):
+        assert np.array_equal(one.scores, other.scores)
+        assert (one.performer, one.time, one.label) == (other.performer, other.time, other.label)
+
+
+# --- each as if alone --------------------------------------------------------------------------------------------
+
+
+@given(seed=st.integers(0, 2**32 - 1))
+@settings(max_examples=10)
+def test_interleaved_feeds_are_recognised_as_if_alone(library: MotionLibrary, seed: int) -> None:
+    """However the frames of several performers are mixed, each gets the answers that it gets alone."""
+    generator = np.random.default_rng(seed)
+    feeds = {name: _frames(name, name, start=100.0 * place) for place, name in enumerate(STICK_CLASSES)}
+    turns = generator.permutation(np.repeat(STICK_CLASSES, 200)).tolist()
+    waiting = {name: iter(feed) for name, feed in feeds.items()}
+    performers = Performers(library)
+    answers = _pushed(performers, [next(waiting[name]) for name in turns])
+    assert set(performers.names) == set(STICK_CLASSES)
+    for name, feed in feeds.items():
+        _assert_same([answer for answer in answers if answer.performer == name], _alone(library, feed))
+    assert performers.counts.recognizers.frames == 600
+    assert performers.counts.recognizers.hops == len(answers)
+
+
+@given(seed=st.integers(0, 2**32 - 1), most=st.sampled_from([1, 4, 40]))
+@settings(max_examples=15)
+def test_what_comes_together_is_recognised_as_if_one_by_one(library: MotionLibrary, seed: int, most: int) -> None:
+    """In batches of any sizes, mixed in any way, with announcements in between: the answers are those one by one."""
+    generator = np.random.default_rng(seed)
+    order = [5, 4, 3, 2, 1, 0]
+    reordered = Announcement("bow", tuple(STICK.joints[index] for index in order))
+    feeds: dict[str, list[Frame | Announcement]] = {
+        name: list(_frames(name, name, frames=260, start=100.0 * place)) for place, name in enumerate(STICK_CLASSES)
+    }
+    feeds["bow"] = [*feeds["bow"][:90], reordered, *_reordered(_frames("bow", "bow", frames=260)[90:], order)]
+    turns = [name for name, feed in feeds.items() for _ in feed]
+    generator.shuffle(turns)
+    waiting = {name: iter(feed) for name, feed in feeds.items()}
+    events = [next(waiting[name]) for name in turns]
+    together, single = Performers(library), Performers(library)
+    found: list[Recognition | None] = []
+    while len(found) < len(events):
+        size = int(generator.integers(0, most + 1))
+        answers = together.push_all(events[len(found) : len(found) + size], 0.0)
+        assert len(answers) == min(size, len(events) - len(found))
+        found += answers
+    for event, answer in zip(events, found, strict=True):
+        if isinstance(event, Announcement):
+            single.announce(event, 0.0)
+            assert answer is None
+            continue
+        expected = single.push(event, 0.0)
+        assert (answer is None) == (expected is None)
+        if answer is not None and expected is not None:
+            assert answer.scores == pytest.approx(expected.scores, abs=1e-6)
+            assert (answer.performer, answer.time, answer.label) == (event.performer, event.time, expected.label)
+    assert together.counts == single.counts
+    assert together.counts.recognizers.hops > 50
+
+
+def test_the_settings_are_every_recognisers(library: MotionLibrary) -> None:
+    """What is set for all holds for each: with a hop of 0 every frame from the first answered on is answered."""
+    performers = Performers(library, Settings(hop=0))
+    for name in ("a", "b"):
+        assert len(_pushed(performers, _frames(name, "jump"))) == 200 - 18
+
+
+# --- joints ------------------------------------------------------------------------------------------------------
+
+
+def test_joints_may_come_in_any_order(library: MotionLibrary) -> None:
+    """A feed that announces its joints in another order, with some more among them, gets the same answers."""
+    frames = _frames("p", "wave")
+    order = [5, 2, 0, 4, 1, 3]
+    names = ["tail", *(STICK.joints[index] for index in order), "hat"]
+    mixed = [
+        dataclasses.replace(frame, positions=np.vstack([[[9.0, 9.0, 9.0]], frame.positions[order], POSE[:1]]))
+        for frame in frames
+    ]
+    performers = Performers(library)
+    performers.announce(Announcement("p", tuple(names)), 0.0)
+    _assert_same(_pushed(performers, mixed), _alone(library, frames))
+
+
+def test_an_announced_order_outlives_a_silence(library: MotionLibrary) -> None:
+    """Joints said once, before a silence in which the performer was dropped, still hold for the frames after it."""
+    order = list(range(len(STICK.joints)))[::-1]
+    performers = Performers(library, silence=1.0)
+    performers.announce(Announcement("a", tuple(STICK.joints[index] for index in order)), 0.0)
+    performers.drop_silent(10.0)
+    assert performers.names == ()
+    answers = _pushed(performers, _reordered(_frames("a", "bow"), order), 10.0)
+    _assert_same(answers, _alone(library, _frames("a", "bow")))
+
+
+def test_announcements_of_strangers_do_not_pile_up(library: MotionLibrary) -> None:
+    """Who announces under ever new names is remembered for so many of them only."""
+    performers = Performers(library, most=2, silence=1.0)
+    order = list(range(len(STICK.joints)))[::-1]
+    backwards = tuple(STICK.joints[index] for index in order)
+    for stranger in range(100):
+        performers.announce(Announcement(f"s{stranger}", backwards), 2.0 * stranger)
+    performers.drop_silent(1000.0)
+    answers = _pushed(performers, _frames("s0", "bow"), 1000.0)
+    _assert_same(answers, _alone(library, _frames("s0", "bow")))
+
+
+def test_without_an_announcement_the_skeletons_own_order_is_assumed(library: MotionLibrary) -> None:
+    """Frames of the right number of joints are taken as the library's skeleton, announced so or not."""
+    frames = _frames("p", "wave")
+    _assert_same(_pushed(Performers(library), frames), _alone(library, frames))
+    announced = Performers(library)
+    announced.announce(Announcement("p", STICK.joints), 0.0)
+    _assert_same(_pushed(announced, frames), _alone(library, frames))
+
+
+@pytest.mark.parametrize("before", [0, 150])
+def test_saying_what_was_assumed_changes_nothing(library: MotionLibrary, before: int) -> None:
+    """The skeleton's own joints announced at any moment, again and again, leave the window as it is."""
+    frames = _frames("p", "jump")
+    performers, answers = Performers(library), []
+    for index, frame in enumerate(frames):
+        if index >= before:
+            performers.announce(Announcement("p", STICK.joints), 0.0)
+        answers += _pushed(performers, [frame])
+    _assert_same(answers, _alone(library, frames))
+
+
+def test_a_repeated_announcement_changes_nothing(library: MotionLibrary) -> None:
+    """Another order, announced every second as senders do, begins no new window."""
+    order = [3, 1, 0, 2, 5, 4]
+    frames = _frames("p", "wave")
+    performers, answers = Performers(library), []
+    for frame in _reordered(frames, order):
+        performers.announce(Announcement("p", tuple(STICK.joints[index] for index in order)), 0.0)
+        answers += _pushed(performers, [frame])
+    _assert_same(answers, _alone(library, frames))
+
+
+def test_other_joints_begin_a_new_window(library: MotionLibrary) -> None:
+    """Once other joints are announced the window holds only frames that came after, in the new order."""
+    performers = Performers(library)
+    first = _pushed(performers, _frames("p", "bow"))
+    order = [1, 0, 3, 2, 5, 4]
+    performers.announce(Announcement("p", tuple(STICK.joints[index] for index in order)), 0.0)
+    after = _frames("p", "wave", start=200 / 120)
+    answers = _pushed(performers, _reordered(after, order))
+    assert {answer.label for answer in first} == {"bow"}
+    _assert_same(answers, _alone(library, after))
+
+
+def test_one_performers_joints_are_not_anothers(library: MotionLibrary) -> None:
+    """An announcement says what its own performer's frames hold."""
+    performers = Performers(library)
+    performers.announce(Announcement("a", STICK.joints[::-1]), 0.0)
+    frames = _frames("b", "jump")
+    _assert_same(_pushed(performers, frames), _alone(library, frames))
+
+
+@pytest.mark.parametrize("joints", [STICK.joints[:5], ("nobody", *STICK.joints[1:]), ("x",)])
+def test_frames_of_joints_that_do_not_cover_the_skeleton_are_counted(
+    library: MotionLibrary, joints: tuple[str, ...]
+) -> None:
+    """With a joint missing or unknown no frame is used, whatever its size, until joints are announced that do."""
+    performers = Performers(library)
+    performers.announce(Announcement("p", joints), 0.0)
+    assert performers.push(Frame("p", 0.0, np.zeros((len(joints), 3))), 0.0) is None
+    assert performers.push(Frame("p", 0.1, np.zeros((6, 3))), 0.0) is None
+    assert (performers.counts.other_joints, performers.counts.recognizers.frames) == (2, 0)
+    performers.announce(Announcement("p", STICK.joints), 0.0)
+    frames = _frames("p", "bow")
+    _assert_same(_pushed(performers, frames), _alone(library, frames))
+    assert performers.counts.other_joints == 2
+
+
+@pytest.mark.parametrize("announced", [False, True])
+@pytest.mark.parametrize("joints", [0, 5, 7, 31])
+def test_frames_of_another_size_are_counted_and_passed_over(
+    library: MotionLibrary, joints: int, *, announced: bool
+) -> None:
+    """Between valid frames, frames of another number of joints than announced or assumed cost nothing but a count."""
+    performers = Performers(library)
+    if announced:
+        performers.announce(Announcement("p", STICK.joints), 0.0)
+    frames = _frames("p", "bow")
+    answers = []
+    for frame in frames:
+        answers += _pushed(performers, [frame, Frame("p", frame.time + 0.001, np.zeros((joints, 3)))])
+    _assert_same(answers, _alone(library, frames))
+    assert performers.counts.other_joints == len(frames)
+
+
+def test_a_larger_announced_body_does_not_pass_as_the_assumed_one(library: MotionLibrary) -> None:
+    """A sender that announced eight joints and sends six has its frames refused: which six is not known."""
+    performers = Performers(library)
+    performers.announce(Announcement("p", (*STICK.joints, "hat", "tail")), 0.0)
+    assert performers.push(Frame("p", 0.0, POSE), 0.0) is None
+    assert performers.push(Frame("p", 0.1, np.vstack([POSE, POSE[:2]])), 0.0) is None
+    assert (performers.counts.other_joints, performers.counts.recognizers.frames) == (1, 1)
+
+
+# --- coming and going --------------------------------------------------------------------------------------------
+
+
+def test_performers_come_with_their_first_frame_or_announcement(library: MotionLibrary) -> None:
+    """Performers are followed, in the order in which they were first heard of."""
+    performers = Performers(library)
+    assert (len(performers), performers.names) == (0, ())
+    performers.push(Frame("b", 0.0, POSE), 0.0)
+    performers.announce(Announcement("a", STICK.joints), 0.0)
+    performers.push(Frame("b", 0.1, POSE), 0.0)
+    assert (len(performers), performers.names) == (2, ("b", "a"))
+
+
+def test_the_silent_are_dropped_and_their_counts_kept(library: MotionLibrary) -> None:
+    """Only who was not heard for longer than the silence goes, by the arrivals' clock; what was counted stays."""
+    performers = Performers(library, silence=2.0)
+    performers.push(Frame("a", 900.0, POSE), 10.0)
+    performers.push(Frame("b", 5.0, POSE), 10.5)
+    performers.announce(Announcement("c", STICK.joints), 11.0)
+    performers.drop_silent(12.0)
+    assert performers.names == ("a", "b", "c")
+    performers.drop_silent(12.6)
+    assert performers.names == ("c",)
+    assert performers.counts.dropped == 2
+    assert performers.counts.recognizers.frames == 2
+    performers.push(Frame("a", 901.0, POSE), 12.7)
+    assert performers.counts.recognizers.frames == 3
+
+
+def test_at_the_end_all_that_goes_on_is_ended_once(library: MotionLibrary) -> None:
+    """Whoever is in the middle of a motion ends it, with the last frame's time; who is not has nothing to end."""
+    performers = Performers(library)
+    for name, class_name in (("a", "bow"), ("b", "wave")):
+        positions = stick_clip(class_name, seed=81, frames=240).positions
+        for index, each in enumerate(positions):
+            performers.push(Frame(name, 1.0 + index / 120, each), index / 120)
+    performers.push(Frame("c", 1.0, POSE), 2.0)
+    ended = performers.end()
+    assert [(event.performer, str(event.kind), event.label) for event in ended] == [
+        ("a", "end", "bow"),
+        ("b", "end", "wave"),
+    ]
+    assert [event.time for event in ended] == pytest.approx([1.0 + 239 / 120] * 2)
+    assert performers.end() == []
+
+
+@pytest.mark.parametrize("heard", ["frames", "announcements", "bad frames"])
+def test_who_goes_on_is_not_dropped(library: MotionLibrary, heard: str) -> None:
+    """Anything that comes of a performer, used or not, breaks the silence."""
+    performers = Performers(library, silence=2.0)
+    for second in range(10):
+        if heard == "announcements":
+            performers.announce(Announcement("p", STICK.joints), float(second))
+        else:
+            performers.push(Frame("p", 1.0, POSE if heard == "frames" else POSE[:2]), float(second))
+        performers.drop_silent(second + 1.5)
+        assert performers.names == ("p",)
+    performers.drop_silent(12.0)
+    assert performers.names == ()
+
+
+def test_who_comes_back_after_silence_is_new(library: MotionLibrary) -> None:
+    """A performer who was dropped starts with an empty window, even if the frames' own clock shows no gap."""
+    performers = Performers(library, silence=2.0)
+    first = _frames("p", "bow")
+    _pushed(performers, first, arrival=0.0)
+    performers.drop_silent(3.0)
+    back = _frames("p", "wave", start=200 / 120)
+    _assert_same(_pushed(performers, back, arrival=4.0), _alone(library, back))
+
+
+def test_there_is_room_for_only_so_many(library: MotionLibrary) -> None:
+    """Frames of one performer too many are counted and refused, and those that are followed do not suffer."""
+    performers = Performers(library, most=2)
+    frames = _frames("a", "jump")
+    performers.push(Frame("b", 0.0, POSE), 0.0)
+    answers = []
+    for index, frame in enumerate(frames):
+        answers += _pushed(performers, [frame])
+        assert performers.push(Frame(f"stranger {index}", frame.time, POSE), 0.0) is None
+        performers.announce(Announcement(f"stranger {index}", STICK.joints), 0.0)
+    _assert_same(answers, _alone(library, frames))
+    assert performers.names == ("b", "a")
+    assert performers.counts.no_room == len(frames)
+
+
+def test_the_silent_make_room(library: MotionLibrary) -> None:
+    """When there is no room, whoever fell silent makes some for who comes now."""
+    performers = Performers(library, most=1, silence=2.0)
+    performers.push(Frame("a", 0.0, POSE), 0.0)
+    performers.push(Frame("b", 0.0, POSE), 2.0)
+    assert performers.names == ("a",)
+    performers.push(Frame("b", 0.0, POSE), 2.1)
+    assert performers.names == ("b",)
+    assert (performers.counts.no_room, performers.counts.dropped) == (1, 1)
+
+
+def test_the_counts_are_a_copy(library: MotionLibrary) -> None:
+    """Counts that were read do not move on, and reading them twice counts nothing twice."""
+    performers = Performers(library)
+    performers.push(Frame("a", 0.0, POSE), 0.0)
+    before = performers.counts
+    performers.push(Frame("a", 1.0, np.zeros((2, 3))), 0.0)
+    performers.push(Frame("a", 1.0, POSE), 0.0)
+    assert (before.recognizers.frames, before.other_joints) == (1, 0)
+    assert performers.counts == performers.counts
+    assert (performers.counts.recognizers.frames, performers.counts.other_joints) == (2, 1)
+
+
+@pytest.mark.parametrize(
+    ("most", "silence", "named"),
+    [(0, 5.0, "most"), (-1, 5.0, "most"), (1, 0.0, "silence"), (1, np.inf, "silence"), (1, np.nan, "silence")],
+)
+def test_bounds_that_make_no_sense_are_refused(library: MotionLibrary, most: int, silence: float, named: str) -> None:
+    """There is room for at least one, and silence is a positive number of seconds."""
+    with pytest.raises(ValueError, match=f"{named}: expected"):
+        Performers(library, most=most, silence=silence)

@@ -1,0 +1,114 @@
+"""Frames and announcements: what crosses the border is valid, what is not is refused there and without a warning."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from kinespace.stream.frame import FARTHEST, LONGEST_PERFORMER, Announcement, Frame
+
+TYPES = st.sampled_from([np.float32, np.float64])
+#: No feed's numbers, quiet and signalling, as bytes of both types.
+SIGNALLING = {np.float32: b"\x01\x00\x80\x7f", np.float64: b"\x01\x00\x00\x00\x00\x00\xf0\x7f"}
+
+
+def _positions(joints: int = 4, dtype: type = np.float64) -> np.ndarray:
+    return np.random.default_rng(3).normal(size=(joints, 3)).astype(dtype)
+
+
+@given(dtype=TYPES, seed=st.integers(0, 2**32 - 1), scale=st.sampled_from([0.0, 1e-30, 1.0, 1e3, 1e6]))
+def test_any_stage_is_accepted(dtype: type, seed: int, scale: float) -> None:
+    """Finite positions of any size a stage may have, in any unit, in both types, make a frame and are not changed."""
+    positions = (scale * np.random.default_rng(seed).normal(size=(31, 3))).astype(dtype)
+    frame = Frame("p", 1.0, positions)
+    assert frame.positions is positions
+
+
+@given(
+    dtype=TYPES,
+    place=st.integers(0, 11),
+    value=st.sampled_from([np.nan, np.inf, -np.inf, 2 * FARTHEST, -2 * FARTHEST, 1e30, -3e38]),
+)
+def test_one_bad_number_is_enough(dtype: type, place: int, value: float) -> None:
+    """NaN, an infinity, or a joint beyond any stage is refused wherever it stands."""
+    positions = _positions(dtype=dtype)
+    positions.flat[place] = value
+    with pytest.raises(ValueError, match="positions: expected finite metres"):
+        Frame("p", 1.0, positions)
+
+
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+@pytest.mark.parametrize(
+    "values", [(np.inf, -np.inf), (np.nan, np.inf), (3e38, 3e38), (3e38, -3e38)], ids=["infinities", "both", "sum", "0"]
+)
+def test_bad_numbers_do_not_cancel(dtype: type, values: tuple[float, float]) -> None:
+    """Two bad numbers are refused like one, whatever their sum is."""
+    positions = _positions(dtype=dtype)
+    positions[0, 0], positions[2, 1] = values
+    with pytest.raises(ValueError, match="positions"):
+        Frame("p", 1.0, positions)
+
+
+@pytest.mark.parametrize("value", [1e155, -1e200, 1.7e308])
+def test_doubles_whose_squares_overflow_are_refused(value: float) -> None:
+    """A double that is finite, but whose distances are not, is no position."""
+    positions = _positions()
+    positions[1, 1] = value
+    with pytest.raises(ValueError, match="positions"):
+        Frame("p", 1.0, positions)
+
+
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+def test_signalling_nans_are_refused(dtype: type) -> None:
+    """A signalling NaN, as random bytes may hold, is refused and raises no floating-point warning."""
+    positions = np.frombuffer(SIGNALLING[dtype] * 12, dtype).reshape(4, 3)
+    with pytest.raises(ValueError, match="positions"):
+        Frame("p", 1.0, positions)
+
+
+@pytest.mark.parametrize("shape", [(), (3,), (4, 2), (4, 4), (12,), (3, 4), (1, 4, 3)])
+def test_positions_of_another_shape_are_refused(shape: tuple[int, ...]) -> None:
+    """Anything but (joints, 3) is refused, the shape that came told."""
+    with pytest.raises(ValueError, match=r"positions: expected \(joints, 3\), got \("):
+        Frame("p", 1.0, np.zeros(shape))
+
+
+@pytest.mark.parametrize("time", [np.nan, np.inf, -np.inf])
+def test_a_time_that_is_none_is_refused(time: float) -> None:
+    """A frame's time is finite."""
+    with pytest.raises(ValueError, match="time: expected finite seconds"):
+        Frame("p", time, _positions())
+
+
+@pytest.mark.parametrize("performer", ["", "x" * (LONGEST_PERFORMER + 1)])
+def test_performers_without_a_name_or_with_a_novel_are_refused(performer: str) -> None:
+    """A performer's name has 1 to 64 characters, in frames and in announcements."""
+    with pytest.raises(ValueError, match="performer: expected 1 to 64 characters"):
+        Frame(performer, 0.0, _positions())
+    with pytest.raises(ValueError, match="performer: expected 1 to 64 characters"):
+        Announcement(performer, ("a", "b"))
+
+
+@pytest.mark.parametrize("performer", ["x", "x" * LONGEST_PERFORMER, "Jürgen", "p/1", "7"])
+def test_any_other_name_will_do(performer: str) -> None:
+    """Names of 1 to 64 characters of any script are accepted."""
+    assert Frame(performer, -5.0, _positions()).performer == performer
+    assert Announcement(performer, ("a",)).performer == performer
+
+
+def test_a_frame_is_a_value() -> None:
+    """A frame's fields cannot be set, so that what was validated stays valid."""
+    frame = Frame("p", 0.0, _positions())
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        frame.time = np.nan  # type: ignore[misc]
+
+
+@pytest.mark.parametrize("joints", [(), ("",), ("hip", ""), ("hip", "knee", "hip")])
+def test_joints_are_distinct_names(joints: tuple[str, ...]) -> None:
+    """An announcement without joints, with a nameless one or with one twice is refused."""
+    with pytest.raises(ValueError, match="joints: expected distinct, non-empty names"):
+        Announcement("p", joints)

@@ -1,0 +1,225 @@
+"""Packets made to break a feed: golden ones cut, joined and changed, and noise that looks like OSC.
+
+As a program it goes on for as long as one likes:
+
+    python tests/fuzzfeeds.py --packets 1000000
+
+and ends with 1 at the first packet that raises or is not counted.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from typing import TYPE_CHECKING, Self
+
+import numpy as np
+from golden import LAYOUTS, Moment, bundle, message
+
+from kinespace.library.hdm05 import SKELETON
+from kinespace.stream import onepart, zeromq
+from kinespace.stream.feeds import builtin_names, builtin_preset
+from kinespace.stream.feeds.source import FeedSource
+from kinespace.stream.frame import Announcement, Frame
+from kinespace.stream.service import ZmqSource
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from kinespace.stream.feeds import Preset
+
+#: Bytes that mean something in OSC are tried more often than others.
+_TELLING = (b"\0", b",", b"/", b"#", b"#bundle\0", b"f", b"s", b"i", b"[", b"]", b"\xff\xff\xff\xff", b"\x7f\xc0\0\0")
+_VALUES = (0, 1, -1, 2**31 - 1, -(2**31), 0.0, -0.0, 1.0, 1e30, 3e38, float("nan"), float("inf"), "", "x" * 70, "Hips")
+
+
+class NoSocket:
+    """Stands in a receiver's place and gives what it is told to."""
+
+    def __init__(self) -> None:
+        self.packet: bytes | None = None
+        self.sender: tuple[str, int] | None = ("10.0.0.7", 5000)
+        self.kernel_drops = 0
+        self.address = ("127.0.0.1", 7000)
+        self.socket = self
+
+    def receive(self) -> bytes | None:
+        """Give the packet once."""
+        packet, self.packet = self.packet, None
+        return packet
+
+    def broken(self) -> int:
+        """Have no connections."""
+        return 0
+
+    def send_to(self, datagram: bytes, target: tuple[str, int]) -> bool:
+        """Send nothing."""
+        return bool(datagram and target)
+
+    def close(self) -> None:
+        """Nothing to close."""
+
+    def __enter__(self) -> Self:
+        return self
+
+
+def golden_packets(preset: str) -> list[bytes]:
+    """Give a few frames of every layout of a preset."""
+    generator = np.random.default_rng(1)
+    packets: list[bytes] = []
+    for name, (own, layout) in LAYOUTS.items():
+        if own == preset:
+            for number in range(3):
+                places = dict(zip(SKELETON.joints, generator.normal(size=(31, 3)), strict=True))
+                packets += layout(Moment(places, 1.0 + number / 30, number))
+            assert packets, name
+    return packets
+
+
+def broken(packets: list[bytes], generator: np.random.Generator) -> Iterator[bytes]:
+    """Give packets without end: as they are, cut, changed, joined, repeated, nested, with other arguments, noise."""
+    while True:
+        packet = packets[generator.integers(len(packets))]
+        match generator.integers(9):
+            case 0:
+                yield packet
+            case 1:
+                yield packet[: generator.integers(len(packet) + 1)]
+            case 2 | 3:
+                changed = bytearray(packet)
+                for _ in range(generator.integers(1, 6)):
+                    place = int(generator.integers(len(changed)))
+                    telling = _TELLING[generator.integers(len(_TELLING))]
+                    changed[place : place + len(telling)] = telling
+                yield bytes(changed)
+            case 4:
+                changed = bytearray(packet)
+                changed[generator.integers(len(changed))] = generator.integers(256)
+                yield bytes(changed)
+            case 5:
+                yield packet + packets[generator.integers(len(packets))]
+            case 6:
+                yield bundle(packet, packets[generator.integers(len(packets))], bundle(packet))
+            case 7:
+                yield _with_other_arguments(packet, generator)
+            case _:
+                yield generator.bytes(int(generator.integers(80)))
+
+
+def _with_other_arguments(packet: bytes, generator: np.random.Generator) -> bytes:
+    """Keep a message's address and types, and put in values of any kind."""
+    address = packet.split(b"\0")[0].decode("latin-1")
+    if not address.startswith("/"):
+        return packet
+    values = [_VALUES[generator.integers(len(_VALUES))] for _ in range(generator.integers(12))]
+    tags = "".join({int: "i", float: "d", str: "s"}[type(value)] for value in values)
+    return message(address, tags, *values)
+
+
+def check(source: FeedSource, packet: bytes, arrival: float) -> None:
+    """Push one packet: nothing is raised, it is counted, and whatever comes out is sound."""
+    receiver, before = source.receiver, source.counts.received
+    receiver.packet = packet  # type: ignore[attr-defined]  # the one that stands in its place
+    receiver.sender = (f"10.0.0.{len(packet) % 3}", 5000)
+    events = source.take(arrival)
+    assert events is not None
+    assert source.counts.received == before + 1
+    for event in [*events, *source.tend(arrival)]:
+        if isinstance(event, Frame):
+            assert np.isfinite(event.positions).all()
+            assert event.positions.shape == (len(source.preset.joints), 3)
+            assert np.isfinite(event.time)
+        else:
+            assert event == Announcement(event.performer, source.preset.joints)
+    counts = source.assembler.counts
+    assert len(source.assembler) <= source.assembler.most
+    assert sum(counts.closed_by.values()) == counts.frames + counts.incomplete + counts.absurd
+
+
+def run(preset: Preset, packets: int, seed: int) -> FeedSource:
+    """Push so many broken packets through a preset's feed; the source as it is afterwards."""
+    generator = np.random.default_rng(seed)
+    source = FeedSource(NoSocket(), preset)  # type: ignore[arg-type]  # stands in a receiver's place
+    arrival = 0.0
+    for packet, _ in zip(broken(golden_packets(preset.name), generator), range(packets), strict=False):
+        arrival += float(generator.exponential(0.005))
+        try:
+            check(source, packet, arrival)
+        except BaseException:
+            print(f"{preset.name}, seed {seed}: {packet!r}", file=sys.stderr)  # noqa: T201 - what a person is to look at
+            raise
+    return source
+
+
+class NoSubscription:
+    """Stands in a ZeroMQ receiver's place and gives what it is told to."""
+
+    def __init__(self) -> None:
+        self.parts: list[bytes] | None = None
+        self.address = "tcp://127.0.0.1:7000"
+        self.socket = self
+
+    def receive(self) -> list[bytes] | None:
+        """Give the message once."""
+        parts, self.parts = self.parts, None
+        return parts
+
+    def broken(self) -> int:
+        """Have no connections."""
+        return 0
+
+    def close(self) -> None:
+        """Nothing to close."""
+
+
+def golden_messages() -> list[list[bytes]]:
+    """Give our ZeroMQ messages, of three parts and of one, and OSC packets as they are."""
+    generator = np.random.default_rng(2)
+    frames = [Frame("jan", 1.0 + number / 30, generator.normal(size=(31, 3))) for number in range(3)]
+    made = [zeromq.encode_frame(frame, number, SKELETON.joints) for number, frame in enumerate(frames)]
+    made += [[onepart.encode(frame, number, SKELETON.joints)] for number, frame in enumerate(frames)]
+    return made + [[packet] for packet in golden_packets("native")]
+
+
+def run_messages(messages: int, seed: int) -> ZmqSource:
+    """Push so many broken ZeroMQ messages through our source; the source as it is afterwards."""
+    generator = np.random.default_rng(seed)
+    receiver = NoSubscription()
+    source = ZmqSource(receiver)
+    golden = golden_messages()
+    streams = [broken([each[place] for each in golden if place < len(each)], generator) for place in range(3)]
+    for number in range(messages):
+        good = golden[generator.integers(len(golden))]
+        # One part broken, or each, or parts missing, repeated and in another order.
+        parts = [next(streams[place]) if generator.integers(2) else part for place, part in enumerate(good)]
+        if not generator.integers(4):
+            parts = [parts[place] for place in generator.integers(len(parts), size=generator.integers(1, 5))]
+        receiver.parts = parts
+        try:
+            events = source.take(number / 100)
+            assert events is not None
+            assert source.counts.received == number + 1
+            for event in events:
+                assert isinstance(event, Announcement) or np.isfinite(event.positions).all()
+        except BaseException:
+            print(f"ZeroMQ, seed {seed}: {parts!r}", file=sys.stderr)  # noqa: T201 - what a person is to look at
+            raise
+    return source
+
+
+def main() -> int:
+    """Push packets through every preset in turn, and as many messages through ZeroMQ's source."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--packets", type=int, default=1_000_000, help="in all (default %(default)s)")
+    parser.add_argument("--seed", type=int, default=0, help="of the first preset (default %(default)s)")
+    parsed = parser.parse_args()
+    each = -(-parsed.packets // (len(builtin_names()) + 1))
+    for place, name in enumerate(builtin_names()):
+        counts = run(builtin_preset(name), each, parsed.seed + place).counts
+        print(f"{name}: {counts}")  # noqa: T201 - a program's output
+    print(f"ZeroMQ: {run_messages(each, parsed.seed).counts}")  # noqa: T201 - as above
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,236 @@
+"""The programs as a person starts them: child processes that are read while they run and never outlive a test."""
+
+from __future__ import annotations
+
+import os
+import re
+import signal
+import socket
+import subprocess
+import sys
+import tempfile
+import time
+from contextlib import ExitStack, contextmanager
+from functools import cache, partial
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import zmq
+
+from kinespace.library import MotionLibrary
+from kinespace.stream import Frame, osc, zeromq
+from kinespace.tools.feeding.feed import Cue, OscFrameSender, without_pause
+from kinespace.tools.loopback.answer_listener import Listener, answer_in
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from kinespace.stream.answer import Answer
+    from kinespace.tools.feeding.feed import Packet
+    from kinespace.tools.loopback.service_process import Transport
+
+ROOT = Path(__file__).resolve().parents[2]
+LOOPBACK = "127.0.0.1"
+#: Seconds a child may take for one step before the test gives it up: machines are slow and busy at times.
+PATIENCE = 60.0
+#: Warnings are errors in the children too; a leaked socket shows on their standard error.
+_COMMAND = (sys.executable, "-W", "error", "-m", "kinespace")
+_POLL = 0.01
+
+
+class Program:
+    """A running `kinespace`: its output so far, and a way to end it."""
+
+    def __init__(self, process: subprocess.Popen[bytes], folder: Path) -> None:
+        self.process = process
+        self._folder = folder
+
+    @property
+    def output(self) -> str:
+        """What it has printed so far."""
+        # It may be in the middle of a character.
+        return (self._folder / "output").read_text(encoding="utf-8", errors="replace")
+
+    @property
+    def errors(self) -> str:
+        """What it has printed on standard error so far."""
+        return (self._folder / "errors").read_text(encoding="utf-8")
+
+    def expect(self, pattern: str) -> re.Match[str]:
+        """Wait until what it has printed matches."""
+        until = time.monotonic() + PATIENCE
+        while time.monotonic() < until:
+            ended = self.process.poll() is not None
+            if found := re.search(pattern, self.output):
+                return found
+            assert not ended, f"ended with {self.process.returncode} before {pattern!r}: {self.output}{self.errors}"
+            time.sleep(_POLL)
+        raise AssertionError(f"no {pattern!r} in time: {self.output}{self.errors}")
+
+    def wait(self) -> int:
+        """Wait until it ends by itself; its exit status."""
+        return self.process.wait(PATIENCE)
+
+    def interrupt(self) -> int:
+        """Press Ctrl-C; its exit status."""
+        self.process.send_signal(signal.SIGINT)
+        return self.wait()
+
+
+@contextmanager
+def started(*arguments: object, environment: dict[str, str] | None = None) -> Iterator[Program]:
+    """Start `kinespace` with some arguments; it is killed on leaving if it still runs."""
+    with tempfile.TemporaryDirectory() as folder:
+        output, errors = Path(folder) / "output", Path(folder) / "errors"
+        with output.open("wb") as out, errors.open("wb") as err:
+            surroundings = {**os.environ, "PYTHONUTF8": "1", "COLUMNS": "200", **(environment or {})}
+            command = [*_COMMAND, *map(str, arguments)]
+            process = subprocess.Popen(
+                command, cwd=ROOT, env=surroundings, stdin=subprocess.DEVNULL, stdout=out, stderr=err
+            )
+        try:
+            yield Program(process, Path(folder))
+        finally:
+            process.kill()
+            process.wait()
+
+
+def finished(*arguments: object) -> tuple[int, str, str]:
+    """Run `kinespace` to its end: exit status, standard output, standard error."""
+    with started(*arguments) as program:
+        return program.wait(), program.output, program.errors
+
+
+def free_udp_port() -> int:
+    """Give a port nobody listens on, chosen by the system."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind((LOOPBACK, 0))
+        port: int = probe.getsockname()[1]
+        return port
+
+
+def summary_counts(output: str) -> dict[str, int]:
+    """Read the counts out of what `kinespace live` prints at its end."""
+    names = ("received", "malformed", "foreign", "overrun", "missing", "out of order", "other joints", "no room")
+    found = re.search(", ".join(rf"{name} (\d+)" for name in names), output)
+    told = re.search(r"(\d+) answers of (\d+) frames, (\d+) windows started anew, (\d+) answers not sent", output)
+    assert found
+    assert told
+    counts = zip((*names, "answers", "frames", "restarts", "unsent"), (*found.groups(), *told.groups()), strict=True)
+    return {name: int(number) for name, number in counts}
+
+
+def motion_cues(class_name: str, seconds: float, *, performer: str = "dancer", begin: float = 1.0) -> list[Cue]:
+    """Cue a motion of the built-in library at 120 Hz: the first seconds of the shortest that lasts so long."""
+    positions = _motion_positions(class_name, seconds)
+    frames = [Frame(performer, begin + index / 120, joints) for index, joints in enumerate(positions)]
+    return [Cue(index / 120, frame, index, class_name) for index, frame in enumerate(frames)]
+
+
+ghost_cues = partial(motion_cues, performer="ghost")
+
+
+@cache
+def builtin_library() -> MotionLibrary:
+    """Give the built-in library: one object, so that it is opened once."""
+    return MotionLibrary.builtin()
+
+
+@cache
+def _motion_positions(class_name: str, seconds: float) -> NDArray[np.float32]:
+    motions = (motion for motion in builtin_library().motions if motion.class_name == class_name)
+    # The last frame of 60 a second has none of 120 after it.
+    enough = [motion for motion in motions if motion.duration > seconds]
+    positions = without_pause([min(enough, key=lambda motion: motion.duration)], 120.0, seconds)
+    positions.setflags(write=False)
+    return positions
+
+
+class Publisher:
+    """A ZeroMQ publisher of frames that knows when somebody subscribes: from then on nothing it sends is lost."""
+
+    def __init__(self) -> None:
+        self._socket = zmq.Context.instance().socket(zmq.XPUB)
+        self._socket.linger = 0
+        self._socket.bind(f"tcp://{LOOPBACK}:*")
+        self.address = self._socket.getsockopt_string(zmq.LAST_ENDPOINT)
+
+    def wait_for_subscriber(self) -> None:
+        """Wait until a subscriber to everything is there."""
+        self.wait_for_change(b"\x01")
+
+    def wait_for_change(self, told: bytes) -> None:
+        """Wait until a subscriber to everything comes, 1, or goes, 0."""
+        assert self._socket.poll(int(PATIENCE * 1000))
+        assert self._socket.recv() == told
+
+    def encode(self, cue: Cue) -> Packet:
+        """Make the message of a frame."""
+        return zeromq.encode_frame(cue.frame, cue.seq)
+
+    def send(self, packet: Packet) -> None:
+        """Publish one message."""
+        self._socket.send_multipart(packet)
+
+    def close(self) -> None:
+        """Give the port back."""
+        self._socket.close()
+
+
+class Stage:
+    """A running `kinespace live`, a sender of frames to it and a receiver of its OSC answers."""
+
+    def __init__(self, program: Program, port: int, sender: OscFrameSender | Publisher, listener: Listener) -> None:
+        self.program = program
+        #: The UDP port frames come in on; 0 when they come by ZeroMQ.
+        self.port = port
+        self.sender = sender
+        self._listener = listener
+
+    def play(self, cues: Sequence[Cue]) -> None:
+        """Send frames, not all at once, so that a receiver on a busy machine need not lose any."""
+        for index, cue in enumerate(cues):
+            self.sender.send(self.sender.encode(cue))
+            if index % 40 == 39:
+                time.sleep(0.005)
+
+    def answers(self, count: int) -> list[Answer]:
+        """Wait for some answers."""
+        answers: list[Answer] = []
+        until = time.monotonic() + PATIENCE
+        while len(answers) < count and time.monotonic() < until:
+            heard = self._listener.listen_until(time.perf_counter() + 0.02)
+            answers += [answer for each in heard if (answer := answer_in(each.packet))]
+        return answers
+
+    def stopped(self) -> dict[str, int]:
+        """Press Ctrl-C; the counts it ends with."""
+        assert (self.program.interrupt(), self.program.errors) == (0, "")
+        return summary_counts(self.program.output)
+
+
+@contextmanager
+def live(*options: object, transport: Transport = "osc", environment: dict[str, str] | None = None) -> Iterator[Stage]:
+    """Run `kinespace live` on ports chosen by the system: frames in by one transport, answers out by OSC."""
+    with ExitStack() as stack:
+        receiver = osc.OscReceiver(LOOPBACK, 0)
+        stack.callback(receiver.close)
+        ends = ["--osc-out", f"{LOOPBACK}:{receiver.address[1]}"]
+        sender: OscFrameSender | Publisher
+        port = 0
+        if transport == "osc":
+            ends += ["--osc-in", f"{LOOPBACK}:0"]
+            program = stack.enter_context(started("live", *ends, *options, environment=environment))
+            port = int(program.expect(r"listening on OSC 127\.0\.0\.1:(\d+)")[1])
+            sender = OscFrameSender(LOOPBACK, port)
+            stack.callback(sender.close)
+        else:
+            sender = Publisher()
+            stack.callback(sender.close)
+            ends += ["--zmq-in", f">{sender.address}"]
+            program = stack.enter_context(started("live", *ends, *options, environment=environment))
+            sender.wait_for_subscriber()
+        yield Stage(program, port, sender, Listener(receiver))

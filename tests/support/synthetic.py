@@ -1,0 +1,141 @@
+"""Tiny bodies and motions made by the tests themselves: Acclaim text, and clips that need no file at all."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from kinespace.library.clip import Clip
+from kinespace.library.skeleton import Skeleton
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+    from pathlib import Path
+
+#: The unit of length in which an ASF's numbers are metres.
+METRE = 0.0254
+
+
+@dataclass(frozen=True)
+class TinyBone:
+    """One bone of an ASF: by default a length of one along x, turning freely about axes that are the world's."""
+
+    name: str
+    parent: str = "root"
+    direction: tuple[float, ...] = (1.0, 0.0, 0.0)
+    length: float = 1.0
+    axis: tuple[float, ...] = (0.0, 0.0, 0.0)
+    axis_order: str = "XYZ"
+    dof: tuple[str, ...] = ("rx", "ry", "rz")
+
+    def text(self, number: int) -> str:
+        """Give the bone's `begin` to `end`; without degrees of freedom it has no `dof` line."""
+        dof = f"     dof {' '.join(self.dof)}\n     limits (-160.0 20.0)\n" if self.dof else ""
+        return (
+            f"  begin\n     id {number}\n     name {self.name}\n     direction {_numbers(self.direction)}\n"
+            f"     length {self.length!r}\n     axis {_numbers(self.axis)} {self.axis_order}\n{dof}  end\n"
+        )
+
+
+@dataclass(frozen=True)
+class TinyBody:
+    """A whole ASF, in metres and degrees unless told otherwise."""
+
+    bones: tuple[TinyBone, ...]
+    length: float = METRE
+    angle: str = "deg"
+    root_order: str = "TX TY TZ RX RY RZ"
+    root_axis: str = "XYZ"
+    position: tuple[float, ...] = (0.0, 0.0, 0.0)
+    orientation: tuple[float, ...] = (0.0, 0.0, 0.0)
+
+    def asf(self) -> str:
+        """Give the file's text."""
+        bonedata = "".join(bone.text(number) for number, bone in enumerate(self.bones, start=1))
+        hierarchy = "".join(f"    {bone.parent} {bone.name}\n" for bone in self.bones)
+        return (
+            f":version 1.10\n:name TINY\n:units\n  mass 1.0\n  length {self.length!r}\n  angle {self.angle}\n"
+            f":documentation\n   made by a test\n:root\n   order {self.root_order}\n   axis {self.root_axis}\n"
+            f"   position {_numbers(self.position)}\n   orientation {_numbers(self.orientation)}\n"
+            f":bonedata\n{bonedata}:hierarchy\n  begin\n{hierarchy}  end\n"
+        )
+
+
+#: An arm of three bones in a line along x; the last does not turn.
+ARM = TinyBody(
+    (
+        TinyBone("upper"),
+        TinyBone("lower", parent="upper", dof=("rz",)),
+        TinyBone("hand", parent="lower", length=0.5, dof=()),
+    )
+)
+
+
+def amc_text(
+    frames: Sequence[Mapping[str, Sequence[float]]], *, numbers: Sequence[int] = (), header: str = ":DEGREES"
+) -> str:
+    """Give an AMC's text: bones in each frame's own order, frames numbered from 1 unless told otherwise."""
+    lines = [":FULLY-SPECIFIED", header]
+    for number, frame in zip(numbers or range(1, len(frames) + 1), frames, strict=True):
+        lines += [str(number), *(f"{bone} {_numbers(values)}" for bone, values in frame.items())]
+    return "\n".join(lines) + "\n"
+
+
+def arm_frames(count: int, *, seed: int = 7) -> list[dict[str, list[float]]]:
+    """Give frames of ARM with random angles within a right angle."""
+    generator = np.random.default_rng(seed)
+    sizes = {"root": 6, "upper": 3, "lower": 1}
+    return [{bone: generator.uniform(-90, 90, size).tolist() for bone, size in sizes.items()} for _ in range(count)]
+
+
+def write_pair(folder: Path, asf: str, amc: str) -> Path:
+    """Write `tiny.asf` and `tiny_01.amc` as they are, and give the AMC's path."""
+    (folder / "tiny.asf").write_text(asf, encoding="latin-1", newline="")
+    path = folder / "tiny_01.amc"
+    path.write_text(amc, encoding="latin-1", newline="")
+    return path
+
+
+#: A body of six joints for motions that come from no file.
+STICK = Skeleton(("root", "chest", "head", "left", "right", "foot"), (-1, 0, 1, 1, 1, 0))
+#: Movements of the stick body: every class swings the joints in its own directions.
+STICK_CLASSES = ("bow", "jump", "wave")
+#: How many times a second they swing there and back.
+STICK_SWINGS = 2.0
+
+
+def stick_clip(  # noqa: PLR0913 - a clip has that much to say
+    class_name: str,
+    *,
+    seed: int = 0,
+    frames: int = 48,
+    actor: str = "aa",
+    skeleton: Skeleton = STICK,
+    rate: float = 120.0,
+) -> Clip:
+    """Make a motion of six joints: the class says which way each joint swings, the seed when, and how it wavers."""
+    own = np.random.default_rng(STICK_CLASSES.index(class_name))
+    pose = np.random.default_rng(99).normal(size=(6, 3))
+    swing = own.normal(scale=0.2, size=(6, 3))
+    generator = np.random.default_rng(seed)
+    turns = 2.0 * np.pi * np.arange(frames) / rate
+    phase = np.sin(STICK_SWINGS * turns + generator.uniform(0.0, 2.0 * np.pi))
+    waver = np.sin(3.0 * turns[:, None, None] + generator.uniform(0.0, 2.0 * np.pi, size=(6, 3)))
+    positions = pose + phase[:, None, None] * swing + 0.01 * waver
+    return Clip(skeleton, positions, rate, f"{class_name}_{seed}", class_name, actor, f"{seed:03d}")
+
+
+def stick_clips(*, takes: int = 3, actors: Sequence[str] = ("aa", "bb"), frames: int = 120) -> list[Clip]:
+    """Make some takes of every class by every actor, the classes mixed."""
+    return [
+        stick_clip(class_name, seed=seed * len(actors) + place, actor=actor, frames=frames)
+        for seed in range(takes)
+        for place, actor in enumerate(actors)
+        for class_name in reversed(STICK_CLASSES)
+    ]
+
+
+def _numbers(values: Sequence[float]) -> str:
+    return " ".join(map(repr, map(float, values)))

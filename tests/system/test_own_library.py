@@ -1,0 +1,152 @@
+"""Libraries of one's own: small, of one person, of one class, changed while a feed runs."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from synthetic import STICK_CLASSES, stick_clip, stick_clips
+
+from kinespace.library.motion_library import NOTHING, MotionLibrary
+from kinespace.library.skeleton import Skeleton
+from kinespace.stream.frame import Frame
+from kinespace.stream.recognition import Outcome
+from kinespace.stream.recognizer import LiveSignature, Recognizer, Settings
+
+if TYPE_CHECKING:
+    from kinespace.library.clip import Clip
+    from kinespace.stream.recognition import Recognition
+
+BOTH = pytest.mark.parametrize("signature", LiveSignature)
+
+
+def _answers(library: MotionLibrary, clip: Clip, signature: LiveSignature = LiveSignature.WINDOWS) -> list[Recognition]:
+    recognizer = Recognizer(library, Settings(signature=signature))
+    frames = zip(clip.times.tolist(), clip.positions, strict=True)
+    return [answer for time, positions in frames if (answer := recognizer.push(Frame("p", time, positions)))]
+
+
+def _performed(class_name: str, seed: int = 60) -> Clip:
+    return stick_clip(class_name, seed=seed, frames=240)
+
+
+@BOTH
+@pytest.mark.parametrize(
+    ("takes", "actors", "classes"),
+    [
+        (1, ("aa",), STICK_CLASSES),
+        (2, ("aa",), STICK_CLASSES[:2]),
+        (1, ("aa", "bb"), STICK_CLASSES),
+        (1, ("",), STICK_CLASSES),
+        (2, ("aa", "bb", "cc"), STICK_CLASSES),
+    ],
+    ids=["one take each", "two classes", "two people", "nobody's name", "three people"],
+)
+def test_a_small_library_names_its_motions(
+    takes: int, actors: tuple[str, ...], classes: tuple[str, ...], signature: LiveSignature
+) -> None:
+    """However few takes, people and classes there are, each motion performed anew is guessed right."""
+    clips = [clip for clip in stick_clips(takes=takes, actors=actors) if clip.class_name in classes]
+    library = MotionLibrary.of_clips(clips)
+    for class_name in classes:
+        answers = _answers(library, _performed(class_name), signature)
+        assert {answer.classes[answer.best] for answer in answers[5:]} == {class_name}
+
+
+@BOTH
+def test_a_library_of_one_motion(signature: LiveSignature) -> None:
+    """One class has no runner-up: its score is its margin, and the motion itself is named."""
+    clip = _performed("wave")
+    answers = _answers(MotionLibrary.of_clips([clip]), clip, signature)
+    assert {answer.best for answer in answers} == {0}
+    assert {answer.runner_up for answer in answers} == {None}
+    assert all(answer.margin == answer.score for answer in answers)
+    assert answers[-1].class_name == "wave"
+
+
+@BOTH
+def test_a_motion_too_short_for_a_window_is_kept_and_breaks_nothing(signature: LiveSignature) -> None:
+    """A motion of a tenth of a second stays in the library; the others are recognised as without it."""
+    short = stick_clip("jump", seed=8, frames=12)
+    library = MotionLibrary.of_clips([*stick_clips(), short])
+    assert min(motion.duration for motion in library.motions) == pytest.approx(0.1)
+    for with_it, without in zip(
+        _answers(library, _performed("bow"), signature),
+        _answers(MotionLibrary.of_clips(stick_clips()), _performed("bow"), signature),
+        strict=True,
+    ):
+        assert with_it.label == without.label
+        assert with_it.scores == pytest.approx(without.scores, abs=0.02)
+
+
+@BOTH
+def test_a_class_of_short_motions_alone_is_never_named(signature: LiveSignature) -> None:
+    """A class without a window takes part in no comparison, and the others are recognised."""
+    clips = [clip for clip in stick_clips() if clip.class_name != "jump"]
+    library = MotionLibrary.of_clips([*clips, stick_clip("jump", seed=8, frames=12)])
+    assert library.classes == STICK_CLASSES
+    answers = _answers(library, _performed("wave"), signature)
+    assert {answer.classes[answer.best] for answer in answers[5:]} == {"wave"}
+
+
+@pytest.mark.parametrize("signature", LiveSignature)
+def test_motions_too_short_alone_are_refused(signature: LiveSignature) -> None:
+    """A library without a motion long enough for a window cannot be opened, and says why."""
+    library = MotionLibrary.of_clips([stick_clip("jump", seed=8, frames=12)])
+    with pytest.raises(ValueError, match="library: expected a motion long enough for a window, got none"):
+        Recognizer(library, Settings(signature=signature))
+
+
+@BOTH
+def test_what_is_nothing_is_unknown(signature: LiveSignature) -> None:
+    """A class renamed to `nothing` competes, has no score of its own, and is answered unknown with a best guess."""
+    library = MotionLibrary.of_clips(stick_clips()).renamed({"wave": NOTHING})
+    assert library.classes == ("bow", "jump")
+    answers = _answers(library, _performed("wave"), signature)
+    assert {answer.outcome for answer in answers[5:]} == {Outcome.UNKNOWN}
+    assert {answer.classes for answer in answers} == {("bow", "jump")}
+    assert {len(answer.scores) for answer in answers} == {2}
+    assert {answer.eigenvector_class for answer in answers[5:]} == {None}
+    assert {answer.label for answer in _answers(library, _performed("bow"), signature)[5:]} == {"bow"}
+
+
+@BOTH
+def test_a_library_without_parents(signature: LiveSignature) -> None:
+    """Where no parents are known the same motions are named."""
+    plain = Skeleton(stick_clip("bow").skeleton.joints)
+    library = MotionLibrary.of_clips(clip.as_of(plain) for clip in stick_clips())
+    assert not library.skeleton.parents
+    for class_name in STICK_CLASSES:
+        answers = _answers(library, _performed(class_name), signature)
+        assert {answer.label for answer in answers[5:]} == {class_name}
+
+
+def test_a_motion_and_its_reverse_are_told_apart(builtin: MotionLibrary) -> None:
+    """Lying down played backwards is a class of its own: by people whom the library does not know both are named."""
+    clips = [clip for clip in builtin.motions if clip.class_name in ("lieDownFloor", "sneak2StepsLStart")]
+    backwards = [
+        replace(clip, positions=clip.positions[::-1], class_name="getUpFloor")
+        for clip in clips
+        if clip.class_name == "lieDownFloor"
+    ]
+    both = [*clips, *backwards]
+    library = MotionLibrary.of_clips(clip for clip in both if clip.actor not in ("dg", "tr"))
+    right = []
+    for clip in both:
+        if clip.actor in ("dg", "tr") and clip.class_name != "sneak2StepsLStart":
+            guesses = [answer.classes[answer.best] for answer in _answers(library, clip)]
+            right.append(np.mean([guess == clip.class_name for guess in guesses]))
+    assert len(right) >= 8
+    assert np.mean(right) > 0.8
+    assert min(right) > 0.5
+
+
+def test_a_library_grows_while_a_feed_runs() -> None:
+    """A recogniser keeps to the library it was opened with; one of the library with a class more names that class."""
+    before = MotionLibrary.of_clips([clip for clip in stick_clips() if clip.class_name != "wave"])
+    after = before.with_motions(clip for clip in stick_clips() if clip.class_name == "wave")
+    assert before.classes == ("bow", "jump")
+    assert {answer.classes for answer in _answers(before, _performed("wave"))} == {("bow", "jump")}
+    assert {answer.label for answer in _answers(after, _performed("wave"))[5:]} == {"wave"}

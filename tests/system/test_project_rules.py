@@ -1,0 +1,181 @@
+"""The rules of the house that a reader can count on, checked in the sources themselves."""
+
+from __future__ import annotations
+
+import ast
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+from programs import ROOT
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+PACKAGES = ("library", "stream", "tools")
+#: Who may know whom: a package imports itself and what stands here.
+BELOW = {"library": set[str](), "stream": {"library"}, "tools": {"library", "stream"}}
+#: Folders and files that do no input or output, and know no clock and no thread.
+CORE = ("library", "stream/recognizer", "stream/frame.py", "stream/recognition.py", "stream/answer.py")
+CORE += ("stream/oscpacket.py", "stream/feeds/frame_assembler.py", "stream/feeds/message_reader.py")
+CORE += ("stream/feeds/kinematics.py", "stream/feeds/preset.py", "stream/feeds/checked_table.py")
+CORE += ("stream/feeds/detection.py",)
+NOT_IN_CORE = {"socket", "time", "threading", "zmq", "asyncio", "pythonosc", "selectors", "multiprocessing", "logging"}
+#: What keeps another process that reads files, and waits for it.
+KEEPS_A_PROCESS = "c3d_process"
+#: The folders in which people keep their work; no source says where it was written.
+MACHINE_FOLDERS = tuple(f"/{name}/" for name in ("home", "root", "work", "Users"))
+TEXT = {".py", ".md", ".toml", ".txt", ".yml", ".yaml", ".cfg", ".svg", ".sh", ".csv", ""}
+
+SOURCES = sorted(path for package in PACKAGES for path in (ROOT / package).rglob("*.py"))
+
+
+def name_of(path: Path) -> str:
+    """Name a source as its test is called."""
+    return str(path.relative_to(ROOT))
+
+
+def package_of(path: Path) -> str:
+    """Give the top package a source belongs to."""
+    return path.relative_to(ROOT).parts[0]
+
+
+CORE_SOURCES = [
+    path
+    for path in SOURCES
+    if path.stem != KEEPS_A_PROCESS and any(path.is_relative_to(ROOT / place) for place in CORE)
+]
+
+
+def imported(path: Path) -> set[str]:
+    """Give the packages a source imports, anywhere in it and for type checking too: ours by folder, others by name."""
+    names: set[str] = set()
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            names |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            names.add(node.module or package_of(path))
+    return {name.removeprefix("kinespace.").partition(".")[0] for name in names}
+
+
+def called(path: Path) -> set[str]:
+    """Give the names of the functions a source calls."""
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    calls = [node.func for node in ast.walk(tree) if isinstance(node, ast.Call)]
+    return {call.id for call in calls if isinstance(call, ast.Name)}
+
+
+def public_definitions(path: Path) -> Iterator[tuple[str, ast.AST]]:
+    """Give every public class, function and method of a source, and the module itself."""
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    yield path.stem, tree
+    waiting: list[tuple[str, ast.AST]] = [(path.stem, tree)]
+    while waiting:
+        place, node = waiting.pop()
+        for child in ast.iter_child_nodes(node):
+            if isinstance(child, (ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef)):
+                if child.name.startswith("_"):
+                    continue
+                yield f"{place}.{child.name}", child
+                if isinstance(child, ast.ClassDef):
+                    waiting.append((f"{place}.{child.name}", child))
+
+
+def project_files() -> list[Path]:
+    """List the files that are, or are about to be, part of the project."""
+    git = shutil.which("git")
+    if git is None or not (ROOT / ".git").exists():
+        pytest.skip("not a git checkout")
+    command = [git, "ls-files", "-z", "--cached", "--others", "--exclude-standard"]
+    listed = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True, timeout=60)
+    return [path for name in listed.stdout.split("\0") if name and (path := ROOT / name).is_file()]
+
+
+def test_the_rules_have_something_to_rule() -> None:
+    """Every package has sources, and every module that is to do no input or output exists."""
+    assert {package_of(path) for path in SOURCES} == set(PACKAGES)
+    for place in CORE:
+        assert any(path.is_relative_to(ROOT / place) for path in CORE_SOURCES)
+    assert len(SOURCES) > 30
+
+
+@pytest.mark.parametrize("path", SOURCES, ids=name_of)
+def test_imports_go_one_way(path: Path) -> None:
+    """Tools know stream and library, stream knows library, library knows neither."""
+    package = package_of(path)
+    assert imported(path) & set(PACKAGES) <= BELOW[package] | {package}
+
+
+@pytest.mark.parametrize("path", SOURCES, ids=name_of)
+def test_nothing_imports_the_tests(path: Path) -> None:
+    """What is shipped imports nothing of what only tests have."""
+    tests = {source.stem for source in (ROOT / "tests").rglob("*.py")}
+    assert not imported(path) & (tests | {"tests", "pytest", "hypothesis"})
+
+
+@pytest.mark.parametrize("path", CORE_SOURCES, ids=name_of)
+def test_the_core_does_no_input_or_output(path: Path) -> None:
+    """The recogniser and all it is made of import no socket, clock, thread or transport, and print nothing."""
+    assert not imported(path) & NOT_IN_CORE
+    assert not called(path) & {"print", "input"}
+    if package_of(path) == "stream":
+        assert "open" not in called(path)
+
+
+def test_the_core_is_loaded_without_transports() -> None:
+    """Importing the recogniser and the library, as the README does, loads neither ZeroMQ nor python-osc nor rich."""
+    others = "{'zmq', 'pythonosc', 'rich', 'matplotlib'}"
+    code = f"import sys, kinespace.library, kinespace.stream; print(sorted({others} & set(sys.modules)))"
+    command = [sys.executable, "-c", code]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True, timeout=60)
+    assert done.stdout == "[]\n"
+
+
+@pytest.mark.parametrize("path", SOURCES, ids=name_of)
+def test_everything_public_is_described(path: Path) -> None:
+    """Every public module, class, function and method has a docstring."""
+    silent = [name for name, node in public_definitions(path) if not ast.get_docstring(node)]  # type: ignore[arg-type]
+    assert silent == []
+
+
+def test_every_test_states_its_property() -> None:
+    """Every test function has a docstring, whose first line is a whole sentence."""
+    silent = []
+    for path in sorted((ROOT / "tests").rglob("test_*.py")):
+        for name, node in public_definitions(path):
+            if name.rpartition(".")[2].startswith("test_") and isinstance(node, ast.FunctionDef):
+                sentence = (ast.get_docstring(node) or "").split("\n\n")[0]
+                if not sentence or sentence[0].islower() or sentence[-1] not in ".?!":
+                    silent.append(name)
+    assert silent == []
+
+
+def test_no_source_says_where_it_was_written() -> None:
+    """No text file of the project holds an absolute path of somebody's machine."""
+    said = []
+    for path in project_files():
+        if path.suffix in TEXT:
+            text = path.read_text(encoding="utf-8")
+            said += [
+                f"{name_of(path)}: {folder}" for folder in MACHINE_FOLDERS if re.search(rf"(?<![\w.]){folder}", text)
+            ]
+    assert said == []
+
+
+def test_nothing_is_pickled() -> None:
+    """No source of ours reads or writes pickles, which would run whatever somebody put into them."""
+    for path in SOURCES:
+        assert not imported(path) & {"pickle", "cPickle", "dill", "joblib", "shelve", "marshal"}
+        assert "allow_pickle=True" not in path.read_text(encoding="utf-8")
+
+
+def test_no_random_number_is_unseeded() -> None:
+    """Neither sources nor tests draw from a generator without a seed: what fails once fails again."""
+    unseeded = re.compile(r"default_rng\(\)|np\.random\.(?!default_rng|Generator)\w+\(|^import random", re.MULTILINE)
+    paths = [*SOURCES, *(ROOT / "tests").rglob("*.py")]
+    own = {Path(__file__)}
+    assert [name_of(path) for path in paths if path not in own and unseeded.search(path.read_text("utf-8"))] == []

@@ -1,0 +1,317 @@
+"""A stream is answered as if everything were computed again from all frames, at every hop, at every rate."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
+
+import naive
+import naive_stream
+import numpy as np
+import pytest
+from naive_stream import NaiveEvidence, NaiveFeed
+from twins import Twin
+
+from kinespace.stream.frame import Frame
+from kinespace.stream.recognition import Outcome
+from kinespace.stream.recognizer import LiveSignature, Performers, Recognizer, Settings
+from kinespace.tools.feeding.feed import resampled
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
+    from naive_stream import NaiveHop
+
+    from kinespace.library.clip import Clip
+    from kinespace.library.motion_library import MotionLibrary
+    from kinespace.library.windows.index import WindowIndex
+    from kinespace.stream.recognition import Recognition
+
+#: Everything holds of the compiled loops and of numpy.
+pytestmark = pytest.mark.usefixtures("arithmetic")
+
+#: How far a log distance may be from the twin's: library and window are compared in single precision.
+SAME = 1e-3
+#: The same for the logarithm of a movement, and for a movement relative to it.
+SAME_SWING, SAME_MOVEMENT = 1e-6, 1e-8
+HOP = 1 / 30
+#: Share of unknown time that may be named.
+SENSITIVITY = 0.1
+
+
+@pytest.fixture(scope="module")
+def twin(small_index: WindowIndex) -> Twin:
+    return Twin(small_index)
+
+
+@pytest.fixture(scope="module")
+def clips(some_clips: tuple[Clip, ...]) -> list[Clip]:
+    """Give a real motion of each class of the small library and of two others, the shorter first."""
+    names = ("kickLFront1Reps", "lieDownFloor", "squat1Reps", "throwBasketball", "hopBothLegs1hops")
+    return sorted((clip for clip in some_clips if clip.class_name in names), key=lambda clip: clip.frames)
+
+
+def _frames(clip: Clip, indices: Iterable[int] | None = None, *, start: float = 3.0) -> list[Frame]:
+    chosen = range(clip.frames) if indices is None else indices
+    return [Frame("p", start + index / clip.frame_rate, clip.positions[index]) for index in chosen]
+
+
+@dataclass
+class Course:
+    """The answers to a feed since it last began anew."""
+
+    answers: list[Recognition] = field(default_factory=list)
+
+    @property
+    def times(self) -> list[float]:
+        """When each answer was, seconds."""
+        return [answer.time for answer in self.answers]
+
+    @property
+    def distances(self) -> np.ndarray:
+        """Log distances of all classes at each hop, read off the scores."""
+        return np.array([_distances(answer) for answer in self.answers])
+
+
+def _distances(answer: Recognition) -> np.ndarray:
+    return np.log(1 / answer.scores - 1)
+
+
+def _assert_alike(answer: Recognition, hop: NaiveHop, twin: Twin) -> None:
+    """Hold one answer against the twin's: time, distances of all classes, evidence, and how much moves."""
+    index = twin.index
+    assert answer.time == hop.time
+    views = twin.log_distances(twin.numbers(hop.time, hop.times, hop.rows))
+    expected = views[: index.comparison.weighing.naming].min(axis=0)
+    assert np.abs(_distances(answer) - expected).max() <= SAME
+    assert answer.evidence is not None
+    assert answer.evidence.whole == pytest.approx(views[0, answer.best], abs=SAME)
+    assert answer.evidence.eigen == pytest.approx(views[-1, answer.best], abs=SAME)
+    movement = NaiveEvidence.of(hop, index.basis.directions, twin.body, int((index.basis.weights > 0).sum()))
+    assert answer.movement == pytest.approx(movement.movement, rel=SAME_MOVEMENT, abs=1e-9)
+    assert answer.evidence.swing == pytest.approx(movement.swing, abs=SAME_SWING)
+    assert answer.evidence.sway == pytest.approx(movement.sway, abs=SAME_SWING)
+
+
+def _compare(twin: Twin, frames: Sequence[Frame], settings: Settings | None = None) -> list[Course]:
+    """Push frames to the recogniser and to its twin, compare at every frame, and give the answers."""
+    settings = replace(settings or Settings(), sensitivity=SENSITIVITY)
+    recognizer = Recognizer(twin.index, settings)
+    pairs = [(int(first), int(second)) for first, second in twin.index.library.skeleton.pairs]
+    feed = NaiveFeed(twin.body.segments, hop=settings.hop, longest_gap=settings.longest_gap, patience=settings.patience)
+    courses = [Course()]
+    for frame in frames:
+        answer = recognizer.push(frame)
+        hop = feed.push(frame.time, naive.distance_rows(frame.positions[None], pairs)[0])
+        if feed.restarts >= len(courses):
+            courses.append(Course())
+        assert (answer is None) == (hop is None), frame.time
+        if answer is not None and hop is not None:
+            _assert_alike(answer, hop, twin)
+            courses[-1].answers.append(answer)
+    assert recognizer.counts.out_of_order == feed.out_of_order
+    assert recognizer.counts.restarts == feed.restarts
+    assert recognizer.counts.hops == sum(len(course.answers) for course in courses)
+    for course in courses:
+        _assert_decided_alike(course, twin, settings)
+    return courses
+
+
+def _assert_decided_alike(course: Course, twin: Twin, settings: Settings) -> None:
+    """Hold the guess and whether it is known against what follows from the course of distances and evidence."""
+    if not course.answers:
+        return
+    index = twin.index
+    guesses = naive_stream.guesses(course.times, course.distances, index.comparison.weighing.lead)
+    assert [answer.best for answer in course.answers] == guesses
+    rejection = index.rejection
+    logits = [
+        float(rejection.weights @ np.array(answer.evidence))
+        + rejection.offset
+        + rejection.biases.get(answer.classes[answer.best], 0.0)
+        for answer in course.answers
+    ]
+    known = naive_stream.known(course.times, logits, rejection.threshold_at(SENSITIVITY))
+    for answer, is_known in zip(course.answers, known, strict=True):
+        moving = Outcome.NAMED if is_known else Outcome.UNKNOWN
+        assert answer.outcome is (Outcome.STILL if answer.movement < settings.stillness else moving)
+
+
+def _count(courses: list[Course]) -> int:
+    return sum(len(course.answers) for course in courses)
+
+
+# --- real motions ------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("rate", "hop"), [(120.0, HOP), (60.0, HOP), (30.0, 0.0)])
+def test_at_every_rate(clips: list[Clip], twin: Twin, rate: float, hop: float) -> None:
+    """Real motions at 120, 60 and 30 frames a second are answered at every hop as the twin answers."""
+    outcomes = set[Outcome]()
+    for clip in clips[1:3]:
+        courses = _compare(twin, _frames(resampled(clip, rate)), Settings(hop=hop))
+        assert _count(courses) >= 30 * (clip.duration - 0.15) - 2
+        outcomes |= {answer.outcome for course in courses for answer in course.answers}
+    assert Outcome.NAMED in outcomes
+
+
+@pytest.mark.parametrize("hop", [0.0, 0.05, 0.3])
+def test_at_every_hop(clips: list[Clip], twin: Twin, hop: float) -> None:
+    """Whatever the distance of hops, down to every frame, the twin answers alike."""
+    assert _count(_compare(twin, _frames(clips[0]), Settings(hop=hop))) >= {0.0: 60, 0.05: 10, 0.3: 2}[hop]
+
+
+def test_on_a_clock_that_counts_from_1970(clips: list[Clip], twin: Twin) -> None:
+    """With times of a billion seconds, rounded to a quarter of a microsecond, the twin answers alike."""
+    assert _count(_compare(twin, _frames(clips[0], start=1.7e9))) > 15
+
+
+@pytest.mark.parametrize("share", [0.05, 0.5])
+def test_with_dropped_frames(clips: list[Clip], twin: Twin, share: float) -> None:
+    """With frames lost by chance every hop is answered as the twin answers."""
+    generator = np.random.default_rng(12)
+    for clip in clips[:2]:
+        kept = np.flatnonzero(generator.random(clip.frames) >= share)
+        assert _count(_compare(twin, _frames(clip, kept.tolist()))) > 10
+
+
+def test_with_everything_that_goes_wrong(clips: list[Clip], twin: Twin) -> None:
+    """With jitter, losses, swaps, repeats, gaps and restarted clocks the twin refuses, restarts and answers alike."""
+    generator = np.random.default_rng(13)
+    feed, begin = list[Frame](), 0.0
+    for clip, step in zip([*clips[:3], *clips[:3]], (0.01, 0.3, 0.8, -0.05, -5.0, 0.2), strict=True):
+        frames = _frames(clip, np.flatnonzero(generator.random(clip.frames) > 0.1).tolist()[:110], start=begin)
+        frames = [Frame("p", frame.time + generator.uniform(0, 0.02), frame.positions) for frame in frames]
+        feed += [frame for frame in frames for _ in range(1 + int(generator.random() < 0.05))]
+        begin = feed[-1].time + step
+    settings = Settings(hop=0.04, longest_gap=0.4, patience=4)
+    courses = _compare(twin, feed, settings)
+    assert len(courses) > 2
+    assert _count(courses) > 60
+
+
+# --- what is hard ------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("noise", [0.0, 1e-5, 1e-3])
+def test_a_stop_right_after_moving(clips: list[Clip], twin: Twin, noise: float) -> None:
+    """Who stops dead, each coordinate wavering by up to a millimetre or not at all, is answered as the twin answers."""
+    clip = clips[0]
+    pose = np.repeat(clip.positions[60:61], 150, axis=0)
+    pose += noise * np.random.default_rng(16).normal(size=pose.shape)
+    frames = _frames(clip.moved_to(np.concatenate([clip.positions[:60], pose])))
+    (course,) = _compare(twin, frames)
+    outcomes = [answer.outcome for answer in course.answers]
+    assert outcomes[-1] is Outcome.STILL
+    assert outcomes[0] is not Outcome.STILL
+
+
+def test_all_joints_in_one_point(clips: list[Clip], twin: Twin) -> None:
+    """A tracker that sees nobody, then somebody, then nobody again, is answered as the twin answers."""
+    clip = clips[0]
+    nobody = np.full((40, *clip.positions.shape[1:]), 0.5)
+    frames = _frames(clip.moved_to(np.concatenate([nobody, clip.positions[:80], nobody])))
+    (course,) = _compare(twin, frames)
+    assert course.answers[0].outcome is Outcome.STILL
+    assert course.answers[0].movement == 0.0
+
+
+@pytest.mark.parametrize("noise", [0.004, 0.02])
+def test_a_trembling_sensor(clips: list[Clip], twin: Twin, noise: float) -> None:
+    """With noise of some millimetres or of two centimetres on every coordinate the twin averages and answers alike."""
+    clip = resampled(clips[1], 30.0)
+    shaken = clip.positions + noise * np.random.default_rng(17).normal(size=clip.positions.shape)
+    assert _count(_compare(twin, _frames(clip.moved_to(shaken)))) > 20
+
+
+def test_another_library_and_its_weights(clips: list[Clip], builtin_index: WindowIndex) -> None:
+    """With the built-in library, numbers learned from strangers and several views, the twin answers alike."""
+    motions = builtin_index.library.motions
+    kept = [place for place, motion in enumerate(motions) if motion.actor in ("bd", "tr") and motion.take < "004"]
+    twin = Twin(builtin_index.of_some(kept))
+    assert len(twin.index.comparison.weighing.views) == 3
+    assert _count(_compare(twin, _frames(clips[0], range(0, clips[0].frames, 4)))) > 15
+
+
+# --- again, and with others --------------------------------------------------------------------------------------
+
+
+def _run(recognizer: Recognizer, frames: Iterable[Frame]) -> list[Recognition]:
+    return [answer for frame in frames if (answer := recognizer.push(frame)) is not None]
+
+
+def _assert_identical(first: Sequence[Recognition], second: Sequence[Recognition]) -> None:
+    """Demand the same answers, bit for bit."""
+    assert len(first) == len(second) > 0
+    for one, other in zip(first, second, strict=True):
+        assert one.scores.tobytes() == other.scores.tobytes()
+        assert (one.time, one.outcome, one.movement, one.share, one.gap) == (
+            *(other.time, other.outcome, other.movement),
+            *(other.share, other.gap),
+        )
+        assert (one.eigenvector_class, one.eigenvector_score) == (other.eigenvector_class, other.eigenvector_score)
+
+
+@pytest.mark.parametrize("signature", LiveSignature)
+def test_again_after_reset_every_answer_is_identical(
+    clips: list[Clip], small_index: WindowIndex, signature: LiveSignature
+) -> None:
+    """The same feed after a reset gets the same answers to the last bit; without one it does not."""
+    recognizer = Recognizer(small_index, Settings(signature=signature))
+    for clip in clips[::2]:
+        frames = _frames(clip)
+        recognizer.reset()
+        first = _run(recognizer, frames)
+        recognizer.reset()
+        _assert_identical(_run(recognizer, frames), first)
+        later = [Frame("p", frame.time + clip.duration, frame.positions) for frame in frames]
+        assert len(_run(recognizer, later)) > len(first)
+
+
+def test_interleaved_performers_get_the_answers_they_get_alone(clips: list[Clip], small_library: MotionLibrary) -> None:
+    """Five people on one feed, their frames mixed by chance, are answered to the last bit as each would be alone."""
+    feeds = {clip.class_name: deque(_frames(clip)) for clip in clips}
+    alone = {name: _run(Recognizer(small_library), feed) for name, feed in feeds.items()}
+    turns = np.repeat(list(feeds), [len(feed) for feed in feeds.values()])
+    performers = Performers(small_library)
+    mixed: dict[str, list[Recognition]] = {name: [] for name in feeds}
+    for name in np.random.default_rng(14).permutation(turns).tolist():
+        frame = feeds[name].popleft()
+        answer = performers.push(Frame(name, frame.time, frame.positions), arrival=0.0)
+        if answer is not None:
+            mixed[answer.performer].append(answer)
+    for name, answers in mixed.items():
+        _assert_identical(answers, alone[name])
+
+
+# --- the paper's signature ---------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("window", [0.3, 1.0])
+def test_the_papers_signature_at_every_hop(clips: list[Clip], small_index: WindowIndex, window: float) -> None:
+    """Share, gap and |inner products| are those of the leading eigenvector of the window's whole covariance.
+
+    The basis holds nearly all of the variance, so that numbers are the twin's but for what it loses.
+    """
+    settings = Settings(signature=LiveSignature.PAPER, window=window, hop=0.1)
+    pairs = [(int(first), int(second)) for first, second in small_index.library.skeleton.pairs]
+    for clip in clips[:3]:
+        recognizer = Recognizer(small_index, settings)
+        feed = NaiveFeed([0], hop=0.1, longest=window, longest_gap=min(0.5, window))
+        rows = naive.distance_rows(clip.positions, pairs)
+        answers = 0
+        for frame, row in zip(_frames(clip), rows, strict=True):
+            answer, hop = recognizer.push(frame), feed.push(frame.time, row)
+            assert (answer is None) == (hop is None)
+            if answer is None or hop is None or answer.outcome is Outcome.STILL:
+                continue
+            inside = hop.last(window)[1]
+            values = np.linalg.eigvalsh(np.cov(inside, rowvar=False))
+            assert answer.share == pytest.approx(values[-1] / values.sum(), abs=0.03)
+            assert answer.gap == pytest.approx(1 - values[-2] / values[-1], abs=0.03)
+            distances = np.log(1e-3 + 1 - np.minimum(answer.eigenvector_score, 1) ** 2)
+            assert math.isclose(float(_distances(answer).min()), distances, abs_tol=1e-3)
+            answers += 1
+        assert answers >= 3

@@ -1,0 +1,47 @@
+"""Addresses as a person types them."""
+
+from __future__ import annotations
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from kinespace.tools.cli.address import host_and_port
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("127.0.0.1:9310", ("127.0.0.1", 9310)),
+        ("0.0.0.0:0", ("0.0.0.0", 0)),  # noqa: S104 - only parsed
+        ("stage.local:65535", ("stage.local", 65535)),
+        ("9310", ("127.0.0.1", 9310)),
+        (":9310", ("127.0.0.1", 9310)),
+        ("[::1]:9310", ("::1", 9310)),
+        ("::1:9310", ("::1", 9310)),
+    ],
+)
+def test_an_address_is_a_host_and_a_port(text: str, expected: tuple[str, int]) -> None:
+    """What stands after the last colon is the port; without a host it is this machine's."""
+    assert host_and_port(text) == expected
+
+
+@pytest.mark.parametrize(
+    "text", ["", "here", "here:", "here:port", "here:-1", "here:65536", "here:1.5", "here: 1", "here:²", "1" * 5000]
+)
+def test_what_has_no_port_is_refused(text: str) -> None:
+    """Text without a port of 0 to 65535 raises an error that says what was expected and what was got."""
+    with pytest.raises(ValueError, match=r"address: expected HOST:PORT, the port from 0 to 65535, got '"):
+        host_and_port(text)
+
+
+@given(st.text(max_size=20))
+def test_any_text_is_an_address_or_refused(text: str) -> None:
+    """Whatever is typed gives a host and a usable port, or the one error."""
+    try:
+        host, port = host_and_port(text)
+    except ValueError as error:
+        assert str(error).startswith("address: ")  # noqa: PT017 - most texts are no address, some are
+    else:
+        assert host
+        assert 0 <= port <= 65535

@@ -1,0 +1,40 @@
+"""Where the program starts."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+
+from kinespace.tools.cli import entry, main
+
+
+def test_kinespace_starts_there() -> None:
+    """The command that is installed is this one."""
+    project = tomllib.loads(Path(__file__).parents[3].joinpath("pyproject.toml").read_text(encoding="utf-8"))
+    assert project["project"]["scripts"] == {"kinespace": "kinespace.tools.cli.entry:main"}
+
+
+@pytest.mark.parametrize("status", [0, 2])
+def test_the_status_is_the_programs(status: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What the program ends with is what the process ends with."""
+    monkeypatch.setattr(main, "main", lambda: status)
+    assert entry.main() == status
+
+
+def test_ctrl_c_while_it_loads_ends_it_quietly() -> None:
+    """An interrupt in the half second in which numpy is loaded ends the program with 1 and no traceback."""
+    interrupted = (
+        "import sys\n"
+        "class Interrupting:\n"
+        "    def find_spec(self, name, *_):\n"
+        "        if name == 'numpy': raise KeyboardInterrupt\n"
+        "sys.meta_path.insert(0, Interrupting())\n"
+        "from kinespace.tools.cli.entry import main\n"
+        "sys.exit(main())\n"
+    )
+    done = subprocess.run([sys.executable, "-c", interrupted], capture_output=True, text=True, check=False, timeout=60)
+    assert (done.returncode, done.stdout, done.stderr) == (1, "", "")

@@ -1,0 +1,220 @@
+"""Takes to be recognised: labelled, unknown, listed in tables, whole clips, and those that a sensor has holes in."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from recorded import SWINGS, write_takes
+from takes import write_take
+
+from kinespace.library import NOTHING, MotionLibrary, Reading
+from kinespace.library.formats.labels import LabelError, Segment
+from kinespace.library.recordings import ActorIn, RecordingError
+from kinespace.tools.evaluation.takes import Sources, Take, read_takes, takes_of
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+BY_NAME = Reading(actor_in=ActorIn.NAME)
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """Write three takes of two persons."""
+    write_take(tmp_path, 1, [("clap", 1.0), ("row", 1.0)], person="ann")
+    write_take(tmp_path, 2, [("row", 1.0)], person="ann")
+    write_take(tmp_path, 1, [("hail", 1.0)], person="ben")
+    return tmp_path
+
+
+def _names(takes: list[Take]) -> list[str]:
+    return [take.clip.name for take in takes]
+
+
+# --- labelled takes ----------------------------------------------------------------------------------------------
+
+
+def test_labelled_takes_have_their_segments_and_persons(folder: Path) -> None:
+    """What lies beside a take is performed in it, by whom its place says; nobody where nobody is asked for."""
+    takes = read_takes(Sources([folder]), BY_NAME)
+    assert _names(takes) == ["ann_01", "ann_02", "ben_01"]
+    assert takes[0].segments == (Segment(0.0, 1.0, "clap"), Segment(1.0, 2.0, "row"))
+    assert [take.person for take in takes] == ["ann", "ann", "ben"]
+    assert [take.person for take in read_takes(Sources([folder]), Reading())] == [""] * 3
+    assert all(take.is_known and take.contains == () and take.delivered is None for take in takes)
+
+
+def test_motions_are_cut_out(folder: Path) -> None:
+    """Each segment is a motion of its label, with its frames, by the take's person."""
+    take, *_ = read_takes(Sources([folder]), BY_NAME)
+    first, second = take.motions()
+    assert [(each.class_name, each.frames, each.actor) for each in (first, second)] == [
+        ("clap", 120, "ann"),
+        ("row", 120, "ann"),
+    ]
+    assert np.array_equal(second.positions, take.clip.positions[120:])
+
+
+def test_labels_get_other_names(folder: Path) -> None:
+    """Segments are renamed; a name for a label that no take has is refused, whoever's takes are kept."""
+    takes = read_takes(Sources([folder], names={"row": "pull"}), BY_NAME)
+    assert [segment.label for take in takes for segment in take.segments] == ["clap", "pull", "pull", "hail"]
+    with pytest.raises(ValueError, match="--map: expected a label of the takes, clap, row, got 'hail'"):
+        read_takes(Sources([folder], names={"hail": "pull"}, persons=["ann"]), BY_NAME)
+
+
+@pytest.mark.parametrize(
+    ("persons", "without", "kept"),
+    [
+        (["ann"], [], ["ann_01", "ann_02"]),
+        ([], ["ann"], ["ben_01"]),
+        (["ann", "ben"], ["ben"], ["ann_01", "ann_02"]),
+        ([], ["zoe"], ["ann_01", "ann_02", "ben_01"]),
+    ],
+)
+def test_takes_are_chosen_by_person(folder: Path, persons: list[str], without: list[str], kept: list[str]) -> None:
+    """Takes of the persons asked for are kept, and not of those who are left out."""
+    assert _names(read_takes(Sources([folder], persons=persons, without_persons=without), BY_NAME)) == kept
+
+
+def test_persons_of_whom_there_is_nothing_are_refused(folder: Path) -> None:
+    """Where no take is left the persons asked for are said."""
+    with pytest.raises(ValueError, match="--subjects: expected some whose takes are there, got zoe, not ann"):
+        read_takes(Sources([folder], persons=["zoe"], without_persons=["ann"]), BY_NAME)
+
+
+def test_takes_are_seen_with_fewer_joints(folder: Path) -> None:
+    """A joint set leaves of every take the joints that it has, and must leave two."""
+    takes = read_takes(Sources([folder], skeleton="kinect20"), BY_NAME)
+    assert {take.clip.skeleton.joints for take in takes} == {("root", "head", "lhand", "rhand")}
+    assert takes[0].clip.frames == 240
+    with pytest.raises(ValueError, match="--skeleton: expected one of"):
+        read_takes(Sources([folder], skeleton="octopus"), BY_NAME)
+
+
+# --- clips -------------------------------------------------------------------------------------------------------
+
+
+def test_clips_named_as_hdm05_are_one_motion(tmp_path: Path) -> None:
+    """A clip whose name tells its class is performed from its beginning to its end, and is its own motion."""
+    write_takes(tmp_path, takes=1, frames=60)
+    takes = read_takes(Sources([tmp_path]), Reading())
+    assert {(take.segments[0].label, take.person) for take in takes} == {(n, a) for n in SWINGS for a in ("bd", "mm")}
+    for take in takes:
+        assert take.segments == (Segment(0.0, 0.5, take.clip.class_name),)
+        (motion,) = take.motions()
+        assert (motion.frames, motion.class_name) == (60, take.clip.class_name)
+
+
+def test_other_clips_are_of_their_folders_class(tmp_path: Path) -> None:
+    """Where clips are asked for the folder is the class; clips of one name are told apart by a number."""
+    for class_name in ("clap", "row"):
+        (tmp_path / class_name).mkdir()
+        write_take(tmp_path / class_name, 1, [(class_name, 0.5)], person="ann", labelled=False)
+    takes = read_takes(Sources([tmp_path], clips=True), BY_NAME)
+    assert [(take.clip.name, take.labels, take.person) for take in takes] == [
+        ("ann_01", {"clap"}, "ann"),
+        ("ann_01 (2)", {"row"}, "ann"),
+    ]
+    with pytest.raises(FileNotFoundError, match=r"ann_01.csv: no labels for ann_01.amc; --labels .* --clips "):
+        read_takes(Sources([tmp_path]), BY_NAME)
+
+
+def test_motions_of_a_library_are_takes() -> None:
+    """Each motion is performed from its beginning to its end; names are distinct."""
+    motions = MotionLibrary.builtin().motions[:8]
+    takes = takes_of([*motions, motions[0]])
+    assert len(set(_names(takes))) == 9
+    for take, motion in zip(takes, motions, strict=False):
+        assert take.segments == (Segment(0.0, motion.duration, motion.class_name),)
+        assert (take.person, take.clip.positions is motion.positions) == (motion.actor, True)
+
+
+# --- takes in which nothing known happens ------------------------------------------------------------------------
+
+
+def test_unknown_takes_show_nothing_known(folder: Path) -> None:
+    """Of unknown takes the whole time is labelled as nothing; labels beside them are not looked at."""
+    takes = read_takes(Sources(unknown=[folder / "ann_01.amc", folder / "ben_01.amc"]), BY_NAME)
+    assert [take.segments for take in takes] == [(Segment(0.0, 2.0, NOTHING),), (Segment(0.0, 1.0, NOTHING),)]
+    assert not any(take.is_known or take.labels for take in takes)
+
+
+# --- tables ------------------------------------------------------------------------------------------------------
+
+HEADER = "file,subject,seconds,contains,perhaps\n"
+
+
+def _table(folder: Path, text: str) -> Path:
+    path = folder / "takes.csv"
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def test_a_table_says_what_takes_contain(folder: Path) -> None:
+    """One with classes contains them, one without any is unknown, one that might contain some is left out."""
+    rows = 'ann_01.amc,7,2,"clap, row",hail\nann_02.amc,7,1,,row\nben_01.amc,8,1,,\n'
+    takes = read_takes(Sources(tables=[_table(folder, HEADER + rows)], names={"row": "pull"}), Reading())
+    assert [(take.clip.name, take.person, take.contains, take.segments) for take in takes] == [
+        ("ann_01", "7", ("clap", "pull"), ()),
+        ("ben_01", "8", (), (Segment(0.0, 1.0, NOTHING),)),
+    ]
+
+
+def test_a_tables_takes_are_chosen_before_they_are_read(folder: Path) -> None:
+    """Takes of persons who are not asked for need not even be there."""
+    rows = "gone.amc,7,1,clap,\nben_01.amc,8,1,hail,\n"
+    assert _names(read_takes(Sources(tables=[_table(folder, HEADER + rows)], persons=["8"]), BY_NAME)) == ["ben_01"]
+    with pytest.raises((OSError, RecordingError), match="gone"):
+        read_takes(Sources(tables=[_table(folder, HEADER + rows)]), BY_NAME)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("file,subject,contains\n", "expected the columns file, subject, contains, perhaps, no perhaps in it"),
+        ("", "expected the columns file, subject, contains, perhaps, no file, subject, contains, perhaps in it"),
+        (HEADER + ",7,1,clap,\n", "takes.csv:2: expected the name of a file, got none"),
+    ],
+)
+def test_a_table_that_says_nothing_is_refused(folder: Path, text: str, message: str) -> None:
+    """Missing columns and missing names are told with the file."""
+    with pytest.raises(LabelError, match=re.escape(message)):
+        read_takes(Sources(tables=[_table(folder, text)]), Reading())
+
+
+def test_all_kinds_are_read_together(folder: Path) -> None:
+    """Labelled, unknown and listed takes come one after the other; a take that is there twice has two names."""
+    table = _table(folder, HEADER + "ann_02.amc,7,1,row,\n")
+    takes = read_takes(Sources([folder / "ann_01.amc"], unknown=[folder / "ann_01.amc"], tables=[table]), BY_NAME)
+    assert _names(takes) == ["ann_01", "ann_01 (2)", "ann_02"]
+    assert [take.is_known for take in takes] == [True, False, False]
+
+
+# --- what a sensor delivered -------------------------------------------------------------------------------------
+
+
+def test_a_sensors_frames_are_known(tmp_path: Path) -> None:
+    """Of UTKinect's takes it is known which of the clip's frames came; labels are beside it in one file."""
+    values = np.random.default_rng(0).normal(size=(4, 60))
+    lines = [" ".join(map(str, (n, *row))) for n, row in zip((10, 12, 12, 20), values.tolist(), strict=True)]
+    (tmp_path / "joints_s03_e01.txt").write_text("\n".join(lines))
+    (tmp_path / "actionLabel.txt").write_text("s03_e01\nwalk: 12 20\n")
+    (take,) = read_takes(Sources([tmp_path]), Reading())
+    assert take.delivered is not None
+    assert take.delivered.tolist() == [0, 2, 10]
+    assert (take.clip.frames, take.person) == (11, "s03")
+    assert take.segments == (Segment(2 / 30, 10 / 30, "walk"),)
+    (motion,) = take.motions()
+    assert motion.frames == 8
+
+
+def test_a_take_may_be_longer_than_its_only_segment(folder: Path) -> None:
+    """A single segment that is not the whole take is cut out of it."""
+    take = read_takes(Sources([folder / "ben_01.amc"]), BY_NAME)[0]
+    (part,) = replace(take, segments=(Segment(0.25, 0.75, "hail"),)).motions()
+    assert part.frames == 60

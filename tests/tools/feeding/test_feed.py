@@ -1,0 +1,262 @@
+"""A fake live feed: when frames are sent, what goes wrong with them on order, and the two senders."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from programs import LOOPBACK
+from synthetic import STICK, stick_clip
+
+from kinespace.stream import Announcement, Frame, osc, zeromq
+from kinespace.stream.connections import Endpoint
+from kinespace.tools.feeding.feed import (
+    Cue,
+    OscFrameSender,
+    Pace,
+    ZmqFrameSender,
+    clip_cues,
+    resampled,
+    with_drops,
+    with_jitter,
+    with_reordering,
+    without_pause,
+)
+
+POSITIONS = np.zeros((6, 3))
+
+
+def cues(count: int) -> list[Cue]:
+    """Cue some frames at 120 Hz."""
+    return [Cue(index / 120, Frame("me", 1.0 + index / 120, POSITIONS), index) for index in range(count)]
+
+
+def test_frames_are_due_at_the_recordings_pace() -> None:
+    """A clip's frames are due one frame apart from the start, in order, each with its positions, class and number."""
+    clip = stick_clip("wave")
+    cued = list(clip_cues([clip], "me"))
+    assert [cue.seq for cue in cued] == list(range(clip.frames))
+    assert {cue.class_name for cue in cued} == {"wave"}
+    assert {cue.frame.performer for cue in cued} == {"me"}
+    np.testing.assert_allclose([cue.due for cue in cued], np.arange(clip.frames) / 120, atol=1e-12)
+    np.testing.assert_array_equal([cue.frame.positions for cue in cued], clip.positions)
+
+
+@pytest.mark.parametrize("speed", [0.5, 1.0, 4.0])
+def test_speed_changes_when_frames_are_sent_not_what_they_say(speed: float) -> None:
+    """At another speed frames are due so many times as fast; the time inside them stays the recording's."""
+    clips = [stick_clip("wave"), stick_clip("bow")]
+    cued = list(clip_cues(clips, "me", speed=speed, pause=0.5))
+    plain = list(clip_cues(clips, "me", pause=0.5))
+    np.testing.assert_allclose([cue.due for cue in cued], [cue.due / speed for cue in plain], rtol=1e-12)
+    assert [cue.frame.time for cue in cued] == [cue.frame.time for cue in plain]
+    np.testing.assert_allclose([cue.frame.time - cue.due * speed for cue in cued], 1.0, rtol=1e-12)
+
+
+def test_a_pause_lies_between_two_clips() -> None:
+    """The next clip begins its pause after the end of the one before; the numbers go on."""
+    first, second = stick_clip("wave", frames=24), stick_clip("jump", frames=12)
+    cued = list(clip_cues([first, second], "me", pause=0.7))
+    assert len(cued) == 36
+    assert cued[24].due == pytest.approx(24 / 120 + 0.7)
+    assert cued[24].frame.time - cued[23].frame.time == pytest.approx(1 / 120 + 0.7)
+    assert [cue.seq for cue in cued] == list(range(36))
+    assert [cue.class_name for cue in cued[23:25]] == ["wave", "jump"]
+
+
+@pytest.mark.parametrize("frame_rate", [60.0, 100.0, 120.0, 240.0])
+def test_another_rate_shows_the_same_movement(frame_rate: float) -> None:
+    """What moves evenly still does at another rate, from the first frame to the last."""
+    evenly = np.arange(121)[:, None, None] / 120 * np.ones((1, 6, 3))
+    again = resampled(stick_clip("wave", frames=121).moved_to(evenly), frame_rate)
+    assert again.frame_rate == frame_rate
+    np.testing.assert_allclose(again.positions[:, 0, 0], np.arange(frame_rate + 1) / frame_rate, atol=1e-12)
+
+
+def test_a_clip_of_one_frame_can_have_another_rate() -> None:
+    """There is nothing between its frames; it stays as it is."""
+    clip = stick_clip("wave", frames=1)
+    np.testing.assert_array_equal(resampled(clip, 50.0).positions, clip.positions)
+
+
+def test_clips_are_put_one_after_the_other() -> None:
+    """All frames of all clips at the rate asked for, in order; with a limit no more clips are read than it needs."""
+    first, second = stick_clip("wave", frames=48), stick_clip("bow", frames=25)
+    whole = without_pause([first, second], 60.0)
+    assert whole.dtype == np.float32
+    expected = np.concatenate([first.positions[::2], second.positions[::2]]).astype(np.float32)
+    np.testing.assert_allclose(whole, expected, atol=1e-6)
+    endless = iter(lambda: first, None)
+    cut = without_pause(endless, 120.0, 1.0)
+    np.testing.assert_array_equal(cut, np.tile(first.positions, (3, 1, 1))[:120].astype(np.float32))
+    np.testing.assert_array_equal(next(endless).positions, first.positions)
+
+
+def test_no_frame_says_time_zero() -> None:
+    """No frame of a feed carries time 0, which would mean "on arrival"."""
+    assert all(cue.frame.time >= 1.0 for cue in clip_cues([stick_clip("wave")], "me"))
+
+
+def test_clips_are_cued_as_they_are_asked_for() -> None:
+    """An endless sequence of clips can be cued: nothing is read ahead."""
+    clip = stick_clip("wave", frames=2)
+    endless = clip_cues(iter(lambda: clip, None), "me")
+    assert [next(endless).seq for _ in range(7)] == list(range(7))
+
+
+def test_dropped_frames_are_the_share_ordered() -> None:
+    """Of 10 000 frames a share of 0.2 is lost, within four standard deviations, the rest unchanged and in order."""
+    sent = cues(10_000)
+    kept = list(with_drops(sent, 0.2, np.random.default_rng(5)))
+    assert abs(len(kept) - 8000) < 4 * np.sqrt(10_000 * 0.2 * 0.8)
+    numbers = [cue.seq for cue in kept]
+    assert all(cue is sent[cue.seq] for cue in kept)
+    assert numbers == sorted(numbers)
+
+
+def test_drops_of_nothing_and_of_everything() -> None:
+    """A share of 0 loses no frame and a share of 1 loses every one."""
+    sent = cues(500)
+    assert list(with_drops(sent, 0.0, np.random.default_rng(1))) == sent
+    assert list(with_drops(sent, 1.0, np.random.default_rng(1))) == []
+
+
+def test_jitter_is_late_never_early_and_keeps_the_order() -> None:
+    """Every frame is late by 0 up to the seconds ordered, in the same order, and nothing else about it changes."""
+    sent = cues(2000)
+    late = list(with_jitter(sent, 0.03, np.random.default_rng(2)))
+    assert [cue.frame for cue in late] == [cue.frame for cue in sent]
+    assert [cue.seq for cue in late] == [cue.seq for cue in sent]
+    lateness = np.array([after.due - before.due for before, after in zip(sent, late, strict=True)])
+    assert lateness.min() >= 0.0
+    assert lateness.max() <= 0.03
+    assert lateness.std() > 0.001
+    assert all(before.due <= after.due for before, after in pairwise(late))
+
+
+def test_reordering_swaps_neighbours() -> None:
+    """Frames are at most one place from their own, none is lost, and the moments of sending stay as they were."""
+    sent = cues(5001)
+    swapped = list(with_reordering(sent, 0.2, np.random.default_rng(3)))
+    numbers = np.array([cue.seq for cue in swapped])
+    assert [cue.due for cue in swapped] == [cue.due for cue in sent]
+    assert Counter(numbers.tolist()) == Counter(range(5001))
+    assert np.abs(numbers - np.arange(5001)).max() == 1
+    assert all(cue.frame is sent[cue.seq].frame for cue in swapped)
+    swaps = int((np.diff(numbers) == -1).sum())
+    drawn = 5001 - swaps
+    assert abs(swaps - 0.2 * drawn) < 4 * np.sqrt(drawn * 0.2 * 0.8)
+
+
+@pytest.mark.parametrize(("count", "expected"), [(4, [1, 0, 3, 2]), (5, [1, 0, 3, 2, 4]), (1, [0]), (0, [])])
+def test_reordering_everything_swaps_every_pair(count: int, expected: list[int]) -> None:
+    """With a share of 1 every pair is swapped, and a last frame without a partner is sent all the same."""
+    swapped = with_reordering(cues(count), 1.0, np.random.default_rng(4))
+    assert [cue.seq for cue in swapped] == expected
+
+
+@pytest.mark.parametrize("fault", [with_drops, with_jitter, with_reordering])
+def test_faults_repeat_with_their_seed(fault: object) -> None:
+    """The same seed gives the same faults, another seed others."""
+    assert callable(fault)
+
+    def suffered(seed: int) -> list[tuple[int, float]]:
+        return [(cue.seq, cue.due) for cue in fault(cues(300), 0.3, np.random.default_rng(seed))]
+
+    assert suffered(8) == suffered(8)
+    assert suffered(8) != suffered(9)
+
+
+@dataclass
+class FakeTime:
+    """A clock that moves when slept on, each time a little longer than asked."""
+
+    now: float = 1000.0
+    oversleep: float = 0.003
+    slept: float = 0.0
+
+    def perf_counter(self) -> float:
+        """Read the clock."""
+        return self.now
+
+    def sleep(self, seconds: float) -> None:
+        """Let time pass."""
+        assert seconds > 0
+        self.now += seconds + self.oversleep
+        self.slept += seconds
+
+
+def test_a_pace_does_not_drift(monkeypatch: pytest.MonkeyPatch) -> None:
+    """However often a sleep is too long, the ten thousandth frame is no later than the first."""
+    clock = FakeTime()
+    monkeypatch.setattr("kinespace.tools.feeding.feed.time", clock)
+    pace = Pace()
+    for index in range(1, 10_001):
+        pace.wait_for(index / 120)
+        lateness = clock.now - (1000.0 + index / 120)
+        assert -1e-9 <= lateness <= clock.oversleep + 1e-9
+
+
+def test_a_late_pace_catches_up_without_sleeping(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What is already due is not waited for, and the schedule after it is the old one."""
+    clock = FakeTime(oversleep=0.0)
+    monkeypatch.setattr("kinespace.tools.feeding.feed.time", clock)
+    pace = Pace()
+    clock.now += 5.0
+    pace.wait_for(2.0)
+    pace.wait_for(5.0)
+    assert clock.slept == 0.0
+    pace.wait_for(6.0)
+    assert clock.now == pytest.approx(1006.0)
+    assert pace.moment(7.0) == pytest.approx(1007.0)
+
+
+def test_an_osc_sender_sends_what_live_feeds_send() -> None:
+    """The announcement and the frame arrive as the OSC border reads them, positions as float32."""
+    frame = Frame("me", 2.5, np.random.default_rng(6).normal(size=(6, 3)))
+    announcement = Announcement("me", STICK.joints)
+    receiver = osc.OscReceiver(LOOPBACK, 0)
+    sender = OscFrameSender(*receiver.address)
+    try:
+        sender.announce(announcement)
+        sender.send(sender.encode(Cue(0.0, frame, 0)))
+        events = [osc.decode(receiver.receive() or b"", 9.0).events for _ in range(2)]
+    finally:
+        sender.close()
+        receiver.close()
+    assert events[0] == [announcement]
+    (received,) = events[1]
+    assert isinstance(received, Frame)
+    assert (received.performer, received.time) == ("me", 2.5)
+    np.testing.assert_array_equal(received.positions, frame.positions.astype(np.float32))
+    assert sender.failed == 0
+
+
+def test_a_datagram_the_system_refuses_is_counted() -> None:
+    """A datagram larger than UDP takes is counted as failed and raises nothing."""
+    receiver = osc.OscReceiver(LOOPBACK, 0)
+    sender = OscFrameSender(*receiver.address)
+    try:
+        sender.send(b"/" * 70_000)
+        assert sender.failed == 1
+        assert receiver.receive() is None
+    finally:
+        sender.close()
+        receiver.close()
+
+
+def test_a_zmq_sender_tells_the_joints_with_the_next_frame_only() -> None:
+    """The joint names ride with the first frame after an announcement, and every frame carries its number."""
+    sender = ZmqFrameSender(Endpoint(f"tcp://{LOOPBACK}:*", bind=True))
+    try:
+        before = sender.encode(cues(1)[0])
+        sender.announce(Announcement("me", STICK.joints))
+        after = [sender.encode(cue) for cue in cues(3)[1:]]
+    finally:
+        sender.close()
+    decoded = [zeromq.decode(parts, 0.0) for parts in (before, *after)]
+    assert [each.seq for each in decoded] == [0, 1, 2]
+    assert [each.announcement for each in decoded] == [None, Announcement("me", STICK.joints), None]

@@ -1,0 +1,143 @@
+"""Hearing what is sent back: every packet, with where and when it came in."""
+
+from __future__ import annotations
+
+import time
+from contextlib import ExitStack
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from programs import LOOPBACK, PATIENCE
+
+from kinespace.stream import Outcome, Recognition, osc, zeromq
+from kinespace.stream.answer import Answer
+from kinespace.stream.connections import Endpoint
+from kinespace.tools.loopback.answer_listener import Listener, answer_in
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from kinespace.tools.feeding.feed import Packet
+    from kinespace.tools.loopback.answer_listener import Heard
+
+RECOGNITION = Recognition(
+    performer="me",
+    time=2.0,
+    outcome=Outcome.NAMED,
+    classes=("bow", "wave"),
+    scores=np.array([0.25, 0.75]),
+    movement=0.1,
+    share=0.9,
+    gap=0.8,
+)
+
+
+@pytest.fixture
+def opened() -> Iterator[ExitStack]:
+    with ExitStack() as stack:
+        yield stack
+
+
+def osc_pair(opened: ExitStack) -> tuple[osc.OscReceiver, osc.OscSender]:
+    """Open a UDP port and a sender to it."""
+    receiver = osc.OscReceiver(LOOPBACK, 0)
+    opened.callback(receiver.close)
+    sender = osc.OscSender(*receiver.address)
+    opened.callback(sender.close)
+    return receiver, sender
+
+
+def zmq_pair(opened: ExitStack) -> tuple[zeromq.ZmqReceiver, zeromq.ZmqSender]:
+    """Open a subscriber and a publisher that have met."""
+    sender = zeromq.ZmqSender(Endpoint(f"tcp://{LOOPBACK}:*", bind=True))
+    opened.callback(sender.close)
+    receiver = zeromq.ZmqReceiver(Endpoint(sender.address, bind=False))
+    opened.callback(receiver.close)
+    until = time.monotonic() + PATIENCE
+    while time.monotonic() < until:
+        sender.send([b"hello/", b""])
+        if receiver.socket.poll(20):
+            break
+    # The last greeting is the last message: whatever was sent before it has come before it.
+    sender.send([b"met/", b""])
+    while receiver.socket.poll(int(PATIENCE * 1000)):
+        if receiver.receive() == [b"met/", b""]:
+            return receiver, sender
+    raise AssertionError("the sockets did not meet")
+
+
+def test_every_packet_is_heard_in_order_with_its_moment(opened: ExitStack) -> None:
+    """Datagrams that wait are all collected, in order, each with the receiver it came in on and when it was taken."""
+    receiver, sender = osc_pair(opened)
+    listener = Listener(receiver)
+    before = time.perf_counter()
+    for number in range(20):
+        sender.send(b"%d" % number)
+    heard = listener.listen_until(before + 0.02)
+    after = time.perf_counter()
+    assert [each.packet for each in heard] == [b"%d" % number for number in range(20)]
+    assert all(each.receiver is receiver for each in heard)
+    arrivals = [each.arrival for each in heard]
+    assert arrivals == sorted(arrivals)
+    assert before <= arrivals[0] <= arrivals[-1] <= after
+
+
+def test_what_waits_is_heard_even_when_it_is_late(opened: ExitStack) -> None:
+    """Listening until a moment long past still takes what has come, and does not wait for more."""
+    receiver, sender = osc_pair(opened)
+    listener = Listener(receiver)
+    assert listener.listen_until(0.0) == []
+    sender.send(b"late")
+    assert [each.packet for each in listener.listen_until(0.0)] == [b"late"]
+
+
+@pytest.mark.parametrize("seconds", [0.0003, 0.003, 0.03])
+def test_listening_lasts_until_the_moment(opened: ExitStack, seconds: float) -> None:
+    """Without a packet, listening ends when the moment has come and not before."""
+    receiver, _ = osc_pair(opened)
+    moment = time.perf_counter() + seconds
+    assert Listener(receiver).listen_until(moment) == []
+    assert time.perf_counter() >= moment
+
+
+def test_both_transports_are_heard_at_once(opened: ExitStack) -> None:
+    """One listener hears a UDP port and a ZeroMQ subscription, and says which packet came on which."""
+    udp, udp_sender = osc_pair(opened)
+    zmq, zmq_sender = zmq_pair(opened)
+    listener = Listener(udp, zmq)
+    udp_sender.send(b"datagram")
+    zmq_sender.send([b"class/me/", b"message"])
+    heard: list[Heard] = []
+    until = time.monotonic() + PATIENCE
+    while len(heard) < 2 and time.monotonic() < until:
+        heard += listener.listen_until(time.perf_counter() + 0.01)
+    packets: dict[object, Packet] = {each.receiver: each.packet for each in heard}
+    assert packets == {udp: b"datagram", zmq: [b"class/me/", b"message"]}
+
+
+def test_closing_gives_every_socket_back(opened: ExitStack) -> None:
+    """After close the UDP port can be bound again and the ZeroMQ socket is closed."""
+    udp, _ = osc_pair(opened)
+    zmq, _ = zmq_pair(opened)
+    address = udp.address
+    Listener(udp, zmq).close()
+    osc.OscReceiver(*address).close()
+    assert zmq.socket.closed
+
+
+@pytest.mark.parametrize(
+    "packet", [osc.encode_recognition(RECOGNITION), zeromq.encode_recognition(RECOGNITION)], ids=["osc", "zmq"]
+)
+def test_an_answer_reads_alike_over_both_transports(packet: Packet) -> None:
+    """The same recognition is read as the same answer from a datagram and from a ZeroMQ message."""
+    assert answer_in(packet) == Answer("me", 1, 0.75, 0.5, "wave")
+
+
+@pytest.mark.parametrize(
+    "packet",
+    [b"", b"rubbish", osc.encode_classes(("bow",)), [b"status/", b"{}"], [b"class/me/", b"no JSON"], [b"class/me/"]],
+)
+def test_other_packets_hold_no_answer(packet: Packet) -> None:
+    """Class lists, statuses and rubbish of either transport are no answers."""
+    assert answer_in(packet) is None

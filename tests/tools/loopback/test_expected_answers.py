@@ -1,0 +1,108 @@
+"""Knowing beforehand what will be answered, and pairing answers with the frames they answer."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from programs import builtin_library, motion_cues
+
+from kinespace.library.windows.cutting import FIRST_WINDOW
+from kinespace.stream import Frame, LiveSignature, Recognizer, Settings, osc, zeromq
+from kinespace.stream.answer import Answer
+from kinespace.tools.loopback.expected_answers import AnswerMatcher, Expected, expected_answers
+
+if TYPE_CHECKING:
+    from kinespace.tools.feeding.feed import Cue
+
+
+def over_osc(cue: Cue) -> Frame:
+    """Give the frame as it comes out of a datagram."""
+    (frame,) = osc.decode(osc.encode_frame(cue.frame), 0.0).events
+    assert isinstance(frame, Frame)
+    return frame
+
+
+def over_zmq(cue: Cue) -> Frame:
+    """Give the frame as it comes out of a ZeroMQ message."""
+    return zeromq.decode(zeromq.encode_frame(cue.frame, cue.seq), 0.0).frame
+
+
+def answer(label: str, score: float) -> Answer:
+    """Make an answer as it is received."""
+    return Answer("me", 0, score, 0.1, label)
+
+
+@pytest.mark.parametrize("transported", [over_osc, over_zmq])
+@pytest.mark.parametrize(
+    "settings",
+    [Settings(), Settings(signature=LiveSignature.PAPER, window=0.4, hop=0.0), Settings(hop=0.1)],
+)
+def test_what_is_expected_is_what_is_answered(transported: object, settings: Settings) -> None:
+    """A recogniser behind either transport answers exactly the frames, labels and scores that were expected."""
+    assert callable(transported)
+    library = builtin_library()
+    cues = motion_cues("kickLFront1Reps", 1.5)
+    recognizer = Recognizer(library, settings)
+    answered = [(index, recognizer.push(transported(cue))) for index, cue in enumerate(cues)]
+    actual = [(index, each.label, each.score) for index, each in answered if each is not None]
+    expected = expected_answers(cues, library, settings)
+    assert len(expected) >= 5
+    assert [(each.cue, each.label) for each in expected] == [(index, label) for index, label, _ in actual]
+    assert [each.score for each in expected] == pytest.approx([score for *_, score in actual], abs=1e-6)
+
+
+def test_positions_are_rounded_as_the_wire_rounds_them() -> None:
+    """Far out, where 32 bits hold centimetres only, what is expected is what arrives, not what was meant."""
+    library = builtin_library()
+    meant = [
+        replace(cue, frame=replace(cue.frame, positions=cue.frame.positions + np.float64(9e4)))
+        for cue in motion_cues("kickLFront1Reps", 1.2)
+    ]
+    exact, received = Recognizer(library), Recognizer(library)
+    exact_scores = [each.score for cue in meant if (each := exact.push(cue.frame))]
+    scores = [each.score for cue in meant if (each := received.push(over_osc(cue)))]
+    expected = [each.score for each in expected_answers(meant, library, Settings())]
+    assert expected == pytest.approx(scores, abs=1e-9)
+    assert expected != pytest.approx(exact_scores, abs=1e-5)
+
+
+@pytest.mark.parametrize("signature", list(LiveSignature))
+def test_nothing_is_expected_of_a_feed_shorter_than_the_first_window(signature: LiveSignature) -> None:
+    """Frames that do not fill the first window are answered by nothing; two more frames are."""
+    library, settings = builtin_library(), Settings(signature=signature)
+    assert expected_answers(motion_cues("squat1Reps", FIRST_WINDOW), library, settings) == []
+    assert len(expected_answers(motion_cues("squat1Reps", FIRST_WINDOW + 2 / 120), library, settings)) == 1
+
+
+@given(st.lists(st.booleans(), max_size=40))
+def test_answers_find_their_frames_and_the_missing_are_counted(arrived: list[bool]) -> None:
+    """Whichever answers get lost, each that arrives is paired with its own frame, and the rest is lost or waiting."""
+    expected = [Expected(3 * index, "wave", 0.5 + index / 1000) for index in range(len(arrived))]
+    matcher = AnswerMatcher(expected)
+    for each, has_arrived in zip(expected, arrived, strict=True):
+        if has_arrived:
+            assert matcher.match(answer(each.label, each.score + 4e-6)) == each
+    assert matcher.lost + matcher.waiting == arrived.count(False)
+    assert matcher.unexpected == 0
+
+
+def test_an_unexpected_answer_is_counted_and_changes_nothing() -> None:
+    """An answer with another label or score than any expected one matches nothing, and the next still finds its own."""
+    matcher = AnswerMatcher([Expected(0, "wave", 0.9), Expected(4, "wave", 0.8)])
+    assert matcher.match(answer("bow", 0.9)) is None
+    assert matcher.match(answer("wave", 0.85)) is None
+    assert matcher.match(answer("wave", 0.9)) == Expected(0, "wave", 0.9)
+    assert (matcher.unexpected, matcher.lost, matcher.waiting) == (2, 0, 1)
+
+
+def test_two_answers_alike_are_taken_in_their_order() -> None:
+    """Of two expected answers that say the same, the earlier is taken first and none is lost."""
+    alike = [Expected(0, "still", 0.5), Expected(4, "still", 0.5)]
+    matcher = AnswerMatcher(alike)
+    assert [matcher.match(answer("still", 0.5)) for _ in range(3)] == [*alike, None]
+    assert (matcher.unexpected, matcher.lost, matcher.waiting) == (1, 0, 0)

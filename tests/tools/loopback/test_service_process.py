@@ -1,0 +1,138 @@
+"""A service, or an echo, in a process of its own."""
+
+from __future__ import annotations
+
+import multiprocessing
+import time
+from typing import TYPE_CHECKING
+
+import pytest
+from programs import PATIENCE, motion_cues
+from recorded import write_takes
+
+from kinespace.library import MotionLibrary, read_recordings
+from kinespace.stream import Announcement, Settings
+from kinespace.tools.feeding.feed import clip_cues
+from kinespace.tools.loopback.answer_listener import Listener, answer_in
+from kinespace.tools.loopback.expected_answers import expected_answers
+from kinespace.tools.loopback.service_process import BackgroundService, Echo
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from kinespace.stream.answer import Answer
+    from kinespace.tools.feeding.feed import Packet
+    from kinespace.tools.loopback.service_process import Transport
+
+TRANSPORTS: tuple[Transport, ...] = ("osc", "zmq")
+
+
+def hear(listener: Listener, count: int) -> list[Packet]:
+    """Wait for some packets."""
+    heard: list[Packet] = []
+    until = time.monotonic() + PATIENCE
+    while len(heard) < count and time.monotonic() < until:
+        heard += [each.packet for each in listener.listen_until(time.perf_counter() + 0.01)]
+    return heard
+
+
+@pytest.mark.parametrize("transport", TRANSPORTS)
+def test_a_feed_is_answered_from_another_process(transport: Transport) -> None:
+    """Every answer that is due comes, as expected, and the last status counts every frame and no loss."""
+    library, settings = MotionLibrary.builtin(), Settings()
+    cues = motion_cues("squat1Reps", 1.2)
+    expected = expected_answers(cues, library, settings)
+    answers: list[Answer] = []
+    with BackgroundService(transport, settings=settings) as service:
+        sender, receiver = service.connect()
+        listener = Listener(receiver)
+        try:
+            sender.announce(Announcement("dancer", library.skeleton.joints))
+            for cue in cues:
+                sender.send(sender.encode(cue))
+            until = time.monotonic() + PATIENCE
+            while len(answers) < len(expected) and time.monotonic() < until:
+                answers += [answer for packet in hear(listener, 1) if (answer := answer_in(packet))]
+        finally:
+            sender.close()
+            listener.close()
+        assert service.status is None
+    assert [answer.label for answer in answers] == [each.label for each in expected]
+    assert [answer.score for answer in answers] == pytest.approx([each.score for each in expected], abs=1e-5)
+    status = service.status
+    assert status is not None
+    assert status.outcomes.recognizers.frames == len(cues)
+    assert status.outcomes.recognizers.hops == len(expected)
+    assert status.lost == 0
+    assert status.unsent == 0
+    assert multiprocessing.active_children() == []
+
+
+@pytest.mark.parametrize("transport", TRANSPORTS)
+def test_an_echo_sends_every_packet_back_unread(transport: Transport) -> None:
+    """What an echo is sent comes back byte for byte and in order, and it has no status."""
+    with BackgroundService(transport, stand_in=Echo()) as echo:
+        sender, receiver = echo.connect()
+        listener = Listener(receiver)
+        try:
+            packets = [sender.encode(cue) for cue in motion_cues("squat1Reps", 0.2)]
+            for packet in packets:
+                sender.send(packet)
+            echoed: list[Packet] = []
+            until = time.monotonic() + PATIENCE
+            while len(echoed) < len(packets) and time.monotonic() < until:
+                # What greeted while connecting may still be under way.
+                echoed += [packet for packet in hear(listener, 1) if packet != [b"hello/", b""]]
+        finally:
+            sender.close()
+            listener.close()
+    assert echoed == packets
+    assert echo.status is None
+    assert multiprocessing.active_children() == []
+
+
+def test_a_library_is_what_the_service_knows(tmp_path: Path) -> None:
+    """A service given a library follows that library's body and answers with its classes."""
+    clips = list(read_recordings(write_takes(tmp_path, takes=1)))
+    with BackgroundService("osc", library=MotionLibrary.of_clips(clips)) as service:
+        sender, receiver = service.connect()
+        listener = Listener(receiver)
+        labels: set[str] = set()
+        try:
+            for cue in clip_cues(clips[:1], "me"):
+                sender.send(sender.encode(cue))
+            until = time.monotonic() + PATIENCE
+            while not labels and time.monotonic() < until:
+                labels |= {answer.label for packet in hear(listener, 1) if (answer := answer_in(packet))}
+        finally:
+            sender.close()
+            listener.close()
+    assert labels == {clips[0].class_name}
+
+
+@pytest.mark.parametrize("transport", TRANSPORTS)
+def test_what_fails_there_is_an_error_here(transport: Transport) -> None:
+    """What fails in the other process is raised in this one, and no process or socket stays behind."""
+    with (
+        pytest.raises(ValueError, match="most: expected at least 1 performer, got 0"),
+        BackgroundService(transport, performers=0),
+    ):
+        pytest.fail("started without room for anybody")
+    assert multiprocessing.active_children() == []
+
+
+def test_a_killed_child_ends_quietly() -> None:
+    """When the other process is killed, leaving the block neither waits nor raises, and there is no status."""
+    with BackgroundService("osc") as service:
+        (child,) = multiprocessing.active_children()
+        child.kill()
+        child.join(PATIENCE)
+    assert service.status is None
+    assert multiprocessing.active_children() == []
+
+
+def test_an_error_inside_the_block_stops_the_child() -> None:
+    """A program that fails while the service runs takes it down with it."""
+    with pytest.raises(RuntimeError, match="ours"), BackgroundService("osc"):
+        raise RuntimeError("ours")
+    assert multiprocessing.active_children() == []

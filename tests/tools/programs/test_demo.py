@@ -1,0 +1,168 @@
+"""`kinespace demo`: the whole loop on this machine, with nothing but the built-in library."""
+
+from __future__ import annotations
+
+import json
+import math
+import multiprocessing
+from contextlib import ExitStack
+from io import StringIO
+from typing import TYPE_CHECKING, NoReturn
+
+import pytest
+from programs import started
+from rich.console import Console
+
+from kinespace.library import MotionLibrary
+from kinespace.tools.cli.main import main
+from kinespace.tools.loopback.service_process import BackgroundService
+from kinespace.tools.programs import demo
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+#: Two classes, so that a whole demo fits in four seconds.
+CLASSES = ("kickLFront1Reps", "squat1Reps")
+SECONDS = "4"
+
+
+@pytest.fixture
+def small(monkeypatch: pytest.MonkeyPatch) -> MotionLibrary:
+    """Let the demo know two classes only."""
+    whole = MotionLibrary.builtin()
+    library = whole.without(classes=[name for name in whole.classes if name not in CLASSES])
+    monkeypatch.setattr(MotionLibrary, "builtin", lambda: library)
+    return library
+
+
+def test_the_command_names_every_motion_over_both_transports() -> None:
+    """As a command, demo prints exactly one JSON object in which every class was played, answered and right."""
+    with ExitStack() as stack:
+        runs = [
+            stack.enter_context(started("demo", "--json", "--transport", transport)) for transport in ("osc", "zmq")
+        ]
+        for program in runs:
+            assert (program.wait(), program.errors) == (0, "")
+            assert program.output.count("\n") == 1
+            described = json.loads(program.output)
+            assert set(described) == {"played", "answered", "right", "p99_ms"}
+            assert described["right"] == described["played"] == described["answered"] == 11
+            assert 0 < described["p99_ms"] < math.inf
+
+
+def test_the_library_that_names_has_none_of_the_motions_played(
+    small: MotionLibrary, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The recogniser's process, and what is expected of it, know every motion but those that are played."""
+    asked: list[MotionLibrary] = []
+    expected = demo.expected_answers
+    monkeypatch.setattr(demo, "expected_answers", lambda *of: (asked.append(of[1]), expected(*of))[1])
+
+    def service(_: str, **options: object) -> NoReturn:
+        asked.append(options["library"])  # type: ignore[arg-type]
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(demo, "BackgroundService", service)
+    assert main(["demo", "--seconds", SECONDS, "--json"]) == 1
+    played = demo.chosen(small, float(SECONDS))
+    assert len(asked) == 2
+    for library in asked:
+        assert set(small.motions) - set(library.motions) == set(played)
+        assert set(library.motions) < set(small.motions)
+
+
+@pytest.mark.parametrize("seconds", [24.0, 30.0, 44.0])
+def test_the_longest_motions_that_fit_are_played(seconds: float) -> None:
+    """One motion of each class, the longest up to one limit or the shortest; with a higher limit they do not fit."""
+    library = MotionLibrary.builtin()
+    lengths = [
+        sorted(each.duration for each in library.motions if each.class_name == name and each.duration >= 1.0)
+        for name in library.classes
+    ]
+
+    def chosen_up_to(limit: float) -> list[float]:
+        return [max([each for each in of_class if each <= limit], default=of_class[0]) for of_class in lengths]
+
+    def total(durations: list[float]) -> float:
+        return sum(each + 0.7 for each in durations)
+
+    motions = demo.chosen(library, seconds)
+    assert [motion.class_name for motion in motions] == list(library.classes)
+    durations = [motion.duration for motion in motions]
+    limits = sorted({each for of_class in lengths for each in of_class})
+    fitting = [limit for limit in limits if total(chosen_up_to(limit)) <= seconds]
+    assert durations == chosen_up_to(fitting[-1])
+    assert durations != chosen_up_to(limits[limits.index(fitting[-1]) + 1])
+
+
+@pytest.mark.usefixtures("small")
+def test_a_person_sees_a_table_a_tally_and_a_picture(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The table says that motions are left out and has a row per class, the tally how it went, the picture both."""
+    picture = tmp_path / "demo.svg"
+    assert main(["demo", "--seconds", SECONDS, "--picture", str(picture)]) == 0
+    printed = capsys.readouterr().out
+    assert "each left out of the library that names it" in " ".join(printed.split())
+    rows = [line.split() for line in printed.splitlines() if line.startswith(CLASSES)]
+    assert [row[:2] for row in rows] == [[name, name] for name in CLASSES]
+    for row in rows:
+        score, _, milliseconds = map(float, row[2:])
+        assert 0 < score <= 1
+        assert milliseconds > 0
+    assert "2 of 2 motions named" in printed
+    assert "frame sent to answer received over OSC: p50 " in printed
+    drawn = picture.read_text(encoding="utf-8")
+    assert drawn.startswith("<svg")
+    assert drawn.count(CLASSES[0]) >= 2
+    assert "motions&#160;named" in drawn
+    assert {path.name for path in tmp_path.iterdir()} == {"demo.svg"}
+    assert multiprocessing.active_children() == []
+
+
+@pytest.mark.usefixtures("small")
+def test_on_a_terminal_the_table_fills_while_it_plays(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A terminal gets the table again and again: first without answers, at the end with all of them."""
+    terminal = Console(file=StringIO(), force_terminal=True, width=100, markup=False)
+    monkeypatch.setattr(demo, "console", terminal)
+    assert main(["demo", "--seconds", SECONDS, "--transport", "zmq"]) == 0
+    assert isinstance(terminal.file, StringIO)
+    printed = terminal.file.getvalue()
+    drawn = printed.split("Motions of the built-in library")
+    assert len(drawn) > 5
+    assert drawn[1].count(CLASSES[1]) == 1
+    assert drawn[-1].count(CLASSES[1]) == 2
+    assert "over ZMQ" in printed
+
+
+def test_a_recogniser_that_knows_other_names_is_not_right(
+    small: MotionLibrary, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Answers that are not the expected ones are not taken for answers: nothing is right, and the status is 1."""
+    other = small.renamed({name: f"not {name}" for name in CLASSES})
+
+    def service(transport: str, **options: object) -> BackgroundService:
+        return BackgroundService(transport, **{**options, "library": other})  # type: ignore[arg-type]
+
+    monkeypatch.setattr(demo, "BackgroundService", service)
+    assert main(["demo", "--seconds", SECONDS, "--json"]) == 1
+    assert json.loads(capsys.readouterr().out) == {"played": 2, "answered": 0, "right": 0, "p99_ms": None}
+
+
+def test_too_few_seconds_are_refused(capsys: pytest.CaptureFixture[str]) -> None:
+    """Where not even the shortest motions fit, the least that would do is said in one line, with status 2."""
+    assert main(["demo", "--seconds", "5", "--json"]) == 2
+    assert capsys.readouterr() == ("", "kinespace: --seconds: expected at least 24 for 11 classes, got 5\n")
+
+
+@pytest.mark.usefixtures("small")
+def test_a_demo_that_is_interrupted_takes_its_recogniser_along(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Ctrl-C while motions play ends with 1 and without a word, the recogniser's process and all sockets with it."""
+
+    def interrupted(*_: object) -> NoReturn:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(demo.Listener, "listen_until", interrupted)
+    assert main(["demo", "--seconds", SECONDS, "--json"]) == 1
+    assert capsys.readouterr() == ("", "")
+    assert multiprocessing.active_children() == []

@@ -1,0 +1,137 @@
+"""`kinespace latency`: frame sent to answer received, beside a bare echo. No figure is held against a limit here."""
+
+from __future__ import annotations
+
+import json
+import math
+import multiprocessing
+from contextlib import ExitStack
+from functools import partial
+
+import numpy as np
+import pytest
+from programs import started
+
+from kinespace.library import MotionLibrary
+from kinespace.stream import Settings
+from kinespace.tools.cli.main import main
+from kinespace.tools.loopback.service_process import BackgroundService
+from kinespace.tools.programs.latency import Latency, measure
+from kinespace.tools.terminal.console import console
+
+KEYS = {
+    "transport",
+    "rate_hz",
+    "sent",
+    "answered",
+    "lost",
+    "p50_ms",
+    "p99_ms",
+    "max_ms",
+    "echo_p50_ms",
+    "echo_p99_ms",
+}
+
+
+@pytest.fixture(autouse=True)
+def _wide(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(console, "_width", 200)
+
+
+def test_percentiles_are_of_what_was_measured() -> None:
+    """Percentiles are in milliseconds, of the answers or of the echo; all stand in the JSON object by name."""
+    seconds, echo = np.arange(1001) / 1e6, np.arange(1001) / 1e7
+    latency = Latency("osc", 120.0, 10, 9, 1, seconds, echo)
+    assert latency.percentile(50) == pytest.approx(0.5)
+    assert latency.percentile(99, echo=True) == pytest.approx(0.099)
+    described = latency.as_json()
+    assert set(described) >= KEYS
+    assert (described["transport"], described["rate_hz"]) == ("osc", 120.0)
+    assert (described["sent"], described["answered"], described["lost"]) == (10, 9, 1)
+    assert [described[name] for name in ("p50_ms", "p95_ms", "p99_ms", "p999_ms", "max_ms")] == pytest.approx(
+        [0.5, 0.95, 0.99, 0.999, 1.0], abs=1e-4
+    )
+    assert described["echo_max_ms"] == pytest.approx(0.1)
+
+
+def test_what_was_not_measured_is_null() -> None:
+    """Without a single answer the figures are NaN, and null in the JSON object, which stays valid JSON."""
+    latency = Latency("zmq", 120.0, 10, 0, 3, np.array([]), np.array([0.001]))
+    assert math.isnan(latency.percentile(99))
+    described = json.loads(json.dumps(latency.as_json(), allow_nan=False))
+    assert described["p99_ms"] is None
+    assert described["max_ms"] is None
+    assert described["echo_p99_ms"] == 1.0
+
+
+def test_every_frame_and_answer_is_accounted_for() -> None:
+    """A run sends every frame, every answer due is answered or lost, and each latency is a positive time."""
+    latency = measure("zmq", rate_hz=100.0, seconds=1.2, settings=Settings(hop=0.05))
+    assert latency.sent == 120
+    # The first window is full with frame 16; from then on every fifth is answered.
+    assert latency.answered + latency.lost == 21
+    assert latency.answered > 0
+    assert len(latency.seconds) <= latency.answered
+    # The first half second warms up and is not counted.
+    assert 0 < len(latency.echo_seconds) <= 70
+    for seconds in (latency.seconds, latency.echo_seconds):
+        assert np.isfinite(seconds).all()
+        assert (seconds > 0).all()
+
+
+def test_answers_that_never_come_are_lost(monkeypatch: pytest.MonkeyPatch) -> None:
+    """When a recogniser answers something else than was due, every answer due is counted as lost, the last ones too."""
+    whole = MotionLibrary.builtin()
+    # Of one class alone the scores are others, whatever the label is.
+    other = whole.without(classes=whole.classes[:-1])
+    monkeypatch.setattr("kinespace.tools.programs.latency.BackgroundService", partial(BackgroundService, library=other))
+    latency = measure("osc", rate_hz=100.0, seconds=0.6, settings=Settings(hop=0.05))
+    # The first answer comes with frame 16, after 0.15 s.
+    assert (latency.sent, latency.answered, latency.lost) == (60, 0, 9)
+    assert latency.seconds.size == 0
+
+
+def test_the_table_has_a_transport_and_its_echo(capsys: pytest.CaptureFixture[str]) -> None:
+    """The table has a row for the recogniser and one for the bare echo, figures ordered, counts beside the former."""
+    assert main(["latency", "--transport", "osc", "--seconds", "1.6", "--rate", "60"]) == 0
+    printed = capsys.readouterr().out
+    assert "milliseconds, at 60 Hz" in printed
+    rows = [[cell.strip() for cell in line.split("│")[1:-1]] for line in printed.splitlines() if "│" in line]
+    assert [("osc" in row[0], "echo" in row[0]) for row in rows] == [(True, False), (True, True)]
+    for row in rows:
+        figures = [float(figure) for figure in row[1:6]]
+        assert figures == sorted(figures)
+        assert figures[0] >= 0
+    assert [row[6] for row in rows] == ["96", ""]
+
+
+@pytest.mark.parametrize(("seconds", "hop"), [("0.1", "0.03"), ("0.5", "0.03"), ("1.1", "1")])
+def test_too_short_a_run_is_refused(seconds: str, hop: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """A run whose last answer comes before it is warmed up could measure nothing: one line, status 2, no process."""
+    assert main(["latency", "--seconds", seconds, "--hop", hop]) == 2
+    assert capsys.readouterr().err == (
+        f"kinespace: --seconds: expected enough for an answer after the first 0.5 s, got {seconds}\n"
+    )
+    assert multiprocessing.active_children() == []
+
+
+def test_the_command_prints_one_json_object() -> None:
+    """As a command of its own, for each transport, latency prints one object of finite, positive, ordered figures."""
+    with ExitStack() as stack:
+        options = ("--seconds", 2, "--json")
+        runs = {
+            transport: stack.enter_context(started("latency", "--transport", transport, *options))
+            for transport in ("osc", "zmq")
+        }
+        for transport, program in runs.items():
+            assert (program.wait(), program.errors) == (0, "")
+            assert program.output.count("\n") == 1
+            described = json.loads(program.output)
+            assert set(described) >= KEYS
+            assert (described["transport"], described["rate_hz"]) == (transport, 120.0)
+            assert described["sent"] == 240
+            # The first window is full with frame 19; from then on every fourth is answered.
+            assert described["answered"] + described["lost"] == 56
+            assert described["answered"] > 0
+            assert 0 < described["p50_ms"] <= described["p99_ms"] <= described["max_ms"] < math.inf
+            assert 0 < described["echo_p50_ms"] <= described["echo_p99_ms"] < math.inf

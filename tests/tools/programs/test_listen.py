@@ -1,0 +1,217 @@
+"""`kinespace listen`: every feed is told by what arrives, and what is wrong with it is said."""
+
+from __future__ import annotations
+
+import json
+import socket
+import threading
+import time
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from fakeqtm import fake_qtm
+from golden import LAYOUTS, Moment, bundle, message
+from programs import LOOPBACK, finished, free_udp_port, ghost_cues
+
+from kinespace.library.hdm05 import SKELETON
+from kinespace.stream.feeds import builtin_names, builtin_preset
+from kinespace.stream.feeds.detection import MOST_KINDS, Survey, shortened
+from kinespace.tools.programs.listen import advice
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+PRESETS = [builtin_preset(name) for name in builtin_names()]
+
+
+def surveyed(layout: str, frames: int = 6, *, without: int = 0) -> Survey:
+    """Let a survey see some frames of a layout at 30 Hz, a number of datagrams of each left out."""
+    survey = Survey()
+    _, packets = LAYOUTS[layout]
+    for number, cue in enumerate(ghost_cues("squat1Reps", 0.5)[: 4 * frames : 4]):
+        places = dict(zip(SKELETON.joints, cue.frame.positions, strict=True))
+        time = 1.0 + number / 30
+        for place, packet in enumerate(packets(Moment(places, time, number))[without:]):
+            survey.see(packet, "10.0.0.7:5000", time + place * 1e-5)
+    return survey
+
+
+@pytest.mark.parametrize("layout", LAYOUTS)
+def test_every_feed_is_guessed(layout: str) -> None:
+    """What a product sends is told to be its preset's, with all joints, frames and the rate, and nothing missing."""
+    survey = surveyed(layout)
+    guess = survey.guess(PRESETS)
+    assert guess is not None
+    assert guess.preset.name == LAYOUTS[layout][0]
+    assert guess.missing == ()
+    assert guess.frames >= 5
+    assert guess.rate == pytest.approx(30.0, rel=0.01)
+    assert advice(survey, guess, None) == []
+
+
+def test_joints_never_named_are_not_taken_for_the_first_ones() -> None:
+    """Fifteen joints without names are told as such, with what would name them, and none is said to be missing."""
+    survey = Survey()
+    for number in range(20):
+        places = np.linspace(0.0, 1.5, 45, dtype=np.float32).tolist()
+        packet = message("/motion/frame", "sd" + "f" * 45, "me", 1.0 + number / 30, *places)
+        survey.see(packet, "10.0.0.7:5000", 1.0 + number / 30)
+    told = " ".join(advice(survey, survey.guess(PRESETS), None))
+    assert told.startswith("15 joints whose names were never sent: let the sender send /motion/skeleton")
+    assert "--joints" in told
+    assert "missing" not in told
+    assert "absent" not in told
+
+
+def test_kinds_of_messages_are_counted() -> None:
+    """Addresses that differ in numbers only are one kind, with count, rate, types, an example and the longest gap."""
+    survey = Survey()
+    for number in range(10):
+        survey.see(message(f"/tracker/{number}", "fff", 1.0, 2.0, 3.0), "10.0.0.7:1", number / 10 + (number > 5))
+    survey.see(bundle(message("/a", "s", "x")), "10.0.0.8:1", 3.0)
+    survey.see(b"junk", "10.0.0.8:1", 3.0)
+    kind = survey.kinds["/tracker/#", "fff"]
+    assert (kind.count, kind.example) == (10, (1.0, 2.0, 3.0))
+    assert kind.rate == pytest.approx(9 / 1.9)
+    assert kind.longest_gap == pytest.approx(1.1)
+    assert (survey.packets, survey.bundles, survey.undecodable) == (12, 1, 1)
+    assert survey.senders == {"10.0.0.7:1": 10, "10.0.0.8:1": 2}
+
+
+def test_somebody_who_makes_up_addresses_finds_an_end() -> None:
+    """There is a limit to the kinds that are told apart."""
+    survey = Survey()
+    for number in range(3 * MOST_KINDS):
+        survey.see(message("/" + "x" * number), "h:1", 0.0)
+    assert len(survey.kinds) == MOST_KINDS
+
+
+def test_runs_of_a_type_are_counted() -> None:
+    """Many floats are written as one f and how many."""
+    assert [shortened(types) for types in ("", "sifff", "i" + "f" * 93)] == ["", "sifff", "if*93"]
+
+
+def test_what_is_missing_is_said() -> None:
+    """Joints that do not come are named by the motion library's names, and what to do is said."""
+    survey = surveyed("osceleton", without=2)
+    guess = survey.guess(PRESETS)
+    assert guess is not None
+    assert (guess.preset.name, guess.frames) == ("osceleton", 0)
+    assert set(guess.missing) == {"head", "lowerneck"}
+    assert any("head" in line and "missing" in line for line in advice(survey, guess, None))
+
+
+def test_nothing_at_all_is_said() -> None:
+    """Nothing, no OSC, and OSC of nobody we know, are three things."""
+    survey = Survey()
+    assert survey.guess(PRESETS) is None
+    assert advice(survey, None, "127.0.0.1:1")[0].startswith("nothing arrived")
+    assert len(advice(survey, None, "0.0.0.0:1")) == 1
+    survey.see(b"junk", "h:1", 0.0)
+    assert advice(survey, None, None)[0] == "1 of 1 packets are no OSC: another protocol on this port?"
+    survey.see(message("/fader", "f", 0.5), "h:1", 0.0)
+    assert survey.guess(PRESETS) is None
+    assert advice(survey, None, None)[-1].startswith("no feed we know")
+
+
+@contextmanager
+def sending(layout: str, port: int) -> Iterator[None]:
+    """Send frames of a layout over and over while the block runs."""
+    over = threading.Event()
+    cues = ghost_cues("squat1Reps", 0.5)[::4]
+
+    def send() -> None:
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
+            number = 0
+            while not over.is_set():
+                places = dict(zip(SKELETON.joints, cues[number % len(cues)].frame.positions, strict=True))
+                for packet in LAYOUTS[layout][1](Moment(places, 1.0 + number / 30, number)):
+                    sender.sendto(packet, (LOOPBACK, port))
+                number += 1
+                time.sleep(1 / 30)
+
+    thread = threading.Thread(target=send)
+    thread.start()
+    try:
+        yield
+    finally:
+        over.set()
+        thread.join()
+
+
+def test_the_program_says_what_it_hears() -> None:
+    """Run on a port that VMC comes in on, it names the feed, the command to use, the sender and the addresses."""
+    port = free_udp_port()
+    with sending("vmc", port):
+        status, output, errors = finished("listen", port, "--seconds", 1.5)
+    assert (status, errors) == (0, "")
+    assert "looks like vmc" in output
+    assert "kinespace live --feed vmc" in output
+    assert "/VMC/Ext/Bone/Pos" in output
+    assert LOOPBACK in output
+
+
+def test_the_program_gives_json() -> None:
+    """One object with the feed, its joints and every kind of message."""
+    port = free_udp_port()
+    with sending("qtm", port):
+        status, output, errors = finished("listen", port, "--seconds", 1.5, "--json")
+    told = json.loads(output)
+    assert (status, errors) == (0, "")
+    assert (told["feed"], told["performers"], told["missing"], told["advice"]) == ("qtm", ["Jan"], [], [])
+    assert {"address": "/qtm/data", "types": "iiiii*"} not in told["messages"]
+    assert "/qtm/data" in {kind["address"] for kind in told["messages"]}
+
+
+def test_the_program_shakes_hands(tmp_path: Path) -> None:
+    """Of a feed that must be asked for, it asks, shows what comes then, and says goodbye."""
+    with fake_qtm(tmp_path) as (fake, preset):
+        status, output, errors = finished("listen", f"{LOOPBACK}:0", "--feed", preset, "--seconds", 1.5)
+        assert fake.wait_for_goodbye()
+        assert fake.told[1:] == ["StreamFrames AllFrames 3D Skeleton:global", "StreamFrames Stop", "Disconnect"]
+    assert (status, errors) == (0, "")
+    assert "looks like ours" in output
+    assert "performers: Jan" in output
+
+
+def test_the_program_says_that_nothing_came() -> None:
+    """On a port that nobody sends to it ends with 1 and the two usual reasons."""
+    status, output, errors = finished("listen", f"{LOOPBACK}:0", "--seconds", 0.2)
+    assert (status, errors) == (1, "")
+    assert "nothing arrived" in output
+    assert "0.0.0.0:PORT" in output
+
+
+def test_a_taken_port_is_one_line() -> None:
+    """When something else has the port, that is said in one line: often it is what is wrong."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
+        other.bind((LOOPBACK, 0))
+        port = other.getsockname()[1]
+        status, output, errors = finished("listen", port, "--seconds", 1)
+    assert (status, output) == (2, "")
+    assert errors.count("\n") == 1
+    assert f"{LOOPBACK}:{port}" in errors
+
+
+def test_feeds_are_listed_and_printed() -> None:
+    """Every preset has its port and what to set; one of them is printed as the file it is."""
+    status, output, _ = finished("feeds")
+    assert status == 0
+    for preset in PRESETS:
+        assert f"\n{preset.name}  port {preset.port}, " in f"\n{output}"
+        assert preset.sender in output
+    status, output, _ = finished("feeds", "vmc")
+    assert (status, "/VMC/Ext/Bone/Pos" in output) == (0, True)
+    assert finished("feeds", "kinect")[0] == 2
+
+
+def test_rates_need_time() -> None:
+    """One message has no rate, and neither have several at one moment."""
+    survey = Survey()
+    for _ in range(3):
+        survey.see(message("/a"), "h:1", 1.0)
+    assert survey.kinds["/a", ""].rate == 0.0
+    assert np.isfinite(survey.kinds["/a", ""].rate)

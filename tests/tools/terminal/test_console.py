@@ -1,0 +1,64 @@
+"""The terminal: progress that passes work through, and names that stay names."""
+
+from __future__ import annotations
+
+from io import StringIO
+
+import pytest
+from rich.console import Console
+
+from kinespace.tools.terminal.console import console, printable, progress
+
+
+def test_progress_passes_every_piece_through() -> None:
+    """What comes out of the progress is what went in, in order, with and without a total."""
+    assert list(progress(range(5), "Counting", 5)) == [0, 1, 2, 3, 4]
+    assert list(progress(iter("abc"), "Spelling", None)) == ["a", "b", "c"]
+    assert list(progress((), "Idling", 0)) == []
+
+
+def test_progress_is_lazy() -> None:
+    """A piece of work is done when it is asked for, not before."""
+    done = list[int]()
+
+    def work() -> int:
+        done.append(len(done))
+        return done[-1]
+
+    pieces = progress(iter(work, None), "Working", None)
+    assert next(pieces) == 0
+    assert next(pieces) == 1
+    assert done == [0, 1]
+    pieces.close()  # type: ignore[attr-defined]
+
+
+def test_nobody_looking_means_no_progress(capsys: pytest.CaptureFixture[str]) -> None:
+    """When standard error is no terminal, progress prints nothing anywhere."""
+    assert list(progress(range(3), "Counting", 3)) == [0, 1, 2]
+    assert capsys.readouterr() == ("", "")
+
+
+def test_progress_shows_on_standard_error(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    """On a terminal the bar says what is done and how much of how much, and standard output stays for results."""
+    terminal = StringIO()
+    monkeypatch.setattr(
+        "kinespace.tools.terminal.console.progress_console", Console(file=terminal, force_terminal=True, width=100)
+    )
+    assert list(progress(range(3), "Counting", 3)) == [0, 1, 2]
+    assert "Counting" in terminal.getvalue()
+    assert "3/3" in terminal.getvalue()
+    assert capsys.readouterr() == ("", "")
+
+
+@pytest.mark.parametrize("name", ["[/]", "[bold]me[/bold]", ":smile:", "[link=x]"])
+def test_names_are_printed_as_they_are(name: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """What looks like markup or an emoji's code in a name is printed character for character."""
+    console.print(f"<{name}>")
+    assert capsys.readouterr().out == f"<{name}>\n"
+
+
+def test_names_cannot_steer_the_terminal() -> None:
+    """Control characters, line ends and half pairs in a name are replaced, everything printable is kept."""
+    assert printable("Zoë 舞 🕺") == "Zoë 舞 🕺"
+    replaced = printable("a\x1b[2Jb\nc\rd\u202e\ud800")
+    assert replaced == "a\N{REPLACEMENT CHARACTER}[2Jb\ufffdc\ufffdd\ufffd\ufffd"

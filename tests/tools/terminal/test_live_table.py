@@ -1,0 +1,221 @@
+"""What a person sees of a running recogniser."""
+
+from __future__ import annotations
+
+from collections import Counter
+from io import StringIO
+
+import numpy as np
+import pytest
+from rich.console import Console
+
+from kinespace.stream import Outcome, Recognition
+from kinespace.stream.recognition import Event, EventKind
+from kinespace.stream.recognizer import RecognizerCounts
+from kinespace.stream.recognizer.performers import PerformerCounts
+from kinespace.stream.status import InputCounts, Status
+from kinespace.tools.terminal.live_table import LiveTable, PlainLines, counts, score_shown, summary
+
+CLASSES = ("bow", "jump", "wave")
+
+
+def recognition(performer: str, best: str, *, score: float = 0.9, outcome: Outcome = Outcome.NAMED) -> Recognition:
+    """Make an answer in which one class leads."""
+    scores = np.array([score if name == best else 0.25 for name in CLASSES])
+    return Recognition(performer, 12.5, outcome, CLASSES, scores, movement=0.1, share=0.9, gap=0.8)
+
+
+def status(*performers: str) -> Status:
+    """Make a status in which every counter is another number."""
+    return Status(
+        inputs=InputCounts(received=101, malformed=2, foreign=3, overrun=4, missing=5),
+        outcomes=PerformerCounts(
+            no_room=6,
+            other_joints=7,
+            recognizers=RecognizerCounts(frames=80, out_of_order=8, restarts=9, hops=20),
+        ),
+        unsent=10,
+        performers=dict.fromkeys(performers, 119.6),
+        hop_p50=0.0012,
+        hop_p99=0.0034,
+    )
+
+
+def shown(table: LiveTable, width: int = 120) -> str:
+    """Draw the table as text."""
+    console = Console(file=StringIO(), width=width, markup=False, emoji=False)
+    console.print(table.drawn())
+    assert isinstance(console.file, StringIO)
+    return console.file.getvalue()
+
+
+def test_plain_lines_come_on_change_only(capsys: pytest.CaptureFixture[str]) -> None:
+    """A performer's line is printed when the label changes: once for many answers alike, again for another."""
+    lines = PlainLines()
+    for best in ("bow", "bow", "wave", "wave", "bow"):
+        lines.publish(recognition("me", best))
+    lines.publish(recognition("me", "bow", outcome=Outcome.STILL))
+    printed = capsys.readouterr().out.splitlines()
+    assert [line.split()[3] for line in printed] == ["bow", "wave", "bow", "still"]
+    assert printed[0].split() == ["12.500", "s", "me", "bow", "score", "0.900", "margin", "0.650"]
+
+
+def test_plain_lines_keep_performers_apart(capsys: pytest.CaptureFixture[str]) -> None:
+    """Two performers doing different things by turns give one line each, not one per answer."""
+    lines = PlainLines()
+    for _ in range(4):
+        lines.publish(recognition("me", "bow"))
+        lines.publish(recognition("you", "wave"))
+    assert len(capsys.readouterr().out.splitlines()) == 2
+
+
+def test_a_performer_who_comes_back_is_news(capsys: pytest.CaptureFixture[str]) -> None:
+    """A performer missing from a status is forgotten: the same label is printed again on return, another's is not."""
+    lines = PlainLines()
+    lines.publish(recognition("me", "bow"))
+    lines.publish(recognition("you", "bow"))
+    lines.publish_status(status("you"))
+    lines.publish(recognition("me", "bow"))
+    lines.publish(recognition("you", "bow"))
+    assert [line.split()[2] for line in capsys.readouterr().out.splitlines()] == ["me", "you", "me"]
+
+
+def test_plain_lines_say_nothing_of_classes_and_status(capsys: pytest.CaptureFixture[str]) -> None:
+    """Class lists, statuses and closing print nothing."""
+    lines = PlainLines()
+    lines.publish_classes(CLASSES)
+    lines.publish_status(status())
+    lines.close()
+    assert capsys.readouterr().out == ""
+    assert lines.failed == 0
+
+
+@pytest.mark.parametrize("name", ["[/]", "[bold]", ":smile:", "two words"])
+def test_any_name_is_shown_as_it_is(name: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """A performer's name is printed and drawn literally, markup or not."""
+    PlainLines().publish(recognition(name, "bow"))
+    assert f"  {name}  " in capsys.readouterr().out
+    table = LiveTable(CLASSES)
+    table.publish(recognition(name, "bow"))
+    assert name in shown(table)
+
+
+def test_a_name_cannot_break_the_line(capsys: pytest.CaptureFixture[str]) -> None:
+    """Line ends and escape characters in a performer's name reach neither the lines nor the table."""
+    name = "me\x1b[2J\nyou"
+    PlainLines().publish(recognition(name, "bow"))
+    printed = capsys.readouterr().out
+    assert printed.count("\n") == 1
+    assert "\x1b" not in printed
+    table = LiveTable(CLASSES)
+    table.publish(recognition(name, "bow"))
+    assert "\x1b" not in shown(table)
+
+
+def test_the_table_waits_for_frames() -> None:
+    """Before any answer the table says that it waits, and how many classes there are."""
+    drawn = shown(LiveTable(CLASSES))
+    assert "waiting for frames" in drawn
+    assert "3 classes" in drawn
+    assert "received" not in drawn
+
+
+def test_the_table_shows_the_latest_of_each_performer() -> None:
+    """Each performer has one row with the last label, score, margin, runner-up and rate; the caption has the counts."""
+    table = LiveTable(CLASSES)
+    table.publish(recognition("me", "bow"))
+    table.publish(recognition("you", "wave", score=0.75))
+    table.publish(recognition("me", "jump", score=0.5))
+    table.publish_status(status("me", "you"))
+    drawn = shown(table)
+    (mine,) = [line for line in drawn.splitlines() if line.startswith("me ")]
+    (yours,) = [line for line in drawn.splitlines() if line.startswith("you ")]
+    assert "jump" in mine
+    assert "0.500" in mine
+    assert "0.250" in mine
+    assert mine.rstrip().endswith("120")
+    assert "wave" in yours
+    assert "0.750" in yours
+    assert "waiting" not in drawn
+    assert "3 classes · received 101, malformed 2" in drawn
+
+
+def test_the_table_forgets_who_has_left() -> None:
+    """A performer who is not in the status any more has no row."""
+    table = LiveTable(CLASSES)
+    table.publish(recognition("me", "bow"))
+    table.publish(recognition("you", "wave"))
+    table.publish_status(status("you"))
+    drawn = shown(table)
+    assert not [line for line in drawn.splitlines() if line.startswith("me ")]
+    assert [line for line in drawn.splitlines() if line.startswith("you ")]
+
+
+def test_a_library_of_one_class_has_no_runner_up() -> None:
+    """With a single class there is nothing to compare it with and nothing fails."""
+    table = LiveTable(("bow",))
+    alone = Recognition("me", 1.0, Outcome.NAMED, ("bow",), np.array([0.5]), 0.1, 0.9, 0.8, 0.0)
+    table.publish(alone)
+    table.publish_classes(("bow",))
+    assert "bow" in shown(table)
+    assert table.failed == 0
+    table.close()
+
+
+@pytest.mark.parametrize(
+    ("score", "full"), [(0.0, 0), (0.5, 10), (1.0, 20), (1.0000001, 20), (0.974, 19), (-1e-9, 0), (0.26, 5)]
+)
+def test_a_score_is_a_bar_and_a_number(score: float, full: int) -> None:
+    """On a wide terminal a score has a bar of 20 characters filled in proportion; rounding never overfills it."""
+    text = score_shown(score, 120).plain
+    assert text.count("█") == full
+    assert text.count("█") + text.count("░") == 20
+    assert text.endswith(f"{score:.3f}")
+
+
+def test_a_narrow_terminal_has_no_bars() -> None:
+    """On a narrow terminal a score is its number alone."""
+    assert score_shown(0.5, 80).plain == "0.500"
+
+
+def test_long_names_are_whole_on_80_characters(monkeypatch: pytest.MonkeyPatch) -> None:
+    """On 80 characters the built-in library's longest class names stand side by side; figures make room for them."""
+    longest = ("elbowToKnee1RepsLelbowStart", "rotateArmsBothBackward1Reps")
+    table = LiveTable(longest)
+    table.publish(Recognition("performer 1", 1.0, Outcome.NAMED, longest, np.array([0.9, 0.8]), 0.1, 0.9, 0.8, 0.0))
+    table.publish_event(Event("performer 1", EventKind.START, longest[1], 1, 0.8, 1.0))
+    heads = {80: ["score"], 100: ["score", "margin", "frames/s"]}
+    for width, figures in heads.items():
+        monkeypatch.setattr("kinespace.tools.terminal.live_table.console._width", width)
+        drawn = shown(table, width=width)
+        assert max(map(len, drawn.splitlines())) <= width
+        assert f"performer 1  {longest[1]}  {longest[0]}  0.900" in drawn
+        assert drawn.splitlines()[1].split()[4:] == figures
+
+
+def test_names_that_are_wider_than_the_terminal_are_folded(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A name for which there is no room goes on in the next line: no character is cut off."""
+    monkeypatch.setattr("kinespace.tools.terminal.live_table.console._width", 60)
+    longest = ("elbowToKnee1RepsLelbowStart", "rotateArmsBothBackward1Reps")
+    table = LiveTable(longest)
+    table.publish(Recognition("me", 1.0, Outcome.NAMED, longest, np.array([0.9, 0.8]), 0.1, 0.9, 0.8, 0.0))
+    drawn = shown(table, width=60)
+    assert max(map(len, drawn.splitlines())) <= 60
+    assert Counter(longest[0]) <= Counter(drawn)
+    assert "…" not in drawn
+
+
+def test_the_counts_name_every_loss() -> None:
+    """One line says what came in and every way in which it was lost."""
+    assert counts(status()) == (
+        "received 101, malformed 2, foreign 3, overrun 4, missing 5, out of order 8, other joints 7, no room 6"
+    )
+
+
+def test_the_summary_adds_answers_and_times() -> None:
+    """The summary holds the counts, the answers, the new beginnings, the unsent and the hop times in milliseconds."""
+    first, second = summary(status()).splitlines()
+    assert first == counts(status())
+    assert second == (
+        "20 answers of 80 frames, 9 windows started anew, 10 answers not sent, hop 1.20 ms (p50) 3.40 ms (p99)"
+    )

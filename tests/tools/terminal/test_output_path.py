@@ -1,0 +1,71 @@
+"""Where a program is to write is looked at before its work."""
+
+from __future__ import annotations
+
+import os
+from typing import TYPE_CHECKING
+
+import pytest
+
+from kinespace.tools.cli.main import main
+from kinespace.tools.terminal.output_path import require_place_for
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+#: Programs that draw; of none of them is there anything to read, so that whoever looks at the picture last says that.
+DRAWING = [
+    ("demo", "--picture"),
+    ("evaluate", "retrieval", "nowhere", "--picture"),
+    ("evaluate", "stream", "nowhere", "--timeline"),
+    ("evaluate", "stream", "nowhere", "--confusion"),
+    ("bench", "--data", "nowhere", "--picture"),
+]
+
+
+@pytest.mark.parametrize("command", DRAWING, ids=" ".join)
+def test_a_picture_without_a_place_is_refused_before_the_work(
+    command: tuple[str, ...], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A folder that is not there, or a folder in the picture's place, is one line, and nothing is read for it."""
+    assert main([*command, str(tmp_path / "missing" / "a.svg")]) == 2
+    assert capsys.readouterr().err == f"kinespace: {tmp_path / 'missing'}: No such file or directory\n"
+    assert main([*command, str(tmp_path)]) == 2
+    assert capsys.readouterr().err == f"kinespace: {tmp_path}: Is a directory\n"
+
+
+@pytest.mark.parametrize("command", DRAWING[1:], ids=" ".join)
+def test_a_picture_nobody_draws_is_refused_before_the_work(
+    command: tuple[str, ...], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """An ending that matplotlib does not know is told with those that it knows."""
+    assert main([*command, str(tmp_path / "a.doc")]) == 2
+    error = capsys.readouterr().err
+    assert error.startswith(f"kinespace: {tmp_path / 'a.doc'}: expected a picture's ending, one of ")
+    assert ", svg, " in error
+    assert error.endswith(", got .doc\n")
+
+
+def test_the_table_beside_the_picture_needs_a_place_too(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The confusion matrices' numbers go beside their picture, and that is looked at as early."""
+    (tmp_path / "a.csv").mkdir()
+    assert main(["evaluate", "retrieval", "nowhere", "--picture", str(tmp_path / "a.png")]) == 2
+    assert capsys.readouterr().err == f"kinespace: {tmp_path / 'a.csv'}: Is a directory\n"
+
+
+def test_what_is_there_is_kept_unless_told(tmp_path: Path) -> None:
+    """A file may be written over only where that is said; a new one always."""
+    path = tmp_path / "a"
+    require_place_for(path, overwrite=False)
+    path.touch()
+    require_place_for(path)
+    with pytest.raises(FileExistsError, match="exists already; --overwrite writes over it"):
+        require_place_for(path, overwrite=False)
+
+
+def test_a_folder_that_may_not_be_written_to_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where the system would not let a file be made, its folder is named."""
+    monkeypatch.setattr(os, "access", lambda *_: False)
+    with pytest.raises(PermissionError) as refused:
+        require_place_for(tmp_path / "a")
+    assert refused.value.filename == str(tmp_path)

@@ -1,0 +1,77 @@
+"""Tables on 80 characters: no name is broken in the middle, no heading cut off."""
+
+from __future__ import annotations
+
+from io import StringIO
+from typing import TYPE_CHECKING
+
+import pytest
+from rich.console import Console
+from rich.table import Table
+
+from kinespace.library import MotionLibrary
+from kinespace.tools.cli.main import main
+from kinespace.tools.programs import replay
+from kinespace.tools.terminal.console import console
+from kinespace.tools.terminal.tables import add_names
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+CLASSES = MotionLibrary.builtin().classes
+
+
+@pytest.fixture(autouse=True)
+def _narrow(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(console, "_width", 80)
+
+
+def drawn(table: Table) -> str:
+    """Draw a table on 80 characters."""
+    terminal = Console(file=StringIO(), width=80)
+    terminal.print(table)
+    assert isinstance(terminal.file, StringIO)
+    return terminal.file.getvalue()
+
+
+def test_the_built_in_library_keeps_its_names(capsys: pytest.CaptureFixture[str]) -> None:
+    """Every class of the built-in library stands in one piece, with all its figures."""
+    assert main(["info"]) == 0
+    rows = [line for line in capsys.readouterr().out.splitlines() if line.startswith("│")]
+    assert [row.split("│")[1].strip() for row in rows] == list(CLASSES)
+    assert "…" not in "".join(rows)
+
+
+def test_recordings_keep_their_names(hdm05_folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """HDM05's longest file names stand in one piece, with all their figures and headings."""
+    folder = hdm05_folder / "elbowToKnee1RepsLelbowStart"
+    assert main(["info", str(folder)]) == 0
+    printed = capsys.readouterr().out
+    rows = [line.split() for line in printed.splitlines() if line.startswith("HDM")]
+    assert [row[0] for row in rows] == sorted(path.name for path in folder.iterdir())
+    assert {len(row) for row in rows} == {6}
+    assert "…" not in printed
+
+
+def test_what_was_answered_is_told_with_whole_names(capsys: pytest.CaptureFixture[str]) -> None:
+    """The table at the end of replay has a line for each class."""
+    score = replay.Score()
+    for name in CLASSES:
+        score.add(name, CLASSES[0])
+    console.print(score.table())
+    rows = [line.split("│")[1].strip() for line in capsys.readouterr().out.splitlines() if line.startswith("│")]
+    assert rows == [*sorted(CLASSES), "all"]
+
+
+def test_other_columns_give_way_before_a_name_is_broken() -> None:
+    """Headings wrap between words to make room for names; only names longer than all there is are folded, not cut."""
+    for longest, lines in ((40, 1), (70, 2)):
+        name = "abcdefghij" * (longest // 10)
+        table = Table()
+        add_names(table, "name", [name], beside=32)
+        for _ in range(3):
+            table.add_column("a long heading")
+        table.add_row(name, "1", "2", "3")
+        found = [line.split("│")[1].strip() for line in drawn(table).splitlines() if line.startswith("│")]
+        assert len(found) == lines
+        assert "".join(found) == name

@@ -1,0 +1,1 @@
+"""The command line: where `kinespace` starts, and what its options mean."""

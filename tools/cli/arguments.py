@@ -1,0 +1,184 @@
+"""What the programs' arguments have in common: numbers and names as they are typed, and groups that several take."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from kinespace.library.recordings import ActorIn, Reading
+from kinespace.stream.recognizer import LiveSignature, Settings
+
+_DEFAULTS = Settings()
+#: Where a feed is expected when nothing else is said: a port that none of the usual senders uses.
+OSC_IN = "127.0.0.1:9310"
+
+
+def add_reading(parser: argparse.ArgumentParser) -> None:
+    """Let recordings be read as a person says."""
+    parser.add_argument("--asf", type=Path, help="skeleton of AMC files (default: found by name)")
+    parser.add_argument("--frame-rate", type=positive, metavar="HZ", help="of all recordings (default: as they say)")
+    parser.add_argument(
+        "--unit", default="", help="of BVH, C3D and TRC: m, cm, mm, in, ft or metres (default: as they say, or by size)"
+    )
+    parser.add_argument(
+        "--joints", type=names, default=(), metavar="A,B,...", help="only these joints or markers; * and ? fit any"
+    )
+
+
+def add_inputs(parser: argparse.ArgumentParser) -> None:
+    """Let a person say where packets come in."""
+    parser.add_argument("--osc-in", metavar="HOST:PORT", help=f"listen for OSC here (default {OSC_IN})")
+    parser.add_argument("--zmq-in", metavar="ENDPOINT", help="subscribe to ZeroMQ, like tcp://127.0.0.1:9320")
+
+
+def add_sender(parser: argparse.ArgumentParser) -> None:
+    """Let a person say which host is to be asked for frames."""
+    parser.add_argument("--sender", metavar="HOST", default="127.0.0.1", help="whom to ask, where a feed asks")
+
+
+def add_library(parser: argparse.ArgumentParser) -> None:
+    """Let a person choose the motion library."""
+    parser.add_argument("--library", type=Path, metavar="FILE", help="a motion library (default: the built-in one)")
+
+
+def add_labels(parser: argparse.ArgumentParser, told: str) -> None:
+    """Let a person say what is performed when in takes."""
+    parser.add_argument(
+        "--labels", nargs="+", action="extend", type=Path, default=[], metavar="CSV", help=f"start_s,end_s,label {told}"
+    )
+
+
+def add_changes(parser: argparse.ArgumentParser) -> None:
+    """Let a person say which motions a library is to hold, and what their classes are called."""
+    parser.add_argument(
+        "--without", action="append", default=[], metavar="CLASS|PERSON", help="leave this class or person out"
+    )
+    parser.add_argument(
+        "--rename", action="append", type=mapping, default=[], metavar="OLD=NEW", help="call this class so"
+    )
+    parser.add_argument(
+        "--nothing",
+        action="append",
+        type=Path,
+        default=[],
+        metavar="FOLDER",
+        help='recordings whose motions are to be answered "unknown"',
+    )
+
+
+def add_json(parser: argparse.ArgumentParser) -> None:
+    """Let a program be heard by another."""
+    parser.add_argument("--json", action="store_true", help="print one JSON object and nothing else")
+
+
+def add_overwrite(parser: argparse.ArgumentParser) -> None:
+    """Let a file be written over."""
+    parser.add_argument("--overwrite", action="store_true", help="write over a file that is there (default: refuse)")
+
+
+def add_actor_in(parser: argparse.ArgumentParser) -> None:
+    """Let a person say where it stands who performs."""
+    parser.add_argument(
+        "--actor-in",
+        choices=[each.value for each in ActorIn],
+        default=ActorIn.NOWHERE.value,
+        help="who performs: the file's name up to the first underscore, or the folder above its class's",
+    )
+
+
+def reading_of(parsed: argparse.Namespace) -> Reading:
+    """Give how recordings are to be read."""
+    return Reading(
+        asf=parsed.asf,
+        frame_rate=parsed.frame_rate,
+        unit=parsed.unit,
+        joints=parsed.joints,
+        actor_in=ActorIn(getattr(parsed, "actor_in", ActorIn.NOWHERE)),
+    )
+
+
+def add_settings(parser: argparse.ArgumentParser) -> None:
+    """Let a person set how a feed is recognised."""
+    parser.add_argument(
+        "--signature",
+        choices=[str(signature) for signature in LiveSignature],
+        default=str(_DEFAULTS.signature),
+        help="compare all parts of the signature over several windows, or the leading eigenvector of one window alone, "
+        "as the paper does (default %(default)s)",
+    )
+    parser.add_argument(
+        "--sensitivity",
+        type=share,
+        help="share of unknown motions that may be answered, as the library can tell (default 0.05); windows only",
+    )
+    parser.add_argument(
+        "--window", type=positive, help="seconds that the paper's window looks back (default 0.5); paper only"
+    )
+    parser.add_argument(
+        "--hop", type=not_negative, default=_DEFAULTS.hop, help="seconds between answers (default 1/30)"
+    )
+
+
+def settings_of(parsed: argparse.Namespace) -> Settings:
+    """Give how a feed is to be recognised; what does not apply to the signature asked for is refused."""
+    return Settings(
+        signature=LiveSignature(parsed.signature),
+        window=parsed.window,
+        hop=parsed.hop,
+        sensitivity=parsed.sensitivity,
+    )
+
+
+def _number(text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"expected a number, got {text!r}") from None
+
+
+def names(text: str) -> tuple[str, ...]:
+    """Read names with commas between."""
+    names = tuple(name.strip() for name in text.split(",") if name.strip())
+    if not names:
+        raise argparse.ArgumentTypeError(f"expected names with commas between, got {text!r}")
+    return names
+
+
+def count(text: str) -> int:
+    """Read a whole number above 0."""
+    number = _number(text)
+    if number < 1 or number != int(number):
+        raise argparse.ArgumentTypeError(f"expected a whole number above 0, got {text}")
+    return int(number)
+
+
+def mapping(text: str) -> tuple[str, str]:
+    """Read LABEL=CLASS."""
+    label, equals, class_name = text.partition("=")
+    if not (label and equals and class_name):
+        raise argparse.ArgumentTypeError(f"expected LABEL=CLASS, got {text!r}")
+    return label, class_name
+
+
+def positive(text: str) -> float:
+    """Read a number above 0."""
+    number = _number(text)
+    if not 0 < number < float("inf"):
+        raise argparse.ArgumentTypeError(f"expected a positive number, got {text}")
+    return number
+
+
+def not_negative(text: str) -> float:
+    """Read a number not below 0."""
+    number = _number(text)
+    if not 0 <= number < float("inf"):
+        raise argparse.ArgumentTypeError(f"expected a number not below 0, got {text}")
+    return number
+
+
+def share(text: str) -> float:
+    """Read a share, 0 to 1."""
+    number = _number(text)
+    if not 0 <= number <= 1:
+        raise argparse.ArgumentTypeError(f"expected a share from 0 to 1, got {text}")
+    return number

@@ -1,0 +1,204 @@
+"""`kinespace evaluate noise`: motions as a sensor with noise sees them, through the recogniser that runs live."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import asdict, dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from kinespace.library import MotionLibrary, find_recordings, read_recordings
+from kinespace.library.recordings import labelled
+from kinespace.stream.frame import Frame
+from kinespace.stream.recognizer import Recognizer, Settings
+from kinespace.tools.evaluation.bootstrap import Interval, Ratio
+from kinespace.tools.evaluation.stream_tables import interval, percent
+from kinespace.tools.feeding.joint_sets import joints_of
+from kinespace.tools.terminal.console import console, progress
+from kinespace.tools.terminal.tables import narrow_table
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from pathlib import Path
+
+    from kinespace.library import Clip, Reading
+    from kinespace.stream.recognition import Recognition
+
+#: Frames per second of the sensors that have such noise.
+FRAME_RATE = 30.0
+
+
+@dataclass(frozen=True, slots=True)
+class Heard:
+    """What was answered to one motion: how many answers, in how many the class named and the best guess were right."""
+
+    person: str
+    seconds: float
+    answers: int
+    named: int
+    guessed: int
+    last_named: bool
+    last_guessed: bool
+
+
+@dataclass(frozen=True, slots=True)
+class NoiseScore:
+    """How right the answers were under one noise. Shares are 0 to 1; an answer without a class is not right.
+
+    Attributes
+    ----------
+    noise_mm
+        Standard deviation of each coordinate, millimetres.
+    answers_right, answers_guessed
+        Share of all answers that name the class performed, and whose best guess it is, named or not.
+    clips_right, clips_guessed
+        Share of the motions whose last answer does; a motion without an answer counts as wrong.
+    seconds, clips, persons
+        What the figures rest on; persons None where nobody has said who they are.
+    intervals
+        Ends of the 95 % interval of each share, by its name: bootstrap over motions.
+    """
+
+    noise_mm: float
+    answers_right: float | None
+    answers_guessed: float | None
+    clips_right: float | None
+    clips_guessed: float | None
+    seconds: float
+    clips: int
+    persons: int | None
+    intervals: dict[str, Interval | None]
+
+
+def run(
+    places: Sequence[Path],
+    *,
+    reading: Reading,
+    noises: Sequence[float],
+    groups: int,
+    seed: int,
+    skeleton: str | None,
+    settings: Settings,
+    as_json: bool,
+) -> int:
+    """Replay motions under each noise, and print how right the answers were.
+
+    Parameters
+    ----------
+    places
+        Clips, or folders of them; the built-in library's motions when there are none.
+    reading
+        How they are read.
+    noises
+        Standard deviations of each coordinate, millimetres.
+    groups
+        In how many groups motions are left out of the library that names them.
+    seed
+        Of the noise.
+    skeleton
+        Name of a joint set that motions are restricted to; as recorded when not given.
+    settings
+        Of the recogniser.
+    as_json
+        Print one JSON object and nothing else.
+    """
+    library = _library(places, reading)
+    if skeleton:
+        library = library.restricted_to(joints_of(skeleton))
+    left_out = _groups(library, groups)
+    heard: dict[float, dict[int, Heard]] = {noise: {} for noise in noises}
+    for group in progress(left_out, "Replaying", len(left_out)):
+        others = library.without(motions=[library.motions[index] for index in group])
+        for noise in noises:
+            for index in group:
+                generator = np.random.default_rng([seed, index])
+                heard[noise][index] = _heard(library.motions[index], others, settings, noise / 1000, generator)
+    scores = [scored(noise, [each[index] for index in sorted(each)]) for noise, each in heard.items()]
+    if as_json:
+        print(json.dumps({"groups": len(left_out), "noise": [asdict(score) for score in scores]}))
+    else:
+        _print(scores, len(left_out))
+    return 0
+
+
+def _library(places: Sequence[Path], reading: Reading) -> MotionLibrary:
+    if not places:
+        return MotionLibrary.builtin()
+    paths = find_recordings(places)
+    read = progress(read_recordings(paths, reading), "Reading", len(paths))
+    return MotionLibrary.of_clips(
+        [labelled(clip, path, reading.actor_in) for clip, path in zip(read, paths, strict=True)]
+    )
+
+
+def _groups(library: MotionLibrary, groups: int) -> list[range]:
+    """Deal motions out, which are sorted by class and person: each group has some of every class."""
+    if not 2 <= groups <= len(library):
+        raise ValueError(f"--groups: expected 2 to {len(library)}, the motions there are, got {groups}")
+    return [range(first, len(library), groups) for first in range(groups)]
+
+
+def _heard(
+    motion: Clip, library: MotionLibrary, settings: Settings, noise: float, generator: np.random.Generator
+) -> Heard:
+    """Play a motion with noise in metres, and count its answers."""
+    every = max(round(motion.frame_rate / FRAME_RATE), 1)
+    seen = replace(motion, positions=motion.positions[::every], frame_rate=motion.frame_rate / every)
+    positions = seen.positions + noise * generator.standard_normal(seen.positions.shape)
+    recognizer = Recognizer(library, settings)
+    pushed = (recognizer.push(Frame("clip", *each)) for each in zip(seen.times.tolist(), positions, strict=True))
+    answers = [answer for answer in pushed if answer is not None]
+    named = [answer.class_name == motion.class_name for answer in answers]
+    guessed = [_guess(answer) == motion.class_name for answer in answers]
+    return Heard(
+        motion.actor,
+        motion.duration,
+        len(answers),
+        sum(named),
+        sum(guessed),
+        last_named=bool(named and named[-1]),
+        last_guessed=bool(guessed and guessed[-1]),
+    )
+
+
+def _guess(answer: Recognition) -> str | None:
+    return answer.classes[answer.guess_index] if answer.guess_index >= 0 else None
+
+
+def scored(noise: float, heard: Sequence[Heard]) -> NoiseScore:
+    """Score what was answered under one noise, in millimetres."""
+    answers, one = [each.answers for each in heard], [1] * len(heard)
+    shares = {
+        "answers_right": Ratio([each.named for each in heard], answers),
+        "answers_guessed": Ratio([each.guessed for each in heard], answers),
+        "clips_right": Ratio([each.last_named for each in heard], one),
+        "clips_guessed": Ratio([each.last_guessed for each in heard], one),
+    }
+    persons = {each.person for each in heard}
+    return NoiseScore(
+        noise_mm=noise,
+        **{name: share.value() for name, share in shares.items()},
+        seconds=math.fsum(each.seconds for each in heard),
+        clips=len(heard),
+        persons=None if "" in persons else len(persons),
+        intervals={name: share.interval() for name, share in shares.items()},
+    )
+
+
+def _print(scores: Sequence[NoiseScore], groups: int) -> None:
+    first = scores[0]
+    persons = "persons not told" if first.persons is None else f"{first.persons} persons"
+    table = narrow_table(
+        "Motions with white noise on every coordinate, 30 frames per second",
+        f"{first.seconds:.0f} s, {first.clips} motions, {persons}; left out in {groups} groups; 95 % below",
+    )
+    for heading in ("noise", "answers right", "guessed right", "last answer right", "last guess right"):
+        table.add_column(heading, justify="right")
+    shares = ("answers_right", "answers_guessed", "clips_right", "clips_guessed")
+    for score in scores:
+        values = [getattr(score, name) for name in shares]
+        table.add_row(f"{score.noise_mm:g} mm", *("-" if value is None else percent(value) for value in values))
+        table.add_row("", *(interval(score.intervals[name], percent) for name in shares))
+    console.print(table)

@@ -1,0 +1,213 @@
+"""`kinespace evaluate stream`: takes replayed through the recogniser that runs live, and how right it was."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict, dataclass
+from functools import lru_cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from kinespace.library import MotionLibrary
+from kinespace.library.windows.index import WindowIndex, usual_weighing
+from kinespace.stream.frame import Frame
+from kinespace.stream.recognizer import Recognizer, Settings
+from kinespace.tools.evaluation.protocols import Fold, Protocol, folds_of
+from kinespace.tools.evaluation.stream_score import LOWER_IS_BETTER, StreamScore, score_courses
+from kinespace.tools.evaluation.stream_tables import print_persons, print_score
+from kinespace.tools.evaluation.takes import Sources, Take, read_takes, takes_of
+from kinespace.tools.evaluation.timeline import Course, confusion, course_of
+from kinespace.tools.feeding.joint_sets import joints_of
+from kinespace.tools.terminal.console import progress
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from pathlib import Path
+
+    from kinespace.library import Clip, Reading
+    from kinespace.library.formats.labels import Segment
+    from kinespace.library.windows.parts import Kind
+
+#: Seconds that must lie in a segment for a moment to count as inside it, whatever the recogniser looks at.
+_INSIDE = 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class Pictures:
+    """Where to draw answers over time, and what was answered to what; nowhere when not given."""
+
+    timeline: Path | None = None
+    confusion: Path | None = None
+
+    def require_places(self) -> None:
+        """Refuse files that cannot be written, before the work."""
+        for picture in (self.timeline, self.confusion):
+            if picture:
+                from kinespace.tools.terminal import pictures  # noqa: PLC0415 - matplotlib is an extra, and slow to load
+
+                pictures.require_place_for_picture(picture)
+
+    def draw(self, courses: Sequence[Course], classes: Sequence[str]) -> None:
+        """Draw what was asked for."""
+        if not (self.timeline or self.confusion):
+            return
+        from kinespace.tools.terminal import pictures  # noqa: PLC0415 - matplotlib is an extra, and slow to load
+
+        if self.timeline:
+            pictures.draw_timelines(self.timeline, courses, classes)
+        if self.confusion:
+            pictures.draw_time_confusion(self.confusion, *confusion(courses, classes))
+
+
+def run(
+    sources: Sources,
+    *,
+    reading: Reading,
+    library: Path | None,
+    protocol: Protocol,
+    settings: Settings,
+    without: Kind | None,
+    drawn: Pictures,
+    as_json: bool,
+) -> int:
+    """Replay takes, score the answers, and print or draw what came out.
+
+    Parameters
+    ----------
+    sources
+        The takes; with none the motions of the library.
+    reading
+        How they are read.
+    library
+        To recognise with, where the protocol makes none of the takes; the built-in one when not given.
+    protocol
+        Which library recognises which take.
+    settings
+        Of the recogniser.
+    without
+        Parts of the signature that are left out, to see what they are worth.
+    drawn
+        The pictures.
+    as_json
+        Print one JSON object and nothing else.
+    """
+    drawn.require_places()
+    takes = read_takes(sources, reading) if sources else _motions(library, sources, protocol)
+    folds = folds_of(takes, protocol, lambda: _library(library, sources.skeleton))
+    classes = tuple(sorted({name for fold in folds for name in fold.library.classes}))
+    for fold in folds:
+        for take in fold.takes:
+            # A take of another body is refused before the work.
+            take.clip.as_of(fold.library.skeleton)
+    _require_classes(takes, sources, classes)
+    if drawn.confusion and not any(take.segments for take in takes):
+        raise ValueError("--confusion: expected takes of which is known what is performed when, got none")
+    asked = [(fold, take) for fold in folds for take in fold.takes]
+    courses = [
+        _course(take, _compared(fold.library, without), classes, settings)
+        for fold, take in progress(asked, "Replaying", len(asked))
+    ]
+    score = score_courses(courses, classes, _INSIDE, intervals=True)
+    persons = _by_person([fold for fold, _ in asked], courses, classes)
+    drawn.draw(courses, classes)
+    if as_json:
+        print(json.dumps(asdict(score) | (_over_persons(persons) if persons else {})))
+        return 0
+    print_score(score)
+    if persons:
+        print_persons(persons, _over_persons(persons), protocol)
+    return 0
+
+
+def replay(
+    take: Clip, segments: Sequence[Segment], *, library: MotionLibrary, classes: Sequence[str], settings: Settings
+) -> Course:
+    """Push a take through the recogniser, frame by frame, and lay its answers beside the labels.
+
+    Parameters
+    ----------
+    take
+        Recorded with the library's joints, in whatever order.
+    segments
+        What is performed when.
+    library, settings
+        Of the recogniser.
+    classes
+        All classes of an evaluation, the library's among them: what indices count in.
+    """
+    return _course(Take(take, tuple(segments)), library, classes, settings)
+
+
+@lru_cache(maxsize=2)
+def _compared(library: MotionLibrary, without: Kind | None) -> MotionLibrary | WindowIndex:
+    """Give the library, or its windows as compared without some parts."""
+    return WindowIndex.of(library, weighing=usual_weighing(library).without(without)) if without else library
+
+
+def _course(take: Take, compared: MotionLibrary | WindowIndex, classes: Sequence[str], settings: Settings) -> Course:
+    library = compared if isinstance(compared, MotionLibrary) else compared.library
+    clip = take.clip.as_of(library.skeleton)
+    delivered = slice(None) if take.delivered is None else take.delivered
+    times, positions = clip.times[delivered], clip.positions[delivered]
+    recognizer = Recognizer(compared, settings)
+    answers = (recognizer.push(Frame("take", time, each)) for time, each in zip(times.tolist(), positions, strict=True))
+    recognitions = [answer for answer in answers if answer is not None]
+    return course_of(
+        clip.name,
+        times,
+        take.segments,
+        classes=classes,
+        known=library.classes,
+        recognitions=recognitions,
+        events=[event for recognition in recognitions for event in recognition.events],
+        person=take.person,
+        contains=take.contains,
+    )
+
+
+def _library(path: Path | None, skeleton: str | None) -> MotionLibrary:
+    whole = MotionLibrary.load(path) if path else MotionLibrary.builtin()
+    return whole.restricted_to(joints_of(skeleton)) if skeleton else whole
+
+
+def _motions(library: Path | None, sources: Sources, protocol: Protocol) -> list[Take]:
+    """Take the library's own motions, where they do not recognise themselves."""
+    if protocol is Protocol.LIBRARY:
+        raise ValueError("TAKE, --takes, --unknown: expected takes with --protocol library, got none")
+    whole = _library(library, sources.skeleton)
+    return [take for take in takes_of(whole.motions) if sources.wants(take.person)]
+
+
+def _require_classes(takes: Sequence[Take], sources: Sources, classes: Sequence[str]) -> None:
+    """Refuse names that are no class: nobody would see that nothing is known."""
+    for class_name in sources.names.values():
+        if class_name not in classes:
+            raise ValueError(f"--map: expected one of {', '.join(classes)}, got {class_name!r}")
+    labels = {label for take in takes for label in take.labels}
+    if labels and not labels & set(classes):
+        raise ValueError(
+            f"expected a label that is a class of the library, got {', '.join(sorted(labels))}; --map LABEL=CLASS "
+            f"renames them, to one of {', '.join(classes)}"
+        )
+
+
+def _by_person(folds: Sequence[Fold], courses: Sequence[Course], classes: Sequence[str]) -> dict[str, StreamScore]:
+    """Score the takes of each person's fold alone, where folds are persons'."""
+    return {
+        person: score_courses(
+            [course for fold, course in zip(folds, courses, strict=True) if fold.person == person], classes, _INSIDE
+        )
+        for person in sorted({fold.person for fold in folds} - {""})
+    }
+
+
+def _over_persons(persons: dict[str, StreamScore]) -> dict[str, dict[str, object]]:
+    """Give every person's figures, their mean and the worst of each; None where nobody has the figure."""
+    figures = {person: score.figures() for person, score in persons.items()}
+    mean, worst = dict[str, object](), dict[str, object]()
+    for name in next(iter(figures.values())):
+        there = [value for each in figures.values() if (value := each[name]) is not None]
+        mean[name] = float(np.mean(there)) if there else None
+        worst[name] = (max if name in LOWER_IS_BETTER else min)(there) if there else None
+    return {"persons": dict(figures), "mean": mean, "worst": worst}

@@ -1,0 +1,282 @@
+"""`kinespace learn`: teach a library what is unknown, by takes of other people.
+
+A library's own motions tell little of how unknown motion looks. Here takes in which nothing known happens, and takes
+that contain a known motion at some time, teach the weights of the evidence (`library.windows.rejection`). Figures are
+by subjects who were left out of the fitting; the numbers that are kept are fitted on all.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections import Counter
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from rich.table import Table
+from scipy.optimize import minimize
+from scipy.special import expit
+
+from kinespace.library import NOTHING, MotionLibrary
+from kinespace.library.windows.comparison import ACROSS_LABORATORIES
+from kinespace.library.windows.index import WindowIndex
+from kinespace.library.windows.rejection import RATES, Evidence, Rejection, typical_evidence
+from kinespace.stream.frame import Frame
+from kinespace.stream.recognizer import Recognizer, Settings
+from kinespace.stream.recognizer.hysteresis import Judgement
+from kinespace.tools.evaluation.takes import read_takes
+from kinespace.tools.terminal.console import console, progress
+from kinespace.tools.terminal.output_path import require_place_for
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from pathlib import Path
+
+    from numpy.typing import NDArray
+
+    from kinespace.library import Clip, Reading
+    from kinespace.tools.evaluation.takes import Sources, Take
+
+#: Seconds between two windows that are learned from.
+_HOP = 0.1
+#: Windows of a motion of the library before it counts as known: a beginning looks like many motions.
+_BEGUN = 2
+#: Sensitivity at which every class must be named, and the share of its own motions that then are at some time.
+_USUAL, _NAMED_AT_LEAST = 0.1, 0.6
+#: A logit that no evidence reaches.
+_FAR = 20.0
+#: How much more a window counts in which strangers perform a known motion: there are few of them.
+_STRANGERS_COUNT = 8.0
+#: Subjects are left out of the fitting in this many groups.
+_FOLDS = 4
+#: How much weights of either sign cost: they must earn it on many windows.
+_SHRINKING = 0.01
+
+#: The evidence and the guess of some windows.
+Evidenced = list[tuple[Evidence, str]]
+#: A motion of the library, recognised by the other persons' motions: its class, and its windows.
+_Own = tuple[str, Evidenced]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Course:
+    """The windows of one take, every `_HOP` seconds."""
+
+    take: Take
+    windows: Evidenced
+
+    @property
+    def is_unknown(self) -> bool:
+        return not self.take.labels
+
+    def known(self) -> Evidenced:
+        """Give the windows whose guess is a class that the take contains."""
+        return [window for window in self.windows if window[1] in self.take.contains]
+
+
+def run(source: Path, output: Path, sources: Sources, *, reading: Reading, overwrite: bool, as_json: bool) -> int:
+    """Learn, save the library with what was learned, and print what it is worth.
+
+    Parameters
+    ----------
+    source, output
+        The library's file, and the file to write.
+    sources, reading
+        Where the takes come from, and how they are read.
+    overwrite
+        Whether a file that is there may be written over.
+    as_json
+        Print one JSON object and nothing else.
+    """
+    require_place_for(output, overwrite=overwrite)
+    library = MotionLibrary.load(source)
+    takes = read_takes(sources, reading)
+    own = _own_courses(library)
+    index = WindowIndex.of(library, weighing=ACROSS_LABORATORIES)
+    courses = [_Course(take, _windows(index, take.clip)) for take in progress(takes, "Strangers", len(takes))]
+    folds = _folds(courses)
+    fits = [_fit(own, [each for each in courses if each.take.person not in fold], library.classes) for fold in folds]
+    whole = _fit(own, courses, library.classes)
+    usual = _threshold(own, _judged(folds, fits, courses), _USUAL)
+    # Every class is named at the usual sensitivity, also one that strangers' everyday movement resembles.
+    judged = _judged(folds, [_raised(fit, own, usual) for fit in fits], courses)
+    thresholds = [_threshold([], judged, rate) for rate in RATES]
+    rejection = replace(
+        _raised(whole, own, usual),
+        thresholds=np.array(thresholds),
+        typical=typical_evidence(index),
+        joints=len(library.skeleton.joints),
+    )
+    replace(library, learned=rejection.kept()).save(output)
+    rows = [_figures(judged, threshold) for threshold in thresholds]
+    if as_json:
+        print(json.dumps([{"rate": rate} | row for rate, row in zip(RATES, rows, strict=True)]))
+    else:
+        _print(rows, courses)
+    return 0
+
+
+def _own_courses(library: MotionLibrary) -> list[_Own]:
+    """Let each person's motions be recognised by the others'."""
+    found = list[_Own]()
+    for actor in progress(library.actors, "Motions", len(library.actors)):
+        index = WindowIndex.of(library.without(actors=[actor]), weighing=ACROSS_LABORATORIES)
+        for clip in library.motions:
+            if clip.actor == actor and clip.class_name in index.classes and clip.class_name != NOTHING:
+                found.append((clip.class_name, _windows(index, clip)))
+    return found
+
+
+def _windows(index: WindowIndex, clip: Clip) -> Evidenced:
+    """Push a clip through the recogniser; give the evidence and the guess of its windows."""
+    clip = clip.as_of(index.library.skeleton)
+    recognizer = Recognizer(index, Settings(hop=_HOP))
+    answers = (
+        recognizer.push(Frame("take", time, positions))
+        for time, positions in zip(clip.times.tolist(), clip.positions, strict=True)
+    )
+    return [(each.evidence, each.classes[each.best]) for each in answers if each is not None and each.evidence]
+
+
+def _folds(courses: Sequence[_Course]) -> list[set[str]]:
+    people = sorted({each.take.person for each in courses})
+    if len(people) < 2:
+        raise ValueError(f"takes: expected two subjects or more, got {len(people)}")
+    return [set(people[place::_FOLDS]) for place in range(min(_FOLDS, len(people)))]
+
+
+def _fit(own: Sequence[_Own], courses: Sequence[_Course], class_names: Sequence[str]) -> Rejection:
+    """Fit on the library's own motions, each class counting alike, and on some strangers' takes."""
+    begun = [(name, [each for each in windows[_BEGUN:] if each[1] == name]) for name, windows in own]
+    counts = Counter[str]()
+    for name, windows in begun:
+        counts[name] += len(windows)
+    strangers = [window for each in courses for window in each.known()]
+    unknown = [window for each in courses if each.is_unknown for window in each.windows]
+    if not unknown:
+        raise ValueError("takes: expected some in which nothing known happens, got none")
+    known = [window for _, windows in begun for window in windows]
+    even = counts.total() / len(counts)
+    weights = [even / counts[name] for name, windows in begun for _ in windows]
+    return fitted([*known, *strangers], unknown, class_names, np.array(weights + [_STRANGERS_COUNT] * len(strangers)))
+
+
+def _raised(rejection: Rejection, own: Sequence[_Own], threshold: float) -> Rejection:
+    """Raise the biases of classes until enough of each class's own motions are named at some time."""
+    biases = dict(rejection.biases)
+    for name in biases:
+        highest = [_highest(rejection, name, windows) for performed, windows in own if performed == name]
+        if highest:
+            biases[name] += max(threshold - float(np.quantile(highest, 1 - _NAMED_AT_LEAST)), 0.0)
+    return replace(rejection, biases=biases)
+
+
+def _highest(rejection: Rejection, name: str, windows: Evidenced) -> float:
+    """Give the highest averaged evidence of a motion while its class is the guess."""
+    judgement = Judgement(math.inf)
+    highest = -_FAR
+    for window in windows:
+        judgement.push(rejection.logit(*window), _HOP)
+        if window[1] == name:
+            highest = max(highest, judgement.average)
+    return highest
+
+
+def _judged(
+    folds: Sequence[set[str]], fits: Sequence[Rejection], courses: Sequence[_Course]
+) -> list[tuple[_Course, Rejection]]:
+    """Pair each take with the rejection that was fitted without its subject."""
+    return [(each, fit) for fold, fit in zip(folds, fits, strict=True) for each in courses if each.take.person in fold]
+
+
+def fitted(known: Evidenced, unknown: Evidenced, class_names: Sequence[str], weights: NDArray[np.float64]) -> Rejection:
+    """Fit a logistic function that tells known windows from unknown ones; thresholds are not set yet.
+
+    Parameters
+    ----------
+    known, unknown
+        Windows of either kind.
+    class_names
+        The classes that may be guessed.
+    weights
+        How much each known window counts, shape (known,); unknown ones count alike, both kinds as much together.
+    """
+    rows = np.vstack([_with_classes(known, class_names), _with_classes(unknown, class_names)])
+    middle, scale = rows.mean(axis=0), rows.std(axis=0) + 1e-6
+    scaled = np.column_stack([(rows - middle) / scale, np.ones(len(rows))])
+    signs = np.repeat((1.0, -1.0), (len(known), len(unknown)))
+    counts = np.concatenate([weights / weights.sum(), np.full(len(unknown), 1 / len(unknown))]) / 2
+
+    def loss(slope: NDArray[np.float64]) -> tuple[float, NDArray[np.float64]]:
+        margins = signs * (scaled @ slope)
+        inner = np.append(slope[:-1], 0.0)
+        gradient = -(counts * signs * expit(-margins)) @ scaled
+        return float(counts @ np.logaddexp(0, -margins) + _SHRINKING * inner @ inner), gradient + 2 * _SHRINKING * inner
+
+    slope = minimize(loss, np.zeros(scaled.shape[1]), jac=True, method="L-BFGS-B").x
+    plain = slope[:-1] / scale
+    numbers = len(Evidence._fields)
+    biases = dict(zip(class_names, plain[numbers:].tolist(), strict=True))
+    offset = float(slope[-1] - plain @ middle)
+    return Rejection(plain[:numbers], offset, biases, np.zeros(len(RATES)), np.zeros(3))
+
+
+def _with_classes(windows: Evidenced, class_names: Sequence[str]) -> NDArray[np.float64]:
+    """Write windows' evidence and, as 0 or 1, their guesses: shape (windows, 5 + classes)."""
+    guesses = np.array([[float(guess == name) for name in class_names] for _, guess in windows])
+    return np.column_stack([np.array([evidence for evidence, _ in windows]), guesses])
+
+
+def _threshold(own: Sequence[_Own], judged: Sequence[tuple[_Course, Rejection]], rate: float) -> float:
+    """Find the threshold at which this share of unknown time is named, by halving.
+
+    With own motions the biases are raised for every threshold that is tried.
+    """
+    low, high = -_FAR, _FAR
+    for _ in range(16):
+        middle = (low + high) / 2
+        raised = {id(fit): _raised(fit, own, middle) if own else fit for _, fit in judged}
+        tried = [(course, raised[id(fit)]) for course, fit in judged]
+        low, high = (middle, high) if _figures(tried, middle)["unknown_named"] > rate else (low, middle)
+    return high
+
+
+def _figures(judged: Sequence[tuple[_Course, Rejection]], threshold: float) -> dict[str, float]:
+    """Say what a threshold does with the takes: shares of unknown time and of takes, and starts a minute."""
+    named = seconds = starts = found = containing = 0.0
+    for course, rejection in judged:
+        judgement = Judgement(threshold)
+        known = [judgement.push(rejection.logit(*window), _HOP) for window in course.windows]
+        if course.is_unknown:
+            named += _HOP * sum(known)
+            seconds += course.take.clip.duration
+            starts += sum(now and not before for before, now in zip([False, *known], known, strict=False))
+        elif course.take.contains:
+            containing += 1
+            right = (guess in course.take.contains for _, guess in course.windows)
+            found += any(each and now for each, now in zip(right, known, strict=True))
+    return {
+        "threshold": round(threshold, 3),
+        "unknown_named": named / seconds if seconds else 0.0,
+        "starts_per_minute": 60 * starts / seconds if seconds else 0.0,
+        "takes_found": found / containing if containing else 0.0,
+    }
+
+
+def _print(rows: Sequence[dict[str, float]], courses: Sequence[_Course]) -> None:
+    unknown = [each.take for each in courses if each.is_unknown]
+    minutes = sum(take.clip.duration for take in unknown) / 60
+    containing = sum(bool(each.take.contains) for each in courses)
+    people = len({each.take.person for each in courses})
+    table = Table(
+        title=f"{len(unknown)} unknown takes ({minutes:.1f} minutes), {containing} with a known motion; {people} "
+        "subjects, each judged by numbers fitted on others",
+        title_justify="left",
+    )
+    for heading in ("sensitivity", "unknown time named", "starts a minute", "takes whose motion is named"):
+        table.add_column(heading, justify="right")
+    for rate, row in zip(RATES, rows, strict=True):
+        shares = (f"{row['unknown_named']:.1%}", f"{row['starts_per_minute']:.1f}", f"{row['takes_found']:.0%}")
+        table.add_row(f"{rate:g}", *shares)
+    console.print(table)

@@ -1,0 +1,243 @@
+"""Takes to be recognised, and all that somebody has said of what happens in them."""
+
+from __future__ import annotations
+
+import csv
+import re
+from collections import Counter
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
+
+from kinespace.library import NOTHING, find_recordings, hdm05, read_recordings
+from kinespace.library.formats import utkinect
+from kinespace.library.formats.labels import LabelError, Segment, cut, read_labels, renamed
+from kinespace.library.recordings import labelled, performed
+from kinespace.tools.feeding.joint_sets import joints_of
+from kinespace.tools.terminal.console import progress
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping, Sequence
+    from pathlib import Path
+
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from kinespace.library import Clip, Reading
+
+_COLUMNS = ("file", "subject", "contains", "perhaps")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Take:
+    """A recording, and what is performed in it.
+
+    Attributes
+    ----------
+    clip
+        With frames that follow each other evenly; those that a sensor skipped stand on straight lines.
+    segments
+        What is performed when; all of it is `NOTHING` in a take in which nothing known happens.
+    contains
+        Classes that are performed at some time, nobody has said when.
+    delivered
+        Which of the clip's frames a sensor delivered, shape (frames,); None where it delivered all.
+    """
+
+    clip: Clip
+    segments: tuple[Segment, ...]
+    contains: tuple[str, ...] = ()
+    delivered: NDArray[np.int64] | None = field(default=None, repr=False)
+
+    @property
+    def person(self) -> str:
+        """Who performs; empty where nobody has said."""
+        return self.clip.actor
+
+    @property
+    def is_known(self) -> bool:
+        """Whether motions can be cut out of it."""
+        return any(segment.label != NOTHING for segment in self.segments)
+
+    @property
+    def labels(self) -> set[str]:
+        """What is performed at some time, whether the library knows it or not; without `NOTHING`."""
+        return {*self.contains, *(segment.label for segment in self.segments)} - {NOTHING}
+
+    def motions(self) -> list[Clip]:
+        """Cut out what is performed: one motion for each segment."""
+        if len(self.segments) == 1 and self.segments[0].duration >= self.clip.duration:
+            return [replace(self.clip, class_name=self.segments[0].label)]
+        return list(cut(self.clip, self.segments))
+
+
+@dataclass(frozen=True, slots=True)
+class Sources:
+    """Where takes come from.
+
+    Attributes
+    ----------
+    places
+        Labelled takes, or folders of them: labels lie beside each, ending in `.csv`, or as UTKinect has them.
+    labels
+        The takes' labels in their order, when they lie elsewhere.
+    clips
+        Whether each recording without labels is one motion from its beginning to its end, whose class its name tells
+        (as HDM05's do, which need not be told) or its folder's.
+    unknown
+        Recordings in which nothing known happens, or folders of them.
+    tables
+        CSV files that say of each take which classes it contains.
+    names
+        Class name of labels that the library calls otherwise.
+    persons, without_persons
+        Of whom takes are kept; of everybody when empty, and of whom not.
+    skeleton
+        Name of a joint set that takes are restricted to; as recorded when not given.
+    """
+
+    places: Sequence[Path] = ()
+    labels: Sequence[Path] = ()
+    clips: bool = False
+    unknown: Sequence[Path] = ()
+    tables: Sequence[Path] = ()
+    names: Mapping[str, str] = field(default_factory=dict)
+    persons: Sequence[str] = ()
+    without_persons: Sequence[str] = ()
+    skeleton: str | None = None
+
+    def __bool__(self) -> bool:
+        return bool(self.places or self.unknown or self.tables)
+
+    def wants(self, person: str) -> bool:
+        """Whether a person's takes are kept."""
+        return person not in self.without_persons and (not self.persons or person in self.persons)
+
+
+@dataclass(frozen=True, slots=True)
+class _Entry:
+    """What is known of a recording before it is read; segments None: it is one motion; person None: its place says."""
+
+    path: Path
+    segments: tuple[Segment, ...] | None = ()
+    contains: tuple[str, ...] = ()
+    person: str | None = None
+
+
+def read_takes(sources: Sources, reading: Reading) -> list[Take]:
+    """Read takes of all kinds.
+
+    Raises
+    ------
+    ValueError
+        A recording, a table or labels cannot be used, a name is given to a label that no take has, or nobody's takes
+        are left.
+    OSError
+        A file or a take's labels are not there or cannot be opened.
+    """
+    entries = [*_labelled(sources), *_unknown(sources), *(each for table in sources.tables for each in _listed(table))]
+    wanted = [each for each in entries if each.person is None or sources.wants(each.person)]
+    read = progress(read_recordings([each.path for each in wanted], reading), "Reading", len(wanted))
+    takes = [_take(clip, entry, reading) for clip, entry in zip(read, wanted, strict=True)]
+    takes = [take for take in takes if sources.wants(take.person)]
+    if not takes:
+        persons = ", ".join((*sources.persons, *(f"not {name}" for name in sources.without_persons)))
+        raise ValueError(f"--subjects: expected some whose takes are there, got {persons}")
+    if sources.skeleton:
+        joints = joints_of(sources.skeleton)
+        takes = [replace(take, clip=take.clip.restricted_to(joints)) for take in takes]
+    return _with_distinct_names(_with_labels(takes, sources.names))
+
+
+def takes_of(motions: Sequence[Clip]) -> list[Take]:
+    """Make a take of each motion of a library."""
+    named = [replace(each, name=f"{each.class_name} {each.actor} {each.take}".strip()) for each in motions]
+    return _with_distinct_names([Take(each, _throughout(each, each.class_name)) for each in named])
+
+
+def _labelled(sources: Sources) -> Iterator[_Entry]:
+    paths = find_recordings(sources.places) if sources.places else []
+    if sources.labels and len(sources.labels) != len(paths):
+        raise ValueError(f"--labels: expected one for each of {len(paths)} takes, got {len(sources.labels)}")
+    for index, path in enumerate(paths):
+        labels = sources.labels[index] if sources.labels else path.with_suffix(".csv")
+        named = hdm05.read_clip_name(path)
+        if labels.is_file():
+            yield _Entry(path, read_labels(labels))
+        elif utkinect.is_take(path):
+            yield _Entry(path, utkinect.read_segments(path))
+        elif not sources.labels and (sources.clips or (named and named.class_name)):
+            yield _Entry(path, None)
+        else:
+            raise FileNotFoundError(
+                f"{labels}: no labels for {path.name}; --labels says where they are, --clips that it is one motion"
+            )
+
+
+def _unknown(sources: Sources) -> Iterator[_Entry]:
+    for path in find_recordings(sources.unknown) if sources.unknown else ():
+        yield _Entry(path, contains=(NOTHING,))
+
+
+def _listed(table: Path) -> Iterator[_Entry]:
+    """Read which takes a table lists, but for those that somebody might take for a class: of them nothing is known."""
+    try:
+        with table.open(newline="", encoding="utf-8-sig") as file:
+            rows = csv.DictReader(file)
+            missing = [name for name in _COLUMNS if name not in (rows.fieldnames or ())]
+            if missing:
+                raise LabelError(f"{table}: expected the columns {', '.join(_COLUMNS)}, no {', '.join(missing)} in it")
+            for row in rows:
+                contains, perhaps = _names(row["contains"]), _names(row["perhaps"])
+                if not row["file"]:
+                    raise LabelError(f"{table}:{rows.line_num}: expected the name of a file, got none")
+                if contains or not perhaps:
+                    yield _Entry(table.parent / row["file"], (), contains or (NOTHING,), row["subject"] or "")
+    except (csv.Error, UnicodeDecodeError) as error:
+        raise LabelError(f"{table}: expected a CSV in UTF-8 ({error})") from error
+
+
+def _names(text: str | None) -> tuple[str, ...]:
+    return tuple(name for each in re.split("[,;]", text or "") if (name := each.strip()))
+
+
+def _take(clip: Clip, entry: _Entry, reading: Reading) -> Take:
+    if entry.segments is None:
+        clip = labelled(clip, entry.path, reading.actor_in)
+        return Take(clip, _throughout(clip, clip.class_name))
+    clip = performed(clip, entry.path, reading.actor_in)
+    if entry.person is not None:
+        clip = replace(clip, actor=entry.person)
+    if entry.contains == (NOTHING,):
+        return Take(clip, _throughout(clip, NOTHING))
+    frames = utkinect.read_frames(entry.path).numbers if utkinect.is_take(entry.path) else None
+    return Take(clip, entry.segments, entry.contains, None if frames is None else frames - frames[0])
+
+
+def _throughout(clip: Clip, label: str) -> tuple[Segment]:
+    return (Segment(0.0, clip.duration, label),)
+
+
+def _with_labels(takes: Sequence[Take], names: Mapping[str, str]) -> list[Take]:
+    """Give labels the library's names; a name for a label that is not there is a slip that nobody would see."""
+    there = {label for take in takes for label in take.labels}
+    for label in names:
+        if label not in there:
+            raise ValueError(f"--map: expected a label of the takes, {', '.join(sorted(there))}, got {label!r}")
+    return [
+        replace(
+            take,
+            segments=renamed(take.segments, names),
+            contains=tuple(names.get(name, name) for name in take.contains),
+        )
+        for take in takes
+    ]
+
+
+def _with_distinct_names(takes: Sequence[Take]) -> list[Take]:
+    """Tell takes of the same name apart: what is counted in each is counted by its name."""
+    seen, numbered = Counter[str](), list[Take]()
+    for take in takes:
+        seen[take.clip.name] += 1
+        again = f" ({seen[take.clip.name]})" if seen[take.clip.name] > 1 else ""
+        numbered.append(replace(take, clip=replace(take.clip, name=take.clip.name + again)) if again else take)
+    return numbered

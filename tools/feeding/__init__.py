@@ -1,0 +1,1 @@
+"""Motions made into a live feed: cues, senders and their pace."""

@@ -1,0 +1,274 @@
+"""A fake live feed: recorded or made-up frames, when each is to be sent, and faults to order."""
+
+from __future__ import annotations
+
+import math
+import time
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, NamedTuple, Protocol
+
+import numpy as np
+
+from kinespace.stream import osc, zeromq
+from kinespace.stream.frame import Announcement, Frame
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator, Sequence
+
+    from numpy.typing import NDArray
+
+    from kinespace.library import Clip
+    from kinespace.stream.connections import Endpoint
+
+#: Seconds between two announcements of the skeleton, as a live sender repeats it for receivers that start later.
+ANNOUNCE_EVERY = 1.0
+
+#: A datagram, or the parts of a ZeroMQ message.
+Packet = bytes | list[bytes]
+
+
+@dataclass(frozen=True, slots=True)
+class Cue:
+    """A frame and when to send it.
+
+    Attributes
+    ----------
+    due
+        Seconds from the feed's start.
+    frame
+        What to send.
+    seq
+        The sender's count.
+    class_name
+        What is being performed, empty when nobody knows.
+    """
+
+    due: float
+    frame: Frame
+    seq: int
+    class_name: str = ""
+
+
+class Piece(NamedTuple):
+    """Some frames of a recording, and the index of the first of them in it."""
+
+    start: int
+    clip: Clip
+
+
+def clip_cues(clips: Iterable[Clip], performer: str, *, speed: float = 1.0, pause: float = 1.0) -> Iterator[Cue]:
+    """Cue clips one after the other.
+
+    Frames carry the recordings' own time, so that a feed sent at another speed is answered the same.
+
+    Parameters
+    ----------
+    clips
+        In their order.
+    performer
+        Who performs all of them.
+    speed
+        How many times as fast as recorded they are sent.
+    pause
+        Seconds (of recorded time) between two clips; more than the recogniser's longest gap starts its window anew.
+    """
+    return piece_cues((Piece(0, clip) for clip in clips), performer, speed=speed, pause=pause)
+
+
+def piece_cues(pieces: Iterable[Piece], performer: str, *, speed: float = 1.0, pause: float = 1.0) -> Iterator[Cue]:
+    """Cue recordings one after the other, of which each comes in pieces that follow each other.
+
+    Parameters
+    ----------
+    pieces
+        In their order; one that starts at 0 begins another recording.
+    performer, speed, pause
+        As `clip_cues` has them.
+    """
+    begin, ended, seq = 0.0, 0.0, 0
+    for start, clip in pieces:
+        if not start and seq:
+            begin += ended + pause
+        times = np.arange(start, start + clip.frames) / clip.frame_rate
+        ended = (start + clip.frames) / clip.frame_rate
+        for moment, positions in zip(times.tolist(), clip.positions, strict=True):
+            # Time 0 would mean "on arrival".
+            frame = Frame(performer, 1.0 + begin + moment, positions)
+            yield Cue((begin + moment) / speed, frame, seq, clip.class_name)
+            seq += 1
+
+
+def resampled(clip: Clip, frame_rate: float) -> Clip:
+    """Give a clip at another frame rate, over the same seconds, by straight lines between its frames.
+
+    Parameters
+    ----------
+    clip
+        Any; its rotations are left out.
+    frame_rate
+        Frames per second.
+    """
+    if clip.frame_rate == frame_rate:
+        return clip
+    # The last place is the last frame's, which rounding must not lose.
+    count = int((clip.frames - 1) * frame_rate / clip.frame_rate + 1e-6) + 1
+    places = np.arange(count) * (clip.frame_rate / frame_rate)
+    before = np.minimum(places.astype(np.intp), max(clip.frames - 2, 0))
+    share = (places - before)[:, None, None]
+    after = clip.positions[np.minimum(before + 1, clip.frames - 1)]
+    positions = (1 - share) * clip.positions[before] + share * after
+    return replace(clip, positions=positions, frame_rate=frame_rate, rotations=np.zeros((count, 0)))
+
+
+def without_pause(clips: Iterable[Clip], frame_rate: float, seconds: float = math.inf) -> NDArray[np.float32]:
+    """Put clips one after the other, each at another frame rate, until there are so many seconds of them.
+
+    Returns
+    -------
+    Positions, shape (frames, joints, 3), metres, in the float32 that goes over the wire.
+    """
+    frames = 0
+    pieces: list[NDArray[np.float32]] = []
+    for clip in clips:
+        pieces.append(resampled(clip, frame_rate).positions.astype(np.float32))
+        frames += len(pieces[-1])
+        if frames >= seconds * frame_rate:
+            break
+    whole = np.concatenate(pieces)
+    return whole if math.isinf(seconds) else whole[: round(seconds * frame_rate)]
+
+
+def with_drops(cues: Iterable[Cue], share: float, generator: np.random.Generator) -> Iterator[Cue]:
+    """Lose a share of the frames, 0 to 1, each by chance."""
+    for cue in cues:
+        if generator.random() >= share:
+            yield cue
+
+
+def with_jitter(cues: Iterable[Cue], seconds: float, generator: np.random.Generator) -> Iterator[Cue]:
+    """Send each frame late by up to some seconds, by chance, in the same order."""
+    latest = 0.0
+    for cue in cues:
+        latest = max(latest, cue.due + generator.uniform(0.0, seconds))
+        yield replace(cue, due=latest)
+
+
+def with_reordering(cues: Iterable[Cue], share: float, generator: np.random.Generator) -> Iterator[Cue]:
+    """Let a share of the frames, 0 to 1, change places with the one after them."""
+    held: Cue | None = None
+    for cue in cues:
+        if held is not None:
+            yield replace(cue, due=held.due)
+            yield replace(held, due=cue.due)
+            held = None
+        elif generator.random() < share:
+            held = cue
+        else:
+            yield cue
+    if held is not None:
+        yield held
+
+
+class FrameSender(Protocol):
+    """Where a fake feed goes."""
+
+    @property
+    def failed(self) -> int:
+        """Packets the system would not take."""
+
+    def announce(self, announcement: Announcement) -> None:
+        """Send which joints the frames hold."""
+
+    def encode(self, cue: Cue) -> Packet:
+        """Make the packet of a frame."""
+
+    def send(self, packet: Packet) -> None:
+        """Send a packet so made."""
+
+    def close(self) -> None:
+        """Give sockets back."""
+
+
+class OscFrameSender:
+    """Sends frames as OSC datagrams."""
+
+    def __init__(self, host: str, port: int) -> None:
+        self._sender = osc.OscSender(host, port)
+
+    @property
+    def failed(self) -> int:
+        """Datagrams the system would not take."""
+        return self._sender.failed
+
+    def announce(self, announcement: Announcement) -> None:
+        """Send `/motion/skeleton`."""
+        self._sender.send(osc.encode_announcement(announcement))
+
+    def encode(self, cue: Cue) -> Packet:
+        """Make a `/motion/frame`."""
+        return osc.encode_frame(cue.frame)
+
+    def send(self, packet: Packet) -> None:
+        """Send one datagram."""
+        self._sender.send(packet)  # type: ignore[arg-type]  # made by encode
+
+    def close(self) -> None:
+        """Close the socket."""
+        self._sender.close()
+
+
+class ZmqFrameSender:
+    """Publishes frames as ZeroMQ messages, the joint names with the first frame after each announcement."""
+
+    def __init__(self, endpoint: Endpoint) -> None:
+        self._sender = zeromq.ZmqSender(endpoint)
+        self._announced: Sequence[str] | None = None
+
+    @property
+    def failed(self) -> int:
+        """Messages ZeroMQ would not take."""
+        return self._sender.failed
+
+    def greet(self) -> None:
+        """Send something that says nothing, to see whether it arrives."""
+        self._sender.send([b"hello/", b""])
+
+    def announce(self, announcement: Announcement) -> None:
+        """Put the joint names into the next frame's header."""
+        self._announced = announcement.joints
+
+    def encode(self, cue: Cue) -> Packet:
+        """Make the message of a frame, with the joint names when they were just announced."""
+        parts = zeromq.encode_frame(cue.frame, cue.seq, self._announced)
+        self._announced = None
+        return parts
+
+    def send(self, packet: Packet) -> None:
+        """Publish one message."""
+        self._sender.send(packet)  # type: ignore[arg-type]  # made by encode
+
+    def close(self) -> None:
+        """Close the socket."""
+        self._sender.close()
+
+
+class Pace:
+    """An absolute schedule: what is due is measured from one start, so that lateness never adds up."""
+
+    def __init__(self) -> None:
+        self._start = time.perf_counter()
+
+    def moment(self, due: float) -> float:
+        """Give the `time.perf_counter` reading at which something due so many seconds from the start is due."""
+        return self._start + due
+
+    def put_off(self, seconds: float) -> float:
+        """Let all that is not yet due be due so much later; give the seconds."""
+        self._start += seconds
+        return seconds
+
+    def wait_for(self, due: float) -> None:
+        """Sleep until it is due; return at once when it is late."""
+        remaining = self.moment(due) - time.perf_counter()
+        if remaining > 0:
+            time.sleep(remaining)

@@ -1,0 +1,64 @@
+"""Sets of joints by name: which of the library's joints a product's feed has."""
+
+from __future__ import annotations
+
+from kinespace.library.formats import utkinect
+from kinespace.stream.feeds import builtin_names, builtin_preset
+from kinespace.stream.feeds.preset import spelling
+from kinespace.tools.programs.feeds import preset_named
+
+#: Bodies without a feed of their own: what Kinect 1's own tools track.
+_FURTHER = {"kinect20": utkinect.SKELETON.joints}
+
+
+def names() -> tuple[str, ...]:
+    """Names of all sets."""
+    return (*builtin_names(), *_FURTHER)
+
+
+def joints_in_order(text: str) -> tuple[str, ...]:
+    """Read which joints a sender's frames hold, in their order, as a person says it.
+
+    Parameters
+    ----------
+    text
+        Names with commas between; or a preset, by its name or a file ending in .toml, whose `order` says it.
+
+    Returns
+    -------
+    The motion library's names; the sender's own for joints that it has not.
+
+    Raises
+    ------
+    ValueError
+        A preset's messages all name their joints, so that it says no order; or a name is empty or stands twice.
+    OSError
+        The file cannot be read.
+    """
+    if "," in text:
+        joints = tuple(name.strip() for name in text.split(","))
+    else:
+        preset = preset_named(text)
+        if not preset.order:
+            ordered = ", ".join(each for each in builtin_names() if builtin_preset(each).order)
+            raise ValueError(
+                f"--joints: expected a preset with an order of joints ({ordered}), got {text}, whose messages name them"
+            )
+        ours = {spelling(name): target for name, target in preset.joint_map.items()}
+        joints = tuple(ours.get(spelling(name)) or name for name in preset.order)
+    if not all(joints) or len(set(joints)) != len(joints):
+        raise ValueError(f"--joints: expected distinct names with commas between, got {text!r}")
+    return joints
+
+
+def joints_of(name: str) -> tuple[str, ...]:
+    """Give the joints of a set, in HDM05's names.
+
+    Raises
+    ------
+    ValueError
+        There is no such set.
+    """
+    if name not in names():
+        raise ValueError(f"--skeleton: expected one of {', '.join(names())}, got {name!r}")
+    return _FURTHER[name] if name in _FURTHER else builtin_preset(name).joints

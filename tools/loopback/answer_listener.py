@@ -1,0 +1,67 @@
+"""Hearing what a recogniser, or an echo, sends back, with the moment each packet came in."""
+
+from __future__ import annotations
+
+import time
+from typing import TYPE_CHECKING, NamedTuple
+
+import zmq
+
+from kinespace.stream import osc, zeromq
+
+if TYPE_CHECKING:
+    from kinespace.stream.answer import Answer
+    from kinespace.tools.feeding.feed import Packet
+
+#: The poller counts milliseconds; what is left of one is slept in pieces this long, seconds.
+_SHORT_SLEEP = 5e-5
+
+Receiver = osc.OscReceiver | zeromq.ZmqReceiver
+
+
+class Heard(NamedTuple):
+    """A packet, the receiver it came in on, and the `time.perf_counter` reading when it did."""
+
+    receiver: Receiver
+    packet: Packet
+    arrival: float
+
+
+class Listener:
+    """Waits for packets on UDP ports and ZeroMQ endpoints.
+
+    Parameters
+    ----------
+    receivers
+        Where packets come in; closed by `close`.
+    """
+
+    def __init__(self, *receivers: Receiver) -> None:
+        self._receivers = receivers
+        self._poller = zmq.Poller()
+        for receiver in receivers:
+            self._poller.register(receiver.socket, zmq.POLLIN)
+
+    def listen_until(self, moment: float) -> list[Heard]:
+        """Collect packets until a `time.perf_counter` reading; at least once, however late it is."""
+        heard = list[Heard]()
+        while True:
+            remaining = moment - time.perf_counter()
+            if self._poller.poll(max(0, int(remaining * 1000))):
+                for receiver in self._receivers:
+                    while (packet := receiver.receive()) is not None:
+                        heard.append(Heard(receiver, packet, time.perf_counter()))
+            elif remaining <= 0:
+                return heard
+            elif remaining < 1e-3:
+                time.sleep(min(remaining, _SHORT_SLEEP))
+
+    def close(self) -> None:
+        """Give the sockets back."""
+        for receiver in self._receivers:
+            receiver.close()
+
+
+def answer_in(packet: Packet) -> Answer | None:
+    """Read the answer in a packet; None when it is something else."""
+    return osc.decode_answer(packet) if isinstance(packet, bytes) else zeromq.decode_answer(packet)

@@ -1,0 +1,258 @@
+"""A service, or what stands in for it, in a process of its own: what demo, latency and tests talk to over loopback."""
+
+from __future__ import annotations
+
+import gc
+import json
+import multiprocessing
+import signal
+import threading
+import time
+from contextlib import suppress
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Literal, Protocol, Self
+
+import zmq
+
+from kinespace.library import MotionLibrary
+from kinespace.stream import osc, zeromq
+from kinespace.stream.connections import Endpoint
+from kinespace.stream.recognizer import Performers, Recognizer, Settings
+from kinespace.stream.service import OscSink, OscSource, Service, ZmqSink, ZmqSource
+from kinespace.tools.feeding.feed import OscFrameSender, ZmqFrameSender
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from multiprocessing.connection import Connection
+
+    from kinespace.stream.status import Status
+    from kinespace.tools.feeding.feed import FrameSender, Packet
+    from kinespace.tools.loopback.answer_listener import Receiver
+
+Transport = Literal["osc", "zmq"]
+LOOPBACK = "127.0.0.1"
+ANY_ENDPOINT = Endpoint(f"tcp://{LOOPBACK}:*", bind=True)
+#: Seconds a new process may take before it is given up.
+_LONGEST_START = 60.0
+#: Seconds between two looks of a stand-in at whether the parent wants it to stop.
+_CHECK_EVERY = 0.1
+_GREET_EVERY_MS = 50
+
+
+class StandIn(Protocol):
+    """What answers in a recogniser's place, to see what everything around it costs; it is sent to the process."""
+
+    def answer(self, packet: Packet) -> Packet | None:
+        """Give what is sent back for a packet; None for nothing."""
+
+
+class Echo:
+    """Sends every packet back unread."""
+
+    def answer(self, packet: Packet) -> Packet:
+        """Give the packet itself."""
+        return packet
+
+
+@dataclass(frozen=True, slots=True)
+class _Request:
+    transport: Transport
+    library: MotionLibrary | None
+    settings: Settings
+    answer_port: int
+    stand_in: StandIn | None
+    performers: int
+
+
+class BackgroundService:
+    """A recogniser, or what stands in for it, in its own process on this machine.
+
+    Use as a context manager; on leaving, the process is stopped and `status` holds its last counts.
+
+    Parameters
+    ----------
+    transport
+        "osc" or "zmq".
+    library
+        What is recognised with; the built-in library when not given.
+    settings
+        Of the recognisers.
+    stand_in
+        What answers instead of a recogniser. Over ZeroMQ it must send something back for a greeting, whose topic is
+        `hello/`.
+    performers
+        How many at once, at most.
+
+    Attributes
+    ----------
+    status
+        The service's counters when it was stopped; None before, and for a stand-in.
+    """
+
+    def __init__(
+        self,
+        transport: Transport,
+        *,
+        library: MotionLibrary | None = None,
+        settings: Settings | None = None,
+        stand_in: StandIn | None = None,
+        performers: int = 32,
+    ) -> None:
+        self.status: Status | None = None
+        self._stand_in = stand_in
+        self._receiver: osc.OscReceiver | None = osc.OscReceiver(LOOPBACK, 0) if transport == "osc" else None
+        port = self._receiver.address[1] if self._receiver else 0
+        # A fresh interpreter, so that the child holds none of the parent's sockets and threads.
+        context = multiprocessing.get_context("spawn")
+        self._connection, self._theirs = context.Pipe()
+        request = _Request(transport, library, settings or Settings(), port, stand_in, performers)
+        self._process = context.Process(target=_serve, args=(self._theirs, request), daemon=True)
+
+    def __enter__(self) -> Self:
+        try:
+            self._process.start()
+            # Only the child keeps its end, so that its death is heard at once.
+            self._theirs.close()
+            self._frames_to, self._answers_at = self._started()
+        except BaseException:
+            if self._process.pid is not None:
+                self._process.kill()
+            self._release()
+            raise
+        return self
+
+    def _started(self) -> tuple[Any, Any]:
+        if not self._connection.poll(_LONGEST_START):
+            raise TimeoutError("the recogniser's process did not start")
+        try:
+            answer = self._connection.recv()
+        except EOFError:
+            raise ChildProcessError("the recogniser's process ended before it began") from None
+        if isinstance(answer, Exception):
+            raise answer
+        frames_to, answers_at = answer
+        return frames_to, answers_at
+
+    def __exit__(self, *_: object) -> None:
+        # A child that died has nothing to say; whoever waited for its answers has seen that they stopped.
+        with suppress(EOFError, OSError):
+            self._connection.send(None)
+            if self._connection.poll(_LONGEST_START):
+                self.status = self._connection.recv()
+        self._release()
+
+    def _release(self) -> None:
+        if self._process.pid is not None:
+            self._process.join(_LONGEST_START)
+        self._connection.close()
+        if self._receiver:
+            self._receiver.close()
+
+    @property
+    def frames_to(self) -> str | tuple[str, int]:
+        """Where frames are to be sent, once it runs: (host, port) of UDP, or a ZeroMQ endpoint to connect to."""
+        address: str | tuple[str, int] = self._frames_to
+        return address
+
+    @property
+    def process_id(self) -> int | None:
+        """Of the process it runs in, once it runs."""
+        return self._process.pid
+
+    def connect(self) -> tuple[FrameSender, Receiver]:
+        """Open a sender of frames to it and a receiver of what it sends, and see that both reach.
+
+        UDP reaches at once. ZeroMQ peers take a moment to meet, and what is sent before is lost.
+
+        Raises
+        ------
+        TimeoutError
+            They did not meet within a minute.
+        """
+        if self._receiver:
+            return OscFrameSender(*self._frames_to), self._receiver
+        sender = ZmqFrameSender(Endpoint(self._frames_to, bind=False))
+        receiver = zeromq.ZmqReceiver(Endpoint(self._answers_at, bind=False))
+        until = time.monotonic() + _LONGEST_START
+        while time.monotonic() < until:
+            sender.greet()
+            receiver.socket.poll(_GREET_EVERY_MS)
+            while (parts := receiver.receive()) is not None:
+                if self._has_heard_us(parts):
+                    return sender, receiver
+        raise TimeoutError("ZeroMQ: the recogniser's process was not reached")
+
+    def _has_heard_us(self, parts: list[bytes]) -> bool:
+        """Whether a message shows that our greetings arrive: what a stand-in answers, or a status that counts them."""
+        if self._stand_in:
+            return True
+        return parts[0] == b"status/" and json.loads(parts[1])["inputs"]["received"] > 0
+
+
+def _serve(connection: Connection, request: _Request) -> None:
+    """Run in the child: open sockets, say where, go on until told to stop, say how it went."""
+    # Ctrl-C reaches every process of a terminal; this one ends when its parent says so.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        source, sink, addresses = _osc_ends(request) if request.transport == "osc" else _zmq_ends()
+        performers = None if request.stand_in else _performers(request)
+    except (OSError, ValueError) as error:
+        connection.send(error)
+        return
+    connection.send(addresses)
+    if performers is None:
+        _stand_in(connection, source, sink, request.stand_in or Echo())
+        connection.send(None)
+        return
+    gc.freeze()
+    with Service(performers, [source], [sink]) as service:
+        _when_told(connection, service.stop)
+        service.run()
+        connection.send(service.status())
+
+
+def _performers(request: _Request) -> Performers:
+    library = request.library or MotionLibrary.builtin()
+    # The first recogniser computes the library's windows; the first performer's first frame shall not wait for that.
+    Recognizer(library, request.settings)
+    return Performers(library, request.settings, most=request.performers)
+
+
+def _when_told(connection: Connection, stop: Callable[[], None]) -> None:
+    """Stop when the parent says so, or is gone; to ask every time costs as much as to deal with a packet."""
+
+    def wait() -> None:
+        connection.poll(None)
+        stop()
+
+    threading.Thread(target=wait, name="kinespace until told to stop", daemon=True).start()
+
+
+def _osc_ends(request: _Request) -> tuple[OscSource, OscSink, tuple[object, object]]:
+    source = OscSource(osc.OscReceiver(LOOPBACK, 0))
+    return source, OscSink(osc.OscSender(LOOPBACK, request.answer_port)), (source.receiver.address, None)
+
+
+def _zmq_ends() -> tuple[ZmqSource, ZmqSink, tuple[object, object]]:
+    source, sink = ZmqSource(zeromq.ZmqReceiver(ANY_ENDPOINT)), ZmqSink(zeromq.ZmqSender(ANY_ENDPOINT))
+    return source, sink, (source.receiver.address, sink.sender.address)
+
+
+def _stand_in(
+    connection: Connection, source: OscSource | ZmqSource, sink: OscSink | ZmqSink, stand_in: StandIn
+) -> None:
+    """Receive and send, nothing else: what the transport and the machine cost without us."""
+    stopped = threading.Event()
+    _when_told(connection, stopped.set)
+    poller = zmq.Poller()
+    poller.register(source.receiver.socket, zmq.POLLIN)
+    gc.freeze()
+    while not stopped.is_set():
+        if not poller.poll(int(_CHECK_EVERY * 1000)):
+            continue
+        while (packet := source.receiver.receive()) is not None:
+            answer = stand_in.answer(packet)
+            if answer is not None:
+                sink.sender.send(answer)  # type: ignore[arg-type]  # both ends are of one transport
+    source.close()
+    sink.close()

@@ -1,0 +1,1 @@
+"""The programs a person starts, one file each: `add_arguments` says what it takes, `run` does it."""

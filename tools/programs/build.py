@@ -1,0 +1,182 @@
+"""`kinespace build`: recordings and libraries in, one motion library file out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from functools import reduce
+from typing import TYPE_CHECKING
+
+from kinespace.library import NOTHING, Clip, MotionLibrary, find_recordings, hdm05, read_recordings
+from kinespace.library.formats.labels import cut, read_labels
+from kinespace.library.recordings import labelled, performed
+from kinespace.tools.terminal.console import console, progress
+from kinespace.tools.terminal.output_path import require_place_for
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator, Mapping, Sequence
+    from pathlib import Path
+
+    from kinespace.library import Reading
+
+#: Seconds that one motion hardly lasts; HDM05's longest cut clip has eight.
+_LONG = 15.0
+#: Seconds of the shortest window that motions are compared by.
+_SHORTEST_WINDOW = 0.25
+
+
+@dataclass(frozen=True, slots=True)
+class Changes:
+    """What becomes of the sources' motions once they are together.
+
+    Attributes
+    ----------
+    without
+        Classes and persons to leave out.
+    names
+        New names of classes, by the old ones; what is left out is not renamed.
+    """
+
+    without: Sequence[str] = ()
+    names: Mapping[str, str] = field(default_factory=dict)
+
+    def made_in(self, library: MotionLibrary) -> MotionLibrary:
+        """Leave out and rename; ValueError names what the library does not hold."""
+        classes, actors = {motion.class_name for motion in library.motions}, library.actors
+        for name in self.without:
+            if name not in classes and name not in actors:
+                raise ValueError(
+                    f"--without: expected a class or a person ({', '.join((*sorted(classes), *actors))}), got {name!r}"
+                )
+        left = library.without(
+            classes=[name for name in self.without if name in classes],
+            actors=[name for name in self.without if name in actors],
+        )
+        return left.renamed(self.names)
+
+
+@dataclass(frozen=True, slots=True)
+class Terms:
+    """Under what terms motions may be passed on, and whom to name; HDM05's own when not given and named as HDM05's."""
+
+    licence: str | None = None
+    attribution: str | None = None
+
+    def put_on(self, clip: Clip, path: Path) -> Clip:
+        """Say of a clip where it comes from and under what terms."""
+        usual = (hdm05.SOURCE, hdm05.LICENCE, hdm05.ATTRIBUTION) if hdm05.read_clip_name(path) else (path.name, "", "")
+        source, licence, attribution = usual
+        return replace(
+            clip, source=source, licence=self.licence or licence, attribution=self.attribution or attribution
+        )
+
+
+def run(
+    sources: Sequence[Path],
+    output: Path,
+    *,
+    nothing: Sequence[Path],
+    labels: Sequence[Path],
+    reading: Reading,
+    terms: Terms,
+    changes: Changes,
+    overwrite: bool,
+) -> int:
+    """Build a library from recordings and libraries, save it, and say what it holds.
+
+    Parameters
+    ----------
+    sources
+        Folders, recordings and library files.
+    output
+        The file to write.
+    nothing
+        Folders and recordings whose motions are to be answered "unknown".
+    labels
+        For each recording among the sources, in their order, what is performed when: its segments become the motions.
+        None: each recording is one motion.
+    reading
+        How recordings are read.
+    terms
+        Of the recordings' motions; a library's keep their own.
+    changes
+        Made in all motions together.
+    overwrite
+        Whether a file that is there may be written over.
+    """
+    files = [source for source in sources if source.suffix == ".npz"]
+    places = [source for source in sources if source.suffix != ".npz"]
+    if labels and not places:
+        raise ValueError("--labels: expected recordings to cut, got libraries only")
+    require_place_for(output, overwrite=overwrite)
+    libraries = [MotionLibrary.load(file) for file in files]
+    clips = list(_labelled(places, reading, terms, labels)) if places else []
+    if nothing:
+        clips += (replace(clip, class_name=NOTHING) for clip in _labelled(nothing, reading, terms))
+    if clips:
+        libraries.append(MotionLibrary.of_clips(clips))
+    merged = changes.made_in(reduce(MotionLibrary.merged_with, libraries))
+    if not merged.classes:
+        raise ValueError(f"motions: expected some of a class beside {NOTHING!r}, got none")
+    merged.save(output)
+    console.print(
+        f"{output}: {len(merged)} motions, {len(merged.classes)} classes, {output.stat().st_size / 1e6:.2f} MB",
+        soft_wrap=True,
+    )
+    for line in (*_unshared(libraries, merged), *_filled(clips), *_short(merged), *(() if labels else _long(clips))):
+        console.print(line, soft_wrap=True)
+    return 0
+
+
+def _labelled(places: Sequence[Path], reading: Reading, terms: Terms, labels: Sequence[Path] = ()) -> Iterator[Clip]:
+    """Read recordings: each is one motion, or labels cut it into several, whose label is their class."""
+    paths = find_recordings(places)
+    if labels and len(labels) != len(paths):
+        raise ValueError(f"--labels: expected one for each of {len(paths)} recordings, got {len(labels)}")
+    takes = progress(read_recordings(paths, reading), "Reading", len(paths))
+    for place, (take, path) in enumerate(zip(takes, paths, strict=True)):
+        clip = terms.put_on(take, path)
+        if labels:
+            yield from cut(performed(clip, path, reading.actor_in), read_labels(labels[place]))
+        else:
+            yield labelled(clip, path, reading.actor_in)
+
+
+def _unshared(libraries: Sequence[MotionLibrary], merged: MotionLibrary) -> Iterator[str]:
+    """Say which joints were lost because some of the sources have not got them."""
+    every = dict.fromkeys(name for library in libraries for name in library.skeleton.joints)
+    lost = [name for name in every if name not in merged.skeleton.joints]
+    if lost:
+        yield f"{len(merged.skeleton.joints)} joints that all sources have; without {', '.join(lost)}"
+
+
+def _filled(clips: Sequence[Clip]) -> Iterator[str]:
+    filled = sum(clip.filled for clip in clips)
+    if filled:
+        every = sum(clip.frames * len(clip.skeleton.joints) for clip in clips)
+        yield f"{filled} of {every} joint positions were missing and stand on straight lines"
+
+
+def _short(library: MotionLibrary) -> Iterator[str]:
+    """Say which motions are too short to be compared with."""
+    short = [motion for motion in library.motions if motion.duration < _SHORTEST_WINDOW]
+    if short:
+        yield (
+            f"{len(short)} of {len(library)} motions are shorter than {_SHORTEST_WINDOW:g} s, too short for any "
+            f"window, and kept for playback alone: {_listed(motion.name for motion in short)}"
+        )
+
+
+def _long(clips: Sequence[Clip]) -> Iterator[str]:
+    """Say that takes which look like several motions were taken as one each."""
+    long = [clip for clip in clips if clip.duration > _LONG]
+    if long:
+        longest = max(long, key=lambda clip: clip.duration)
+        yield (
+            f"{len(long)} of {len(clips)} recordings are longer than {_LONG:g} s, {longest.name} "
+            f"({longest.duration:.0f} s) the longest; each is taken as one motion: --labels cuts takes into theirs"
+        )
+
+
+def _listed(names: Iterable[str]) -> str:
+    every = list(names)
+    return f"{', '.join(every[:5])}{' ...' if len(every) > 5 else ''}"

@@ -1,0 +1,227 @@
+"""`kinespace convert`: a raw recording or a motion file as plain numbers, `.npz` or CSV."""
+
+from __future__ import annotations
+
+import csv
+import os
+import tempfile
+from array import array
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from itertools import chain
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from kinespace.library import find_recordings, hdm05
+from kinespace.library.recordings import RecordingReader
+from kinespace.library.skeleton import Skeleton, SkeletonMismatchError
+from kinespace.stream.frame import Announcement
+from kinespace.stream.rawfile import ENDING, RawFile
+from kinespace.stream.rerun import decoded
+from kinespace.tools.programs.feeds import preset_named
+from kinespace.tools.terminal.console import console, printable, progress
+from kinespace.tools.terminal.output_path import require_place_for
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator
+
+    from numpy.typing import NDArray
+
+    from kinespace.library import Clip, Reading
+    from kinespace.stream.feeds import Preset
+    from kinespace.stream.frame import Frame
+
+#: A frame's time in seconds and its positions, (joints, 3), metres.
+_Posture = tuple[float, "NDArray[np.floating]"]
+
+
+@dataclass(slots=True)
+class _Motion:
+    """Frames of one performer, as they come; how many is known where they were counted."""
+
+    skeleton: Skeleton
+    performer: str
+    frames: int | None
+    postures: Iterator[_Posture]
+
+
+@dataclass(slots=True)
+class _Seen:
+    """What a first look finds of a performer."""
+
+    frames: int = 0
+    joints: tuple[str, ...] = ()
+    sizes: dict[int, int] = field(default_factory=dict)
+
+
+def run(
+    source: Path, output: Path, *, performer: str | None, feed: str | None, reading: Reading, overwrite: bool
+) -> int:
+    """Convert one file, frame by frame.
+
+    Parameters
+    ----------
+    source
+        A raw recording or a motion file.
+    output
+        The file to write, ending in `.npz` (`time` (frames,), seconds; `positions` (frames, joints, 3), metres;
+        `joints`; `parents`, empty when they are not known; `performer`) or `.csv` (a column for the time and three for
+        each joint).
+    performer
+        Whose frames, where a raw recording has several performers.
+    feed
+        Name or file of the preset that a raw recording's packets are read by; None for what it says of itself.
+    reading
+        How a motion file is read.
+    overwrite
+        Whether a file that is there may be written over.
+    """
+    if output.suffix.lower() not in (".npz", ".csv"):
+        raise ValueError(f"{output}: expected a file that ends in .npz or .csv")
+    require_place_for(output, overwrite=overwrite)
+    damage = ""
+    if source.suffix.lower() == ENDING:
+        recording = RawFile(source)
+        motion, refused = _of_raw(recording, performer, preset_named(feed) if feed else None)
+        damage = recording.damage()
+    elif feed:
+        raise ValueError(f"--feed: expected a {ENDING} file with it, got {source}")
+    else:
+        motion, refused = _of_file(source, reading), 0
+    motion.postures = progress(motion.postures, "Writing", motion.frames)
+    frames = (_write_csv if output.suffix.lower() == ".csv" else _write_npz)(output, motion)
+    console.print(
+        f"{output}: {frames} frames of {len(motion.skeleton.joints)} joints"
+        + (f", {refused} frames of other joints left out" if refused else ""),
+        soft_wrap=True,
+    )
+    if damage:
+        console.print(damage, soft_wrap=True)
+    return 0
+
+
+def _of_file(source: Path, reading: Reading) -> _Motion:
+    clips = _clips(find_recordings([source])[0], reading)
+    first = next(clips)
+    return _Motion(first.skeleton, first.actor, None, _postures_of(chain([first], clips)))
+
+
+def _clips(path: Path, reading: Reading) -> Iterator[Clip]:
+    with RecordingReader(reading) as reader:
+        yield from reader.pieces(path)
+
+
+def _postures_of(clips: Iterable[Clip]) -> Iterator[_Posture]:
+    """Give the frames of clips that follow each other."""
+    start = 0
+    for clip in clips:
+        times = np.arange(start, start + clip.frames) / clip.frame_rate
+        start += clip.frames
+        yield from zip(times.tolist(), clip.positions, strict=True)
+
+
+def _of_raw(recording: RawFile, performer: str | None, preset: Preset | None) -> tuple[_Motion, int]:
+    """Look through a recording once for who is in it, then give one performer's frames; how many are left out."""
+    seen: dict[str, _Seen] = {}
+    for event in progress(_events(recording, preset), "Looking", None):
+        each = seen.setdefault(event.performer, _Seen())
+        if isinstance(event, Announcement):
+            each.joints = each.joints or event.joints
+        else:
+            each.frames += 1
+            each.sizes[len(event.positions)] = each.sizes.get(len(event.positions), 0) + 1
+    performing = [name for name, each in seen.items() if each.frames]
+    if performer is None and len(performing) > 1:
+        raise ValueError(f"{recording.path}: expected --performer, one of {', '.join(map(printable, performing))}")
+    chosen = performer if performer is not None else next(iter(performing), "")
+    if chosen not in performing:
+        raise ValueError(f"{recording.path}: no frame{f' of {chosen!r}' if chosen else ''} in it")
+    skeleton = _skeleton(seen[chosen])
+    frames = sum(1 for _ in _postures(recording, preset, chosen, skeleton))
+    if not frames:
+        raise ValueError(f"{recording.path}: no frame of {chosen!r} has the {len(skeleton.joints)} announced joints")
+    motion = _Motion(skeleton, chosen, frames, _postures(recording, preset, chosen, skeleton))
+    return motion, seen[chosen].frames - frames
+
+
+def _skeleton(seen: _Seen) -> Skeleton:
+    """Name the joints as announced; unannounced, HDM05's when there are as many, as everywhere; else by number."""
+    if seen.joints:
+        return Skeleton(seen.joints)
+    size = max(seen.sizes, key=lambda size: seen.sizes[size])
+    if size == len(hdm05.SKELETON.joints):
+        return hdm05.SKELETON
+    return Skeleton(tuple(f"joint{number}" for number in range(1, size + 1)))
+
+
+def _events(recording: RawFile, preset: Preset | None) -> Iterator[Frame | Announcement]:
+    return chain.from_iterable(each.events for each in decoded(recording.header, recording.packets(), preset))
+
+
+def _postures(recording: RawFile, preset: Preset | None, performer: str, skeleton: Skeleton) -> Iterator[_Posture]:
+    order: NDArray[np.intp] | None = np.arange(len(skeleton.joints))
+    size = len(skeleton.joints)
+    for event in _events(recording, preset):
+        if event.performer != performer:
+            continue
+        if isinstance(event, Announcement):
+            size = len(event.joints)
+            try:
+                order = skeleton.order_from(event.joints)
+            except SkeletonMismatchError:
+                order = None
+        elif order is not None and len(event.positions) == size:
+            yield event.time, event.positions[order]
+
+
+def _write_csv(output: Path, motion: _Motion) -> int:
+    frames = 0
+    with _replacing(output) as part, part.open("w", newline="", encoding="utf-8") as file:
+        rows = csv.writer(file)
+        rows.writerow(["time", *(f"{joint}_{axis}" for joint in motion.skeleton.joints for axis in "xyz")])
+        for moment, positions in motion.postures:
+            # Nine digits give every 32-bit number back as it was.
+            rows.writerow([repr(float(moment)), *(f"{number:.9g}" for number in positions.ravel().tolist())])
+            frames += 1
+    return frames
+
+
+def _write_npz(output: Path, motion: _Motion) -> int:
+    """Write the arrays without ever holding them: positions go to a scratch file first, and from there into the zip."""
+    times = array("d")
+    with tempfile.TemporaryFile(dir=output.absolute().parent) as scratch:
+        for moment, positions in motion.postures:
+            times.append(moment)
+            scratch.write(np.ascontiguousarray(positions, dtype="<f8").tobytes())
+        scratch.flush()
+        shape = (len(times), len(motion.skeleton.joints), 3)
+        positions = np.memmap(scratch, dtype="<f8", mode="r", shape=shape)
+        with _replacing(output) as part, part.open("wb") as file:
+            np.savez(
+                file,
+                allow_pickle=False,
+                time=np.array(times),
+                positions=positions,
+                joints=np.array(motion.skeleton.joints),
+                parents=np.array(motion.skeleton.parents, dtype=np.int64),
+                performer=np.array(motion.performer),
+            )
+    return len(times)
+
+
+@contextmanager
+def _replacing(output: Path) -> Iterator[Path]:
+    """Give a file to write beside the output, which takes its place when it is whole."""
+    handle, name = tempfile.mkstemp(dir=output.absolute().parent, prefix=f".{output.name}.", suffix=".part")
+    os.close(handle)
+    part = Path(name)
+    try:
+        yield part
+        mask = os.umask(0)
+        os.umask(mask)
+        part.chmod(0o666 & ~mask)
+        part.replace(output)
+    finally:
+        part.unlink(missing_ok=True)

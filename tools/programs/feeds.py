@@ -1,0 +1,47 @@
+"""`kinespace feeds`: which products' messages are understood, and what to set in them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from rich.text import Text
+
+from kinespace.stream.feeds import Preset, builtin_names, builtin_preset, builtin_text, load_preset
+from kinespace.tools.terminal.console import console
+
+_ENDING = ".toml"
+
+
+def run(name: str | None) -> int:
+    """List the presets, or print one as a file to be copied and edited."""
+    if name is not None:
+        print(builtin_text(name), end="")
+        return 0
+    for each in builtin_names():
+        preset = builtin_preset(each)
+        console.print(Text.assemble((each, "bold"), f"  {described(preset)}"), soft_wrap=True)
+        console.print(f"    {preset.sender}", soft_wrap=True)
+    console.print(
+        f"\nkinespace live --feed NAME uses one; kinespace feeds NAME > my{_ENDING} copies it for --feed my{_ENDING}.\n"
+        "A sender on another machine: --osc-in 0.0.0.0:PORT. Nothing comes: kinespace listen PORT.",
+        soft_wrap=True,
+    )
+    return 0
+
+
+def described(preset: Preset) -> str:
+    """Say in a line whose messages a preset reads, on which port, and how many joints they have."""
+    return f"port {preset.port}, {len(preset.joints)} joints, some {preset.rate:g} Hz: {preset.product}"
+
+
+def preset_named(text: str) -> Preset:
+    """Load a preset by its name, or from a user's file, which ends in .toml.
+
+    Raises
+    ------
+    PresetError
+        There is none of that name, or something in the file is wrong.
+    OSError
+        The file cannot be read.
+    """
+    return load_preset(Path(text)) if text.casefold().endswith(_ENDING) else builtin_preset(text)

@@ -1,0 +1,215 @@
+"""`kinespace latency`: last byte of a frame sent to its answer received, beside a bare echo of the same packets."""
+
+from __future__ import annotations
+
+import json
+import time
+from contextlib import closing
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from rich.table import Table
+
+from kinespace.library import MotionLibrary
+from kinespace.stream.frame import Announcement, Frame
+from kinespace.tools.feeding.feed import Cue, Pace, without_pause
+from kinespace.tools.loopback.answer_listener import Listener, answer_in
+from kinespace.tools.loopback.expected_answers import AnswerMatcher, expected_answers
+from kinespace.tools.loopback.service_process import BackgroundService, Echo
+from kinespace.tools.terminal.console import console
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from kinespace.stream.recognizer import Settings
+    from kinespace.tools.loopback.answer_listener import Heard
+    from kinespace.tools.loopback.service_process import Transport
+
+#: Seconds answers are waited for after the last frame.
+_LINGER = 0.5
+#: Seconds left to both processes between meeting and the first frame.
+_SETTLE = 0.2
+#: Seconds of feed whose latencies are not counted: caches fill, ZeroMQ peers meet.
+_WARM_UP = 0.5
+#: Which of the library's motions are played: some of each class.
+_EVERY = 8
+
+
+@dataclass(frozen=True, slots=True)
+class Latency:
+    """What one run measured.
+
+    Attributes
+    ----------
+    transport, rate_hz
+        What was run.
+    sent
+        Frames sent.
+    answered
+        Answers received.
+    lost
+        Answers due that never came.
+    seconds
+        Latency of each answer, seconds, shape (answers,).
+    echo_seconds
+        Round trip of each echoed packet, seconds.
+    """
+
+    transport: Transport
+    rate_hz: float
+    sent: int
+    answered: int
+    lost: int
+    seconds: NDArray[np.float64]
+    echo_seconds: NDArray[np.float64]
+
+    def percentile(self, percent: float, *, echo: bool = False) -> float:
+        """Give a percentile of the latencies in milliseconds; NaN when there is none."""
+        seconds = self.echo_seconds if echo else self.seconds
+        return float(np.percentile(seconds, percent)) * 1000 if seconds.size else float("nan")
+
+    def as_json(self) -> dict[str, object]:
+        """Give the figures by name; milliseconds, null where there is none."""
+        percentiles = {
+            "p50_ms": self.percentile(50),
+            "p95_ms": self.percentile(95),
+            "p99_ms": self.percentile(99),
+            "p999_ms": self.percentile(99.9),
+            "max_ms": self.percentile(100),
+            "echo_p50_ms": self.percentile(50, echo=True),
+            "echo_p95_ms": self.percentile(95, echo=True),
+            "echo_p99_ms": self.percentile(99, echo=True),
+            "echo_p999_ms": self.percentile(99.9, echo=True),
+            "echo_max_ms": self.percentile(100, echo=True),
+        }
+        return {
+            "transport": self.transport,
+            "rate_hz": self.rate_hz,
+            "sent": self.sent,
+            "answered": self.answered,
+            "lost": self.lost,
+            **{name: None if np.isnan(value) else round(value, 4) for name, value in percentiles.items()},
+        }
+
+
+def measure(transport: Transport, *, rate_hz: float, seconds: float, settings: Settings) -> Latency:
+    """Feed a recogniser in another process and time its answers.
+
+    The feed plays every eighth motion of the built-in library, one after the other, again and again. Each frame says
+    its time, so that it is known beforehand which frames are answered. Every packet also goes, half a frame later, to a
+    process that sends it straight back.
+
+    Parameters
+    ----------
+    transport
+        "osc" or "zmq".
+    rate_hz
+        Frames per second.
+    seconds
+        How long to feed.
+    settings
+        Of the recogniser.
+
+    Raises
+    ------
+    ValueError
+        Nothing would be answered after the first half second, which warms up.
+    """
+    library = MotionLibrary.builtin()
+    warm = int(_WARM_UP * rate_hz)
+    positions = without_pause(library.motions[::_EVERY], rate_hz, seconds)
+    cues = _cues(positions, rate_hz, seconds)
+    expected = expected_answers(cues, library, settings)
+    if not expected or expected[-1].cue < warm:
+        raise ValueError(f"--seconds: expected enough for an answer after the first {_WARM_UP:g} s, got {seconds:g}")
+    with (
+        BackgroundService(transport, settings=settings) as service,
+        BackgroundService(transport, stand_in=Echo()) as echo,
+        closing(_Run(service, echo)) as run,
+    ):
+        run.play(cues, Announcement("latency", library.skeleton.joints), rate_hz)
+    matcher = AnswerMatcher(expected)
+    answers = [(answer, each.arrival) for each in run.answers if (answer := answer_in(each.packet))]
+    pairs = [(matcher.match(answer), arrival) for answer, arrival in answers]
+    return Latency(
+        transport=transport,
+        rate_hz=rate_hz,
+        sent=len(cues),
+        answered=sum(found is not None for found, _ in pairs),
+        lost=matcher.lost + matcher.waiting,
+        seconds=np.array([arrival - run.sent[found.cue] for found, arrival in pairs if found and found.cue >= warm]),
+        echo_seconds=np.array([each.arrival - at for each, at in zip(run.echoes, run.echo_sent, strict=False)][warm:]),
+    )
+
+
+class _Run:
+    """One feed to a recogniser and an echo, with the moments of everything sent and received."""
+
+    def __init__(self, service: BackgroundService, echo: BackgroundService) -> None:
+        self._sender, answers = service.connect()
+        self._echo_sender, self._echo_receiver = echo.connect()
+        self._listener = Listener(answers, self._echo_receiver)
+        self.sent: list[float] = []
+        self.echo_sent: list[float] = []
+        self.answers: list[Heard] = []
+        self.echoes: list[Heard] = []
+
+    def play(self, cues: Sequence[Cue], announcement: Announcement, rate_hz: float) -> None:
+        """Send every frame when it is due, its copy to the echo half a frame later."""
+        self._sender.announce(announcement)
+        # What greeted during connecting is not part of the run.
+        self._listener.listen_until(time.perf_counter() + _SETTLE)
+        pace = Pace()
+        for cue in cues:
+            packet, echoed = self._sender.encode(cue), self._echo_sender.encode(cue)
+            self._keep(self._listener.listen_until(pace.moment(cue.due)))
+            # Before the call, not after: the answer may be on its way before it returns.
+            self.sent.append(time.perf_counter())
+            self._sender.send(packet)
+            self._keep(self._listener.listen_until(pace.moment(cue.due + 0.5 / rate_hz)))
+            self.echo_sent.append(time.perf_counter())
+            self._echo_sender.send(echoed)
+        self._keep(self._listener.listen_until(time.perf_counter() + _LINGER))
+
+    def close(self) -> None:
+        """Give the sockets back."""
+        self._sender.close()
+        self._echo_sender.close()
+        self._listener.close()
+
+    def _keep(self, heard: Sequence[Heard]) -> None:
+        for each in heard:
+            (self.echoes if each.receiver is self._echo_receiver else self.answers).append(each)
+
+
+def _cues(positions: NDArray[np.float32], rate_hz: float, seconds: float) -> list[Cue]:
+    return [
+        Cue(k / rate_hz, Frame("latency", 1.0 + k / rate_hz, positions[k % len(positions)]), k)
+        for k in range(round(seconds * rate_hz))
+    ]
+
+
+def run(transports: Sequence[Transport], *, rate_hz: float, seconds: float, settings: Settings, as_json: bool) -> int:
+    """Measure each transport and print a table, or one JSON object."""
+    table = Table(title=f"Frame sent to answer received, milliseconds, at {rate_hz:g} Hz", title_justify="left")
+    headings = ("p50", "p95", "p99", "p99.9", "max", "sent", "answered", "lost")
+    table.add_column("")
+    for heading in headings:
+        table.add_column(heading, justify="right")
+    for transport in transports:
+        latency = measure(transport, rate_hz=rate_hz, seconds=seconds, settings=settings)
+        if as_json:
+            print(json.dumps(latency.as_json()))
+            return 0
+        counts = (f"{latency.sent}", f"{latency.answered}", f"{latency.lost}")
+        table.add_row(transport, *_percentiles(latency, echo=False), *counts)
+        table.add_row(f"{transport} echo", *_percentiles(latency, echo=True), end_section=True)
+    console.print(table)
+    return 0
+
+
+def _percentiles(latency: Latency, *, echo: bool) -> list[str]:
+    return [f"{latency.percentile(percent, echo=echo):.2f}" for percent in (50, 95, 99, 99.9, 100)]

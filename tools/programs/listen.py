@@ -1,0 +1,190 @@
+"""`kinespace listen`: what arrives on a port, which feed it looks like, and what recognition lacks."""
+
+from __future__ import annotations
+
+import errno
+import json
+import time
+from typing import TYPE_CHECKING
+
+import zmq
+from rich.text import Text
+
+from kinespace.library import MotionLibrary
+from kinespace.stream.feeds import builtin_names, builtin_preset
+from kinespace.stream.feeds.detection import MOST_KINDS, Guess, Survey
+from kinespace.stream.feeds.handshake import NEVER, farewells, is_due, questions
+from kinespace.stream.osc import SKELETON, OscReceiver
+from kinespace.tools.cli.address import host_and_port
+from kinespace.tools.programs.feeds import preset_named
+from kinespace.tools.terminal.console import console, printable
+from kinespace.tools.terminal.tables import add_names, narrow_table
+
+if TYPE_CHECKING:
+    from kinespace.stream.feeds import Preset
+
+#: The preset of our own messages, in which joints need not be named.
+_NATIVE = "native"
+#: Kinds of messages that are shown.
+_MOST_SHOWN = 40
+#: Gaps that are worth a word, seconds, and in intervals of the message's own rate.
+_GAP_SECONDS, _GAP_INTERVALS = 0.2, 4.0
+_LONGEST_WAIT = 100
+#: Characters that what stands beside addresses needs.
+_BESIDE_ADDRESSES = 48
+
+
+def run(address: str | None, *, feed: str | None, sender: str, seconds: float, as_json: bool) -> int:
+    """Listen for some seconds and say what came: 0 when it can be recognised, 1 when not."""
+    preset = preset_named(feed) if feed else None
+    host, port = host_and_port(address) if address else ("127.0.0.1", preset.port if preset else 0)
+    try:
+        receiver = OscReceiver(host, port)
+    except OSError as error:
+        if error.errno == errno.EADDRINUSE:
+            raise OSError(
+                f"{host}:{port}: something listens there already, perhaps kinespace live: end it first"
+            ) from error
+        raise
+    try:
+        if not as_json:
+            host, port = receiver.address
+            console.print(f"listening on OSC {host}:{port} for {seconds:g} s; Ctrl-C ends", soft_wrap=True)
+        survey = heard(receiver, seconds, preset, sender)
+    finally:
+        receiver.close()
+    presets = [preset] if preset else [builtin_preset(name) for name in builtin_names()]
+    guess = survey.looked_at_as(preset) if preset else survey.guess(presets)
+    told = advice(survey, guess, address)
+    if as_json:
+        print(json.dumps(as_object(survey, guess, told)))
+    else:
+        _show(survey, guess, told)
+    return 0 if guess and guess.frames else 1
+
+
+def heard(receiver: OscReceiver, seconds: float, preset: Preset | None, sender: str) -> Survey:
+    """Collect what arrives for some seconds, or until Ctrl-C; ask for it where the preset must be asked."""
+    survey = Survey()
+    poller = zmq.Poller()
+    poller.register(receiver.socket, zmq.POLLIN)
+    asked = NEVER
+    until = time.monotonic() + seconds
+    try:
+        while (now := time.monotonic()) < until:
+            if preset and preset.asking and is_due(preset.asking, now, asked, NEVER if not survey.packets else now):
+                asked = now
+                for packet in questions(preset, receiver.address[1]):
+                    receiver.send_to(packet, (sender, preset.asking.port))
+            poller.poll(min(_LONGEST_WAIT, int((until - now) * 1000) + 1))
+            while time.monotonic() < until and (datagram := receiver.receive()) is not None:
+                host, port = receiver.sender or ("", 0)
+                survey.see(datagram, f"{host}:{port}", time.monotonic())
+    except KeyboardInterrupt:
+        pass
+    if preset and preset.asking:
+        for packet in farewells(preset, receiver.address[1]):
+            receiver.send_to(packet, (sender, preset.asking.port))
+    return survey
+
+
+def advice(survey: Survey, guess: Guess | None, address: str | None) -> list[str]:
+    """Say what is missing for recognition, and what to do about it; nothing to say means that all is well."""
+    if not survey.packets:
+        lines = ["nothing arrived: is the sender's port this one, and its address this machine's?"]
+        if not (address or "").startswith("0.0.0.0"):  # noqa: S104 - compared, not bound
+            lines.append("a sender on another machine is only heard with 0.0.0.0:PORT, past this machine's firewall")
+        return lines
+    lines = list[str]()
+    if survey.undecodable:
+        lines.append(f"{survey.undecodable} of {survey.packets} packets are no OSC: another protocol on this port?")
+    if guess is None:
+        lines.append("no feed we know: write a preset (kinespace feeds native > my.toml) with the addresses above")
+        return lines
+    lines += _lacking(survey, guess)
+    shared = MotionLibrary.builtin().skeleton.joints
+    if not set(guess.preset.joints) & set(shared):
+        lines.append("none of the joints is the built-in library's: build your own library from this feed")
+    lines += [
+        f"{kind.address}: nothing for {kind.longest_gap:.2f} s once"
+        for kind in survey.kinds.values()
+        if kind.rate > 1 and kind.longest_gap > max(_GAP_SECONDS, _GAP_INTERVALS / kind.rate)
+    ][:3]
+    return lines
+
+
+def _lacking(survey: Survey, guess: Guess) -> list[str]:
+    """Say what a feed lacks to be recognised."""
+    if guess.missing and guess.preset.name == _NATIVE and not any(k.address == SKELETON for k in survey.kinds.values()):
+        return [
+            f"{len(guess.joints)} joints whose names were never sent: let the sender send {SKELETON}, or",
+            "say which they are: kinespace live --joints A,B,... or --joints PRESET",
+        ]
+    lines = list[str]()
+    if guess.missing:
+        lines.append(f"missing for recognition: {', '.join(guess.missing)}")
+        lines.append("let the sender send them, or leave them out of [joints] in a copy of the preset")
+    if guess.unknown:
+        lines.append(f"joints sent that the preset does not name: {', '.join(guess.unknown[:12])}")
+    if not guess.frames and not guess.missing:
+        lines.append("no whole frame: too short a time, or joints that come too far apart")
+    elif guess.refused:
+        lines.append(f"{guess.refused} frames refused, because joints in them were absent for too long")
+    return lines
+
+
+def as_object(survey: Survey, guess: Guess | None, told: list[str]) -> dict[str, object]:
+    """Put everything that was found into one object for JSON."""
+    return {
+        "packets": survey.packets,
+        "undecodable": survey.undecodable,
+        "bundles": survey.bundles,
+        "largest": survey.largest,
+        "senders": survey.senders,
+        "messages": [
+            {"address": kind.address, "types": kind.types, "count": kind.count, "rate": round(kind.rate, 3)}
+            for kind in survey.kinds.values()
+        ],
+        "feed": guess.preset.name if guess else None,
+        "frames": guess.frames if guess else 0,
+        "rate": round(guess.rate, 3) if guess else 0.0,
+        "performers": list(guess.performers) if guess else [],
+        "joints": list(guess.joints) if guess else [],
+        "missing": list(guess.missing) if guess else [],
+        "advice": told,
+    }
+
+
+def _show(survey: Survey, guess: Guess | None, told: list[str]) -> None:
+    table = narrow_table("kinespace listen", _caption(survey))
+    shown = sorted(survey.kinds.values(), key=lambda kind: -kind.count)
+    add_names(table, "address", [printable(kind.address) for kind in shown[:_MOST_SHOWN]], beside=_BESIDE_ADDRESSES)
+    for heading in ("types", "messages", "per second", "longest gap", "for example"):
+        table.add_column(heading, overflow="fold")
+    for kind in shown[:_MOST_SHOWN]:
+        example = " ".join(f"{each:.3g}" if isinstance(each, float) else printable(str(each)) for each in kind.example)
+        cells = (printable(kind.address), kind.types, str(kind.count), f"{kind.rate:.1f}", f"{kind.longest_gap:.2f} s")
+        table.add_row(*map(Text, cells), Text(example))
+    if survey.kinds:
+        console.print(table)
+    if len(shown) > _MOST_SHOWN:
+        console.print(f"and {len(shown) - _MOST_SHOWN}{' or more' if len(shown) >= MOST_KINDS else ''} other kinds")
+    if guess:
+        _say(
+            f"looks like {guess.preset.name} ({guess.preset.product}): {guess.understood:.0%} of the messages, "
+            f"{len(guess.joints)} of {len(guess.preset.joints)} joints, {guess.frames} frames"
+        )
+        if guess.frames:
+            _say(f"performers: {', '.join(map(printable, guess.performers))}, {guess.rate:.1f} frames per second each")
+            _say(f"recognise it: kinespace live --feed {guess.preset.name}")
+    for line in told:
+        _say(line)
+
+
+def _say(line: str) -> None:
+    console.print(line, soft_wrap=True, markup=False, highlight=False)
+
+
+def _caption(survey: Survey) -> str:
+    senders = ", ".join(f"{name} ({count})" for name, count in list(survey.senders.items())[:4])
+    return f"{survey.packets} packets, {survey.bundles} bundles, largest {survey.largest} bytes, from {senders}"

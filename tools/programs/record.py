@@ -1,0 +1,123 @@
+"""`kinespace record`: every packet of a feed, as it came, into a file."""
+
+from __future__ import annotations
+
+import signal
+import time
+from contextlib import ExitStack
+from typing import TYPE_CHECKING
+
+import zmq
+from rich.status import Status
+
+from kinespace.stream import osc, zeromq
+from kinespace.stream.connections import Endpoint
+from kinespace.stream.rawfile import RawPacket, RawWriter
+from kinespace.tools.cli.address import host_and_port
+from kinespace.tools.terminal.console import console, progress_console
+from kinespace.tools.terminal.output_path import require_place_for
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+#: Milliseconds of the longest sleep: how soon Ctrl-C is heard.
+_LONGEST_SLEEP = 100
+
+_Receivers = list[tuple[str, osc.OscReceiver | zeromq.ZmqReceiver]]
+
+
+def run(output: Path, *, osc_in: str | None, zmq_in: str | None, seconds: float | None, overwrite: bool) -> int:
+    """Record until interrupted, or for so many seconds; say what was kept.
+
+    Parameters
+    ----------
+    output
+        The file to make.
+    osc_in, zmq_in
+        Where packets come in, one of them at least.
+    seconds
+        How long; until interrupted when not given.
+    overwrite
+        Whether a file that is there may be written over.
+    """
+    require_place_for(output, overwrite=overwrite)
+    with ExitStack() as opened:
+        receivers = _open(opened, osc_in, zmq_in)
+        output.unlink(missing_ok=True)
+        writer = opened.enter_context(RawWriter(output, [name for name, _ in receivers]))
+        recording = _Recording(receivers, writer)
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, lambda *_: recording.stop())
+        console.print(f"recording {', '.join(name for name, _ in receivers)} to {output}; Ctrl-C ends", soft_wrap=True)
+        with Status("nothing has come yet", console=progress_console) as shown:
+            recording.run(seconds, shown)
+    lost = sum(receiver.kernel_drops for _, receiver in receivers if isinstance(receiver, osc.OscReceiver))
+    console.print(
+        f"{output}: {writer.written} packets, {output.stat().st_size / 1e6:.2f} MB; "
+        f"{writer.failed} could not be written, {lost} were lost by the system before they came here"
+        + (f", {recording.broken} connections broke (a message above 1 MB?)" if recording.broken else ""),
+        soft_wrap=True,
+    )
+    return 0
+
+
+def _open(opened: ExitStack, osc_in: str | None, zmq_in: str | None) -> _Receivers:
+    if not (osc_in or zmq_in):
+        raise ValueError("record: expected --osc-in or --zmq-in, got neither")
+    receivers: _Receivers = []
+    if osc_in:
+        datagrams = osc.OscReceiver(*host_and_port(osc_in))
+        opened.callback(datagrams.close)
+        host, port = datagrams.address
+        receivers.append((f"osc {host}:{port}", datagrams))
+    if zmq_in:
+        messages = zeromq.ZmqReceiver(Endpoint.parse(zmq_in, bind=True))
+        opened.callback(messages.close)
+        receivers.append((f"zmq {messages.address}", messages))
+    return receivers
+
+
+class _Recording:
+    """Packets from sockets into a file, until stopped.
+
+    Attributes
+    ----------
+    broken
+        ZeroMQ connections that broke while the sender was there.
+    """
+
+    def __init__(self, receivers: _Receivers, writer: RawWriter) -> None:
+        self._receivers = [receiver for _, receiver in receivers]
+        self._writer = writer
+        self.broken = 0
+        self._stopped = False
+        self._poller = zmq.Poller()
+        for receiver in self._receivers:
+            self._poller.register(receiver.socket, zmq.POLLIN)
+
+    def stop(self) -> None:
+        """Make `run` return soon."""
+        self._stopped = True
+
+    def run(self, seconds: float | None, shown: Status) -> None:
+        """Go on until stopped or until so many seconds have gone by; what has arrived by then is still kept."""
+        began = told = time.monotonic()
+        while not self._stopped and (seconds is None or time.monotonic() < began + seconds):
+            self._poller.poll(_LONGEST_SLEEP)
+            self._keep()
+            if time.monotonic() >= told + 1.0:
+                told = time.monotonic()
+                self.broken = sum(receiver.broken() for receiver in self._receivers)
+                if self._writer.written:
+                    shown.update(f"{self._writer.written} packets in {told - began:.0f} s")
+        self._keep()
+
+    def _keep(self) -> None:
+        for index, receiver in enumerate(self._receivers):
+            while (packet := receiver.receive()) is not None:
+                parts = (packet,) if isinstance(packet, bytes) else tuple(packet)
+                known = receiver.sender if isinstance(receiver, osc.OscReceiver) else None
+                sender = f"{known[0]}:{known[1]}" if known else ""
+                self._writer.write(RawPacket(time.monotonic(), index, sender, parts))
+                if self._stopped:
+                    return

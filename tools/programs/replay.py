@@ -1,0 +1,362 @@
+"""`kinespace replay`: recordings, or motions of the built-in library, as a fake live feed, and what was answered."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections import Counter
+from contextlib import ExitStack, suppress
+from dataclasses import dataclass, field, replace
+from itertools import chain
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from rich.table import Table
+
+from kinespace.library import Clip, MotionLibrary, Reading, find_recordings
+from kinespace.library.recordings import RecordingReader, labelled
+from kinespace.stream import osc, zeromq
+from kinespace.stream.connections import Endpoint
+from kinespace.stream.frame import Announcement
+from kinespace.stream.rawfile import ENDING
+from kinespace.tools.cli.address import host_and_port
+from kinespace.tools.feeding.feed import (
+    ANNOUNCE_EVERY,
+    OscFrameSender,
+    Pace,
+    Piece,
+    ZmqFrameSender,
+    piece_cues,
+    with_drops,
+    with_jitter,
+    with_reordering,
+)
+from kinespace.tools.feeding.prefetch import ReadAhead
+from kinespace.tools.loopback.answer_listener import Listener, answer_in
+from kinespace.tools.programs import replay_packets
+from kinespace.tools.terminal.console import console, progress, progress_console
+from kinespace.tools.terminal.tables import add_names
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator, Sequence
+
+    from kinespace.library.skeleton import Skeleton
+    from kinespace.tools.feeding.feed import Cue, FrameSender
+    from kinespace.tools.loopback.answer_listener import Heard
+
+#: Seconds answers are waited for after the last frame.
+_LINGER = 0.3
+#: Seconds ZeroMQ peers get to meet before the first frame; what is sent before is lost to whoever is not there yet.
+_MEETING = 0.5
+#: Characters that the figures beside classes' names need.
+_BESIDE_CLASSES = 24
+#: Seconds a feed may stand still that nobody notices.
+_NOTICED = 0.05
+
+
+@dataclass(frozen=True, slots=True)
+class Course:
+    """Who performs, how fast, with which pauses, once or for ever, from when to when of each recording (seconds)."""
+
+    performer: str
+    speed: float = 1.0
+    pause: float = 1.0
+    loop: bool = False
+    begin: float = 0.0
+    end: float | None = None
+
+    def __post_init__(self) -> None:
+        if self.end is not None and self.end <= self.begin:
+            raise ValueError(f"--to: expected more than --from ({self.begin:g}), got {self.end:g}")
+
+
+@dataclass(frozen=True, slots=True)
+class Faults:
+    """What goes wrong on the way, by chance from a seed.
+
+    Attributes
+    ----------
+    drop, reorder
+        Shares of the frames, 0 to 1, that are lost or change places with the next.
+    jitter
+        Seconds by which frames may be late.
+    """
+
+    drop: float = 0.0
+    jitter: float = 0.0
+    reorder: float = 0.0
+    seed: int = 0
+
+    def applied(self, cues: Iterator[Cue]) -> Iterator[Cue]:
+        """Let a feed suffer them."""
+        generator = np.random.default_rng(self.seed)
+        if self.drop:
+            cues = with_drops(cues, self.drop, generator)
+        if self.reorder:
+            cues = with_reordering(cues, self.reorder, generator)
+        if self.jitter:
+            cues = with_jitter(cues, self.jitter, generator)
+        return cues
+
+
+@dataclass(slots=True)
+class Score:
+    """How many answers were right while each class was performed."""
+
+    answers: Counter[str] = field(default_factory=Counter)
+    right: Counter[str] = field(default_factory=Counter)
+
+    def add(self, performed: str, label: str) -> None:
+        """Count one answer."""
+        self.answers[performed] += 1
+        self.right[performed] += performed == label
+
+    def share(self) -> float | None:
+        """Give the share of answers that was right; None without any."""
+        return self.right.total() / self.answers.total() if self.answers else None
+
+    def table(self) -> Table:
+        """Draw the shares by class, and of all answers."""
+        table = Table(title="Answers while each class was performed", title_justify="left")
+        add_names(table, "performed", self.answers, beside=_BESIDE_CLASSES)
+        table.add_column("answers", justify="right")
+        table.add_column("right", justify="right")
+        for performed, answers in sorted(self.answers.items()):
+            table.add_row(performed or "?", f"{answers}", f"{self.right[performed] / answers:.0%}")
+        table.add_section()
+        table.add_row("all", f"{self.answers.total()}", f"{self.share() or 0.0:.0%}")
+        return table
+
+
+def run(
+    places: Sequence[Path],
+    *,
+    reading: Reading,
+    osc_to: str | None,
+    zmq_to: str | None,
+    listen: str | None,
+    course: Course,
+    faults: Faults,
+    as_json: bool,
+) -> int:
+    """Send the recordings; with `listen`, print what share of the answers was right.
+
+    Parameters
+    ----------
+    places
+        Recordings, folders of them, and classes of the built-in library; all its motions when there are none.
+    reading
+        How recordings are read.
+    osc_to, zmq_to, listen
+        Where frames go, and where answers come in.
+    course, faults
+        How they are played, and what goes wrong.
+    as_json
+        Print one JSON object and nothing else.
+
+    Returns
+    -------
+    The exit status: 1 when answers were listened for and none came, else 0.
+
+    Raises
+    ------
+    ValueError
+        A place is no recording, folder or class, a recording cannot be used, or something was asked for that the
+        places have no use for.
+    """
+    raw = [place for place in places if place.suffix.lower() == ENDING]
+    if raw:
+        return _run_raw(places, osc_to=osc_to, zmq_to=zmq_to, listen=listen, course=course, faults=faults, json=as_json)
+    with ExitStack() as opened:
+        pieces = opened.enter_context(ReadAhead(_pieces(_to_play(places, reading), reading, course)))
+        with progress_console.status("Reading"):
+            first = next(iter(pieces))
+        announcement = Announcement(course.performer, first.clip.skeleton.joints)
+        played = piece_cues(chain([first], pieces), course.performer, speed=course.speed, pause=course.pause)
+        listener = _listener(listen) if listen else None
+        if listener:
+            opened.callback(listener.close)
+        sender = _sender(osc_to, zmq_to)
+        opened.callback(sender.close)
+        replaying = _Replay(sender, listener, announcement)
+        # Neither Ctrl-C nor a recording that cannot be read ends the report.
+        opened.callback(replaying.report, as_json=as_json)
+        with suppress(KeyboardInterrupt):
+            if zmq_to:
+                time.sleep(_MEETING)
+            replaying.play(progress(faults.applied(played), "Sending", None), pieces)
+    return 0 if replaying.answered or not listener else 1
+
+
+def _to_play(places: Sequence[Path], reading: Reading) -> list[Path | Clip]:
+    """List the files to be read and the built-in library's motions, place by place, each once."""
+    found = [each for place in places for each in _in_place(place)] if places else [*MotionLibrary.builtin().motions]
+    if reading != Reading() and not any(isinstance(each, Path) for each in found):
+        raise ValueError("replay: expected recordings with --asf, --frame-rate, --unit or --joints, got none to read")
+    return list(dict.fromkeys(found))
+
+
+def _in_place(place: Path) -> Sequence[Path | Clip]:
+    """Give the motions of the built-in library's class of that name, where it is not the path of anything."""
+    motions = () if place.exists() else MotionLibrary.builtin().motions
+    return [each for each in motions if each.class_name == str(place)] or find_recordings([place])
+
+
+def _pieces(recordings: Sequence[Path | Clip], reading: Reading, course: Course) -> Iterator[Piece]:
+    """Read what is to be played, one recording after the other, in a loop for ever; all with the first one's joints."""
+    skeleton: Skeleton | None = None
+    with RecordingReader(reading) as reader:
+        while True:
+            for recording in recordings:
+                for piece in _cut(_read(reader, recording), course.begin, course.end):
+                    skeleton = skeleton or piece.clip.skeleton
+                    yield Piece(piece.start, piece.clip.as_of(skeleton))
+            if not course.loop:
+                return
+
+
+def _read(reader: RecordingReader, recording: Path | Clip) -> Iterator[Clip]:
+    if isinstance(recording, Clip):
+        yield recording
+        return
+    for clip in reader.pieces(recording):
+        yield labelled(clip, recording)
+
+
+def _run_raw(
+    places: Sequence[Path],
+    *,
+    osc_to: str | None,
+    zmq_to: str | None,
+    listen: str | None,
+    course: Course,
+    faults: Faults,
+    json: bool,
+) -> int:
+    """Send a raw recording; what would change its packets, or needs to know what they say, is refused."""
+    if len(places) != 1:
+        raise ValueError(f"replay: expected one {ENDING} alone, got {len(places)} recordings")
+    if listen or faults != Faults(seed=faults.seed):
+        raise ValueError(f"replay: {ENDING} is sent bit for bit: no --listen, --drop, --jitter-ms or --reorder")
+    return replay_packets.run(
+        places[0],
+        osc_to=osc_to,
+        zmq_to=zmq_to,
+        speed=course.speed,
+        loop=course.loop,
+        begin=course.begin,
+        end=course.end,
+        as_json=json,
+    )
+
+
+def _cut(clips: Iterable[Clip], begin: float, end: float | None) -> Iterator[Piece]:
+    """Give the part of a recording between two moments, seconds from its start; no more of it is read."""
+    start = given = 0
+    clip: Clip | None = None
+    for clip in clips:
+        first, last = round(begin * clip.frame_rate), None if end is None else round(end * clip.frame_rate)
+        here = slice(max(first - start, 0), None if last is None else max(last - start, 0))
+        start += clip.frames
+        if len(positions := clip.positions[here]):
+            yield Piece(given, replace(clip, positions=positions, rotations=clip.rotations[here]))
+            given += len(positions)
+        if last is not None and start >= last:
+            break
+    if clip and not given:
+        raise ValueError(f"clip {clip.name!r}: expected --from and --to within its {start / clip.frame_rate:.2f} s")
+
+
+class _Replay:
+    """One feed on its way, and what is answered to it."""
+
+    def __init__(self, sender: FrameSender, listener: Listener | None, announcement: Announcement) -> None:
+        self._sender = sender
+        self._listener = listener
+        self._announcement = announcement
+        # OSC answers name the performer in their address, where not every character may stand.
+        self._names = {announcement.performer, osc.address_part(announcement.performer)}
+        self._score = Score()
+        self._sent = self._heard = 0
+        self._stood_still = 0.0
+        self._performed = ""
+
+    def play(self, cues: Iterable[Cue], pieces: ReadAhead[Piece]) -> None:
+        """Send every frame when it is due, the skeleton before the first and every second.
+
+        When a recording is not read in time the feed stands still, and goes on from there at its own pace: frames
+        that were all sent at once to make up for it would be no feed.
+        """
+        pace, next_announcement, waited = Pace(), 0.0, pieces.waited
+        for cue in cues:
+            if pieces.waited > waited:
+                late = min(time.perf_counter() - pace.moment(cue.due), pieces.waited - waited)
+                waited = pieces.waited
+                self._stood_still += pace.put_off(max(late, 0.0))
+            if cue.due >= next_announcement:
+                self._sender.announce(self._announcement)
+                next_announcement = cue.due + ANNOUNCE_EVERY
+            packet = self._sender.encode(cue)
+            self._wait(pace, cue.due)
+            self._sender.send(packet)
+            self._sent += 1
+            self._performed = cue.class_name
+        if self._listener:
+            self._hear(self._listener.listen_until(time.perf_counter() + _LINGER))
+
+    def _wait(self, pace: Pace, due: float) -> None:
+        if self._listener:
+            self._hear(self._listener.listen_until(pace.moment(due)))
+        else:
+            pace.wait_for(due)
+
+    def _hear(self, heard: Sequence[Heard]) -> None:
+        self._heard += len(heard)
+        for each in heard:
+            answer = answer_in(each.packet)
+            if answer and answer.performer in self._names:
+                self._score.add(self._performed, answer.label)
+
+    @property
+    def answered(self) -> bool:
+        """Whether any answer was heard."""
+        return bool(self._score.answers)
+
+    def _silence(self) -> str:
+        """Say that no answer came, and where to look."""
+        if self._heard:
+            return (
+                f"no answers about {self._announcement.performer!r} heard, but {self._heard} other packets: do the "
+                "frames reach the recogniser, and can it use their joints? It counts and shows both"
+            )
+        return "no answers heard: is a recogniser running, and does it send its answers here?"
+
+    def report(self, *, as_json: bool) -> None:
+        """Print what was sent and, where answers were listened for, which share was right."""
+        score = self._score
+        if as_json:
+            share = score.share()
+            figures = {"sent": self._sent, "failed": self._sender.failed, "answers": score.answers.total()}
+            print(json.dumps({**figures, "right": None if share is None else round(share, 4)}))
+            return
+        console.print(f"{self._sent} frames sent, {self._sender.failed} the system would not take")
+        if self._stood_still > _NOTICED:
+            console.print(f"the feed stood still for {self._stood_still:.1f} s: a recording took longer to be read")
+        if self._listener and not score.answers:
+            console.print(self._silence(), soft_wrap=True)
+        elif self._listener:
+            console.print(score.table())
+
+
+def _listener(address: str) -> Listener:
+    if "://" in address:
+        endpoint = Endpoint.parse(address, bind=False)
+        return Listener(zeromq.ZmqReceiver(endpoint, b"class/"))
+    return Listener(osc.OscReceiver(*host_and_port(address)))
+
+
+def _sender(osc_to: str | None, zmq_to: str | None) -> FrameSender:
+    if zmq_to:
+        return ZmqFrameSender(Endpoint.parse(zmq_to, bind=False))
+    return OscFrameSender(*host_and_port(osc_to or ""))

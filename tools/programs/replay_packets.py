@@ -1,0 +1,144 @@
+"""Raw recordings sent again, bit for bit, when they came or faster."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections import Counter
+from contextlib import ExitStack, suppress
+from typing import TYPE_CHECKING
+
+from kinespace.stream import osc, zeromq
+from kinespace.stream.connections import Endpoint
+from kinespace.stream.rawfile import RawFile
+from kinespace.tools.cli.address import host_and_port
+from kinespace.tools.feeding.feed import Pace
+from kinespace.tools.terminal.console import console, progress
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+    from kinespace.stream.rawfile import RawPacket
+
+#: Seconds ZeroMQ peers get to meet before the first message.
+_MEETING = 0.5
+
+_Senders = dict[str, osc.OscSender | zeromq.ZmqSender]
+
+
+def run(
+    path: Path,
+    *,
+    osc_to: str | None,
+    zmq_to: str | None,
+    speed: float,
+    loop: bool,
+    begin: float,
+    end: float | None,
+    as_json: bool,
+) -> int:
+    """Send a recording's packets on the schedule of their arrivals.
+
+    Parameters
+    ----------
+    path
+        The recording.
+    osc_to, zmq_to
+        Where its datagrams and its ZeroMQ messages go; those of a kind without an address are counted and left out.
+    speed
+        How many times as fast as they came.
+    loop
+        Begin again after the last, until interrupted.
+    begin, end
+        Seconds from the recording's first packet between which packets are sent; the end is not part of it.
+    as_json
+        Print one JSON object and nothing else.
+
+    Raises
+    ------
+    ValueError
+        There are no packets in it, or none between the two moments.
+    """
+    recording = RawFile(path)
+    counts: Counter[str] = Counter()
+    with ExitStack() as opened:
+        senders = _open(opened, recording, osc_to, zmq_to)
+        # Ctrl-C ends the feed, not the report.
+        with suppress(KeyboardInterrupt):
+            pace, start = Pace(), 0.0
+            while True:
+                last = start
+                for due, packet in progress(cut(recording.packets(), begin, end), "Sending", None):
+                    last = start + due / speed
+                    pace.wait_for(last)
+                    counts[_send(packet, recording, senders)] += 1
+                if not counts:
+                    raise ValueError(_nothing_to_send(recording))
+                if not loop:
+                    break
+                start = last
+        failed = sum(sender.failed for sender in senders.values())
+    told = {"sent": counts["sent"], "left_out": counts["left out"], "failed": failed}
+    if as_json:
+        print(json.dumps({**told, "lost_from": recording.lost_from}))
+    else:
+        console.print(
+            f"{told['sent']} packets sent, {failed} the system would not take, {told['left_out']} of a kind that has "
+            "nowhere to go",
+            soft_wrap=True,
+        )
+        if recording.damage():
+            console.print(recording.damage(), soft_wrap=True)
+    return 0
+
+
+def _nothing_to_send(recording: RawFile) -> str:
+    """Say why a recording, as cut, has no packets."""
+    arrivals = [packet.arrival for packet in recording.packets()]
+    damage = f"; {recording.damage()}" if recording.damage() else ""
+    if not arrivals:
+        return f"{recording.path}: no packets in it{damage}"
+    return f"{recording.path}: expected --from and --to around some of its {arrivals[-1] - arrivals[0]:.2f} s{damage}"
+
+
+def cut(packets: Iterator[RawPacket], begin: float, end: float | None) -> Iterator[tuple[float, RawPacket]]:
+    """Give the packets between two moments, seconds from the first packet, with when each is due from `begin` on."""
+    first: float | None = None
+    for packet in packets:
+        first = packet.arrival if first is None else first
+        moment = packet.arrival - first
+        if end is not None and moment >= end:
+            return
+        if moment >= begin:
+            yield moment - begin, packet
+
+
+def _kind(recording: RawFile, source: int) -> str:
+    return recording.header.sources[source].partition(" ")[0]
+
+
+def _open(opened: ExitStack, recording: RawFile, osc_to: str | None, zmq_to: str | None) -> _Senders:
+    kinds = [_kind(recording, source) for source in range(len(recording.header.sources))]
+    senders: _Senders = {}
+    if osc_to and "osc" in kinds:
+        senders["osc"] = osc.OscSender(*host_and_port(osc_to))
+        opened.callback(senders["osc"].close)
+    if zmq_to and "zmq" in kinds:
+        senders["zmq"] = zeromq.ZmqSender(Endpoint.parse(zmq_to, bind=False))
+        opened.callback(senders["zmq"].close)
+        time.sleep(_MEETING)
+    if not senders:
+        raise ValueError(f"{recording.path}: expected --osc or --zmq, as its packets came: by {' and '.join(kinds)}")
+    return senders
+
+
+def _send(packet: RawPacket, recording: RawFile, senders: _Senders) -> str:
+    match senders.get(_kind(recording, packet.source)):
+        case osc.OscSender() as sender:
+            sender.send(b"".join(packet.parts))
+        case zeromq.ZmqSender() as sender:
+            sender.send(packet.parts)
+        case _:
+            return "left out"
+    return "sent"

@@ -1,0 +1,177 @@
+"""What a person sees of a running recogniser: a table, a line per change, a summary at the end."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from rich.text import Text
+
+from kinespace.stream.recognition import EventKind, Outcome
+from kinespace.tools.terminal.console import console, printable
+from kinespace.tools.terminal.tables import narrow_table
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from rich.table import Table
+
+    from kinespace.stream.recognition import Event, Recognition
+    from kinespace.stream.status import Status
+
+#: Characters of a full score bar, and of a terminal wide enough to have one.
+_BAR = 20
+_WIDE = 110
+#: Characters between two columns.
+_BETWEEN = 2
+
+
+def score_shown(score: float, width: int) -> Text:
+    """Show a score from 0 to 1, with a bar before it on a terminal of enough characters."""
+    number = Text(f"{score:.3f}")
+    if width < _WIDE:
+        return number
+    filled = round(min(max(score, 0.0), 1.0) * _BAR)
+    return Text("█" * filled, style="green") + Text("░" * (_BAR - filled) + " ", style="dim") + number
+
+
+class PlainLines:
+    """A sink that prints a line whenever a performer's label changes."""
+
+    def __init__(self) -> None:
+        self.failed = 0
+        self._labels: dict[str, str] = {}
+        self._refused: dict[str, str] = {}
+
+    def publish(self, recognition: Recognition) -> None:
+        """Print the recognition if it says something new."""
+        if self._labels.get(recognition.performer) != recognition.label:
+            self._labels[recognition.performer] = recognition.label
+            console.print(
+                f"{recognition.time:10.3f} s  {printable(recognition.performer)}  {recognition.label}  "
+                f"score {recognition.score:.3f}  margin {recognition.margin:.3f}",
+                soft_wrap=True,
+            )
+
+    def publish_event(self, event: Event) -> None:
+        """Print it."""
+        console.print(
+            f"{event.time:10.3f} s  {printable(event.performer)}  {event.kind}: {event.label}", soft_wrap=True
+        )
+
+    def publish_classes(self, classes: Sequence[str]) -> None:
+        """Say nothing."""
+
+    def publish_status(self, status: Status) -> None:
+        """Forget performers who have left, so that their return is news."""
+        self._labels = {name: label for name, label in self._labels.items() if name in status.performers}
+        for name, why in status.refused.items():
+            if self._refused.get(name) != why:
+                console.print(refused_frames(name, why), soft_wrap=True)
+        self._refused = status.refused
+
+    def close(self) -> None:
+        """Nothing to close."""
+
+
+class LiveTable:
+    """A sink that remembers what to draw: the last recognition of each performer, the last status."""
+
+    def __init__(self, classes: Sequence[str]) -> None:
+        self.failed = 0
+        self._classes = classes
+        self._latest: dict[str, Recognition] = {}
+        self._going_on: dict[str, str] = {}
+        self._status: Status | None = None
+
+    def publish(self, recognition: Recognition) -> None:
+        """Remember it."""
+        self._latest[recognition.performer] = recognition
+
+    def publish_event(self, event: Event) -> None:
+        """Remember what is going on."""
+        self._going_on[event.performer] = event.label if event.kind is EventKind.START else ""
+
+    def publish_classes(self, classes: Sequence[str]) -> None:
+        """Remember them."""
+        self._classes = classes
+
+    def publish_status(self, status: Status) -> None:
+        """Remember it, and forget performers who have left."""
+        self._status = status
+        self._latest = {name: last for name, last in self._latest.items() if name in status.performers}
+        self._going_on = {name: label for name, label in self._going_on.items() if name in status.performers}
+
+    def close(self) -> None:
+        """Nothing to close."""
+
+    def drawn(self) -> Table:
+        """Draw the table as it is now; from any thread."""
+        table = narrow_table("kinespace live", self._caption())
+        latest, rates = dict(self._latest), self._status.performers if self._status else {}
+        performers = [printable(name) for name in latest]
+        figures = self._figures_beside(performers)
+        for heading in ("performer", "doing", "this moment"):
+            table.add_column(heading, overflow="fold")
+        for heading in figures:
+            table.add_column(heading, justify="left" if heading == "score" else "right", no_wrap=True)
+        for shown, (name, last) in zip(performers, latest.items(), strict=True):
+            cells = {
+                "score": score_shown(last.score, console.width),
+                "margin": Text(f"{last.margin:.3f}"),
+                "frames/s": Text(f"{rates[name]:.0f}" if name in rates else ""),
+            }
+            doing = Text(self._going_on.get(name, ""), style="bold")
+            label = Text(last.label, style="" if last.outcome is Outcome.NAMED else "dim")
+            table.add_row(shown, doing, label, *(cells[heading] for heading in figures))
+        if not self._latest:
+            table.add_row("", Text("waiting for frames ...", style="dim"))
+        return table
+
+    def _figures_beside(self, performers: Sequence[str]) -> list[str]:
+        """Choose the figures for which there is room when the names of performers and classes are not broken."""
+        names = max(map(len, ("performer", *performers))) + 2 * max(map(len, ("this moment", *self._classes)))
+        room = console.width - names - 3 * _BETWEEN
+        figures = []
+        for heading, width in {"score": len(score_shown(1.0, console.width)), "margin": 6, "frames/s": 8}.items():
+            room -= width + _BETWEEN
+            figures += [heading] if room >= 0 else []
+        return figures
+
+    def _caption(self) -> str:
+        status = self._status
+        if status is None:
+            return f"{len(self._classes)} classes"
+        told = "".join(f"\n{refused_frames(name, why)}" for name, why in status.refused.items())
+        return f"{len(self._classes)} classes · {counts(status)}{told}"
+
+
+def refused_frames(performer: str, why: str) -> str:
+    """Say why a performer's frames are refused, and what can be done about it."""
+    return (
+        f"performer {printable(performer)}: frames refused: {why}. Let the sender send them, or say them with --joints"
+    )
+
+
+def counts(status: Status) -> str:
+    """Say in one line what came in and what was lost."""
+    inputs, outcomes = status.inputs, status.outcomes
+    recognizers = outcomes.recognizers
+    return (
+        f"received {inputs.received}, malformed {inputs.malformed}, foreign {inputs.foreign}, "
+        f"overrun {inputs.overrun}, missing {inputs.missing}, out of order {recognizers.out_of_order}, "
+        f"other joints {outcomes.other_joints}, no room {outcomes.no_room}"
+        f"{f', incomplete {inputs.incomplete}' if inputs.incomplete else ''}"
+        f"{f', connections broken {inputs.broken} (a message above 1 MB?)' if inputs.broken else ''}"
+    )
+
+
+def summary(status: Status) -> str:
+    """Say how a service did, at its end."""
+    recognizers = status.outcomes.recognizers
+    return (
+        f"{counts(status)}\n"
+        f"{recognizers.hops} answers of {recognizers.frames} frames, {recognizers.restarts} windows started anew, "
+        f"{status.unsent} answers not sent, "
+        f"hop {status.hop_p50 * 1000:.2f} ms (p50) {status.hop_p99 * 1000:.2f} ms (p99)"
+        + "".join(f"\n{refused_frames(name, why)}" for name, why in status.refused.items())
+    )

@@ -1,0 +1,47 @@
+"""Tables that keep names whole on a narrow terminal."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from rich.box import SIMPLE_HEAD
+from rich.table import Table
+
+from kinespace.tools.terminal.console import console
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+#: Characters a column of names has at least, however little is left for it.
+_LEAST = 16
+
+
+def narrow_table(title: str, caption: str | None = None) -> Table:
+    """Make an empty table without frames, so that two class names fit side by side on 80 characters."""
+    return Table(
+        title=title,
+        caption=caption,
+        box=SIMPLE_HEAD,
+        padding=(0, 1, 0, 0),
+        show_edge=False,
+        title_justify="left",
+        caption_justify="left",
+    )
+
+
+def add_names(table: Table, heading: str, names: Iterable[str], *, beside: int) -> None:
+    """Add a column of names, as wide as the longest of them: other columns give way before one of them is broken.
+
+    Parameters
+    ----------
+    table
+        Without rows so far.
+    heading
+        Of the column.
+    names
+        What will stand in it.
+    beside
+        Characters that the other columns need at least; what remains is the most that this one takes.
+    """
+    longest = max(map(len, (heading, *names)))
+    table.add_column(heading, width=min(longest, max(console.width - beside, _LEAST)), overflow="fold")

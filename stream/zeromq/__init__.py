@@ -13,11 +13,12 @@ from kinespace.stream.zeromq.answers import (
     encode_status,
 )
 from kinespace.stream.zeromq.frames import MAX_HEADER, FormatError, NumberedFrame, SequenceGaps, decode, encode_frame
-from kinespace.stream.zeromq.sockets import ZmqReceiver, ZmqSender
+from kinespace.stream.zeromq.sockets import MAX_PARTS, ZmqReceiver, ZmqSender
 
 __all__ = [
     "MAX_HEADER",
     "MAX_MESSAGE",
+    "MAX_PARTS",
     "Endpoint",
     "FormatError",
     "NumberedFrame",

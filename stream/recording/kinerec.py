@@ -33,6 +33,9 @@ SYNC_EVERY = 1.0
 #: The largest record: a ZeroMQ message of the largest size taken, and room for its head.
 MAX_RECORD = 1 << 21
 
+#: Seconds that no clock shows: a hundred years and more.
+_MAX_ARRIVAL = 1e10
+
 _RECORD = struct.Struct("<II")
 _PACKET = struct.Struct("<BBdH")
 _PART = struct.Struct("<I")
@@ -118,6 +121,8 @@ def _decode_packet(body: bytes) -> RawPacket:
     kind, source, arrival, size = _PACKET.unpack_from(body)
     if kind != _ARRIVED:
         raise ValueError(f"kind {kind}")
+    if not abs(arrival) < _MAX_ARRIVAL:
+        raise ValueError(f"arrival {arrival}")
     place = _PACKET.size + size
     sender = body[_PACKET.size : place].decode()
     parts = []

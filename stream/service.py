@@ -53,6 +53,10 @@ class Source(Protocol):
     def counts(self) -> InputCounts:
         """What came in so far."""
 
+    @property
+    def notes(self) -> Sequence[str]:
+        """What a person should know of it now, a line each."""
+
     def take(self, arrival: float) -> Sequence[Input] | None:
         """Take in one packet; what it held, in order, or None when nothing is waiting. Never raises."""
 
@@ -217,4 +221,5 @@ class Service:
             hop_p50=self._hop_times.percentile(50),
             hop_p99=self._hop_times.percentile(99),
             refused=self.performers.refused,
+            notes=tuple(dict.fromkeys(note for source in self.sources for note in source.notes)),
         )

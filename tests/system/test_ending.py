@@ -80,6 +80,7 @@ class Endless:
     """A source in which packets always wait, each of which takes its time."""
 
     tended = False
+    notes = ()
 
     def __init__(self) -> None:
         self.pollable, self._other_end = socket.socketpair()

@@ -41,6 +41,7 @@ class PlainLines(Sink):
     def __init__(self) -> None:
         self._labels: dict[str, str] = {}
         self._refused: dict[str, str] = {}
+        self._notes: tuple[str, ...] = ()
 
     def publish(self, recognition: Recognition) -> None:
         """Print the recognition if it says something new."""
@@ -65,6 +66,10 @@ class PlainLines(Sink):
             if self._refused.get(name) != why:
                 console.print(refused_frames(name, why), soft_wrap=True)
         self._refused = status.refused
+        for note in status.notes:
+            if note not in self._notes:
+                console.print(printable(note), soft_wrap=True)
+        self._notes = status.notes
 
 
 class LiveTable(Sink):
@@ -132,6 +137,7 @@ class LiveTable(Sink):
         if status is None:
             return f"{len(self._classes)} classes"
         told = "".join(f"\n{refused_frames(name, why)}" for name, why in status.refused.items())
+        told += "".join(f"\n{printable(note)}" for note in status.notes)
         return f"{len(self._classes)} classes · {counts(status)}{told}"
 
 
@@ -164,4 +170,5 @@ def summary(status: Status) -> str:
         f"{status.unsent} answers not sent, "
         f"hop {status.hop_p50 * 1000:.2f} ms (p50) {status.hop_p99 * 1000:.2f} ms (p99)"
         + "".join(f"\n{refused_frames(name, why)}" for name, why in status.refused.items())
+        + "".join(f"\n{printable(note)}" for note in status.notes)
     )

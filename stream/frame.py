@@ -76,5 +76,14 @@ class Announcement:
             raise ValueError("joints: expected distinct, non-empty names")
 
 
+@dataclass(frozen=True, slots=True)
+class NewSender:
+    """Another sender than before sends a performer's frames from now on: what the former said of joints is void."""
+
+    performer: str
+
+
 #: What a decoder gives: frames, and what their joints are.
 Input = Frame | Announcement
+#: What reaches the recognisers: that, and that a performer's sender is another.
+Admitted = Input | NewSender

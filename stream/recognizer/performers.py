@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, fields, replace
 from typing import TYPE_CHECKING
 
 from kinespace.library.skeleton import SkeletonMismatchError
-from kinespace.stream.frame import Announcement
+from kinespace.stream.frame import Announcement, NewSender
 from kinespace.stream.recognizer.recognizer import Recognizer, RecognizerCounts
 from kinespace.stream.recognizer.settings import Settings
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from kinespace.library.motion_library import MotionLibrary
-    from kinespace.stream.frame import Frame
+    from kinespace.stream.frame import Admitted, Frame
     from kinespace.stream.recognition import Event, Recognition
 
 
@@ -165,7 +165,7 @@ class Performers:
             if announcement.joints == self.library.skeleton.joints:
                 performer.order = None
 
-    def push_all(self, events: Sequence[Frame | Announcement], arrival: float) -> list[Recognition | None]:
+    def push_all(self, events: Sequence[Admitted], arrival: float) -> list[Recognition | None]:
         """Take in frames and announcements that came together, in their order.
 
         Parameters
@@ -183,6 +183,10 @@ class Performers:
         for event in events:
             if isinstance(event, Announcement):
                 self.announce(event, arrival)
+                answers.append(None)
+            elif isinstance(event, NewSender):
+                self._announced.pop(event.performer, None)
+                self._forget(event.performer)
                 answers.append(None)
             else:
                 answers.append(self.push(event, arrival))
@@ -226,6 +230,16 @@ class Performers:
         else:
             why = f"{size} joints, but {len(performer.joints)} names were sent"
         self._refused[name] = why
+
+    def _forget(self, name: str) -> None:
+        """Forget a performer; the end of what the performer was doing is given with those of the silent."""
+        performer = self._performers.pop(name, None)
+        if performer is None:
+            return
+        _add(self._counts.recognizers, performer.recognizer.counts)
+        self._counts.dropped += 1
+        if event := performer.recognizer.end():
+            self._ended.append(event)
 
     def drop_silent(self, now: float) -> list[Event]:
         """Forget performers of whom nothing came for `silence` seconds; give the ends of what they were doing."""

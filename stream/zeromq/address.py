@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import zmq
+
+if TYPE_CHECKING:
+    from kinespace.stream.inputs.receiver import Networks
 
 #: Bytes of a message's part above which ZeroMQ refuses it and ends the connection: a frame of 4096 joints in doubles,
 #: with their names, fits twice.
@@ -37,8 +40,8 @@ class Endpoint(NamedTuple):
             raise ValueError(f"endpoint: expected an address like tcp://127.0.0.1:5556, got {text!r}")
         return cls(address, text.startswith("@") or (bind and not text.startswith(">")))
 
-    def open(self, kind: int) -> zmq.Socket[bytes]:
-        """Make a socket and bind or connect it.
+    def open(self, kind: int, networks: Networks = ()) -> zmq.Socket[bytes]:
+        """Make a socket and bind or connect it; where bound, only for peers in the networks, if any are given.
 
         Raises
         ------
@@ -53,6 +56,8 @@ class Endpoint(NamedTuple):
         opened.setsockopt(zmq.TCP_KEEPALIVE_IDLE, _ASK_AFTER)
         opened.setsockopt(zmq.TCP_KEEPALIVE_INTVL, _ASK_EVERY)
         opened.setsockopt(zmq.TCP_KEEPALIVE_CNT, _ASK_TIMES)
+        for network in networks if self.bind else ():
+            opened.setsockopt(zmq.TCP_ACCEPT_FILTER, str(network).encode())
         try:
             if self.bind:
                 opened.bind(self.address)

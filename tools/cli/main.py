@@ -24,6 +24,7 @@ from kinespace.tools.cli.arguments import (
     add_settings,
     count,
     mapping,
+    names,
     not_negative,
     positive,
     reading_of,
@@ -150,6 +151,15 @@ def _add_live(programs: Programs[argparse.ArgumentParser]) -> None:
     )
     add_library(live)
     add_settings(live)
+    live.add_argument("--allow", type=names, default=(), metavar="A,B,...", help="recognise these performers only")
+    live.add_argument(
+        "--allow-from",
+        type=names,
+        default=(),
+        metavar="192.168.0.0/24,...",
+        help="read packets from there only",
+    )
+    live.add_argument("--merge", action="store_true", help="let several senders send frames of one performer")
     live.add_argument("--performers", type=int, default=32, help="how many at once, at most (default %(default)s)")
     live.add_argument("--record", type=Path, metavar="FILE", help="keep every packet that comes, for replay")
     add_overwrite(live)
@@ -178,6 +188,7 @@ def _run_live(parsed: argparse.Namespace) -> int:
         record=parsed.record,
         overwrite=parsed.overwrite,
         feed=live.Feed(parsed.feed, parsed.sender, tuple(parsed.out), parsed.joints),
+        guard=live.Guard(parsed.allow, parsed.allow_from, parsed.merge),
     )
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import ipaddress
 import sys
 import threading
 import time
@@ -16,7 +17,7 @@ from rich.live import Live
 from kinespace.library import MotionLibrary
 from kinespace.stream import osc, zeromq
 from kinespace.stream.feeds.source import FeedSource
-from kinespace.stream.inputs import OscDecoder, Source, ZmqDecoder
+from kinespace.stream.inputs import Admission, OscDecoder, Source, ZmqDecoder
 from kinespace.stream.outputs import LAYOUTS, LayoutSink, NativeLayout, ReplySender, Sink, ZmqSink
 from kinespace.stream.recognizer import Performers, Recognizer
 from kinespace.stream.recording import RawWriter, Recorder, source_name
@@ -35,6 +36,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from kinespace.stream.feeds import Preset
+    from kinespace.stream.inputs.receiver import Networks
     from kinespace.stream.recognizer import Settings
 
 #: Times a second the table is drawn.
@@ -76,7 +78,27 @@ class Feed:
     joints: str | None = None
 
 
+@dataclass(frozen=True, slots=True)
+class Guard:
+    """Who is let in, as typed.
+
+    Attributes
+    ----------
+    performers
+        Names that are let in; empty for all.
+    networks
+        Addresses or networks, like 192.168.0.0/24, whose packets are read; empty for all.
+    merge
+        Let several senders send frames of one performer.
+    """
+
+    performers: Sequence[str] = ()
+    networks: Sequence[str] = ()
+    merge: bool = False
+
+
 _NO_FEED = Feed()
+_NO_GUARD = Guard()
 
 _AnyReceiver = osc.OscReceiver | zeromq.ZmqReceiver
 
@@ -91,6 +113,7 @@ def run(
     record: Path | None = None,
     overwrite: bool = False,
     feed: Feed = _NO_FEED,
+    guard: Guard = _NO_GUARD,
 ) -> int:
     """Open the addresses, recognise until interrupted, print the counts."""
     if record:
@@ -105,11 +128,13 @@ def run(
     _require_room_for(motions, settings)
     performers = Performers(motions, settings, most=most, joints=joints)
     shown: PlainLines | LiveTable = PlainLines() if plain or not console.is_terminal else LiveTable(motions.classes)
-    receivers, sinks, kept = _open(addresses, feed, preset, record)
+    admission = Admission(silence=performers.silence, merge=guard.merge, allowed=guard.performers)
+    networks = [ipaddress.ip_network(each, strict=False) for each in guard.networks]
+    receivers, sinks, kept = _open(addresses, feed, preset, record, networks)
     recorders = [Recorder(kept, index) if kept else None for index in range(len(receivers))]
-    sources = [_source(*each, preset, feed.sender) for each in zip(receivers, recorders, strict=True)]
+    sources = [_source(*each, preset, feed.sender, admission) for each in zip(receivers, recorders, strict=True)]
     feeds = [source for source in sources if isinstance(source, FeedSource)]
-    with kept or nullcontext(), Service(performers, sources, [*sinks, shown]) as service:
+    with kept or nullcontext(), Service(performers, sources, [*sinks, shown], admission=admission) as service:
         _announce(sources, sinks)
         stop_on_signals(service.stop)
         # What was loaded so far lives as long as we do: the collector need not look at it again.
@@ -181,7 +206,7 @@ def _require_room_for(motions: MotionLibrary, settings: Settings) -> None:
 
 
 def _open(
-    addresses: Addresses, feed: Feed, preset: Preset | None, record: Path | None
+    addresses: Addresses, feed: Feed, preset: Preset | None, record: Path | None, networks: Networks
 ) -> tuple[list[_AnyReceiver], list[Sink], RawWriter | None]:
     """Open what was asked for; what was opened before a failure is closed again."""
     if preset and not (addresses.osc_in or addresses.zmq_in):
@@ -192,10 +217,10 @@ def _open(
     sinks: list[Sink] = []
     with ExitStack() as opened:
         if addresses.osc_in:
-            receivers.append(osc.OscReceiver(*host_and_port(addresses.osc_in)))
+            receivers.append(osc.OscReceiver(*host_and_port(addresses.osc_in), networks))
             opened.callback(receivers[-1].close)
         if addresses.zmq_in:
-            receivers.append(zeromq.ZmqReceiver(Endpoint.parse(addresses.zmq_in, bind=True)))
+            receivers.append(zeromq.ZmqReceiver(Endpoint.parse(addresses.zmq_in, bind=True), networks=networks))
             opened.callback(receivers[-1].close)
         if addresses.osc_out:
             sinks.append(LayoutSink(NativeLayout(), osc.OscSender(*host_and_port(addresses.osc_out))))
@@ -218,10 +243,13 @@ def _writer(record: Path, receivers: Sequence[_AnyReceiver], preset: Preset | No
     return RawWriter(record, [source_name(receiver, preset) for receiver in receivers], presets)
 
 
-def _source(receiver: _AnyReceiver, recorder: Recorder | None, preset: Preset | None, sender: str) -> Source:
+def _source(
+    receiver: _AnyReceiver, recorder: Recorder | None, preset: Preset | None, sender: str, admission: Admission
+) -> Source:
     if preset:
-        return FeedSource(receiver, preset, sender=sender, recorder=recorder)
-    return Source(receiver, OscDecoder() if isinstance(receiver, osc.OscReceiver) else ZmqDecoder(), recorder)
+        return FeedSource(receiver, preset, sender=sender, recorder=recorder, admission=admission)
+    decoder = OscDecoder() if isinstance(receiver, osc.OscReceiver) else ZmqDecoder()
+    return Source(receiver, decoder, recorder, admission)
 
 
 def _layout_sink(text: str, receivers: Sequence[_AnyReceiver]) -> LayoutSink:

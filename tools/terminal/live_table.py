@@ -156,6 +156,9 @@ def counts(status: Status) -> str:
         f"received {inputs.received}, malformed {inputs.malformed}, foreign {inputs.foreign}, "
         f"overrun {inputs.overrun}, missing {inputs.missing}, out of order {recognizers.out_of_order}, "
         f"other joints {outcomes.other_joints}, no room {outcomes.no_room}"
+        f"{f', from other senders {status.admission.other_sender}' if status.admission.other_sender else ''}"
+        f"{f', not let in {status.admission.not_allowed}' if status.admission.not_allowed else ''}"
+        f"{f', odd times {status.admission.odd_times}' if status.admission.odd_times else ''}"
         f"{f', incomplete {inputs.incomplete}' if inputs.incomplete else ''}"
         f"{f', connections broken {inputs.broken} (a message above 1 MB?)' if inputs.broken else ''}"
     )
@@ -167,7 +170,7 @@ def summary(status: Status) -> str:
     return (
         f"{counts(status)}\n"
         f"{recognizers.hops} answers of {recognizers.frames} frames, {recognizers.restarts} windows started anew, "
-        f"{status.unsent} answers not sent, "
+        f"{status.unsent} answers not sent, {f'{status.stale} too old to be sent, ' if status.stale else ''}"
         f"hop {status.hop_p50 * 1000:.2f} ms (p50) {status.hop_p99 * 1000:.2f} ms (p99)"
         + "".join(f"\n{refused_frames(name, why)}" for name, why in status.refused.items())
         + "".join(f"\n{printable(note)}" for note in status.notes)

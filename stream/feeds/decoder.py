@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from kinespace.stream.feeds.frame_assembler import FORGET_AFTER, FrameAssembler
 from kinespace.stream.inputs.receiver import datagram_of
+from kinespace.stream.inputs.refusals import Refusals
 from kinespace.stream.osc.packet import PacketError, decode_packet
 from kinespace.stream.status import InputCounts
 
@@ -40,6 +41,7 @@ class FeedDecoder:
         self.assembler = FrameAssembler(preset)
         self._received = self._undecodable = 0
         self._senders = SenderNumbers()
+        self.refusals = Refusals()
 
     @property
     def counts(self) -> InputCounts:
@@ -58,11 +60,17 @@ class FeedDecoder:
         datagram = datagram_of(packet)
         try:
             messages = decode_packet(datagram)
-        except PacketError:
+        except PacketError as error:
             self._undecodable += 1
+            self.refusals.note("malformed", str(error), sender, packet)
             return ()
         number = self._senders.number(sender[0] if sender else "", arrival)
-        return self.assembler.push(messages, arrival, bundle=datagram[:1] == b"#", sender=number)
+        counts = self.assembler.counts
+        malformed = counts.malformed
+        made = self.assembler.push(messages, arrival, bundle=datagram[:1] == b"#", sender=number)
+        if counts.malformed > malformed:
+            self.refusals.note("malformed", self.assembler.why_malformed, sender, packet)
+        return made
 
     def expire(self, now: float) -> Sequence[Input]:
         """Close frames that nothing more comes for."""

@@ -35,8 +35,10 @@ class _Owner:
     host: str
     port: int
     heard: float
+    #: Where answers go that the sender is to hear; None where the transport does not tell.
+    reply_to: Sender = None
     #: When the port that is the owner's was last heard.
-    port_heard: float
+    port_heard: float = 0.0
     #: Ports of the same host that send at the same time.
     other_ports: deque[int] = field(default_factory=lambda: deque(maxlen=_MAX_PORTS))
     #: The port of the same host that was last heard beside the owner's.
@@ -78,6 +80,17 @@ class Admission:
             for name, (owner, other, heard) in self._conflicts.items()
             if now - heard <= self._silence
         ]
+
+    def senders(self, performer: str | None = None) -> list[tuple[str, int]]:
+        """Give the sender of a performer, or the senders of all, where they are known."""
+        owners = self._owners.values() if performer is None else [self._owners.get(performer)]
+        return [owner.reply_to for owner in owners if owner and owner.reply_to]
+
+    def replies_go_to(self, events: Sequence[Admitted], sender: Sender) -> None:
+        """Note where the sender of some frames that were let in hears answers."""
+        for event in events:
+            if owner := self._owners.get(event.performer):
+                owner.reply_to = sender
 
     def admit(self, events: Sequence[Input], arrival: float, sender: Sender) -> Sequence[Admitted]:
         """Let in what is believed of one packet, in its order.
@@ -126,7 +139,7 @@ class Admission:
                 del self._owners[next(iter(self._owners))]
             # The order of the names is that of their last change of sender.
             self._owners.pop(name, None)
-            owner = self._owners[name] = _Owner(host, port, arrival, arrival)
+            owner = self._owners[name] = _Owner(host, port, arrival, port_heard=arrival)
         elif not self._is_owner(owner, arrival, host, port):
             self._refuse(name, owner, arrival, host, port)
             return ()

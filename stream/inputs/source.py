@@ -72,7 +72,8 @@ class Source:
     @property
     def notes(self) -> list[str]:
         """What a person should know of this source now, a line each."""
-        return [self._recorder.note] if self._recorder and self._recorder.note else []
+        recording = [self._recorder.note] if self._recorder and self._recorder.note else []
+        return [*recording, *self.decoder.refusals.lines()]
 
     def take(self, arrival: float) -> Sequence[Admitted] | None:
         """Take in one packet; what it held, in order, or None when nothing is waiting. Never raises."""
@@ -84,7 +85,10 @@ class Source:
         if self._recorder:
             self._recorder.keep(packet, arrival, sender)
         known = None if self.decoder.expires else sender
-        return self._admitted(self.decoder.decode(packet, arrival, sender), arrival, known)
+        admitted = self._admitted(self.decoder.decode(packet, arrival, sender), arrival, known)
+        if self._admission and sender:
+            self._admission.replies_go_to(admitted, sender)
+        return admitted
 
     def tend(self, now: float) -> Sequence[Admitted]:
         """Do what is due by the clock; what came of it, in order. Never raises."""

@@ -18,7 +18,7 @@ from kinespace.library import MotionLibrary
 from kinespace.stream import osc, zeromq
 from kinespace.stream.feeds.source import FeedSource
 from kinespace.stream.inputs import Admission, OscDecoder, Source, ZmqDecoder
-from kinespace.stream.outputs import LAYOUTS, LayoutSink, NativeLayout, ReplySender, Sink, ZmqSink
+from kinespace.stream.outputs import LAYOUTS, LayoutSink, NativeLayout, ReplySink, Sink, ZmqSink
 from kinespace.stream.recognizer import Performers, Recognizer
 from kinespace.stream.recording import RawWriter, Recorder, source_name
 from kinespace.stream.service import Service
@@ -66,7 +66,7 @@ class Feed:
     sender
         Host that is told to send, for presets that ask.
     outs
-        NAME or NAME=HOST:PORT of layouts; the host `sender` is whoever sent last.
+        NAME or NAME=HOST:PORT of layouts; the host `sender` is each performer's own sender.
     joints
         What frames in our own messages hold whose sender does not say so, as
         `tools.feeding.joint_sets.joints_in_order` reads it; None for the library's joints.
@@ -130,7 +130,7 @@ def run(
     shown: PlainLines | LiveTable = PlainLines() if plain or not console.is_terminal else LiveTable(motions.classes)
     admission = Admission(silence=performers.silence, merge=guard.merge, allowed=guard.performers)
     networks = [ipaddress.ip_network(each, strict=False) for each in guard.networks]
-    receivers, sinks, kept = _open(addresses, feed, preset, record, networks)
+    receivers, sinks, kept = _open(addresses, feed, preset, record, networks=networks, admission=admission)
     recorders = [Recorder(kept, index) if kept else None for index in range(len(receivers))]
     sources = [_source(*each, preset, feed.sender, admission) for each in zip(receivers, recorders, strict=True)]
     feeds = [source for source in sources if isinstance(source, FeedSource)]
@@ -206,7 +206,13 @@ def _require_room_for(motions: MotionLibrary, settings: Settings) -> None:
 
 
 def _open(
-    addresses: Addresses, feed: Feed, preset: Preset | None, record: Path | None, networks: Networks
+    addresses: Addresses,
+    feed: Feed,
+    preset: Preset | None,
+    record: Path | None,
+    *,
+    networks: Networks,
+    admission: Admission,
 ) -> tuple[list[_AnyReceiver], list[Sink], RawWriter | None]:
     """Open what was asked for; what was opened before a failure is closed again."""
     if preset and not (addresses.osc_in or addresses.zmq_in):
@@ -229,7 +235,7 @@ def _open(
             sinks.append(ZmqSink(zeromq.ZmqSender(Endpoint.parse(addresses.zmq_out, bind=True))))
             opened.callback(sinks[-1].close)
         for out in feed.outs:
-            sinks.append(_layout_sink(out, receivers))
+            sinks.append(_layout_sink(out, receivers, admission))
             opened.callback(sinks[-1].close)
         # Last, because it may take another file's place.
         writer = _writer(record, receivers, preset) if record else None
@@ -252,7 +258,7 @@ def _source(
     return Source(receiver, decoder, recorder, admission)
 
 
-def _layout_sink(text: str, receivers: Sequence[_AnyReceiver]) -> LayoutSink:
+def _layout_sink(text: str, receivers: Sequence[_AnyReceiver], admission: Admission) -> Sink:
     """Open NAME, NAME=HOST:PORT or NAME=sender:PORT."""
     name, _, target = text.partition("=")
     if name not in LAYOUTS:
@@ -265,7 +271,7 @@ def _layout_sink(text: str, receivers: Sequence[_AnyReceiver]) -> LayoutSink:
     if not heard:
         raise ValueError("--out: expected an OSC feed to reply to, got none")
     port = host_and_port(target)[1] if ":" in target else layout.port
-    return LayoutSink(layout, ReplySender(heard[0], port))
+    return ReplySink(layout, heard[0], port, admission)
 
 
 def _announce(sources: Sequence[Source], sinks: Sequence[Sink]) -> None:

@@ -41,7 +41,7 @@ class PlainLines(Sink):
     def __init__(self) -> None:
         self._labels: dict[str, str] = {}
         self._refused: dict[str, str] = {}
-        self._notes: tuple[str, ...] = ()
+        self._notes: set[str] = set()
 
     def publish(self, recognition: Recognition) -> None:
         """Print the recognition if it says something new."""
@@ -67,9 +67,11 @@ class PlainLines(Sink):
                 console.print(refused_frames(name, why), soft_wrap=True)
         self._refused = status.refused
         for note in status.notes:
-            if note not in self._notes:
+            # A sender may find a new mistake each second: one line of each kind is enough while it runs.
+            kind = note.partition(":")[0]
+            if kind not in self._notes:
+                self._notes.add(kind)
                 console.print(printable(note), soft_wrap=True)
-        self._notes = status.notes
 
 
 class LiveTable(Sink):

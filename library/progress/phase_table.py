@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from functools import lru_cache
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -12,7 +13,7 @@ from kinespace.library.distances import distance_rows
 from kinespace.library.progress.warping import agreed_phases
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Iterable, Mapping, Sequence
 
     from numpy.typing import NDArray
 
@@ -79,10 +80,13 @@ class PhaseTable:
         The moments of each class.
     whitening
         Posture and velocity times this are a vector of the table, shape (2 × directions, numbers).
+    basis
+        The directions that postures are measured in.
     """
 
-    classes: dict[str, Moments]
+    classes: Mapping[str, Moments]
     whitening: NDArray[np.float64] = field(repr=False)
+    basis: Basis = field(repr=False)
 
     @classmethod
     def of(cls, motions: Iterable[Clip], body: Body, basis: Basis) -> PhaseTable:
@@ -94,16 +98,33 @@ class PhaseTable:
         for clip in motions:
             if clip.duration >= 2 * VELOCITY_SECONDS:
                 performed.setdefault(clip.class_name, []).append(clip)
-        points = {name: [points_of(clip, body, basis) for clip in clips] for name, clips in performed.items()}
-        raw = {name: [with_velocity(each) for each in found] for name, found in points.items()}
-        scale = np.sqrt(np.mean([each.var(axis=0).mean() for found in raw.values() for each in found]))
-        phases = {
-            name: agreed_phases([each / scale for each in found], [clip.actor for clip in performed[name]])
-            for name, found in raw.items()
-        }
-        whitening = _whitening(raw, phases, {name: [clip.actor for clip in clips] for name, clips in performed.items()})
-        classes = {name: _moments(points[name], raw[name], phases[name], whitening) for name in raw}
-        return cls(classes, whitening)
+        courses = {name: _courses(tuple(clips), body, basis) for name, clips in performed.items()}
+        whitening = _whitening(courses.values(), 2 * basis.directions.shape[1])
+        return cls({name: _moments(each, whitening) for name, each in courses.items()}, whitening, basis)
+
+
+class _Courses(NamedTuple):
+    """What is measured of the recordings of one class, whatever other classes there are."""
+
+    #: Of each recording, (moments, 2 × directions), (moments,) and (moments,).
+    moving: list[NDArray[np.float64]]
+    phases: list[NDArray[np.float64]]
+    swings: list[NDArray[np.float64]]
+    actors: list[str]
+    cyclic: bool
+
+
+@lru_cache(maxsize=512)
+def _courses(clips: tuple[Clip, ...], body: Body, basis: Basis) -> _Courses:
+    """Measure the recordings of a class; kept, because a library to which a class is added has the others still."""
+    points = [points_of(clip, body, basis) for clip in clips]
+    moving = [with_velocity(each) for each in points]
+    scale = math.sqrt(np.mean([each.var(axis=0).mean() for each in moving])) or 1.0
+    actors = [clip.actor for clip in clips]
+    phases = agreed_phases([each / scale for each in moving], actors)
+    half = basis.directions.shape[1]
+    cyclic = _is_cyclic(points, [each[:, half:] for each in moving])
+    return _Courses(moving, phases, [_swings(each) for each in points], actors, cyclic)
 
 
 @lru_cache(maxsize=4)
@@ -137,20 +158,15 @@ def moving_point(before: NDArray[np.float64], now: NDArray[np.float64]) -> NDArr
     return np.concatenate([now, _VELOCITY * (now - before)])
 
 
-def _whitening(
-    raw: dict[str, list[NDArray[np.float64]]],
-    phases: dict[str, list[NDArray[np.float64]]],
-    actors: dict[str, list[str]],
-) -> NDArray[np.float64]:
-    """Learn how recordings of a class differ at the same phase; within one actor where each class has one only."""
+def _whitening(courses: Iterable[_Courses], width: int) -> NDArray[np.float64]:
+    """Learn how recordings of a class differ at the same phase; a class of one recording tells nothing."""
     scatters = []
-    for name, found in raw.items():
-        places = [np.searchsorted(each, _COMPARED_AT).clip(0, len(each) - 1) for each in phases[name]]
-        compared = np.array([each[place] for each, place in zip(found, places, strict=True)])
-        deviations = (compared - compared.mean(axis=0)).reshape(-1, compared.shape[-1])
-        if len(set(actors[name])) > 1 or len(found) > 1:
+    for each in courses:
+        places = [np.searchsorted(phases, _COMPARED_AT).clip(0, len(phases) - 1) for phases in each.phases]
+        compared = np.array([moving[place] for moving, place in zip(each.moving, places, strict=True)])
+        deviations = (compared - compared.mean(axis=0)).reshape(-1, width)
+        if len(compared) > 1:
             scatters.append(deviations.T @ deviations / len(deviations))
-    width = next(iter(raw.values()))[0].shape[1]
     scatter = np.mean(scatters, axis=0) if scatters else np.eye(width)
     scatter = (1 - _SHRINKAGE) * scatter + _SHRINKAGE * scatter.trace() / width * np.eye(width)
     values, vectors = np.linalg.eigh(scatter)
@@ -158,26 +174,20 @@ def _whitening(
     return whitening
 
 
-def _moments(
-    points: Sequence[NDArray[np.float64]],
-    raw: Sequence[NDArray[np.float64]],
-    phases: Sequence[NDArray[np.float64]],
-    whitening: NDArray[np.float64],
-) -> Moments:
+def _moments(courses: _Courses, whitening: NDArray[np.float64]) -> Moments:
     """Put the recordings of one class together."""
-    lengths = np.array([len(each) for each in raw])
+    lengths = np.array([len(each) for each in courses.moving])
     mean = float(lengths.mean())
-    vectors = [each @ whitening for each in raw]
-    half = raw[0].shape[1] // 2
-    squares = [(each[:, half:] ** 2).sum(axis=1) * (len(each) / mean) ** 2 for each in raw]
+    half = len(whitening) // 2
+    squares = [(each[:, half:] ** 2).sum(axis=1) * (len(each) / mean) ** 2 for each in courses.moving]
     return Moments(
-        vectors=np.concatenate(vectors),
-        phases=np.concatenate(phases),
+        vectors=np.concatenate(courses.moving) @ whitening,
+        phases=np.concatenate(courses.phases),
         starts=np.cumsum([0, *lengths[:-1]]),
         speeds=np.concatenate(squares),
-        swings=np.concatenate([_swings(each) for each in points]),
+        swings=np.concatenate(courses.swings),
         seconds=(mean - 1) / MOMENTS_PER_SECOND,
-        cyclic=_is_cyclic(points, [each[:, half:] for each in raw]),
+        cyclic=courses.cyclic,
     )
 
 

@@ -8,7 +8,6 @@ recording, lets some change to other recordings at the same phase, and weighs al
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -20,6 +19,7 @@ from kinespace.library.progress.phase_table import (
     moving_point,
     swing_of,
 )
+from kinespace.stream.recognition import Progress
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -57,34 +57,6 @@ _ROUNDING = 1e-3
 _SPAN = round(VELOCITY_SECONDS / STEP) + 1
 
 
-@dataclass(frozen=True, slots=True)
-class Progress:
-    """How far in a motion a performer is.
-
-    Attributes
-    ----------
-    phase
-        0 at the motion's start, 1 at its end.
-    scrub
-        A phase for scrubbing a recording: never back unless the motion is well behind it.
-    speed
-        1 as fast as the library's mean recording, 2 twice as fast.
-    amplitude
-        1 as large as the library's recordings at this phase.
-    sure
-        How probable it is that the phase is right within 0.1, 0 to 1: low where a motion's start and end look alike.
-    cycles
-        Whole rounds of a cyclic motion since it was named.
-    """
-
-    phase: float
-    scrub: float
-    speed: float
-    amplitude: float
-    sure: float
-    cycles: int
-
-
 class ProgressFollower:
     """Follows one performer through the motions that are named.
 
@@ -96,7 +68,7 @@ class ProgressFollower:
 
     def __init__(self, table: PhaseTable) -> None:
         self._table = table
-        self._points = np.empty((8 * _PAST, len(table.whitening) // 2))
+        self._points = np.empty((8 * _PAST, table.basis.directions.shape[1]))
         self.clear()
 
     def clear(self) -> None:
@@ -106,6 +78,13 @@ class ProgressFollower:
         self._filter: _Filter | None = None
         self._class_name: str | None = None
         self.progress: Progress | None = None
+
+    def exchange(self, table: PhaseTable) -> None:
+        """Follow by another library; in the same basis the motion that goes on is found again at once."""
+        if table.basis is not self._table.basis:
+            self.clear()
+        self._table, name, self._class_name = table, self._class_name, None
+        self._begin(name)
 
     def push(self, time: float, point: NDArray[np.float64], class_name: str | None) -> Progress | None:
         """Take in where the body is.

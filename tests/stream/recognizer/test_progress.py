@@ -14,12 +14,14 @@ from kinespace.library import MotionLibrary
 from kinespace.library.distances import distance_rows
 from kinespace.library.progress.phase_table import PhaseTable, moving_point
 from kinespace.library.windows.index import opened
-from kinespace.stream.recognizer.progress import STEP, Progress, ProgressFollower
+from kinespace.stream import Frame, LiveSignature, Recognizer, Settings
+from kinespace.stream.recognizer.progress import STEP, ProgressFollower
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from kinespace.library.clip import Clip
+    from kinespace.stream.recognition import Progress
 
 SQUAT, ARMS = "squat1Reps", "rotateArmsBothBackward1Reps"
 
@@ -71,7 +73,7 @@ def test_every_step_is_the_textbooks(class_name: str) -> None:
         swings=moments.swings[kept],
     )
     whitening = table_without("bk").whitening
-    follower = ProgressFollower(PhaseTable({class_name: few}, whitening))
+    follower = ProgressFollower(PhaseTable({class_name: few}, whitening, table_without("bk").basis))
     phases = few.phases.tolist()
     first = [phase < 0.12 for phase in phases]
     beginning = [0.8 / sum(first) if each else 0.2 / (len(first) - sum(first)) for each in first]
@@ -153,3 +155,42 @@ def test_a_gap_is_no_thousand_steps() -> None:
     point = points_of(clip_of(SQUAT, "bk").positions[:1])[0]
     assert follower.push(0.0, point, SQUAT)
     assert follower.push(60.0, point, SQUAT)
+
+
+def test_the_recogniser_tells_progress_when_asked() -> None:
+    """With `progress` answers that name a motion carry it, and others do not; without it none does."""
+    clip = clip_of("lieDownFloor", "mm")
+    frames = [Frame("ann", index / clip.frame_rate, each) for index, each in enumerate(clip.positions)]
+    library = MotionLibrary.builtin()
+    told = [Recognizer(library, Settings(progress=progress)) for progress in (True, False)]
+    asked, unasked = ([each for frame in frames if (each := one.push(frame))] for one in told)
+    assert {each.progress for each in unasked} == {None}
+    assert [each.outcome for each in asked] == [each.outcome for each in unasked]
+    named = [each for each in asked if each.class_name]
+    assert named
+    assert all(each.progress for each in named)
+    followed_to = [each.progress.phase for each in named if each.progress]
+    assert followed_to[-1] > followed_to[0]
+
+
+def test_progress_goes_on_in_another_library() -> None:
+    """When the library is exchanged, the motion is found again at about the same phase."""
+    clip = clip_of(SQUAT, "mm")
+    library = MotionLibrary.builtin()
+    recognizer = Recognizer(library, Settings(progress=True))
+    index = opened(library)
+    named = []
+    for number, positions in enumerate(clip.positions):
+        told = recognizer.push(Frame("ann", number / clip.frame_rate, positions))
+        if told and told.progress:
+            named.append(told.progress.phase)
+            if len(named) == 5:
+                recognizer.exchange(index.with_motions([replace(clip, class_name="mine")]))
+    assert len(named) > 6
+    assert abs(named[5] - named[4]) < 0.3
+
+
+def test_the_paper_has_no_progress() -> None:
+    """With the paper's signature progress is refused."""
+    with pytest.raises(ValueError, match="progress: expected False with the signature paper, got True"):
+        Settings(signature=LiveSignature.PAPER, progress=True)

@@ -65,6 +65,8 @@ class Progress:
 
     Attributes
     ----------
+    class_name
+        The motion.
     phase
         0 at the motion's start, 1 at its end.
     scrub
@@ -79,6 +81,7 @@ class Progress:
         Whole rounds of a cyclic motion since it was named.
     """
 
+    class_name: str
     phase: float
     scrub: float
     speed: float
@@ -161,6 +164,11 @@ class Recognition:
     def label(self) -> str:
         """The named class, or in its place the word for the outcome: never empty, so it can be shown as it is."""
         return self.class_name or str(self.outcome)
+
+    @property
+    def progress_index(self) -> int:
+        """Index of the class whose progress is told; -1 where none is."""
+        return self.classes.index(self.progress.class_name) if self.progress else -1
 
     @property
     def guess_index(self) -> int:

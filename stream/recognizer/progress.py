@@ -139,7 +139,7 @@ class ProgressFollower:
         moments = self._table.classes.get(class_name) if class_name else None
         if moments is None:
             return
-        self._filter = _Filter(moments, self._table.whitening)
+        self._filter = _Filter(str(class_name), moments, self._table.whitening)
         for end in range(max(1, self._count - _REPLAYED), self._count + 1):
             self.progress = self._filter.step(self._past(end), 1)
 
@@ -147,7 +147,8 @@ class ProgressFollower:
 class _Filter:
     """The forward filter of one class."""
 
-    def __init__(self, moments: Moments, whitening: NDArray[np.float64]) -> None:
+    def __init__(self, class_name: str, moments: Moments, whitening: NDArray[np.float64]) -> None:
+        self._class_name = class_name
         self._moments, self._whitening = moments, whitening
         phases, count = moments.phases, len(moments.phases)
         first = phases < _FIRST_PHASES
@@ -226,4 +227,12 @@ class _Filter:
         self._last = phase
         if not self._scrub - _BACK <= phase <= self._scrub:
             self._scrub = phase
-        return Progress(phase, self._scrub, self._speed(), math.exp(self._swing / self._weight), sure, self._cycles)
+        return Progress(
+            self._class_name,
+            phase,
+            self._scrub,
+            self._speed(),
+            math.exp(self._swing / self._weight),
+            sure,
+            self._cycles,
+        )

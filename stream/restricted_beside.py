@@ -40,23 +40,31 @@ class RestrictedBeside:
         if joints not in self._threads:
             require_room(self._library, joints, len(self._threads))
             # A daemon, so that Ctrl-C need not wait for it.
-            thread = self._threads[joints] = threading.Thread(target=self._prepare, args=(joints,), daemon=True)
+            thread = threading.Thread(target=self._prepare, args=(self._library, joints), daemon=True)
+            self._threads[joints] = thread
             thread.start()
         if joints in self._failed:
             raise ValueError(self._failed[joints])
         return self._ready.get(joints)
+
+    def exchange(self, library: MotionLibrary) -> None:
+        """Restrict another library of the same joints from now on."""
+        self._library = library
+        self._threads, self._ready, self._failed = {}, {}, {}
 
     def wait(self) -> None:
         """Wait until everything that was asked for is prepared."""
         for thread in self._threads.values():
             thread.join()
 
-    def _prepare(self, joints: frozenset[str]) -> None:
+    def _prepare(self, library: MotionLibrary, joints: frozenset[str]) -> None:
+        # An exchange puts others in their place: what is prepared of the library before it is for nobody then.
+        ready, failed = self._ready, self._failed
         try:
-            library = self._library.restricted_to(joints)
+            restricted = library.restricted_to(joints)
             # The windows that a recogniser opens are remembered: the next one has them at once.
-            Recognizer(library, self._settings)
+            Recognizer(restricted, self._settings)
         except (ValueError, MemoryError) as error:
-            self._failed[joints] = f"{len(joints)} of them cannot be compared: {error}"
+            failed[joints] = f"{len(joints)} of them cannot be compared: {error}"
         else:
-            self._ready[joints] = library
+            ready[joints] = restricted

@@ -27,6 +27,9 @@ class FewerJoints(Protocol):
             There are too few of the library's joints, or too many sets of them already.
         """
 
+    def exchange(self, library: MotionLibrary) -> None:
+        """Restrict another library of the same joints from now on."""
+
 
 @dataclass(frozen=True, slots=True)
 class SentJoints:
@@ -67,6 +70,10 @@ class RestrictedAtOnce:
             require_room(self._library, joints, len(self._known))
             self._known[joints] = self._library.restricted_to(joints)
         return self._known[joints]
+
+    def exchange(self, library: MotionLibrary) -> None:
+        """Restrict another library of the same joints from now on."""
+        self._library, self._known = library, {}
 
 
 def require_room(library: MotionLibrary, joints: frozenset[str], known: int) -> None:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from kinespace.stream.frame import Announcement
 from kinespace.stream.recognizer.fewer_joints import RestrictedAtOnce, SentJoints
+from kinespace.stream.recognizer.matcher import library_of
 from kinespace.stream.recognizer.recognizer import Recognizer, RecognizerCounts
 from kinespace.stream.recognizer.settings import Settings
 
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from kinespace.library.motion_library import MotionLibrary
+    from kinespace.library.windows.index import WindowIndex
     from kinespace.stream.frame import Frame
     from kinespace.stream.recognition import Event, Recognition
 
@@ -64,7 +66,7 @@ class Performers:
     Parameters
     ----------
     library, settings
-        Of every recogniser.
+        Of every recogniser (`Recognizer`).
     most
         How many performers at once; frames of a further one are counted and refused until another falls silent.
     silence
@@ -82,7 +84,7 @@ class Performers:
 
     def __init__(
         self,
-        library: MotionLibrary,
+        library: MotionLibrary | WindowIndex,
         settings: Settings | None = None,
         *,
         most: int = 32,
@@ -93,16 +95,16 @@ class Performers:
             raise ValueError(f"most: expected at least 1 performer, got {most}")
         if not (math.isfinite(silence) and silence > 0):
             raise ValueError(f"silence: expected a positive number of seconds, got {silence}")
-        self.library = library
+        self._compare_with(library)
         self.settings = settings or Settings()
         self.most = most
         self.silence = silence
         #: Said of every performer who has said nothing else.
-        joints = joints or SentJoints()
-        self._assumed = joints.assumed or library.skeleton.joints
-        self._assumed_order = library.skeleton.order_from(joints.assumed) if joints.assumed else None
+        skeleton, joints = self.library.skeleton, joints or SentJoints()
+        self._assumed = joints.assumed or skeleton.joints
+        self._assumed_order = skeleton.order_from(joints.assumed) if joints.assumed else None
         self._naming = joints.naming
-        self._fewer = joints.fewer or RestrictedAtOnce(library)
+        self._fewer = joints.fewer or RestrictedAtOnce(self.library)
         #: Why frames are refused for their joints, by performer.
         self._refused: dict[str, str] = {}
         self._counts = PerformerCounts()
@@ -111,6 +113,39 @@ class Performers:
         self._ended: list[Event] = []
         # Said once and then only on change, so it outlives a silence.
         self._announced: dict[str, Announcement] = {}
+
+    def _compare_with(self, library: MotionLibrary | WindowIndex) -> None:
+        self._compared, self.library = library, library_of(library)
+
+    def exchange(self, library: MotionLibrary | WindowIndex) -> list[Event]:
+        """Compare all performers with another library from now on (`Recognizer.exchange`).
+
+        Returns
+        -------
+        The ends of what performers were doing whose class the new library has not.
+
+        Raises
+        ------
+        SkeletonMismatchError
+            The library has other joints; nothing is exchanged.
+        """
+        self.library.skeleton.require_same(library_of(library).skeleton)
+        before = self.library
+        self._compare_with(library)
+        self._fewer.exchange(self.library)
+        for performer in self._performers.values():
+            if performer.library is before:
+                self._exchange_for(performer, library)
+            elif not performer.unusable:
+                self._fit(performer)
+        ended, self._ended = self._ended, []
+        return ended
+
+    def _exchange_for(self, performer: _Performer, library: MotionLibrary | WindowIndex) -> None:
+        """Compare a performer with another library over the same joints."""
+        performer.library = library_of(library)
+        if ended := performer.recognizer.exchange(library):
+            self._ended.append(ended)
 
     def __len__(self) -> int:
         return len(self._performers)
@@ -180,6 +215,7 @@ class Performers:
         wanted = self.library.skeleton.joints
         joints = self._naming.met(performer.joints, wanted).joints
         shared = frozenset(joints).intersection(wanted)
+        as_before = shared == frozenset(performer.library.skeleton.joints)
         performer.is_waiting, performer.unusable = False, ""
         try:
             library = self.library if len(shared) == len(wanted) else self._fewer(shared)
@@ -187,10 +223,18 @@ class Performers:
             performer.unusable = str(error)
             return
         if library is None:
-            performer.is_waiting, performer.unusable = True, f"the library is being restricted to {len(shared)} of them"
+            performer.is_waiting = True
+            # After an exchange the library before it serves until the new one is ready.
+            performer.unusable = "" if as_before else f"the library is being restricted to {len(shared)} of them"
+        if library is None and not as_before:
             return
+        library = library or performer.library
         performer.order = None if joints == library.skeleton.joints else library.skeleton.order_from(joints)
-        if performer.library is not library:
+        if performer.library is library:
+            return
+        if as_before:
+            self._exchange_for(performer, library)
+        else:
             self._retire(performer.recognizer)
             performer.recognizer, performer.library = Recognizer(library, self.settings), library
 
@@ -285,7 +329,7 @@ class Performers:
                 self._ended = self.drop_silent(arrival)
             if len(self._performers) >= self.most:
                 return None
-            recognizer = Recognizer(self.library, self.settings)
+            recognizer = Recognizer(self._compared, self.settings)
             performer = _Performer(recognizer, self.library, arrival, self._assumed, self._assumed_order)
             self._performers[name] = performer
             self._refused.pop(name, None)

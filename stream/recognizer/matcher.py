@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 import numpy as np
 
@@ -39,8 +38,7 @@ _NEAREST = 1e-3
 _NO_MOVEMENT = 1e-3
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Reading:
+class Reading(NamedTuple):
     """What the windows that end now say.
 
     Attributes
@@ -58,7 +56,7 @@ class Reading:
     """
 
     outcome: Outcome
-    distances: NDArray[np.float64] = field(repr=False)
+    distances: NDArray[np.float64]
     guess: int
     lead: float
     movement: float
@@ -167,6 +165,7 @@ class WindowMatcher:
         # Movement per moving pair: a body with fewer joints has fewer of them.
         self._per_pair = 1 / math.sqrt(max(index.basis.moving, 1))
         self._naming = index.comparison.weighing.naming
+        self._rejection = index.rejection
         self._nothing = index.classes.index(NOTHING) if NOTHING in index.classes else -1
 
     def exchange(self, library: MotionLibrary | WindowIndex) -> None:
@@ -196,7 +195,7 @@ class WindowMatcher:
             return None
         signature = self._windows.read()
         views = self._index.log_distances(signature.numbers)
-        distances = views[: self._naming].min(axis=0)
+        distances = np.minimum.reduce(views[: self._naming])
         elapsed = self._feed.elapsed()
         guess, lead = followed(self._hysteresis, distances, elapsed)
         evidence = Evidence(
@@ -206,7 +205,7 @@ class WindowMatcher:
             swing=math.log(signature.swing * self._per_pair + _NO_MOVEMENT),
             sway=math.log(signature.sway * self._per_pair + _NO_MOVEMENT),
         )
-        known = self._judgement.push(self._index.rejection.logit(evidence, self._index.classes[guess]), elapsed)
+        known = self._judgement.push(self._rejection.logit(evidence, self.classes[guess]), elapsed)
         outcome = Outcome.NAMED if known and guess != self._nothing else Outcome.UNKNOWN
         scores = self._index.eigenvector_scores(signature.eigenvector)
         best = int(scores.argmax())
@@ -302,7 +301,8 @@ def followed(hysteresis: Hysteresis, distances: NDArray[np.float64], elapsed: fl
     listed = distances.tolist()
     nearest = min(listed)
     leader = listed.index(nearest)
-    ahead = min((each for index, each in enumerate(listed) if index != leader), default=math.inf) - nearest
+    others = listed[:leader] + listed[leader + 1 :]
+    ahead = min(others) - nearest if others else math.inf
     hysteresis.push(leader, min(ahead, _MAX_PACE), elapsed)
     if hysteresis.current is None:
         hysteresis.current = leader

@@ -15,8 +15,8 @@ from kinespace.library.kernels import compiled
 from kinespace.library.recordings import is_recording
 from kinespace.stream.feeds import builtin_names, builtin_preset
 from kinespace.stream.frame import Frame
-from kinespace.stream.rawfile import ENDING, RawFile
-from kinespace.stream.rerun import decoded
+from kinespace.stream.recording import decoded
+from kinespace.stream.recording.kinerec import ENDING, RawFile
 from kinespace.tools.cli.arguments import add_reading, add_recorded_feed, reading_of
 from kinespace.tools.programs.feeds import preset_named
 from kinespace.tools.terminal.console import console, printable, progress
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
     from kinespace.library import Reading
     from kinespace.stream.feeds import Preset
-    from kinespace.stream.rawfile import RawPacket
+    from kinespace.stream.recording.kinerec import RawPacket
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

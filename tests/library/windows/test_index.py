@@ -191,6 +191,25 @@ def test_motions_too_short_are_not_added(small_index: WindowIndex) -> None:
         small_index.with_motions([replace(clip, positions=clip.positions[:6])])
 
 
+def test_a_large_library_is_opened_in_pieces(
+    small_library: MotionLibrary, small_index: WindowIndex, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Cut a few motions at a time, the windows are those that are cut all at once; lessons are a share of them."""
+    alone = small_library.without(actors=("dg", "mm"))
+    whole = WindowIndex.of(alone)
+    monkeypatch.setattr("kinespace.library.windows.index._PIECE", 20)
+    pieces = WindowIndex.of(alone)
+    assert pieces.motions.tolist() == whole.motions.tolist()
+    for one, other in zip((*pieces.vectors, pieces.eigenvectors), (*whole.vectors, whole.eigenvectors), strict=True):
+        np.testing.assert_allclose(np.abs(one), np.abs(other), atol=2e-3)
+    monkeypatch.setattr("kinespace.library.windows.index._MAX_LESSONS", len(small_index) // 3)
+    fewer = WindowIndex.of(small_library)
+    assert fewer.motions.tolist() == small_index.motions.tolist()
+    assert [_guess(fewer, clip) for clip in small_library.motions[::3]] == [
+        clip.class_name for clip in small_library.motions[::3]
+    ]
+
+
 def test_some_motions_and_the_others_are_all(small_index: WindowIndex) -> None:
     """Every window is of one of the two."""
     some = [0, 5, 17]

@@ -56,6 +56,8 @@ class Status:
         Seconds from taking a frame's packet to its recognition, over the last hops; 0 before the first.
     refused
         Performers whose frames are refused for their joints, and why.
+    compared
+        Performers whose joints are not simply the library's: whose names they are, and how many are compared.
     """
 
     inputs: InputCounts
@@ -65,6 +67,7 @@ class Status:
     hop_p50: float
     hop_p99: float
     refused: dict[str, str] = field(default_factory=dict)
+    compared: dict[str, str] = field(default_factory=dict)
 
     @property
     def frames_per_second(self) -> float:

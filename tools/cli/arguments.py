@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from kinespace.library.naming import AS_THEY_ARE, AUTO, Naming, conventions
 from kinespace.library.recordings import ActorIn, Reading
 from kinespace.stream.recognizer import LiveSignature, Settings
 
@@ -22,6 +23,19 @@ def add_reading(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--joints", type=names, default=(), metavar="A,B,...", help="only these joints or markers; * and ? fit any"
+    )
+    add_names(parser, "files")
+
+
+def add_names(parser: argparse.ArgumentParser, whose: str) -> None:
+    """Let a person say whose names joints have."""
+    known = ", ".join(each.name for each in conventions())
+    parser.add_argument(
+        "--names",
+        dest="naming",
+        default=AUTO,
+        metavar="NAME",
+        help=f"what the {whose} call their joints: {AUTO}, {AS_THEY_ARE}, {known}, or FILE.toml (default %(default)s)",
     )
 
 
@@ -123,6 +137,7 @@ def reading_of(parsed: argparse.Namespace) -> Reading:
         frame_rate=parsed.frame_rate,
         unit=parsed.unit,
         joints=parsed.joints,
+        naming=Naming.asked(parsed.naming),
         actor_in=ActorIn(getattr(parsed, "actor_in", ActorIn.NOWHERE)),
     )
 

@@ -38,7 +38,7 @@ _BESIDE_ADDRESSES = 48
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Say which options the program takes."""
+    """Add the program's options."""
     parser.description = (
         "The first thing to try when nothing works: shows every kind of message that arrives, its types, rate, senders "
         "and gaps, which feed it looks like, which joints came, and what recognition lacks."
@@ -51,7 +51,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Run the program as its options say; the exit status."""
+    """Run the program with these options; return the exit status."""
     return listen(
         options.port or (None if options.feed else OSC_IN),
         feed=options.feed,

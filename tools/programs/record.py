@@ -29,7 +29,7 @@ _Receivers = list[osc.OscReceiver | zeromq.ZmqReceiver]
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Say which options the program takes."""
+    """Add the program's options."""
     parser.description = (
         "Keeps every packet with its arrival time and sender until Ctrl-C. A crash costs the last second at most. "
         "kinespace replay sends the file again bit for bit; kinespace live --record keeps what it hears."
@@ -41,7 +41,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Run the program as its options say; the exit status."""
+    """Run the program with these options; return the exit status."""
     return record(
         options.output,
         osc_in=options.osc_in or (None if options.zmq_in else OSC_IN),

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     import argparse
 
 #: Milliseconds of the longest sleep: how soon Ctrl-C is heard.
-_LONGEST_SLEEP = 100
+_MAX_SLEEP = 100
 
 _Receivers = list[osc.OscReceiver | zeromq.ZmqReceiver]
 
@@ -127,7 +127,7 @@ class _Recording:
         """Go on until stopped or until so many seconds have gone by; what has arrived by then is still kept."""
         began = told = time.monotonic()
         while not self._stopped and (seconds is None or time.monotonic() < began + seconds):
-            self._poller.poll(_LONGEST_SLEEP)
+            self._poller.poll(_MAX_SLEEP)
             self._keep()
             if time.monotonic() >= told + 1.0:
                 told = time.monotonic()

@@ -29,16 +29,16 @@ if TYPE_CHECKING:
 #: The preset of our own messages, in which joints need not be named.
 _NATIVE = "native"
 #: Kinds of messages that are shown.
-_MOST_SHOWN = 40
+_MAX_SHOWN = 40
 #: Gaps that are worth a word, seconds, and in intervals of the message's own rate.
 _GAP_SECONDS, _GAP_INTERVALS = 0.2, 4.0
-_LONGEST_WAIT = 100
+_MAX_WAIT = 100
 #: Characters that what stands beside addresses needs.
 _BESIDE_ADDRESSES = 48
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Say which options the program takes."""
+    """Add the program's options."""
     parser.description = (
         "The first thing to try when nothing works: shows every kind of message that arrives, its types, rate, senders "
         "and gaps, which feed it looks like, which joints came, and what recognition lacks."
@@ -51,7 +51,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Run the program as its options say; the exit status."""
+    """Run the program with these options; return the exit status."""
     return listen(
         options.port or (None if options.feed else OSC_IN),
         feed=options.feed,
@@ -103,7 +103,7 @@ def heard(receiver: OscReceiver, seconds: float, preset: Preset | None, sender: 
                 asked = now
                 for packet in questions(preset, receiver.address[1]):
                     receiver.send_to(packet, (sender, preset.asking.port))
-            poller.poll(min(_LONGEST_WAIT, int((until - now) * 1000) + 1))
+            poller.poll(min(_MAX_WAIT, int((until - now) * 1000) + 1))
             while time.monotonic() < until and (datagram := receiver.receive()) is not None:
                 host, port = receiver.sender or ("", 0)
                 survey.see(datagram, f"{host}:{port}", time.monotonic())
@@ -185,17 +185,17 @@ def as_object(survey: Survey, guess: Guess | None, told: list[str]) -> dict[str,
 def _show(survey: Survey, guess: Guess | None, told: list[str]) -> None:
     table = narrow_table("kinespace listen", _caption(survey))
     shown = sorted(survey.kinds.values(), key=lambda kind: -kind.count)
-    add_names(table, "address", [printable(kind.address) for kind in shown[:_MOST_SHOWN]], beside=_BESIDE_ADDRESSES)
+    add_names(table, "address", [printable(kind.address) for kind in shown[:_MAX_SHOWN]], beside=_BESIDE_ADDRESSES)
     for heading in ("types", "messages", "per second", "longest gap", "for example"):
         table.add_column(heading, overflow="fold")
-    for kind in shown[:_MOST_SHOWN]:
+    for kind in shown[:_MAX_SHOWN]:
         example = " ".join(f"{each:.3g}" if isinstance(each, float) else printable(str(each)) for each in kind.example)
         cells = (printable(kind.address), kind.types, str(kind.count), f"{kind.rate:.1f}", f"{kind.longest_gap:.2f} s")
         table.add_row(*map(Text, cells), Text(example))
     if survey.kinds:
         console.print(table)
-    if len(shown) > _MOST_SHOWN:
-        console.print(f"and {len(shown) - _MOST_SHOWN}{' or more' if len(shown) >= MOST_KINDS else ''} other kinds")
+    if len(shown) > _MAX_SHOWN:
+        console.print(f"and {len(shown) - _MAX_SHOWN}{' or more' if len(shown) >= MOST_KINDS else ''} other kinds")
     if guess:
         _say(
             f"looks like {guess.preset.name} ({guess.preset.product}): {guess.understood:.0%} of the messages, "

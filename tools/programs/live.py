@@ -50,7 +50,7 @@ if TYPE_CHECKING:
     from kinespace.stream.feeds import Preset
     from kinespace.stream.recognizer import Settings
 
-#: Where answers go when nothing else is said: a port that none of the usual receivers uses.
+#: Where answers go unless the user says otherwise: a port that none of the usual receivers uses.
 OSC_OUT = "127.0.0.1:9311"
 #: Times a second the table is drawn.
 _REDRAWS = 5
@@ -100,7 +100,7 @@ _AnyReceiver = osc.OscReceiver | zeromq.ZmqReceiver
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Say which options the program takes."""
+    """Add the program's options."""
     parser.description = (
         f"Recognises frames and publishes answers until Ctrl-C. Unless told otherwise: OSC in on {OSC_IN}, out to "
         f"{OSC_OUT}. A ZeroMQ endpoint is bound; put > before it to connect instead."
@@ -109,7 +109,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--osc-out", metavar="HOST:PORT", help="send OSC answers there")
     parser.add_argument("--zmq-out", metavar="ENDPOINT", help="publish ZeroMQ answers")
     parser.add_argument(
-        "--feed", metavar="NAME", help="frames are another product's: see kinespace feeds; or FILE.toml"
+        "--feed", metavar="NAME", help="read the feed of this product, see kinespace feeds; or FILE.toml"
     )
     add_sender(parser)
     parser.add_argument(
@@ -117,25 +117,25 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         metavar="NAME[=HOST:PORT]",
-        help="answer as touchdesigner, max, wekinator, vmc-thru, vrchat or native hear it; sender:PORT replies",
+        help="answer in the layout of touchdesigner, max, wekinator, vmc-thru, vrchat or native; sender:PORT replies",
     )
     parser.add_argument(
         "--joints",
         metavar="A,B,...",
-        help="what frames hold, in order, whose sender never names their joints: the library's names, or a preset that "
+        help="the joints of frames whose sender never names them, in order: the library's names, or a preset that "
         "lists them, like kinectv2, or FILE.toml (default: the library's joints)",
     )
     add_names(parser, "senders")
     add_library(parser)
     add_settings(parser)
-    parser.add_argument("--performers", type=int, default=32, help="how many at once, at most (default %(default)s)")
-    parser.add_argument("--record", type=Path, metavar="FILE", help="keep every packet that comes, for replay")
+    parser.add_argument("--performers", type=int, default=32, help="how many performers at most (default %(default)s)")
+    parser.add_argument("--record", type=Path, metavar="FILE", help="keep every packet that comes in, for replay")
     add_overwrite(parser)
     parser.add_argument("--plain", action="store_true", help="print a line per change instead of a table")
 
 
 def run(options: argparse.Namespace) -> int:
-    """Run the program as its options say; the exit status."""
+    """Run the program with these options; return the exit status."""
     none_given = not any((options.osc_in, options.osc_out, options.zmq_in, options.zmq_out))
     usual_out = not (options.osc_out or options.zmq_out or options.out)
     usual_in = none_given and not options.feed

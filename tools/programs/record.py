@@ -23,13 +23,13 @@ if TYPE_CHECKING:
     import argparse
 
 #: Milliseconds of the longest sleep: how soon Ctrl-C is heard.
-_LONGEST_SLEEP = 100
+_MAX_SLEEP = 100
 
 _Receivers = list[osc.OscReceiver | zeromq.ZmqReceiver]
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Say which options the program takes."""
+    """Add the program's options."""
     parser.description = (
         "Keeps every packet with its arrival time and sender until Ctrl-C. A crash costs the last second at most. "
         "kinespace replay sends the file again bit for bit; kinespace live --record keeps what it hears."
@@ -41,7 +41,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Run the program as its options say; the exit status."""
+    """Run the program with these options; return the exit status."""
     return record(
         options.output,
         osc_in=options.osc_in or (None if options.zmq_in else OSC_IN),
@@ -127,7 +127,7 @@ class _Recording:
         """Go on until stopped or until so many seconds have gone by; what has arrived by then is still kept."""
         began = told = time.monotonic()
         while not self._stopped and (seconds is None or time.monotonic() < began + seconds):
-            self._poller.poll(_LONGEST_SLEEP)
+            self._poller.poll(_MAX_SLEEP)
             self._keep()
             if time.monotonic() >= told + 1.0:
                 told = time.monotonic()

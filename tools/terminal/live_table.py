@@ -1,4 +1,4 @@
-"""What a person sees of a running recogniser: a table, a line per change, a summary at the end."""
+"""A running recogniser as the user sees it: a table, or a line per change; a summary at the end."""
 
 from __future__ import annotations
 
@@ -54,13 +54,13 @@ class PlainLines(Sink):
             )
 
     def publish_event(self, event: Event) -> None:
-        """Print it."""
+        """Print the event."""
         console.print(
             f"{event.time:10.3f} s  {printable(event.performer)}  {event.kind}: {event.label}", soft_wrap=True
         )
 
     def publish_status(self, status: Status) -> None:
-        """Forget performers who have left, so that their return is news."""
+        """Forget performers that have left, so that their return is printed again."""
         self._labels = {name: label for name, label in self._labels.items() if name in status.performers}
         for name, why in status.refused.items():
             if self._refused.get(name) != why:
@@ -81,19 +81,19 @@ class LiveTable(Sink):
         self._status: Status | None = None
 
     def publish(self, recognition: Recognition) -> None:
-        """Remember it."""
+        """Remember the recognition."""
         self._latest[recognition.performer] = recognition
 
     def publish_event(self, event: Event) -> None:
-        """Remember what is going on."""
+        """Remember the motion that is going on."""
         self._going_on[event.performer] = event.label if event.kind is EventKind.START else ""
 
     def publish_classes(self, classes: Sequence[str]) -> None:
-        """Remember them."""
+        """Remember the classes."""
         self._classes = classes
 
     def publish_status(self, status: Status) -> None:
-        """Remember it, and forget performers who have left."""
+        """Remember the status, and forget performers that have left."""
         self._status = status
         self._latest = {name: last for name, last in self._latest.items() if name in status.performers}
         self._going_on = {name: label for name, label in self._going_on.items() if name in status.performers}
@@ -166,7 +166,7 @@ def counts(status: Status) -> str:
 
 
 def summary(status: Status) -> str:
-    """Say how a service did, at its end."""
+    """Sum up a service when it ends."""
     recognizers = status.outcomes.recognizers
     return (
         f"{counts(status)}\n"

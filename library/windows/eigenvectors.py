@@ -13,6 +13,9 @@ from kinespace.library.kernels import compiled
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+#: One in so many eigenvectors is many.
+_MANY = 4
+
 _Number = TypeVar("_Number", np.float32, np.float64)
 
 
@@ -33,7 +36,12 @@ def leading_eigenvectors(matrix: NDArray[_Number], most: int) -> tuple[NDArray[_
     size = len(matrix)
     if most < 1:
         return matrix[0, :0], matrix[:, :0]
-    values, vectors = eigh(matrix, subset_by_index=(max(size - most, 0), size - 1), check_finite=False)
+    first = max(size - most, 0)
+    if _MANY * most >= size:
+        # Divide and conquer finds them all in less time than it takes to find that many one by one.
+        values, vectors = (each[..., first:] for each in eigh(matrix, driver="evd", check_finite=False))
+    else:
+        values, vectors = eigh(matrix, subset_by_index=(first, size - 1), check_finite=False)
     return values[::-1].astype(matrix.dtype), vectors[:, ::-1].astype(matrix.dtype)
 
 

@@ -133,7 +133,7 @@ class LiveWindows:
     def _settle(self) -> None:
         for each in self._rolling:
             each.update()
-        self._distances.take_change()
+        self._distances.pass_over()
 
     def read(self) -> LiveSignature:
         """Read the signature of the windows that end with the newest row; needs a row."""

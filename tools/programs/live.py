@@ -10,21 +10,30 @@ import time
 from contextlib import ExitStack, nullcontext
 from dataclasses import dataclass, replace
 from difflib import get_close_matches
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rich.live import Live
 
 from kinespace.library import MotionLibrary
 from kinespace.stream import osc, zeromq
-from kinespace.stream.connections import Endpoint
 from kinespace.stream.feeds.source import FeedSource
-from kinespace.stream.layouts import LAYOUTS, LayoutSink, ReplySender
-from kinespace.stream.onepart import ZmqPackets
-from kinespace.stream.rawfile import RawWriter
+from kinespace.stream.inputs import OscDecoder, Source, ZmqDecoder
+from kinespace.stream.outputs import LAYOUTS, LayoutSink, NativeLayout, ReplySender, Sink, ZmqSink
 from kinespace.stream.recognizer import Performers, Recognizer
-from kinespace.stream.service import OscSink, OscSource, Service, Sink, Source, ZmqSink, ZmqSource
-from kinespace.stream.tap import Tap, TappedMessages, TappedPackets, TappedSource, described
+from kinespace.stream.recording import RawWriter, Recorder, source_name
+from kinespace.stream.service import Service
+from kinespace.stream.zeromq import Endpoint
 from kinespace.tools.cli.address import host_and_port
+from kinespace.tools.cli.arguments import (
+    OSC_IN,
+    add_inputs,
+    add_library,
+    add_overwrite,
+    add_sender,
+    add_settings,
+    settings_of,
+)
 from kinespace.tools.feeding.joint_sets import joints_in_order
 from kinespace.tools.programs.feeds import preset_named
 from kinespace.tools.terminal.console import console
@@ -32,12 +41,14 @@ from kinespace.tools.terminal.live_table import LiveTable, PlainLines, summary
 from kinespace.tools.terminal.output_path import require_place_for
 
 if TYPE_CHECKING:
+    import argparse
     from collections.abc import Sequence
-    from pathlib import Path
 
     from kinespace.stream.feeds import Preset
     from kinespace.stream.recognizer import Settings
 
+#: Where answers go when nothing else is said: a port that none of the usual receivers uses.
+OSC_OUT = "127.0.0.1:9311"
 #: Times a second the table is drawn.
 _REDRAWS = 5
 #: Seconds a thread may keep Python's lock while another waits. Drawing takes longer than a frame may wait.
@@ -82,7 +93,64 @@ _NO_FEED = Feed()
 _AnyReceiver = osc.OscReceiver | zeromq.ZmqReceiver
 
 
-def run(
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Say which options the program takes."""
+    parser.description = (
+        f"Recognises frames and publishes answers until Ctrl-C. Unless told otherwise: OSC in on {OSC_IN}, out to "
+        f"{OSC_OUT}. A ZeroMQ endpoint is bound; put > before it to connect instead."
+    )
+    add_inputs(parser)
+    parser.add_argument("--osc-out", metavar="HOST:PORT", help="send OSC answers there")
+    parser.add_argument("--zmq-out", metavar="ENDPOINT", help="publish ZeroMQ answers")
+    parser.add_argument(
+        "--feed", metavar="NAME", help="frames are another product's: see kinespace feeds; or FILE.toml"
+    )
+    add_sender(parser)
+    parser.add_argument(
+        "--out",
+        action="append",
+        default=[],
+        metavar="NAME[=HOST:PORT]",
+        help="answer as touchdesigner, max, wekinator, vmc-thru, vrchat or native hear it; sender:PORT replies",
+    )
+    parser.add_argument(
+        "--joints",
+        metavar="A,B,...",
+        help="what frames hold, in order, whose sender never names their joints: the library's names, or a preset that "
+        "lists them, like kinectv2, or FILE.toml (default: the library's joints)",
+    )
+    add_library(parser)
+    add_settings(parser)
+    parser.add_argument("--performers", type=int, default=32, help="how many at once, at most (default %(default)s)")
+    parser.add_argument("--record", type=Path, metavar="FILE", help="keep every packet that comes, for replay")
+    add_overwrite(parser)
+    parser.add_argument("--plain", action="store_true", help="print a line per change instead of a table")
+
+
+def run(options: argparse.Namespace) -> int:
+    """Run the program as its options say; the exit status."""
+    none_given = not any((options.osc_in, options.osc_out, options.zmq_in, options.zmq_out))
+    usual_out = not (options.osc_out or options.zmq_out or options.out)
+    usual_in = none_given and not options.feed
+    addresses = Addresses(
+        osc_in=OSC_IN if usual_in else options.osc_in,
+        osc_out=OSC_OUT if usual_out else options.osc_out,
+        zmq_in=options.zmq_in,
+        zmq_out=options.zmq_out,
+    )
+    return recognise(
+        addresses,
+        library=options.library,
+        settings=settings_of(options),
+        most=options.performers,
+        plain=options.plain,
+        record=options.record,
+        overwrite=options.overwrite,
+        feed=Feed(options.feed, options.sender, tuple(options.out), options.joints),
+    )
+
+
+def recognise(
     addresses: Addresses,
     *,
     library: Path | None,
@@ -107,11 +175,10 @@ def run(
     performers = Performers(motions, settings, most=most, joints=joints)
     shown: PlainLines | LiveTable = PlainLines() if plain or not console.is_terminal else LiveTable(motions.classes)
     receivers, sinks, kept = _open(addresses, feed, preset, record)
-    taps = [Tap(kept, index) if kept else None for index in range(len(receivers))]
-    sources = [_source(receiver, preset, feed.sender, tap) for receiver, tap in zip(receivers, taps, strict=True)]
+    recorders = [Recorder(kept, index) if kept else None for index in range(len(receivers))]
+    sources = [_source(*each, preset, feed.sender) for each in zip(receivers, recorders, strict=True)]
     feeds = [source for source in sources if isinstance(source, FeedSource)]
-    tapped = [TappedSource(source, tap) if tap else source for source, tap in zip(sources, taps, strict=True)]
-    with kept or nullcontext(), Service(performers, tapped, [*sinks, shown]) as service:
+    with kept or nullcontext(), Service(performers, sources, [*sinks, shown]) as service:
         _announce(sources, sinks)
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, lambda *_: service.stop())
@@ -162,7 +229,7 @@ def fitted(motions: MotionLibrary, whose: str, joints: Sequence[str]) -> MotionL
 
 def frames_made(source: FeedSource) -> str:
     """Say what became of a feed's joints, and which were lacking where frames were refused."""
-    counts = source.assembler.counts
+    counts = source.decoder.assembler.counts
     closed = ", ".join(f"{count} by {closing}" for closing, count in counts.closed_by.most_common())
     line = (
         f"feed {source.preset.name}: {counts.frames} frames made ({closed or 'none closed'}), "
@@ -201,7 +268,7 @@ def _open(
             receivers.append(zeromq.ZmqReceiver(Endpoint.parse(addresses.zmq_in, bind=True)))
             opened.callback(receivers[-1].close)
         if addresses.osc_out:
-            sinks.append(OscSink(osc.OscSender(*host_and_port(addresses.osc_out))))
+            sinks.append(LayoutSink(NativeLayout(), osc.OscSender(*host_and_port(addresses.osc_out))))
             opened.callback(sinks[-1].close)
         if addresses.zmq_out:
             sinks.append(ZmqSink(zeromq.ZmqSender(Endpoint.parse(addresses.zmq_out, bind=True))))
@@ -218,18 +285,13 @@ def _open(
 def _writer(record: Path, receivers: Sequence[_AnyReceiver], preset: Preset | None) -> RawWriter:
     record.unlink(missing_ok=True)
     presets = {preset.name: preset.text} if preset else {}
-    return RawWriter(record, [described(receiver, preset) for receiver in receivers], presets)
+    return RawWriter(record, [source_name(receiver, preset) for receiver in receivers], presets)
 
 
-def _source(
-    receiver: _AnyReceiver, preset: Preset | None, sender: str, tap: Tap | None
-) -> FeedSource | OscSource | ZmqSource:
-    """Make the source of what comes in at one place, through the tap where there is a recording."""
-    if isinstance(receiver, osc.OscReceiver):
-        packets = TappedPackets(receiver, tap) if tap else receiver
-        return FeedSource(packets, preset, sender=sender) if preset else OscSource(packets)
-    messages = TappedMessages(receiver, tap) if tap else receiver
-    return FeedSource(ZmqPackets(messages), preset) if preset else ZmqSource(messages)
+def _source(receiver: _AnyReceiver, recorder: Recorder | None, preset: Preset | None, sender: str) -> Source:
+    if preset:
+        return FeedSource(receiver, preset, sender=sender, recorder=recorder)
+    return Source(receiver, OscDecoder() if isinstance(receiver, osc.OscReceiver) else ZmqDecoder(), recorder)
 
 
 def _layout_sink(text: str, receivers: Sequence[_AnyReceiver]) -> LayoutSink:
@@ -240,12 +302,12 @@ def _layout_sink(text: str, receivers: Sequence[_AnyReceiver]) -> LayoutSink:
     layout = LAYOUTS[name]()
     if target.partition(":")[0] != "sender":
         host, port = host_and_port(target) if target else ("127.0.0.1", layout.port)
-        return LayoutSink(name, layout, osc.OscSender(host, port))
+        return LayoutSink(layout, osc.OscSender(host, port))
     heard = [receiver for receiver in receivers if isinstance(receiver, osc.OscReceiver)]
     if not heard:
         raise ValueError("--out: expected an OSC feed to reply to, got none")
     port = host_and_port(target)[1] if ":" in target else layout.port
-    return LayoutSink(name, layout, ReplySender(heard[0], port))
+    return LayoutSink(layout, ReplySender(heard[0], port))
 
 
 def _announce(sources: Sequence[Source], sinks: Sequence[Sink]) -> None:

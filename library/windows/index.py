@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple, Self
 import numpy as np
 
 from kinespace.library.distances import distance_rows
+from kinespace.library.kernels.aligned import give_back_memory
 from kinespace.library.motion_library import MotionLibrary
 from kinespace.library.windows.basis import Basis
 from kinespace.library.windows.body import Body
@@ -241,7 +242,10 @@ def _rejection(index: WindowIndex) -> Rejection:
 @lru_cache(maxsize=4)
 def opened(library: MotionLibrary) -> WindowIndex:
     """Give a library's windows; several recognisers of one library share them."""
-    return WindowIndex.of(library)
+    index = WindowIndex.of(library)
+    index.prepare()
+    give_back_memory()
+    return index
 
 
 def usual_weighing(library: MotionLibrary) -> Weighing:

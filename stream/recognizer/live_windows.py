@@ -133,7 +133,7 @@ class LiveWindows:
     def _settle(self) -> None:
         for each in self._rolling:
             each.update()
-        self._distances.take_change()
+        self._distances.pass_over()
 
     def place(self) -> NDArray[np.float64]:
         """Give the newest row's point in the basis, relative to the body's size, shape (directions,); needs a row."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import gc
-import signal
 import sys
 import threading
 import time
@@ -37,6 +36,7 @@ from kinespace.tools.cli.arguments import (
     add_settings,
     settings_of,
 )
+from kinespace.tools.cli.interruption import stop_on_signals
 from kinespace.tools.feeding.joint_sets import joints_in_order
 from kinespace.tools.programs.feeds import preset_named
 from kinespace.tools.terminal.console import console
@@ -190,8 +190,7 @@ def recognise(
     feeds = [source for source in sources if isinstance(source, FeedSource)]
     with kept or nullcontext(), Service(performers, sources, [*sinks, shown]) as service:
         _announce(sources, sinks)
-        for number in (signal.SIGINT, signal.SIGTERM):
-            signal.signal(number, lambda *_: service.stop())
+        stop_on_signals(service.stop)
         # What was loaded so far lives as long as we do: the collector need not look at it again.
         gc.freeze()
         if isinstance(shown, LiveTable):

@@ -72,6 +72,8 @@ class Status:
         What was not believed: other senders of a performer, performers that are not let in, times that jump.
     stale
         Answers not sent because their packets had waited for too long, and newer answers followed.
+    compared
+        Performers whose joints are not simply the library's: whose names they are, and how many are compared.
     notes
         What a person should know now, a line each: trouble with a recording, the last reason why packets were refused.
     """
@@ -84,6 +86,7 @@ class Status:
     hop_p99: float
     refused: dict[str, str] = field(default_factory=dict)
     admission: AdmissionCounts = field(default_factory=AdmissionCounts)
+    compared: dict[str, str] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
     stale: int = 0
 

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
-from typing import TYPE_CHECKING, Self
+from itertools import groupby
+from typing import TYPE_CHECKING, NamedTuple, Self
 
 import numpy as np
 
 from kinespace.library.distances import distance_rows
+from kinespace.library.kernels.aligned import give_back_memory
 from kinespace.library.motion_library import MotionLibrary
 from kinespace.library.windows.basis import Basis
 from kinespace.library.windows.body import Body
@@ -20,7 +22,7 @@ from kinespace.library.windows.parts import EIGEN_LONG
 from kinespace.library.windows.rejection import Rejection, learned_rejection, typical_evidence
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Iterable, Mapping, Sequence
 
     from numpy.typing import NDArray
 
@@ -34,6 +36,8 @@ _EVERY_ONE, _EVERY_SEVERAL = 0.1, 0.4
 _MEASURED_AT = 30.0
 #: Frames per second at which the basis is learned.
 _BASIS_AT = 10.0
+#: Windows from which metrics are learned, at most, and windows of which all numbers are kept at once, about.
+_MAX_LESSONS, _PIECE = 10_000, 4_000
 #: People from whom metrics can be learned: with fewer the built-in library's people teach.
 _TEACHERS = 3
 
@@ -54,6 +58,8 @@ class WindowIndex:
         The leading eigenvector of each window over two seconds, in the basis, shape (windows, directions), float32.
     motions
         Index of each window's motion, ascending, shape (windows,).
+    judged_by
+        How a known motion is told from an unknown one; None where the motions teach it when it is first asked for.
     classes
         All class names that windows have, sorted; `nothing` among them when the library holds such motions.
     """
@@ -65,6 +71,7 @@ class WindowIndex:
     vectors: tuple[NDArray[np.float32], ...] = field(repr=False)
     eigenvectors: NDArray[np.float32] = field(repr=False)
     motions: NDArray[np.intp] = field(repr=False)
+    judged_by: Rejection | None = field(default=None, repr=False)
     classes: tuple[str, ...] = field(init=False)
     blocks: Blocks = field(init=False, repr=False)
     _windows: Windows = field(init=False, repr=False)
@@ -75,14 +82,13 @@ class WindowIndex:
         object.__setattr__(self, "classes", tuple(classes))
         people = [self.library.motions[index].actor for index in self.motions]
         object.__setattr__(self, "blocks", Blocks.of(np.searchsorted(classes, names), people))
-        object.__setattr__(self, "vectors", tuple(rounded(each) for each in self.vectors))
         windows = Windows(self.comparison, self.vectors, self.eigenvectors, self.blocks)
         object.__setattr__(self, "_windows", windows)
 
     @property
     def rejection(self) -> Rejection:
         """How a known motion is told from an unknown one; learned from the motions when first asked for."""
-        return _rejection(self)
+        return self.judged_by or _rejection(self)
 
     @classmethod
     def of(cls, library: MotionLibrary, teacher: MotionLibrary | None = None, weighing: Weighing | None = None) -> Self:
@@ -105,24 +111,55 @@ class WindowIndex:
         weighing = weighing or usual_weighing(library)
         teacher = teacher or teacher_of(library)
         body, basis = Body.of(teacher.skeleton), learned_basis(teacher)
-        clips, ends, motions = measured_clips(teacher, _EVERY_SEVERAL, weighing.first)
-        cut = CutWindows(clips, ends, body, basis)
-        comparison = Comparison.learned(weighing, cut.numbers(), _lessons(teacher, motions))
-        if library is not teacher:
-            clips, ends, motions = measured_clips(library, first=weighing.first)
-            cut = CutWindows(clips, ends, body, basis)
-        return cls(
-            library,
-            body,
-            basis,
-            comparison,
-            vectors=tuple(comparison.place(cut.numbers())),
-            eigenvectors=cut.eigenpairs[EIGEN_LONG.seconds].vectors[:, 0].astype(np.float32),
-            motions=motions,
-        )
+        taught = _Measured.of(teacher, _EVERY_SEVERAL, weighing.first)
+        lessons = taught.thinned(_MAX_LESSONS)
+        cut = CutWindows(lessons.clips, lessons.ends, body, basis)
+        numbers = cut.numbers(weighing.parts)
+        comparison = Comparison.learned(weighing, numbers, _lessons(teacher, lessons.motions))
+        if library is teacher and lessons is taught:
+            placed = Placed.of(comparison, cut, numbers)
+        else:
+            taught = taught if library is teacher else _Measured.of(library, _every(library), weighing.first)
+            placed = taught.placed(comparison, body, basis)
+        return cls(library, body, basis, comparison, placed.vectors, placed.eigenvectors, taught.motions)
 
     def __len__(self) -> int:
         return len(self.motions)
+
+    def with_motions(self, clips: Iterable[Clip]) -> WindowIndex:
+        """Add clips to the library, each as one motion, and cut their windows.
+
+        Basis, metrics and rejection stay as they were learned; `of` learns them anew. So this takes milliseconds, and a
+        feed goes on without a pause (`stream.recognizer.Recognizer.exchange`).
+
+        Raises
+        ------
+        ValueError
+            A clip has no class name, too few frames, no movement, or joints more than a kilometre away; or no clip is
+            long enough for a window.
+        SkeletonMismatchError
+            A clip has not the library's joints.
+        """
+        library = self.library.with_motions(clips)
+        known = {id(motion) for motion in self.library.motions}
+        # The motions that were there before stay in their order.
+        is_new = np.array([id(motion) not in known for motion in library.motions])
+        before, added = np.flatnonzero(~is_new), np.flatnonzero(is_new)
+        taught = replace(library, motions=tuple(library.motions[place] for place in added))
+        measured = _Measured.of(taught, _every(library), self.comparison.weighing.first)
+        placed = measured.placed(self.comparison, self.body, self.basis)
+        motions = np.concatenate([before[self.motions], added[measured.motions]])
+        order = np.argsort(motions, kind="stable")
+        index = replace(
+            self,
+            library=library,
+            vectors=tuple(np.concatenate(each)[order] for each in zip(self.vectors, placed.vectors, strict=True)),
+            eigenvectors=np.concatenate([self.eigenvectors, placed.eigenvectors])[order],
+            motions=motions[order],
+            judged_by=self.rejection,
+        )
+        index.prepare()
+        return index
 
     def without(self, motions: Sequence[int]) -> WindowIndex:
         """Give the index without the windows of some motions; the metrics stay as they were learned."""
@@ -154,6 +191,10 @@ class WindowIndex:
         (views, classes).
         """
         return self._windows.compared(numbers)
+
+    def prepare(self) -> None:
+        """Do now what the first comparison would wait for."""
+        self._windows.prepare()
 
     def own_distances(self, window: int, left_out: NDArray[np.bool_]) -> NDArray[np.float64]:
         """Compare one of the library's own windows with the others, some of them left out.
@@ -201,7 +242,10 @@ def _rejection(index: WindowIndex) -> Rejection:
 @lru_cache(maxsize=4)
 def opened(library: MotionLibrary) -> WindowIndex:
     """Give a library's windows; several recognisers of one library share them."""
-    return WindowIndex.of(library)
+    index = WindowIndex.of(library)
+    index.prepare()
+    give_back_memory()
+    return index
 
 
 def usual_weighing(library: MotionLibrary) -> Weighing:
@@ -240,11 +284,10 @@ def _in_order(library: MotionLibrary, skeleton: Skeleton) -> MotionLibrary:
 
 def learned_basis(library: MotionLibrary, *, weighted: bool = True) -> Basis:
     """Learn the basis from a library's motions."""
-    rows: dict[str, list[NDArray[np.float64]]] = {}
-    for clip in library.motions:
-        thinned = clip.positions[:: max(1, round(clip.frame_rate / _BASIS_AT))]
-        rows.setdefault(clip.class_name, []).append(distance_rows(thinned, clip.skeleton))
-    return Basis.learned(rows, Body.of(library.skeleton), weighted=weighted)
+    by_class = groupby(library.motions, key=lambda clip: clip.class_name)
+    rows = ((_thinned(clip, _BASIS_AT) for clip in clips) for _, clips in by_class)
+    measured = ((distance_rows(clip.positions, clip.skeleton) for clip in clips) for clips in rows)
+    return Basis.learned(measured, Body.of(library.skeleton), weighted=weighted)
 
 
 def measured_clips(
@@ -270,8 +313,8 @@ def measured_clips(
     ValueError
         No motion is long enough for a window.
     """
-    every = every or (_EVERY_SEVERAL if len(library.actors) > 1 else _EVERY_ONE)
-    clips = [_thinned(clip) for clip in library.motions]
+    every = every or _every(library)
+    clips = [_thinned(clip, _MEASURED_AT) for clip in library.motions]
     ends = [window_ends(clip, every, first) for clip in clips]
     motions = np.repeat(np.arange(len(clips)), [len(each) for each in ends])
     if not len(motions):
@@ -279,8 +322,60 @@ def measured_clips(
     return clips, ends, motions
 
 
-def _thinned(clip: Clip) -> Clip:
-    step = max(1, round(clip.frame_rate / _MEASURED_AT))
+def _every(library: MotionLibrary) -> float:
+    """Say how many seconds lie between two windows of a motion that are kept."""
+    return _EVERY_SEVERAL if len(library.actors) > 1 else _EVERY_ONE
+
+
+class Placed(NamedTuple):
+    """Windows as an index keeps them; fields are `WindowIndex`'s."""
+
+    vectors: tuple[NDArray[np.float32], ...]
+    eigenvectors: NDArray[np.float32]
+
+    @classmethod
+    def of(cls, comparison: Comparison, cut: CutWindows, numbers: Mapping[Part, NDArray[np.float64]]) -> Placed:
+        """Place windows of which these are the numbers."""
+        vectors = tuple(rounded(each) for each in comparison.place(numbers))
+        return cls(vectors, cut.eigenpairs[EIGEN_LONG.seconds].vectors[:, 0].astype(np.float32))
+
+
+class _Measured(NamedTuple):
+    """Where to cut a library's motions into windows: what `measured_clips` gives."""
+
+    clips: list[Clip]
+    ends: list[NDArray[np.intp]]
+    motions: NDArray[np.intp]
+
+    @classmethod
+    def of(cls, library: MotionLibrary, every: float, first: float) -> _Measured:
+        return cls(*measured_clips(library, every, first))
+
+    def thinned(self, most: int) -> _Measured:
+        """Keep so many of the windows at most, evenly; all where there are no more."""
+        step = -(-len(self.motions) // most)
+        if step == 1:
+            return self
+        begins = np.cumsum([0, *map(len, self.ends)])
+        ends = [each[-int(begin) % step :: step] for begin, each in zip(begins, self.ends, strict=False)]
+        return _Measured(self.clips, ends, self.motions[::step])
+
+    def placed(self, comparison: Comparison, body: Body, basis: Basis) -> Placed:
+        """Cut and place the windows, some motions at a time: their numbers take much more memory than their vectors."""
+        pieces, begin = list[Placed](), 0
+        pieces_of = np.cumsum([0, *map(len, self.ends)]) // _PIECE
+        for end in [*(np.flatnonzero(np.diff(pieces_of)) + 1), len(self.clips)]:
+            cut = CutWindows(self.clips[begin:end], self.ends[begin:end], body, basis)
+            pieces.append(Placed.of(comparison, cut, cut.numbers(comparison.weighing.parts)))
+            begin = end
+        vectors = zip(*(piece.vectors for piece in pieces), strict=True)
+        return Placed(
+            tuple(np.concatenate(each) for each in vectors), np.concatenate([piece.eigenvectors for piece in pieces])
+        )
+
+
+def _thinned(clip: Clip, frame_rate: float) -> Clip:
+    step = max(1, round(clip.frame_rate / frame_rate))
     return replace(clip, positions=clip.positions[::step], frame_rate=clip.frame_rate / step)
 
 

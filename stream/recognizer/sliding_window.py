@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import mmap
+import os
 from contextlib import suppress
 from typing import TYPE_CHECKING, NamedTuple, Protocol
 
@@ -18,6 +19,8 @@ if TYPE_CHECKING:
 
 #: Frames per second up to which a window holds all its seconds. A faster feed shortens the window.
 FASTEST_FEED = 500.0
+#: A process that forks and its child have windows of their own; where no process forks the word means something else.
+_PRIVATE = mmap.ACCESS_COPY if hasattr(os, "fork") else mmap.ACCESS_DEFAULT
 #: Rows that may enter before the changes must be taken.
 MAX_PENDING = 64
 #: Seconds within which two spans are as long. A feed's times are multiples of a frame with rounding, a quarter of a
@@ -179,8 +182,12 @@ class SlidingWindow:
         """Say what entered and what left since the last call; a row that did both is in neither."""
         fresh = max(self._fresh, self._start)
         came, went = slice(fresh, self.end), slice(self._kept, min(self._start, self._fresh))
-        self._kept, self._fresh = self._start, self.end
+        self.pass_over()
         return Change(self._rows[came], self._rows[went], self._times[came], self._times[went])
+
+    def pass_over(self) -> None:
+        """Pass over the changes: nobody follows this window."""
+        self._kept, self._fresh = self._start, self.end
 
     @property
     def rows(self) -> NDArray[np.float64]:
@@ -274,7 +281,7 @@ def _reserved(rows: int, width: int) -> NDArray[np.float64]:
     stride = numbers_per_row(width)
     size = rows * stride * np.dtype(np.float64).itemsize
     try:
-        memory = mmap.mmap(-1, size)
+        memory = mmap.mmap(-1, size, access=_PRIVATE)
     except (OSError, OverflowError) as error:
         raise MemoryError(f"expected room for {rows} rows of {width} numbers, {size} bytes") from error
     if hasattr(mmap, "MADV_NOHUGEPAGE"):

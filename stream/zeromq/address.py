@@ -12,6 +12,8 @@ if TYPE_CHECKING:
 #: Bytes of a message's part above which ZeroMQ refuses it and ends the connection: a frame of 4096 joints in doubles,
 #: with their names, fits twice.
 MAX_MESSAGE = 1 << 18
+#: Bytes of a subscription: the longest topic has 270. ZeroMQ keeps every subscription in memory.
+MAX_SUBSCRIPTION = 512
 #: Messages waiting in a socket: eight seconds of a 120 Hz feed, then ZeroMQ itself begins to throw away.
 _HIGH_WATER_MARK = 1000
 #: Seconds of silence after which the system asks whether the other machine is still there, seconds between two more
@@ -51,7 +53,8 @@ class Endpoint(NamedTuple):
         opened: zmq.Socket[bytes] = zmq.Context.instance().socket(kind)
         opened.linger = 0
         opened.set_hwm(_HIGH_WATER_MARK)
-        opened.setsockopt(zmq.MAXMSGSIZE, MAX_MESSAGE)
+        # What a publisher hears are subscriptions.
+        opened.setsockopt(zmq.MAXMSGSIZE, MAX_SUBSCRIPTION if kind == zmq.PUB else MAX_MESSAGE)
         opened.setsockopt(zmq.TCP_KEEPALIVE, 1)
         opened.setsockopt(zmq.TCP_KEEPALIVE_IDLE, _ASK_AFTER)
         opened.setsockopt(zmq.TCP_KEEPALIVE_INTVL, _ASK_EVERY)

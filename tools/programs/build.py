@@ -4,17 +4,20 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from functools import reduce
+from pathlib import Path
 from typing import TYPE_CHECKING
 
-from kinespace.library import NOTHING, Clip, MotionLibrary, find_recordings, hdm05, read_recordings
+from kinespace.library import NOTHING, Clip, MotionLibrary, find_recordings, hdm05
 from kinespace.library.formats.labels import cut, read_labels
 from kinespace.library.recordings import labelled, performed
-from kinespace.tools.terminal.console import console, progress
+from kinespace.tools.cli.arguments import add_actor_in, add_changes, add_labels, add_overwrite, add_reading, reading_of
+from kinespace.tools.terminal.console import console
+from kinespace.tools.terminal.named_joints import read_and_tell
 from kinespace.tools.terminal.output_path import require_place_for
 
 if TYPE_CHECKING:
+    import argparse
     from collections.abc import Iterable, Iterator, Mapping, Sequence
-    from pathlib import Path
 
     from kinespace.library import Reading
 
@@ -70,7 +73,38 @@ class Terms:
         )
 
 
-def run(
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the program's options."""
+    parser.description = (
+        "Puts the motions of recordings and library files together, over the joints that all of them have. A "
+        "recording's class is in its name (HDM05) or is its folder's name."
+    )
+    parser.add_argument("sources", nargs="+", type=Path, metavar="SOURCE", help="folders, recordings or libraries")
+    parser.add_argument("-o", "--output", type=Path, required=True, metavar="FILE", help="the library to write")
+    add_overwrite(parser)
+    add_changes(parser)
+    add_labels(parser, "for each recording, in order: cut it into these motions")
+    add_reading(parser)
+    add_actor_in(parser)
+    parser.add_argument("--licence", help="terms of the recordings (default: HDM05's, if they are named like HDM05's)")
+    parser.add_argument("--attribution", help="the authors to name (default: HDM05's, if they are named like HDM05's)")
+
+
+def run(options: argparse.Namespace) -> int:
+    """Run the program with these options; return the exit status."""
+    return build(
+        options.sources,
+        options.output,
+        nothing=options.nothing,
+        labels=options.labels,
+        reading=reading_of(options),
+        terms=Terms(options.licence, options.attribution),
+        changes=Changes(options.without, dict(options.rename)),
+        overwrite=options.overwrite,
+    )
+
+
+def build(
     sources: Sequence[Path],
     output: Path,
     *,
@@ -132,7 +166,7 @@ def _labelled(places: Sequence[Path], reading: Reading, terms: Terms, labels: Se
     paths = find_recordings(places)
     if labels and len(labels) != len(paths):
         raise ValueError(f"--labels: expected one for each of {len(paths)} recordings, got {len(labels)}")
-    takes = progress(read_recordings(paths, reading), "Reading", len(paths))
+    takes = read_and_tell(paths, reading)
     for place, (take, path) in enumerate(zip(takes, paths, strict=True)):
         clip = terms.put_on(take, path)
         if labels:

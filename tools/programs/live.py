@@ -8,22 +8,36 @@ import sys
 import threading
 import time
 from contextlib import ExitStack, nullcontext
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rich.live import Live
 
 from kinespace.library import MotionLibrary
+from kinespace.library.naming import Naming
 from kinespace.stream import osc, zeromq
 from kinespace.stream.feeds.source import FeedSource
 from kinespace.stream.inputs import Admission, OscDecoder, Source, ZmqDecoder
 from kinespace.stream.outputs import LAYOUTS, LayoutSink, NativeLayout, ReplySink, Sink, ZmqSink
-from kinespace.stream.recognizer import Performers, Recognizer
+from kinespace.stream.recognizer import Performers, Recognizer, SentJoints
 from kinespace.stream.recording import RawWriter, Recorder, source_name
+from kinespace.stream.restricted_beside import RestrictedBeside
 from kinespace.stream.service import Service
 from kinespace.stream.zeromq import Endpoint
 from kinespace.tools.cli.address import host_and_port
+from kinespace.tools.cli.arguments import (
+    OSC_IN,
+    add_inputs,
+    add_library,
+    add_names,
+    add_overwrite,
+    add_sender,
+    add_settings,
+    names,
+    settings_of,
+)
 from kinespace.tools.cli.interruption import stop_on_signals
 from kinespace.tools.feeding.joint_sets import joints_in_order
 from kinespace.tools.programs.feeds import preset_named
@@ -32,13 +46,15 @@ from kinespace.tools.terminal.live_table import LiveTable, PlainLines, summary
 from kinespace.tools.terminal.output_path import require_place_for
 
 if TYPE_CHECKING:
+    import argparse
     from collections.abc import Sequence
-    from pathlib import Path
 
     from kinespace.stream.feeds import Preset
     from kinespace.stream.inputs.receiver import Networks
     from kinespace.stream.recognizer import Settings
 
+#: Where answers go unless the user says otherwise: a port that none of the usual receivers uses.
+OSC_OUT = "127.0.0.1:9311"
 #: Times a second the table is drawn.
 _REDRAWS = 5
 #: Seconds a thread may keep Python's lock while another waits. Drawing takes longer than a frame may wait.
@@ -70,12 +86,15 @@ class Feed:
     joints
         What frames in our own messages hold whose sender does not say so, as
         `tools.feeding.joint_sets.joints_in_order` reads it; None for the library's joints.
+    naming
+        How the joint names are read that senders of our own messages announce.
     """
 
     preset: str | None = None
     sender: str = "127.0.0.1"
     outs: Sequence[str] = ()
     joints: str | None = None
+    naming: Naming = field(default_factory=Naming)
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,7 +122,71 @@ _NO_GUARD = Guard()
 _AnyReceiver = osc.OscReceiver | zeromq.ZmqReceiver
 
 
-def run(
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the program's options."""
+    parser.description = (
+        f"Recognises frames and publishes answers until Ctrl-C. Unless told otherwise: OSC in on {OSC_IN}, out to "
+        f"{OSC_OUT}. A ZeroMQ endpoint is bound; put > before it to connect instead."
+    )
+    add_inputs(parser)
+    parser.add_argument("--osc-out", metavar="HOST:PORT", help="send OSC answers there")
+    parser.add_argument("--zmq-out", metavar="ENDPOINT", help="publish ZeroMQ answers")
+    parser.add_argument(
+        "--feed", metavar="NAME", help="read the feed of this product, see kinespace feeds; or FILE.toml"
+    )
+    add_sender(parser)
+    parser.add_argument(
+        "--out",
+        action="append",
+        default=[],
+        metavar="NAME[=HOST:PORT]",
+        help="answer in the layout of touchdesigner, max, wekinator, vmc-thru, vrchat or native; sender:PORT replies",
+    )
+    parser.add_argument(
+        "--joints",
+        metavar="A,B,...",
+        help="the joints of frames whose sender never names them, in order: the library's names, or a preset that "
+        "lists them, like kinectv2, or FILE.toml (default: the library's joints)",
+    )
+    add_names(parser, "senders")
+    add_library(parser)
+    add_settings(parser)
+    parser.add_argument("--allow", type=names, default=(), metavar="A,B,...", help="recognise these performers only")
+    parser.add_argument(
+        "--allow-from", type=names, default=(), metavar="NETWORK,...", help="read packets from these networks only"
+    )
+    parser.add_argument("--merge", action="store_true", help="let several senders send frames of one performer")
+    parser.add_argument("--performers", type=int, default=32, help="how many performers at most (default %(default)s)")
+    parser.add_argument("--record", type=Path, metavar="FILE", help="keep every packet that comes in, for replay")
+    add_overwrite(parser)
+    parser.add_argument("--plain", action="store_true", help="print a line per change instead of a table")
+
+
+def run(options: argparse.Namespace) -> int:
+    """Run the program with these options; return the exit status."""
+    none_given = not any((options.osc_in, options.osc_out, options.zmq_in, options.zmq_out))
+    usual_out = not (options.osc_out or options.zmq_out or options.out)
+    usual_in = none_given and not options.feed
+    addresses = Addresses(
+        osc_in=OSC_IN if usual_in else options.osc_in,
+        osc_out=OSC_OUT if usual_out else options.osc_out,
+        zmq_in=options.zmq_in,
+        zmq_out=options.zmq_out,
+    )
+    return recognise(
+        addresses,
+        library=options.library,
+        settings=settings_of(options),
+        most=options.performers,
+        plain=options.plain,
+        record=options.record,
+        overwrite=options.overwrite,
+        feed=Feed(options.feed, options.sender, tuple(options.out), options.joints, Naming.asked(options.naming)),
+        guard=Guard(options.allow, options.allow_from, options.merge),
+    )
+
+
+def recognise(
     addresses: Addresses,
     *,
     library: Path | None,
@@ -119,6 +202,8 @@ def run(
     if record:
         require_place_for(record, overwrite=overwrite)
     motions = MotionLibrary.load(library) if library else MotionLibrary.builtin()
+    if feed.naming.convention or feed.naming.finds:
+        motions = motions.in_our_names(Naming())
     preset = preset_named(feed.preset) if feed.preset else None
     joints = _assumed_joints(feed)
     if preset:
@@ -126,7 +211,8 @@ def run(
     elif joints:
         motions = fitted(motions, "--joints", joints)
     _require_room_for(motions, settings)
-    performers = Performers(motions, settings, most=most, joints=joints)
+    sent = SentJoints(joints, feed.naming, RestrictedBeside(motions, settings))
+    performers = Performers(motions, settings, most=most, joints=sent)
     shown: PlainLines | LiveTable = PlainLines() if plain or not console.is_terminal else LiveTable(motions.classes)
     admission = Admission(silence=performers.silence, merge=guard.merge, allowed=guard.performers)
     networks = [ipaddress.ip_network(each, strict=False) for each in guard.networks]
@@ -155,7 +241,7 @@ def run(
 def _assumed_joints(feed: Feed) -> tuple[str, ...]:
     if feed.joints and feed.preset:
         raise ValueError("--joints: expected no --feed with it; a preset says which joints there are")
-    return joints_in_order(feed.joints) if feed.joints else ()
+    return feed.naming.read(joints_in_order(feed.joints)).joints if feed.joints else ()
 
 
 def fitted(motions: MotionLibrary, whose: str, joints: Sequence[str]) -> MotionLibrary:

@@ -167,3 +167,51 @@ def test_peers_from_elsewhere_do_not_connect(network: str, *, let_in: bool) -> N
     assert bool(publisher.poll(0)) == let_in
     publisher.close()
     receiver.close()
+
+
+def test_invented_names_leave_room_for_a_performer(sticks: MotionLibrary) -> None:
+    """A performer that sends steadily displaces a name that was never answered; performers that were answered stay."""
+    performers = Performers(sticks, most=4)
+    positions = stick_clip("wave", seed=3, frames=360).positions
+    answers = dict.fromkeys(("ann", "bob"), 0)
+    for step, joints in enumerate(positions):
+        moment = step / 120
+        if step % 15 == 0:
+            for number in range(8):
+                # The joints of another body: never answered.
+                performers.push(Frame(f"invented {number}", 1 + moment, joints[:3]), moment)
+        for name in answers:
+            answers[name] += performers.push(Frame(name, 1 + moment, joints), moment) is not None
+    assert min(answers.values()) > 30
+    assert {"ann", "bob"} <= set(performers.names)
+    assert len(performers) == 4
+
+
+def test_names_that_keep_coming_do_not_displace_performers(sticks: MotionLibrary) -> None:
+    """Where everybody was answered there is no room, however steadily another sends."""
+    performers = Performers(sticks, most=1)
+    positions = stick_clip("wave", seed=3, frames=360).positions
+    for step, joints in enumerate(positions):
+        for name in ("ann", "eve"):
+            performers.push(Frame(name, 1 + step / 120, joints), step / 120)
+    assert performers.names == ("ann",)
+    assert performers.counts.no_room == 360
+
+
+def test_a_subscription_is_bounded() -> None:
+    """A subscriber to a topic longer than any of ours is cut off, and an ordinary one goes on hearing."""
+    sender = zeromq.ZmqSender(zeromq.Endpoint(f"tcp://{LOOPBACK}:*", bind=True))
+    greedy, ordinary = (zmq.Context.instance().socket(zmq.SUB) for _ in range(2))
+    events = greedy.get_monitor_socket(zmq.EVENT_DISCONNECTED)
+    for subscriber, topic in ((greedy, b"class/" + b"x" * 2000), (ordinary, b"class/")):
+        subscriber.linger = 0
+        subscriber.connect(sender.address)
+        subscriber.subscribe(topic)
+    until = time.monotonic() + PATIENCE
+    while not (ordinary.poll(10) and events.poll(0)) and time.monotonic() < until:
+        sender.send([b"class/ann/", b"x" * 100_000])
+    assert ordinary.poll(0)
+    assert events.poll(0)
+    greedy.disable_monitor()
+    for each in (greedy, ordinary, sender):
+        each.close()

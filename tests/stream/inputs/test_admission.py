@@ -213,5 +213,6 @@ def test_a_subscription_is_bounded() -> None:
     assert ordinary.poll(0)
     assert events.poll(0)
     greedy.disable_monitor()
+    events.close()
     for each in (greedy, ordinary, sender):
         each.close()

@@ -20,6 +20,7 @@ from kinespace.library.kernels import compiled
 from kinespace.library.motion_library import MotionLibrary
 from kinespace.library.recordings import find_recordings, read_recordings
 from kinespace.library.windows.index import opened
+from kinespace.stream.osc import udp
 from kinespace.tools.bench import recorded
 from kinespace.tools.feeding.feed import resampled
 
@@ -170,3 +171,9 @@ def small_index(small_library: MotionLibrary) -> WindowIndex:
 def played() -> NDArray[np.float32]:
     """Give what the bench plays: motions of the built-in library, 120 frames a second, (frames, joints, 3)."""
     return recorded.positions()
+
+
+@pytest.fixture
+def no_waiting(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let no packet have waited in the system, for tests whose own clock does not go on meanwhile."""
+    monkeypatch.setattr(udp, "_MAX_WAITED", 0.0)

@@ -81,6 +81,7 @@ def test_oscsend_announces_joints_and_sends_a_frame(liblo_tools: LibloTools) -> 
     np.testing.assert_array_equal(frame.positions.astype(np.float32), positions)
 
 
+@pytest.mark.usefixtures("no_waiting")
 def test_oscsend_sends_joints_one_by_one(liblo_tools: LibloTools) -> None:
     """OSCeleton's loose joint messages from oscsend make its frame, in metres, moved as a whole at most."""
     positions = ghost_cues("squat1Reps", 0.1)[0].frame.positions

@@ -221,8 +221,9 @@ def recognise(
     sources = [_source(*each, preset, feed.sender, admission) for each in zip(receivers, recorders, strict=True)]
     feeds = [source for source in sources if isinstance(source, FeedSource)]
     with kept or nullcontext(), Service(performers, sources, [*sinks, shown], admission=admission) as service:
-        _announce(sources, sinks)
+        # Before anybody can know that we are there.
         stop_on_signals(service.stop)
+        _announce(sources, sinks)
         # What was loaded so far lives as long as we do: the collector need not look at it again.
         gc.freeze()
         if isinstance(shown, LiveTable):

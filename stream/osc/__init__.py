@@ -9,6 +9,7 @@ from kinespace.stream.osc.answers import (
     decode_answer,
     encode_classes,
     encode_event,
+    encode_gone,
     encode_recognition,
     encode_status,
 )
@@ -41,6 +42,7 @@ __all__ = [
     "encode_classes",
     "encode_event",
     "encode_frame",
+    "encode_gone",
     "encode_message",
     "encode_recognition",
     "encode_status",

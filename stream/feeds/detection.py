@@ -6,12 +6,14 @@ import re
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, NamedTuple
 
+from kinespace.library.motion_library import MIN_JOINTS
+from kinespace.library.naming import Naming
 from kinespace.stream.feeds.frame_assembler import FrameAssembler
 from kinespace.stream.feeds.message_reader import Mapper, MessageError
 from kinespace.stream.feeds.preset import Means
 from kinespace.stream.feeds.unpackers import UNPACKERS
 from kinespace.stream.frame import Frame
-from kinespace.stream.osc.frames import SKELETON
+from kinespace.stream.osc.frames import SKELETON, decode
 from kinespace.stream.osc.packet import PacketError
 
 if TYPE_CHECKING:
@@ -26,6 +28,8 @@ MOST_KINDS = 200
 _MOST_SENDERS = 50
 #: Messages and packets kept to be looked at as each preset's.
 _MOST_KEPT = 20_000
+#: The preset of our own messages, and their addresses.
+NATIVE, OURS = "native", ("/motion/frame", SKELETON)
 #: Ways to pack that tell by themselves whether a packet is of theirs.
 _PACKINGS = ("osc", "rokoko", "zigsim", "xsens")
 #: Joints a message must bring, relative to those a preset has, to say that this is it.
@@ -148,6 +152,8 @@ class Survey:
 
     def looked_at_as(self, preset: Preset) -> Guess:
         """Say what a preset makes of everything that came."""
+        if preset.name == NATIVE and self.announced:
+            return self._as_our_own(preset)
         mapper, assembler = Mapper(preset), FrameAssembler(preset)
         understood = total = 0
         joints = dict[str, None]()
@@ -178,6 +184,31 @@ class Survey:
             performers=tuple(times),
             unknown=tuple(sorted(mapper.unknown)),
             refused=assembler.counts.incomplete,
+        )
+
+    def _as_our_own(self, preset: Preset) -> Guess:
+        """Read our own messages, whose senders name their joints, as the recogniser does: by our names for them."""
+        named = set(Naming().read(self.announced).joints)
+        frames, times = 0, dict[str, list[float]]()
+        for datagram, arrival in self._kept:
+            for event in decode(datagram, arrival).events:
+                if isinstance(event, Frame) and len(event.positions) == len(self.announced):
+                    times.setdefault(event.performer, []).append(arrival)
+                frames += isinstance(event, Frame)
+        whole, joints = sum(map(len, times.values())), tuple(each for each in preset.joints if each in named)
+        longest = max(times.values(), key=len, default=[])
+        span = longest[-1] - longest[0] if longest else 0.0
+        ours = sum(kind.count for kind in self.kinds.values() if kind.address in OURS)
+        return Guess(
+            preset=preset,
+            understood=ours / max(sum(kind.count for kind in self.kinds.values()), 1),
+            joints=joints,
+            missing=tuple(each for each in preset.joints if each not in named),
+            frames=whole if len(joints) >= MIN_JOINTS else 0,
+            rate=(len(longest) - 1) / span if span > 0 else 0.0,
+            performers=tuple(times),
+            unknown=(),
+            refused=frames - whole,
         )
 
     def _unpacked_as(self, packing: str) -> list[tuple[list[Message], float, bool]]:

@@ -31,6 +31,8 @@ if TYPE_CHECKING:
 MAX_ANSWER = 1200
 _SIZE, _CLASS, _EVENT = struct.Struct(">i"), struct.Struct(">iff"), struct.Struct(">iff")
 _MAX_INTEGER = 2**31 - 1
+#: The largest number that OSC holds as a float.
+_MAX_FLOAT = (2 - 2**-23) * 2.0**127
 #: Characters that OSC 1.0 reserves in addresses, and those that do not print.
 _NOT_IN_ADDRESS = re.compile(r"[^!-~]|[#*,/?\[\]{}]")
 
@@ -92,7 +94,8 @@ def encode_event(event: Event, since: float = 0.0) -> bytes:
         of some hours, not of a clock that began in 1970.
     """
     address = f"/motion/{address_part(event.performer)}/event"
-    numbers = _EVENT.pack(event.index, event.score, event.time - since)
+    elapsed = min(max(event.time - since, -_MAX_FLOAT), _MAX_FLOAT)
+    numbers = _EVENT.pack(event.index, event.score, elapsed)
     return b"".join([padded(address), b",ssiff\0\0", padded(event.kind), padded(event.label), numbers])
 
 

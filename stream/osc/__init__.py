@@ -10,6 +10,7 @@ from kinespace.stream.osc.answers import (
     encode_classes,
     encode_event,
     encode_gone,
+    encode_progress,
     encode_recognition,
     encode_status,
 )
@@ -44,6 +45,7 @@ __all__ = [
     "encode_frame",
     "encode_gone",
     "encode_message",
+    "encode_progress",
     "encode_recognition",
     "encode_status",
 ]

@@ -85,7 +85,7 @@ class NoiseScore:
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Say which options the program takes."""
+    """Add the program's options."""
     parser.description = (
         "Plays motions at 30 frames per second with white noise on every coordinate into the live recogniser. Motions "
         "are left out of the library in groups, so that none is named by itself."
@@ -115,7 +115,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Run the program as its options say; the exit status."""
+    """Run the program with these options; return the exit status."""
     return evaluate(
         options.folder,
         reading=reading_of(options),

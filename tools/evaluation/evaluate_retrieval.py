@@ -82,7 +82,7 @@ class _Outcome(NamedTuple):
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Say which options the program takes."""
+    """Add the program's options."""
     parser.description = (
         "For every motion, counts whether its nearest other motion is of its class, and whether one of the two nearest "
         "is, in the spaces of joint distances, joint positions and joint rotations."
@@ -122,7 +122,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Run the program as its options say; the exit status."""
+    """Run the program with these options; return the exit status."""
     return evaluate(
         options.folder,
         reading=reading_of(options),

@@ -74,7 +74,7 @@ class Terms:
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Say which options the program takes."""
+    """Add the program's options."""
     parser.description = (
         "Puts the motions of recordings and library files together, over the joints that all of them have. A "
         "recording's class is in its name (HDM05) or is its folder's name."
@@ -86,12 +86,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_labels(parser, "for each recording, in order: cut it into these motions")
     add_reading(parser)
     add_actor_in(parser)
-    parser.add_argument("--licence", help="terms of the recordings (default: HDM05's, of those that are named so)")
-    parser.add_argument("--attribution", help="whom to name (default: HDM05's, of those that are named so)")
+    parser.add_argument("--licence", help="terms of the recordings (default: HDM05's, if they are named like HDM05's)")
+    parser.add_argument("--attribution", help="the authors to name (default: HDM05's, if they are named like HDM05's)")
 
 
 def run(options: argparse.Namespace) -> int:
-    """Run the program as its options say; the exit status."""
+    """Run the program with these options; return the exit status."""
     return build(
         options.sources,
         options.output,

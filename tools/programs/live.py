@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import gc
-import signal
 import sys
 import threading
 import time
@@ -37,6 +36,7 @@ from kinespace.tools.cli.arguments import (
     add_settings,
     settings_of,
 )
+from kinespace.tools.cli.interruption import stop_on_signals
 from kinespace.tools.feeding.joint_sets import joints_in_order
 from kinespace.tools.programs.feeds import preset_named
 from kinespace.tools.terminal.console import console
@@ -50,7 +50,7 @@ if TYPE_CHECKING:
     from kinespace.stream.feeds import Preset
     from kinespace.stream.recognizer import Settings
 
-#: Where answers go when nothing else is said: a port that none of the usual receivers uses.
+#: Where answers go unless the user says otherwise: a port that none of the usual receivers uses.
 OSC_OUT = "127.0.0.1:9311"
 #: The addresses of all of a machine's networks, and of the machine itself.
 _ANY_HOST, _THIS_MACHINE = ("0.0.0.0", "::"), ("127.0.0.1", "::1")  # noqa: S104 - compared, not bound
@@ -102,7 +102,7 @@ _AnyReceiver = osc.OscReceiver | zeromq.ZmqReceiver
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Say which options the program takes."""
+    """Add the program's options."""
     parser.description = (
         f"Recognises frames and publishes answers until Ctrl-C. Unless told otherwise: OSC in on {OSC_IN}, out to "
         f"{OSC_OUT}. A ZeroMQ endpoint is bound; put > before it to connect instead."
@@ -111,7 +111,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--osc-out", metavar="HOST:PORT", help="send OSC answers there")
     parser.add_argument("--zmq-out", metavar="ENDPOINT", help="publish ZeroMQ answers")
     parser.add_argument(
-        "--feed", metavar="NAME", help="frames are another product's: see kinespace feeds; or FILE.toml"
+        "--feed", metavar="NAME", help="read the feed of this product, see kinespace feeds; or FILE.toml"
     )
     add_sender(parser)
     parser.add_argument(
@@ -124,20 +124,20 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--joints",
         metavar="A,B,...",
-        help="what frames hold, in order, whose sender never names their joints: the library's names, or a preset that "
+        help="the joints of frames whose sender never names them, in order: the library's names, or a preset that "
         "lists them, like kinectv2, or FILE.toml (default: the library's joints)",
     )
     add_names(parser, "senders")
     add_library(parser)
     add_settings(parser)
-    parser.add_argument("--performers", type=int, default=32, help="how many at once, at most (default %(default)s)")
-    parser.add_argument("--record", type=Path, metavar="FILE", help="keep every packet that comes, for replay")
+    parser.add_argument("--performers", type=int, default=32, help="how many performers at most (default %(default)s)")
+    parser.add_argument("--record", type=Path, metavar="FILE", help="keep every packet that comes in, for replay")
     add_overwrite(parser)
     parser.add_argument("--plain", action="store_true", help="print a line per change instead of a table")
 
 
 def run(options: argparse.Namespace) -> int:
-    """Run the program as its options say; the exit status."""
+    """Run the program with these options; return the exit status."""
     none_given = not any((options.osc_in, options.osc_out, options.zmq_in, options.zmq_out))
     usual_out = not (options.osc_out or options.zmq_out or options.out)
     usual_in = none_given and not options.feed
@@ -192,8 +192,7 @@ def recognise(
     feeds = [source for source in sources if isinstance(source, FeedSource)]
     with kept or nullcontext(), Service(performers, sources, [*sinks, shown]) as service:
         _announce(sources, sinks)
-        for number in (signal.SIGINT, signal.SIGTERM):
-            signal.signal(number, lambda *_: service.stop())
+        stop_on_signals(service.stop)
         # What was loaded so far lives as long as we do: the collector need not look at it again.
         gc.freeze()
         if isinstance(shown, LiveTable):

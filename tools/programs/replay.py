@@ -133,7 +133,7 @@ class Score:
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Say which options the program takes."""
+    """Add the program's options."""
     parser.description = (
         "Sends recordings as live packets on an absolute schedule. With --listen it hears the answers and prints the "
         "share that was right; a clip's class is in its name (HDM05) or is its folder's name. Exit status: 0 sent "
@@ -153,21 +153,21 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--zmq", metavar="ENDPOINT", help="publish on ZeroMQ instead; connects, put @ before it to bind"
     )
     parser.add_argument("--listen", metavar="ADDRESS", help="HOST:PORT or ZeroMQ endpoint where the answers come")
-    parser.add_argument("--performer", default="replay", help="who performs (default %(default)s)")
+    parser.add_argument("--performer", default="replay", help="name of the performer (default %(default)s)")
     parser.add_argument("--speed", type=positive, default=1.0, help="times as fast as recorded (default %(default)s)")
     parser.add_argument("--pause", type=not_negative, default=1.0, help="seconds between clips (default %(default)s)")
     parser.add_argument("--from", type=not_negative, default=0.0, dest="begin", metavar="S", help="begin there")
     parser.add_argument("--to", type=positive, dest="end", metavar="S", help="end there, seconds of each recording")
     parser.add_argument("--loop", action="store_true", help="begin again after the last clip, until Ctrl-C")
     parser.add_argument("--drop", type=share, default=0.0, metavar="SHARE", help="lose this share of frames")
-    parser.add_argument("--jitter-ms", type=not_negative, default=0.0, metavar="MS", help="be late by up to this")
+    parser.add_argument("--jitter-ms", type=not_negative, default=0.0, metavar="MS", help="delay frames by up to this")
     parser.add_argument("--reorder", type=share, default=0.0, metavar="SHARE", help="swap this share with the next")
-    parser.add_argument("--seed", type=int, default=0, help="of the faults (default %(default)s)")
+    parser.add_argument("--seed", type=int, default=0, help="seed of the faults (default %(default)s)")
     add_json(parser)
 
 
 def run(options: argparse.Namespace) -> int:
-    """Run the program as its options say; the exit status."""
+    """Run the program with these options; return the exit status."""
     return play(
         options.clips,
         reading=reading_of(options),

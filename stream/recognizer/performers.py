@@ -178,6 +178,8 @@ class Performers:
     def _told(self, performer: _Performer) -> str:
         used, wanted = len(performer.library.skeleton.joints), len(self.library.skeleton.joints)
         title = self._naming.met(performer.joints, self.library.skeleton.joints).title
+        if performer.is_waiting and performer.unusable:
+            return f"{f'{title} names: ' if title else ''}{performer.unusable}, which takes some seconds"
         if performer.unusable or not (title or used < wanted):
             return ""
         return f"{f'{title} names: ' if title else ''}{used} of {wanted} joints"
@@ -197,6 +199,8 @@ class Performers:
         """
         performer = self._performer(announcement.performer, arrival)
         if performer is None:
+            return
+        if self._announced.get(announcement.performer) == announcement and performer.joints == announcement.joints:
             return
         if announcement.performer not in self._announced and len(self._announced) >= _REMEMBERED * self.most:
             del self._announced[next(iter(self._announced))]
@@ -227,7 +231,7 @@ class Performers:
         if library is None:
             performer.is_waiting = True
             # After an exchange the library before it serves until the new one is ready.
-            performer.unusable = "" if as_before else f"the library is being restricted to {len(shared)} of them"
+            performer.unusable = "" if as_before else f"the library is being restricted to {len(shared)} of its joints"
         if library is None and not as_before:
             return
         library = library or performer.library
@@ -285,8 +289,9 @@ class Performers:
             return None
         if performer.is_waiting:
             self._fit(performer)
-            if not performer.unusable:
-                self._refused.pop(frame.performer, None)
+            if performer.is_waiting and performer.unusable:
+                self._counts.other_joints += 1
+                return None
         if performer.unusable or len(frame.positions) != len(performer.joints):
             self._counts.other_joints += 1
             if performer.refused_size != len(frame.positions):

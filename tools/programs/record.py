@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import signal
 import time
 from contextlib import ExitStack
 from pathlib import Path
@@ -16,6 +15,7 @@ from kinespace.stream.recording import RawWriter, Recorder, source_name
 from kinespace.stream.zeromq import Endpoint
 from kinespace.tools.cli.address import host_and_port
 from kinespace.tools.cli.arguments import OSC_IN, add_inputs, add_overwrite, positive
+from kinespace.tools.cli.interruption import stop_on_signals
 from kinespace.tools.terminal.console import console, progress_console
 from kinespace.tools.terminal.output_path import require_place_for
 
@@ -23,13 +23,13 @@ if TYPE_CHECKING:
     import argparse
 
 #: Milliseconds of the longest sleep: how soon Ctrl-C is heard.
-_LONGEST_SLEEP = 100
+_MAX_SLEEP = 100
 
 _Receivers = list[osc.OscReceiver | zeromq.ZmqReceiver]
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Say which options the program takes."""
+    """Add the program's options."""
     parser.description = (
         "Keeps every packet with its arrival time and sender until Ctrl-C. A crash costs the last second at most. "
         "kinespace replay sends the file again bit for bit; kinespace live --record keeps what it hears."
@@ -41,7 +41,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Run the program as its options say; the exit status."""
+    """Run the program with these options; return the exit status."""
     return record(
         options.output,
         osc_in=options.osc_in or (None if options.zmq_in else OSC_IN),
@@ -72,8 +72,7 @@ def record(output: Path, *, osc_in: str | None, zmq_in: str | None, seconds: flo
         names = list(map(source_name, receivers))
         writer = opened.enter_context(RawWriter(output, names))
         recording = _Recording(receivers, writer)
-        for number in (signal.SIGINT, signal.SIGTERM):
-            signal.signal(number, lambda *_: recording.stop())
+        stop_on_signals(recording.stop)
         console.print(f"recording {', '.join(names)} to {output}; Ctrl-C ends", soft_wrap=True)
         with Status("nothing has come yet", console=progress_console) as shown:
             recording.run(seconds, shown)
@@ -127,7 +126,7 @@ class _Recording:
         """Go on until stopped or until so many seconds have gone by; what has arrived by then is still kept."""
         began = told = time.monotonic()
         while not self._stopped and (seconds is None or time.monotonic() < began + seconds):
-            self._poller.poll(_LONGEST_SLEEP)
+            self._poller.poll(_MAX_SLEEP)
             self._keep()
             if time.monotonic() >= told + 1.0:
                 told = time.monotonic()

@@ -5,8 +5,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-from naive_core import best_products, log_distances
-from naive_windows import NaiveComparison, NaiveMetric, as_vector
+from naive_windows import NaiveComparison, NaiveMetric, as_vector, best_products, log_distances
 
 from kinespace.library import MotionLibrary, Skeleton
 from kinespace.library.motion_library import NOTHING

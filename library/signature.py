@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.linalg import eigh
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -63,6 +62,8 @@ def similarity(axes: NDArray[np.floating], axis: NDArray[np.floating]) -> NDArra
 
 def _leading(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
     """Find the eigenvector of a symmetric matrix's largest eigenvalue."""
+    from scipy.linalg import eigh  # noqa: PLC0415 - slow to load, and a live feed does without
+
     last = len(matrix) - 1
     _, vectors = eigh(matrix, subset_by_index=[last, last])
     vector: NDArray[np.float64] = vectors[:, 0]

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple, Self
 import numpy as np
 
 from kinespace.library.distances import distance_rows
+from kinespace.library.kernels.aligned import give_back_memory
 from kinespace.library.motion_library import MotionLibrary
 from kinespace.library.windows.basis import Basis
 from kinespace.library.windows.body import Body
@@ -36,7 +37,7 @@ _MEASURED_AT = 30.0
 #: Frames per second at which the basis is learned.
 _BASIS_AT = 10.0
 #: Windows from which metrics are learned, at most, and windows of which all numbers are kept at once, about.
-_MAX_LESSONS, _PIECE = 20_000, 4_000
+_MAX_LESSONS, _PIECE = 10_000, 4_000
 #: People from whom metrics can be learned: with fewer the built-in library's people teach.
 _TEACHERS = 3
 
@@ -113,7 +114,7 @@ class WindowIndex:
         taught = _Measured.of(teacher, _EVERY_SEVERAL, weighing.first)
         lessons = taught.thinned(_MAX_LESSONS)
         cut = CutWindows(lessons.clips, lessons.ends, body, basis)
-        numbers = cut.numbers()
+        numbers = cut.numbers(weighing.parts)
         comparison = Comparison.learned(weighing, numbers, _lessons(teacher, lessons.motions))
         if library is teacher and lessons is taught:
             placed = Placed.of(comparison, cut, numbers)
@@ -241,7 +242,10 @@ def _rejection(index: WindowIndex) -> Rejection:
 @lru_cache(maxsize=4)
 def opened(library: MotionLibrary) -> WindowIndex:
     """Give a library's windows; several recognisers of one library share them."""
-    return WindowIndex.of(library)
+    index = WindowIndex.of(library)
+    index.prepare()
+    give_back_memory()
+    return index
 
 
 def usual_weighing(library: MotionLibrary) -> Weighing:
@@ -362,7 +366,7 @@ class _Measured(NamedTuple):
         pieces_of = np.cumsum([0, *map(len, self.ends)]) // _PIECE
         for end in [*(np.flatnonzero(np.diff(pieces_of)) + 1), len(self.clips)]:
             cut = CutWindows(self.clips[begin:end], self.ends[begin:end], body, basis)
-            pieces.append(Placed.of(comparison, cut, cut.numbers()))
+            pieces.append(Placed.of(comparison, cut, cut.numbers(comparison.weighing.parts)))
             begin = end
         vectors = zip(*(piece.vectors for piece in pieces), strict=True)
         return Placed(

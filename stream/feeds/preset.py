@@ -298,6 +298,8 @@ def parse_preset(text: str, name: str, file: str) -> Preset:
         table = CheckedTable(file, "", tomllib.loads(text))
     except tomllib.TOMLDecodeError as error:
         raise PresetError(f"{file}: expected TOML, got a mistake: {error}") from error
+    except RecursionError as error:
+        raise PresetError(f"{file}: expected TOML, got tables or lists nested too deep") from error
     order = table.texts("order")
     if len(set(map(spelling, order))) != len(order):
         raise table.fail("order", "distinct names")

@@ -9,6 +9,7 @@ from kinespace.stream.osc.answers import (
     decode_answer,
     encode_classes,
     encode_event,
+    encode_progress,
     encode_recognition,
     encode_status,
 )
@@ -42,6 +43,7 @@ __all__ = [
     "encode_event",
     "encode_frame",
     "encode_message",
+    "encode_progress",
     "encode_recognition",
     "encode_status",
 ]

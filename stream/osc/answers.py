@@ -1,8 +1,9 @@
 """Answers as OSC messages.
 
 `/motion/<performer>/class i index f score f margin`, `/motion/<performer>/label s` and `/motion/<performer>/scores f*K`
-in one bundle for each recognition; `/motion/<performer>/event s start or end s label i index f score d time` when a
-motion starts or ends; `/motion/classes s*K`; `/motion/status`.
+in one bundle for each recognition, and with them, while a motion is followed, `/motion/<performer>/progress i index of
+its class f phase f speed f amplitude f sure f scrub i cycles`; `/motion/<performer>/event s start or end s label i
+index f score d time` when a motion starts or ends; `/motion/classes s*K`; `/motion/status`.
 
 The class message holds numbers only, because TouchDesigner's OSC In CHOP takes nothing else. Its index is the moment's
 best guess, in the order of `/motion/classes`, and -1 where there is nothing to guess from. The label is "unknown" when
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
 #: Bytes of an answer. Most networks cut larger datagrams into fragments, and one lost fragment loses the datagram.
 MAX_ANSWER = 1200
 _SIZE, _CLASS, _EVENT = struct.Struct(">i"), struct.Struct(">iff"), struct.Struct(">ifd")
+_PROGRESS = struct.Struct(">ifffffi")
 _MAX_INTEGER = 2**31 - 1
 #: Characters that OSC 1.0 reserves in addresses, and those that do not print.
 _NOT_IN_ADDRESS = re.compile(r"[^!-~]|[#*,/?\[\]{}]")
@@ -38,7 +40,7 @@ def encode_recognition(recognition: Recognition) -> bytes:
 
     The scores of a library with too many classes for that (some 200) are left out; class and label never are.
     """
-    class_head, label_head, scores_head = _answer_heads(recognition.performer, len(recognition.scores))
+    class_head, label_head, scores_head, progress_head = _answer_heads(recognition.performer, len(recognition.scores))
     label = padded(recognition.label)
     parts = [
         BUNDLE_START,
@@ -49,6 +51,8 @@ def encode_recognition(recognition: Recognition) -> bytes:
         label_head,
         label,
     ]
+    if recognition.progress:
+        parts += [_SIZE.pack(len(progress_head) + _PROGRESS.size), progress_head, _progress(recognition)]
     scores = recognition.scores.astype(">f4").tobytes()
     size = sum(map(len, parts)) + _SIZE.size + len(scores_head) + len(scores)
     if size <= MAX_ANSWER:
@@ -57,12 +61,27 @@ def encode_recognition(recognition: Recognition) -> bytes:
 
 
 @lru_cache(maxsize=1024)
-def _answer_heads(performer: str, classes: int) -> tuple[bytes, bytes, bytes]:
-    """Give what stands before the arguments of class, label and scores: the same in each of a performer's answers."""
+def _answer_heads(performer: str, classes: int) -> tuple[bytes, bytes, bytes, bytes]:
+    """Give what stands before the arguments of class, label, scores and progress: the same in each answer."""
     start = f"/motion/{address_part(performer)}"
-    layouts = {"class": ",iff", "label": ",s", "scores": "," + "f" * classes}
+    layouts = {"class": ",iff", "label": ",s", "scores": "," + "f" * classes, "progress": ",ifffffi"}
     heads = [padded(f"{start}/{last}") + padded(types) for last, types in layouts.items()]
-    return heads[0], heads[1], heads[2]
+    return heads[0], heads[1], heads[2], heads[3]
+
+
+def _progress(recognition: Recognition) -> bytes:
+    """Pack the arguments of the progress message; nothing when no motion is followed."""
+    told = recognition.progress
+    if told is None:
+        return b""
+    numbers = (told.phase, told.speed, told.amplitude, told.sure, told.scrub)
+    return _PROGRESS.pack(recognition.progress_index, *numbers, told.cycles)
+
+
+def encode_progress(recognition: Recognition) -> bytes:
+    """Encode `/motion/<performer>/progress` by itself; empty when no motion is followed."""
+    head = _answer_heads(recognition.performer, len(recognition.scores))[3]
+    return head + _progress(recognition) if recognition.progress else b""
 
 
 def encode_event(event: Event) -> bytes:

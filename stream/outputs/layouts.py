@@ -97,7 +97,7 @@ class TouchDesignerLayout(NativeLayout):
         self._last: dict[str, int] = {}
 
     def recognition(self, recognition: Recognition) -> bytes | None:
-        """`/motion/<performer>/class i index f score f margin i changed` and `/motion/<performer>/scores f*K`.
+        """`/motion/<performer>/class i index f score f margin i changed`, `.../scores f*K`, `.../progress`.
 
         The index is that of the named class, -1 for none; changed is 1 in the one message in which it is another.
         """
@@ -107,8 +107,9 @@ class TouchDesignerLayout(NativeLayout):
         told = encode_message(
             f"{start}/class", recognition.class_index, recognition.score, recognition.margin, int(changed)
         )
-        whole = encode_bundle(told, encode_message(f"{start}/scores", *map(float, recognition.scores)))
-        return whole if len(whole) <= answers.MAX_ANSWER else told
+        followed = (answers.encode_progress(recognition),) if recognition.progress else ()
+        whole = encode_bundle(told, *followed, encode_message(f"{start}/scores", *map(float, recognition.scores)))
+        return whole if len(whole) <= answers.MAX_ANSWER else encode_bundle(told, *followed)
 
     def event(self, event: Event) -> bytes | None:
         """`/motion/<performer>/going i index`, -1 when a motion ended."""

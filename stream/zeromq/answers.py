@@ -17,7 +17,7 @@ from kinespace.stream.zeromq.frames import VERSION
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from kinespace.stream.recognition import Event, Recognition
+    from kinespace.stream.recognition import Event, Progress, Recognition
     from kinespace.stream.status import Status
 
 #: Digits of a class's score.
@@ -63,8 +63,18 @@ def encode_recognition(recognition: Recognition) -> list[bytes]:
         "gap": float(recognition.gap),
         "eigenvector_class": recognition.eigenvector_class,
         "eigenvector_score": float(recognition.eigenvector_score),
+        "progress": _progress(recognition.progress),
     }
     return [f"class/{recognition.performer}/".encode(), _encode(answer)]
+
+
+def _progress(progress: Progress | None) -> dict[str, str | float] | None:
+    """Describe how far a motion is; null where none is followed."""
+    if progress is None:
+        return None
+    described: dict[str, str | float] = asdict(progress)
+    described["class"] = described.pop("class_name")
+    return described
 
 
 def encode_event(event: Event) -> list[bytes]:

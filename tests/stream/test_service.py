@@ -73,6 +73,7 @@ class FakeSource:
     """Packets from a list; each is the events it holds. Something seems always to be waiting on its socket."""
 
     tended = False
+    notes = ()
 
     def __init__(self, packets: Sequence[Sequence[Frame | Announcement]] = ()) -> None:
         self.waiting = deque(packets)

@@ -153,8 +153,8 @@ def test_the_core_does_no_input_or_output(path: Path) -> None:
 
 
 def test_the_core_is_loaded_without_transports() -> None:
-    """Importing the recogniser and the library, as the README does, loads neither ZeroMQ nor python-osc nor rich."""
-    others = "{'zmq', 'pythonosc', 'rich', 'matplotlib'}"
+    """Importing the recogniser and the library, as the README does, loads no transport, no terminal and no scipy."""
+    others = "{'zmq', 'pythonosc', 'rich', 'matplotlib', 'scipy'}"
     code = f"import sys, kinespace.library, kinespace.stream; print(sorted({others} & set(sys.modules)))"
     command = [sys.executable, "-c", code]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True, timeout=60)

@@ -17,6 +17,9 @@ def main() -> int:
     for name in _THREADS:
         os.environ.setdefault(name, "1")
     try:
+        from kinespace.tools.cli.interruption import interrupt_on_signals  # noqa: PLC0415 - as below
+
+        interrupt_on_signals()
         from kinespace.tools.cli.main import main as run  # noqa: PLC0415 - Ctrl-C must end the program while this loads
 
         return run()

@@ -46,6 +46,7 @@ EXPERIMENTS: Programs = {
         "evaluation.evaluate_noise",
         "motions as a noisy sensor sees them, each left out of the library that names it",
     ),
+    "progress": ("evaluation.evaluate_progress", "how right phase, speed and amplitude are, beside a clock"),
 }
 
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kinespace.library import MotionLibrary, find_recordings, read_recordings
+from kinespace.library import MotionLibrary, find_recordings
 from kinespace.library.recordings import labelled
 from kinespace.stream.frame import Frame
 from kinespace.stream.recognizer import Recognizer, Settings
@@ -28,6 +28,7 @@ from kinespace.tools.evaluation.bootstrap import Interval, Ratio
 from kinespace.tools.evaluation.stream_tables import interval, percent
 from kinespace.tools.feeding.joint_sets import joints_of
 from kinespace.tools.terminal.console import console, progress
+from kinespace.tools.terminal.named_joints import read_and_tell
 from kinespace.tools.terminal.tables import narrow_table
 
 if TYPE_CHECKING:
@@ -182,7 +183,7 @@ def _library(places: Sequence[Path], reading: Reading) -> MotionLibrary:
     if not places:
         return MotionLibrary.builtin()
     paths = find_recordings(places)
-    read = progress(read_recordings(paths, reading), "Reading", len(paths))
+    read = read_and_tell(paths, reading)
     return MotionLibrary.of_clips(
         [labelled(clip, path, reading.actor_in) for clip, path in zip(read, paths, strict=True)]
     )

@@ -11,6 +11,7 @@ import numpy as np
 
 from kinespace.stream import osc, zeromq
 from kinespace.stream.frame import Announcement, Frame
+from kinespace.tools.cli.interruption import check_interrupted
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
@@ -22,6 +23,9 @@ if TYPE_CHECKING:
 
 #: Seconds between two announcements of the skeleton, as a live sender repeats it for receivers that start later.
 ANNOUNCE_EVERY = 1.0
+
+#: Seconds of the longest sleep: how soon an end that was asked for is noticed.
+_MAX_SLEEP = 0.1
 
 #: A datagram, or the parts of a ZeroMQ message.
 Packet = bytes | list[bytes]
@@ -268,7 +272,14 @@ class Pace:
         return seconds
 
     def wait_for(self, due: float) -> None:
-        """Sleep until so many seconds after the start; return at once when that is past."""
-        remaining = self.moment(due) - time.perf_counter()
-        if remaining > 0:
-            time.sleep(remaining)
+        """Sleep until so many seconds after the start; return at once when that is past.
+
+        Raises
+        ------
+        KeyboardInterrupt
+            The program's end was asked for.
+        """
+        check_interrupted()
+        while (remaining := self.moment(due) - time.perf_counter()) > 0:
+            time.sleep(min(remaining, _MAX_SLEEP))
+            check_interrupted()

@@ -193,8 +193,16 @@ class BackgroundService:
 
 def _serve(connection: Connection, request: _Request) -> None:
     """Run in the child: open sockets, say where, go on until told to stop, say how it went."""
-    # Ctrl-C reaches every process of a terminal; this one ends when its parent says so.
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    # Ctrl-C and a closed terminal reach every process of it; this one ends when its parent says so, or is gone.
+    for name in ("SIGINT", "SIGHUP", "SIGBREAK"):
+        if hasattr(signal, name):
+            signal.signal(getattr(signal, name), signal.SIG_IGN)
+    # A parent that is gone wants to know nothing.
+    with suppress(BrokenPipeError, ConnectionError):
+        _serve_parent(connection, request)
+
+
+def _serve_parent(connection: Connection, request: _Request) -> None:
     try:
         source, sink, addresses = _osc_ends(request) if request.transport == "osc" else _zmq_ends()
         performers = None if request.stand_in else _performers(request)

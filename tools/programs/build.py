@@ -7,11 +7,12 @@ from functools import reduce
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from kinespace.library import NOTHING, Clip, MotionLibrary, find_recordings, hdm05, read_recordings
+from kinespace.library import NOTHING, Clip, MotionLibrary, find_recordings, hdm05
 from kinespace.library.formats.labels import cut, read_labels
 from kinespace.library.recordings import labelled, performed
 from kinespace.tools.cli.arguments import add_actor_in, add_changes, add_labels, add_overwrite, add_reading, reading_of
-from kinespace.tools.terminal.console import console, progress
+from kinespace.tools.terminal.console import console
+from kinespace.tools.terminal.named_joints import read_and_tell
 from kinespace.tools.terminal.output_path import require_place_for
 
 if TYPE_CHECKING:
@@ -165,7 +166,7 @@ def _labelled(places: Sequence[Path], reading: Reading, terms: Terms, labels: Se
     paths = find_recordings(places)
     if labels and len(labels) != len(paths):
         raise ValueError(f"--labels: expected one for each of {len(paths)} recordings, got {len(labels)}")
-    takes = progress(read_recordings(paths, reading), "Reading", len(paths))
+    takes = read_and_tell(paths, reading)
     for place, (take, path) in enumerate(zip(takes, paths, strict=True)):
         clip = terms.put_on(take, path)
         if labels:

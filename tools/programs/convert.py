@@ -23,6 +23,7 @@ from kinespace.stream.recording.kinerec import ENDING, RawFile
 from kinespace.tools.cli.arguments import add_overwrite, add_reading, add_recorded_feed, reading_of
 from kinespace.tools.programs.feeds import preset_named
 from kinespace.tools.terminal.console import console, printable, progress
+from kinespace.tools.terminal.named_joints import NameTeller
 from kinespace.tools.terminal.output_path import require_place_for
 
 if TYPE_CHECKING:
@@ -137,7 +138,7 @@ def _of_file(source: Path, reading: Reading) -> _Motion:
 
 def _clips(path: Path, reading: Reading) -> Iterator[Clip]:
     with RecordingReader(reading) as reader:
-        yield from reader.pieces(path)
+        yield from map(NameTeller(), reader.pieces(path))
 
 
 def _postures_of(clips: Iterable[Clip]) -> Iterator[_Posture]:

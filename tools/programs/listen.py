@@ -15,6 +15,7 @@ from kinespace.stream.feeds import builtin_names, builtin_preset
 from kinespace.stream.feeds.detection import MOST_KINDS, Guess, Survey
 from kinespace.stream.feeds.handshake import NEVER, farewells, is_due, questions
 from kinespace.stream.osc import SKELETON, OscReceiver
+from kinespace.stream.osc.udp import LookedUp
 from kinespace.tools.cli.address import host_and_port
 from kinespace.tools.cli.arguments import OSC_IN, add_json, add_sender, positive
 from kinespace.tools.programs.feeds import preset_named
@@ -95,6 +96,7 @@ def heard(receiver: OscReceiver, seconds: float, preset: Preset | None, sender: 
     survey = Survey()
     poller = zmq.Poller()
     poller.register(receiver.socket, zmq.POLLIN)
+    target = LookedUp(sender, preset.asking.port) if preset and preset.asking else None
     asked = NEVER
     until = time.monotonic() + seconds
     try:
@@ -102,7 +104,7 @@ def heard(receiver: OscReceiver, seconds: float, preset: Preset | None, sender: 
             if preset and preset.asking and is_due(preset.asking, now, asked, NEVER if not survey.packets else now):
                 asked = now
                 for packet in questions(preset, receiver.address[1]):
-                    receiver.send_to(packet, (sender, preset.asking.port))
+                    _tell(receiver, packet, target)
             poller.poll(min(_MAX_WAIT, int((until - now) * 1000) + 1))
             while time.monotonic() < until and (datagram := receiver.receive()) is not None:
                 host, port = receiver.sender or ("", 0)
@@ -111,8 +113,13 @@ def heard(receiver: OscReceiver, seconds: float, preset: Preset | None, sender: 
         pass
     if preset and preset.asking:
         for packet in farewells(preset, receiver.address[1]):
-            receiver.send_to(packet, (sender, preset.asking.port))
+            _tell(receiver, packet, target)
     return survey
+
+
+def _tell(receiver: OscReceiver, packet: bytes, target: LookedUp | None) -> None:
+    if target and target.address:
+        receiver.send_to(packet, target.address)
 
 
 def advice(survey: Survey, guess: Guess | None, address: str | None) -> list[str]:

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import gc
-import signal
 import sys
 import threading
 import time
 from contextlib import ExitStack, nullcontext
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -16,12 +15,14 @@ from typing import TYPE_CHECKING
 from rich.live import Live
 
 from kinespace.library import MotionLibrary
+from kinespace.library.naming import Naming
 from kinespace.stream import osc, zeromq
 from kinespace.stream.feeds.source import FeedSource
 from kinespace.stream.inputs import OscDecoder, Source, ZmqDecoder
 from kinespace.stream.outputs import LAYOUTS, LayoutSink, NativeLayout, ReplySender, Sink, ZmqSink
-from kinespace.stream.recognizer import Performers, Recognizer
+from kinespace.stream.recognizer import Performers, Recognizer, SentJoints
 from kinespace.stream.recording import RawWriter, Recorder, source_name
+from kinespace.stream.restricted_beside import RestrictedBeside
 from kinespace.stream.service import Service
 from kinespace.stream.zeromq import Endpoint
 from kinespace.tools.cli.address import host_and_port
@@ -29,11 +30,13 @@ from kinespace.tools.cli.arguments import (
     OSC_IN,
     add_inputs,
     add_library,
+    add_names,
     add_overwrite,
     add_sender,
     add_settings,
     settings_of,
 )
+from kinespace.tools.cli.interruption import stop_on_signals
 from kinespace.tools.feeding.joint_sets import joints_in_order
 from kinespace.tools.programs.feeds import preset_named
 from kinespace.tools.terminal.console import console
@@ -80,12 +83,15 @@ class Feed:
     joints
         What frames in our own messages hold whose sender does not say so, as
         `tools.feeding.joint_sets.joints_in_order` reads it; None for the library's joints.
+    naming
+        How the joint names are read that senders of our own messages announce.
     """
 
     preset: str | None = None
     sender: str = "127.0.0.1"
     outs: Sequence[str] = ()
     joints: str | None = None
+    naming: Naming = field(default_factory=Naming)
 
 
 _NO_FEED = Feed()
@@ -119,6 +125,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="the joints of frames whose sender never names them, in order: the library's names, or a preset that "
         "lists them, like kinectv2, or FILE.toml (default: the library's joints)",
     )
+    add_names(parser, "senders")
     add_library(parser)
     add_settings(parser)
     parser.add_argument("--performers", type=int, default=32, help="how many performers at most (default %(default)s)")
@@ -146,7 +153,7 @@ def run(options: argparse.Namespace) -> int:
         plain=options.plain,
         record=options.record,
         overwrite=options.overwrite,
-        feed=Feed(options.feed, options.sender, tuple(options.out), options.joints),
+        feed=Feed(options.feed, options.sender, tuple(options.out), options.joints, Naming.asked(options.naming)),
     )
 
 
@@ -165,6 +172,8 @@ def recognise(
     if record:
         require_place_for(record, overwrite=overwrite)
     motions = MotionLibrary.load(library) if library else MotionLibrary.builtin()
+    if feed.naming.convention or feed.naming.finds:
+        motions = motions.in_our_names(Naming())
     preset = preset_named(feed.preset) if feed.preset else None
     joints = _assumed_joints(feed)
     if preset:
@@ -172,7 +181,8 @@ def recognise(
     elif joints:
         motions = fitted(motions, "--joints", joints)
     _require_room_for(motions, settings)
-    performers = Performers(motions, settings, most=most, joints=joints)
+    sent = SentJoints(joints, feed.naming, RestrictedBeside(motions, settings))
+    performers = Performers(motions, settings, most=most, joints=sent)
     shown: PlainLines | LiveTable = PlainLines() if plain or not console.is_terminal else LiveTable(motions.classes)
     receivers, sinks, kept = _open(addresses, feed, preset, record)
     recorders = [Recorder(kept, index) if kept else None for index in range(len(receivers))]
@@ -180,8 +190,7 @@ def recognise(
     feeds = [source for source in sources if isinstance(source, FeedSource)]
     with kept or nullcontext(), Service(performers, sources, [*sinks, shown]) as service:
         _announce(sources, sinks)
-        for number in (signal.SIGINT, signal.SIGTERM):
-            signal.signal(number, lambda *_: service.stop())
+        stop_on_signals(service.stop)
         # What was loaded so far lives as long as we do: the collector need not look at it again.
         gc.freeze()
         if isinstance(shown, LiveTable):
@@ -200,7 +209,7 @@ def recognise(
 def _assumed_joints(feed: Feed) -> tuple[str, ...]:
     if feed.joints and feed.preset:
         raise ValueError("--joints: expected no --feed with it; a preset says which joints there are")
-    return joints_in_order(feed.joints) if feed.joints else ()
+    return feed.naming.read(joints_in_order(feed.joints)).joints if feed.joints else ()
 
 
 def fitted(motions: MotionLibrary, whose: str, joints: Sequence[str]) -> MotionLibrary:

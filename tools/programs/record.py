@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import signal
 import time
 from contextlib import ExitStack
 from pathlib import Path
@@ -16,6 +15,7 @@ from kinespace.stream.recording import RawWriter, Recorder, source_name
 from kinespace.stream.zeromq import Endpoint
 from kinespace.tools.cli.address import host_and_port
 from kinespace.tools.cli.arguments import OSC_IN, add_inputs, add_overwrite, positive
+from kinespace.tools.cli.interruption import stop_on_signals
 from kinespace.tools.terminal.console import console, progress_console
 from kinespace.tools.terminal.output_path import require_place_for
 
@@ -72,8 +72,7 @@ def record(output: Path, *, osc_in: str | None, zmq_in: str | None, seconds: flo
         names = list(map(source_name, receivers))
         writer = opened.enter_context(RawWriter(output, names))
         recording = _Recording(receivers, writer)
-        for number in (signal.SIGINT, signal.SIGTERM):
-            signal.signal(number, lambda *_: recording.stop())
+        stop_on_signals(recording.stop)
         console.print(f"recording {', '.join(names)} to {output}; Ctrl-C ends", soft_wrap=True)
         with Status("nothing has come yet", console=progress_console) as shown:
             recording.run(seconds, shown)

@@ -37,6 +37,7 @@ from kinespace.tools.feeding.prefetch import ReadAhead
 from kinespace.tools.loopback.answer_listener import Listener, answer_in
 from kinespace.tools.programs import replay_packets
 from kinespace.tools.terminal.console import console, progress, progress_console
+from kinespace.tools.terminal.named_joints import NameTeller
 from kinespace.tools.terminal.tables import add_names
 
 if TYPE_CHECKING:
@@ -250,7 +251,9 @@ def _to_play(places: Sequence[Path], reading: Reading) -> list[Path | Clip]:
     """List the files to be read and the built-in library's motions, place by place, each once."""
     found = [each for place in places for each in _in_place(place)] if places else [*MotionLibrary.builtin().motions]
     if reading != Reading() and not any(isinstance(each, Path) for each in found):
-        raise ValueError("replay: expected recordings with --asf, --frame-rate, --unit or --joints, got none to read")
+        raise ValueError(
+            "replay: expected recordings with --asf, --frame-rate, --unit, --joints, --names, got none to read"
+        )
     return list(dict.fromkeys(found))
 
 
@@ -263,12 +266,13 @@ def _in_place(place: Path) -> Sequence[Path | Clip]:
 def _pieces(recordings: Sequence[Path | Clip], reading: Reading, course: Course) -> Iterator[Piece]:
     """Read what is to be played, one recording after the other, in a loop for ever; all with the first one's joints."""
     skeleton: Skeleton | None = None
+    teller = NameTeller()
     with RecordingReader(reading) as reader:
         while True:
             for recording in recordings:
                 for piece in _cut(_read(reader, recording), course.begin, course.end):
                     skeleton = skeleton or piece.clip.skeleton
-                    yield Piece(piece.start, piece.clip.as_of(skeleton))
+                    yield Piece(piece.start, teller(piece.clip).as_of(skeleton))
             if not course.loop:
                 return
 

@@ -41,6 +41,8 @@ class PlainLines(Sink):
     def __init__(self) -> None:
         self._labels: dict[str, str] = {}
         self._refused: dict[str, str] = {}
+        self._compared: dict[str, str] = {}
+        self._notes: tuple[str, ...] = ()
 
     def publish(self, recognition: Recognition) -> None:
         """Print the recognition if it says something new."""
@@ -64,7 +66,14 @@ class PlainLines(Sink):
         for name, why in status.refused.items():
             if self._refused.get(name) != why:
                 console.print(refused_frames(name, why), soft_wrap=True)
-        self._refused = status.refused
+        for name, what in status.compared.items():
+            if self._compared.get(name) != what:
+                console.print(compared_joints(name, what), soft_wrap=True)
+        self._refused, self._compared = status.refused, status.compared
+        for note in status.notes:
+            if note not in self._notes:
+                console.print(printable(note), soft_wrap=True)
+        self._notes = status.notes
 
 
 class LiveTable(Sink):
@@ -131,8 +140,15 @@ class LiveTable(Sink):
         status = self._status
         if status is None:
             return f"{len(self._classes)} classes"
-        told = "".join(f"\n{refused_frames(name, why)}" for name, why in status.refused.items())
+        told = "".join(f"\n{compared_joints(name, what)}" for name, what in status.compared.items())
+        told += "".join(f"\n{refused_frames(name, why)}" for name, why in status.refused.items())
+        told += "".join(f"\n{printable(note)}" for note in status.notes)
         return f"{len(self._classes)} classes · {counts(status)}{told}"
+
+
+def compared_joints(performer: str, what: str) -> str:
+    """Say by which joints a performer is compared."""
+    return f"performer {printable(performer)}: {what}"
 
 
 def refused_frames(performer: str, why: str) -> str:
@@ -164,4 +180,5 @@ def summary(status: Status) -> str:
         f"{status.unsent} answers not sent, "
         f"hop {status.hop_p50 * 1000:.2f} ms (p50) {status.hop_p99 * 1000:.2f} ms (p99)"
         + "".join(f"\n{refused_frames(name, why)}" for name, why in status.refused.items())
+        + "".join(f"\n{printable(note)}" for note in status.notes)
     )

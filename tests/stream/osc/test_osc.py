@@ -25,7 +25,7 @@ from kinespace.stream.answer import Answer
 from kinespace.stream.frame import Announcement, Frame
 from kinespace.stream.osc import frames
 from kinespace.stream.osc.udp import RECEIVE_BUFFER
-from kinespace.stream.recognition import Event, EventKind, Outcome, Recognition
+from kinespace.stream.recognition import Event, EventKind, Outcome, Progress, Recognition
 from kinespace.stream.recognizer.performers import PerformerCounts
 from kinespace.stream.status import InputCounts, Status
 
@@ -332,6 +332,17 @@ def test_an_answer_is_byte_for_byte_python_oscs(
     if len(expected) > osc.MAX_ANSWER:
         expected = _bundle(*messages)
     assert osc.encode_recognition(answer) == expected
+
+
+def test_progress_travels_with_the_answer() -> None:
+    """While a motion is followed, its progress is a message of the bundle, as python-osc builds it."""
+    answer = dataclasses.replace(NAMED, progress=Progress("wave", 0.25, 0.5, 2.0, 0.75, 0.875, 3))
+    index = answer.classes.index("wave")
+    numbers = [index, 0.25, 2.0, 0.75, 0.875, 0.5, 3]
+    assert _params(osc.encode_recognition(answer))["/motion/Ada/progress"] == numbers
+    types = zip("ifffffi", numbers, strict=True)
+    assert osc.encode_progress(answer) == _message("/motion/Ada/progress", *types)
+    assert osc.encode_progress(NAMED) == b""
 
 
 _EVENTS = st.builds(

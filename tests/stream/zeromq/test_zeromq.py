@@ -22,7 +22,7 @@ from kinespace.library.hdm05 import SKELETON
 from kinespace.stream import zeromq
 from kinespace.stream.answer import Answer
 from kinespace.stream.frame import Announcement, Frame
-from kinespace.stream.recognition import Outcome, Recognition
+from kinespace.stream.recognition import Outcome, Progress, Recognition
 from kinespace.stream.recognizer import LiveSignature, Recognizer, Settings
 from kinespace.stream.recognizer.performers import PerformerCounts
 from kinespace.stream.status import InputCounts, Status
@@ -369,9 +369,25 @@ def test_an_answer_holds_the_recognition() -> None:
         "gap": 0.6,
         "eigenvector_class": "wave",
         "eigenvector_score": 0.9,
+        "progress": None,
     }
     unsaid = {"time", "classes", "events", "lead", "evidence"}
     assert {each.name for each in dataclasses.fields(Recognition)} - unsaid <= {"scores", *answer}
+
+
+def test_progress_is_told() -> None:
+    """While a motion is followed, the answer says how far it is."""
+    followed = dataclasses.replace(NAMED, progress=Progress("wave", 0.25, 0.5, 2.0, 0.75, 0.875, 3))
+    told = json.loads(zeromq.encode_recognition(followed)[1])["progress"]
+    assert told == {
+        "class": "wave",
+        "phase": 0.25,
+        "scrub": 0.5,
+        "speed": 2.0,
+        "amplitude": 0.75,
+        "sure": 0.875,
+        "cycles": 3,
+    }
 
 
 def _dumped(recognition: Recognition) -> dict[str, object]:
@@ -398,6 +414,7 @@ def _dumped(recognition: Recognition) -> dict[str, object]:
         "gap": recognition.gap,
         "eigenvector_class": recognition.eigenvector_class,
         "eigenvector_score": recognition.eigenvector_score,
+        "progress": None,
     }
     return json.loads(json.dumps(described))
 

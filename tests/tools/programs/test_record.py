@@ -33,6 +33,8 @@ if TYPE_CHECKING:
 
     from programs import Program
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(autouse=True)
 def _wide(monkeypatch: pytest.MonkeyPatch) -> None:

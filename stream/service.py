@@ -123,7 +123,7 @@ class Service:
         self._stopped = True
 
     def run(self) -> None:
-        """Go on until stopped; what has arrived by then is still answered, and every motion going on is ended."""
+        """Go on until stopped; what has arrived by then is still answered, motions are ended, all leave."""
         try:
             while not self._stopped:
                 self.step(_MAX_SLEEP)
@@ -136,6 +136,7 @@ class Service:
             for sink in self.sinks:
                 for event in ended:
                     sink.publish_event(event)
+            self._tell_gone(self.performers.names)
 
     def step(self, longest: float) -> None:
         """Wait at most `longest` seconds for something to come, and deal with all that has."""
@@ -195,6 +196,11 @@ class Service:
                     sink.publish_event(happened)
             self._hop_times.add(time.perf_counter() - started)
 
+    def _tell_gone(self, performers: Sequence[str]) -> None:
+        for performer in performers:
+            for sink in self.sinks:
+                sink.publish_gone(performer)
+
     def _tell_time(self) -> None:
         now = self._clock()
         if now >= self._next_classes:
@@ -206,6 +212,7 @@ class Service:
             for ended in self.performers.drop_silent(now):
                 for sink in self.sinks:
                     sink.publish_event(ended)
+            self._tell_gone(self.performers.take_gone())
             self._latest_rates = self._rates.read(now)
             status = self.status()
             for sink in self.sinks:

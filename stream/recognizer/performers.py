@@ -111,6 +111,8 @@ class Performers:
         self._performers: dict[str, _Performer] = {}
         #: Ends of what performers did who were dropped to make room, not yet given to anybody.
         self._ended: list[Event] = []
+        #: Performers who were dropped, not yet given to anybody.
+        self._gone: list[str] = []
         # Said once and then only on change, so it outlives a silence.
         self._announced: dict[str, Announcement] = {}
 
@@ -313,9 +315,15 @@ class Performers:
         silent = [name for name, performer in self._performers.items() if now - performer.heard > self.silence]
         for name in silent:
             self._retire(self._performers.pop(name).recognizer)
+            self._gone = [*self._gone[-_REMEMBERED * self.most :], name]
             self._counts.dropped += 1
         ended, self._ended = self._ended, []
         return ended
+
+    def take_gone(self) -> list[str]:
+        """Give the performers who were dropped since this was last asked."""
+        gone, self._gone = self._gone, []
+        return gone
 
     def end(self) -> list[Event]:
         """Give the ends of all motions going on, because nothing more will come."""
@@ -332,6 +340,7 @@ class Performers:
             recognizer = Recognizer(self._compared, self.settings)
             performer = _Performer(recognizer, self.library, arrival, self._assumed, self._assumed_order)
             self._performers[name] = performer
+            self._gone = [each for each in self._gone if each != name]
             self._refused.pop(name, None)
             if name in self._announced:
                 self._learn_joints(performer, self._announced[name])

@@ -161,8 +161,8 @@ def test_motions_added_are_as_if_opened_with_them(small_library: MotionLibrary, 
     """Where others teach, basis and metrics are the same, and so is every window, to the last bit."""
     alone = small_library.without(actors=("dg", "mm"))
     clips = [clip for clip in builtin.motions if clip.class_name == "sneak2StepsLStart" and clip.actor == "bd"]
-    index = WindowIndex.of(alone).with_motions(clips[:2])
-    anew = WindowIndex.of(alone.with_motions(clips[:2]))
+    index = WindowIndex.of(alone, small_library).with_motions(clips[:2])
+    anew = WindowIndex.of(alone.with_motions(clips[:2]), small_library)
     assert index.classes == anew.classes == ("kickLFront1Reps", "lieDownFloor", "sneak2StepsLStart", "squat1Reps")
     assert index.motions.tolist() == anew.motions.tolist()
     assert len(index.library) == len(alone) + 2
@@ -196,9 +196,9 @@ def test_a_large_library_is_opened_in_pieces(
 ) -> None:
     """Cut a few motions at a time, the windows are those that are cut all at once; lessons are a share of them."""
     alone = small_library.without(actors=("dg", "mm"))
-    whole = WindowIndex.of(alone)
+    whole = WindowIndex.of(alone, small_library)
     monkeypatch.setattr("kinespace.library.windows.index._PIECE", 20)
-    pieces = WindowIndex.of(alone)
+    pieces = WindowIndex.of(alone, small_library)
     assert pieces.motions.tolist() == whole.motions.tolist()
     for one, other in zip((*pieces.vectors, pieces.eigenvectors), (*whole.vectors, whole.eigenvectors), strict=True):
         np.testing.assert_allclose(np.abs(one), np.abs(other), atol=2e-3)

@@ -15,6 +15,8 @@ from kinespace.tools.evaluation.learn import fitted
 if TYPE_CHECKING:
     from pathlib import Path
 
+pytestmark = pytest.mark.slow
+
 _CLASSES = ("squat1Reps", "kickLFront1Reps")
 
 

@@ -27,6 +27,8 @@ if TYPE_CHECKING:
     from kinespace.library.motion_library import MotionLibrary
     from kinespace.stream.recognition import Event, Recognition
 
+pytestmark = pytest.mark.slow
+
 #: Everything holds of the compiled loops and of numpy.
 pytestmark = pytest.mark.usefixtures("arithmetic")
 

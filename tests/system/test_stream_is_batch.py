@@ -31,6 +31,8 @@ if TYPE_CHECKING:
     from kinespace.library.windows.index import WindowIndex
     from kinespace.stream.recognition import Recognition
 
+pytestmark = pytest.mark.slow
+
 #: Everything holds of the compiled loops and of numpy.
 pytestmark = pytest.mark.usefixtures("arithmetic")
 

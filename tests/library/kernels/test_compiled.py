@@ -263,6 +263,7 @@ def index(request: pytest.FixtureRequest) -> WindowIndex:
     return WindowIndex.of(_library(2 if request.param == "fewer joints" else 1), weighing=weighing)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("loops")
 def test_windows_are_as_far_as_numpy_finds_them(index: WindowIndex) -> None:
     """At every hop of some motions log distances and scores are numpy's, whatever is compared."""
@@ -308,6 +309,7 @@ def test_more_views_than_there_is_room_for_are_left_to_numpy() -> None:
     assert index.log_distances(numbers).shape == (8 + len(weighing.groups), len(index.classes))
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("loops")
 @pytest.mark.parametrize("copied", [copy.deepcopy, lambda each: pickle.loads(pickle.dumps(each))])  # noqa: S301 - its own
 def test_an_index_can_be_copied(copied: Callable[[object], Any]) -> None:
@@ -327,6 +329,7 @@ def _answers(library: MotionLibrary, settings: Settings, positions: np.ndarray) 
     return [answer for frame in frames if (answer := recognizer.push(frame))]
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("loops")
 @BODIES
 @pytest.mark.parametrize("signature", list(LiveSignature))

@@ -76,6 +76,7 @@ def _batches(count: int, seed: int) -> Iterator[slice]:
         yield slice(begin, end)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("start", [0.0, 1.7e9])
 def test_every_part_by_definition(
     windows: LiveWindows, small_index: WindowIndex, rows: np.ndarray, start: float
@@ -88,6 +89,7 @@ def test_every_part_by_definition(
             _assert_by_definition(windows.read(), small_index, times[: batch.stop], rows[: batch.stop])
 
 
+@pytest.mark.slow
 def test_at_uneven_times_and_after_gaps(windows: LiveWindows, small_index: WindowIndex, rows: np.ndarray) -> None:
     """With frames lost by chance and gaps of up to half a second all parts are those of the rows there are."""
     generator = np.random.default_rng(4)

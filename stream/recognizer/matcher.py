@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple, Protocol
 import numpy as np
 
 from kinespace.library.motion_library import NOTHING, MotionLibrary
+from kinespace.library.progress.phase_table import phase_table
 from kinespace.library.windows.cutting import FIRST_WINDOW
 from kinespace.library.windows.index import opened
 from kinespace.library.windows.paper import opened_by_paper
@@ -15,6 +16,7 @@ from kinespace.library.windows.rejection import Evidence
 from kinespace.stream.recognition import Outcome
 from kinespace.stream.recognizer.hysteresis import Hysteresis, Judgement
 from kinespace.stream.recognizer.live_windows import LiveWindows, PaperWindow
+from kinespace.stream.recognizer.progress import ProgressFollower
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -23,6 +25,7 @@ if TYPE_CHECKING:
 
     from kinespace.library.windows.index import WindowIndex
     from kinespace.library.windows.paper import PaperIndex
+    from kinespace.stream.recognition import Progress
 
 #: Frames without which there is no window to speak of.
 _MIN_FRAMES = 3
@@ -94,6 +97,9 @@ class Matcher(Protocol):
             Standard deviation of a distance's noise, metres.
         """
 
+    def follow(self, time: float, class_name: str | None) -> Progress | None:
+        """Say how far the body is, with the newest row, in the motion of a class; None when nobody asked for it."""
+
     def exchange(self, library: MotionLibrary | WindowIndex) -> None:
         """Compare the same windows with another library of the same joints from now on."""
 
@@ -147,17 +153,20 @@ class WindowMatcher:
     ----------
     index
         The library's windows.
-    stillness, sensitivity
+    stillness, sensitivity, progress
         As `stream.recognizer.settings.Settings` has them.
     """
 
-    def __init__(self, index: WindowIndex, *, stillness: float, sensitivity: float | None) -> None:
+    def __init__(
+        self, index: WindowIndex, *, stillness: float, sensitivity: float | None, progress: bool = False
+    ) -> None:
         self._windows = LiveWindows(index.body, index.basis)
         self.longest = self._windows.longest
         self._stillness, self._sensitivity = stillness, sensitivity
         self._judgement = Judgement(self._threshold(index))
         self._hysteresis = Hysteresis(index.comparison.weighing.lead)
         self._feed = _Feed()
+        self._progress = ProgressFollower(phase_table(index)) if progress else None
         self._compare_with(index)
 
     def _threshold(self, index: WindowIndex) -> float:
@@ -176,6 +185,8 @@ class WindowMatcher:
         self._windows.exchange(index.body, index.basis)
         self._hysteresis.exchange(index.comparison.weighing.lead, places_in(self.classes, index.classes))
         self._judgement.exchange(self._threshold(index))
+        if self._progress:
+            self._progress.exchange(phase_table(index))
         self._compare_with(index)
 
     def clear(self) -> None:
@@ -184,6 +195,12 @@ class WindowMatcher:
         self._hysteresis.clear()
         self._feed.clear()
         self._judgement.clear()
+        if self._progress:
+            self._progress.clear()
+
+    def follow(self, time: float, class_name: str | None) -> Progress | None:
+        """Say how far the body is, with the newest row, in the motion of a class; None when nobody asked for it."""
+        return self._progress.push(time, self._windows.place(), class_name) if self._progress else None
 
     def push(self, times: Sequence[float], rows: NDArray[np.float64]) -> None:
         """Take in distance rows."""
@@ -257,6 +274,10 @@ class PaperMatcher:
         self._window.clear()
         self._hysteresis.clear()
         self._feed.clear()
+
+    def follow(self, time: float, class_name: str | None) -> Progress | None:  # noqa: ARG002 - it has no basis of moments
+        """Say nothing: the paper's signature has no order in time."""
+        return None
 
     def push(self, times: Sequence[float], rows: NDArray[np.float64]) -> None:
         """Take in distance rows."""

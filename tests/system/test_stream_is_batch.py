@@ -12,8 +12,8 @@ import naive_stream
 import naive_windows
 import numpy as np
 import pytest
-from naive_core import evidence, logit
 from naive_stream import NaiveFeed
+from naive_windows import evidence, logit
 from twins import Twin
 
 from kinespace.stream.frame import Frame

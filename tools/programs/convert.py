@@ -18,8 +18,8 @@ from kinespace.library import find_recordings, hdm05
 from kinespace.library.recordings import RecordingReader
 from kinespace.library.skeleton import Skeleton, SkeletonMismatchError
 from kinespace.stream.frame import Announcement
-from kinespace.stream.rawfile import ENDING, RawFile
-from kinespace.stream.rerun import decoded
+from kinespace.stream.recording import decoded
+from kinespace.stream.recording.kinerec import ENDING, RawFile
 from kinespace.tools.programs.feeds import preset_named
 from kinespace.tools.terminal.console import console, printable, progress
 from kinespace.tools.terminal.output_path import require_place_for

@@ -16,14 +16,13 @@ from rich.live import Live
 
 from kinespace.library import MotionLibrary
 from kinespace.stream import osc, zeromq
-from kinespace.stream.connections import Endpoint
 from kinespace.stream.feeds.source import FeedSource
-from kinespace.stream.layouts import LAYOUTS, LayoutSink, ReplySender
-from kinespace.stream.onepart import ZmqPackets
-from kinespace.stream.rawfile import RawWriter
+from kinespace.stream.inputs import OscDecoder, Source, ZmqDecoder
+from kinespace.stream.outputs import LAYOUTS, LayoutSink, NativeLayout, ReplySender, Sink, ZmqSink
 from kinespace.stream.recognizer import Performers, Recognizer
-from kinespace.stream.service import OscSink, OscSource, Service, Sink, Source, ZmqSink, ZmqSource
-from kinespace.stream.tap import Tap, TappedMessages, TappedPackets, TappedSource, described
+from kinespace.stream.recording import RawWriter, Recorder, source_name
+from kinespace.stream.service import Service
+from kinespace.stream.zeromq import Endpoint
 from kinespace.tools.cli.address import host_and_port
 from kinespace.tools.feeding.joint_sets import joints_in_order
 from kinespace.tools.programs.feeds import preset_named
@@ -107,11 +106,10 @@ def run(
     performers = Performers(motions, settings, most=most, joints=joints)
     shown: PlainLines | LiveTable = PlainLines() if plain or not console.is_terminal else LiveTable(motions.classes)
     receivers, sinks, kept = _open(addresses, feed, preset, record)
-    taps = [Tap(kept, index) if kept else None for index in range(len(receivers))]
-    sources = [_source(receiver, preset, feed.sender, tap) for receiver, tap in zip(receivers, taps, strict=True)]
+    recorders = [Recorder(kept, index) if kept else None for index in range(len(receivers))]
+    sources = [_source(*each, preset, feed.sender) for each in zip(receivers, recorders, strict=True)]
     feeds = [source for source in sources if isinstance(source, FeedSource)]
-    tapped = [TappedSource(source, tap) if tap else source for source, tap in zip(sources, taps, strict=True)]
-    with kept or nullcontext(), Service(performers, tapped, [*sinks, shown]) as service:
+    with kept or nullcontext(), Service(performers, sources, [*sinks, shown]) as service:
         _announce(sources, sinks)
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, lambda *_: service.stop())
@@ -162,7 +160,7 @@ def fitted(motions: MotionLibrary, whose: str, joints: Sequence[str]) -> MotionL
 
 def frames_made(source: FeedSource) -> str:
     """Say what became of a feed's joints, and which were lacking where frames were refused."""
-    counts = source.assembler.counts
+    counts = source.decoder.assembler.counts
     closed = ", ".join(f"{count} by {closing}" for closing, count in counts.closed_by.most_common())
     line = (
         f"feed {source.preset.name}: {counts.frames} frames made ({closed or 'none closed'}), "
@@ -201,7 +199,7 @@ def _open(
             receivers.append(zeromq.ZmqReceiver(Endpoint.parse(addresses.zmq_in, bind=True)))
             opened.callback(receivers[-1].close)
         if addresses.osc_out:
-            sinks.append(OscSink(osc.OscSender(*host_and_port(addresses.osc_out))))
+            sinks.append(LayoutSink(NativeLayout(), osc.OscSender(*host_and_port(addresses.osc_out))))
             opened.callback(sinks[-1].close)
         if addresses.zmq_out:
             sinks.append(ZmqSink(zeromq.ZmqSender(Endpoint.parse(addresses.zmq_out, bind=True))))
@@ -218,18 +216,13 @@ def _open(
 def _writer(record: Path, receivers: Sequence[_AnyReceiver], preset: Preset | None) -> RawWriter:
     record.unlink(missing_ok=True)
     presets = {preset.name: preset.text} if preset else {}
-    return RawWriter(record, [described(receiver, preset) for receiver in receivers], presets)
+    return RawWriter(record, [source_name(receiver, preset) for receiver in receivers], presets)
 
 
-def _source(
-    receiver: _AnyReceiver, preset: Preset | None, sender: str, tap: Tap | None
-) -> FeedSource | OscSource | ZmqSource:
-    """Make the source of what comes in at one place, through the tap where there is a recording."""
-    if isinstance(receiver, osc.OscReceiver):
-        packets = TappedPackets(receiver, tap) if tap else receiver
-        return FeedSource(packets, preset, sender=sender) if preset else OscSource(packets)
-    messages = TappedMessages(receiver, tap) if tap else receiver
-    return FeedSource(ZmqPackets(messages), preset) if preset else ZmqSource(messages)
+def _source(receiver: _AnyReceiver, recorder: Recorder | None, preset: Preset | None, sender: str) -> Source:
+    if preset:
+        return FeedSource(receiver, preset, sender=sender, recorder=recorder)
+    return Source(receiver, OscDecoder() if isinstance(receiver, osc.OscReceiver) else ZmqDecoder(), recorder)
 
 
 def _layout_sink(text: str, receivers: Sequence[_AnyReceiver]) -> LayoutSink:
@@ -240,12 +233,12 @@ def _layout_sink(text: str, receivers: Sequence[_AnyReceiver]) -> LayoutSink:
     layout = LAYOUTS[name]()
     if target.partition(":")[0] != "sender":
         host, port = host_and_port(target) if target else ("127.0.0.1", layout.port)
-        return LayoutSink(name, layout, osc.OscSender(host, port))
+        return LayoutSink(layout, osc.OscSender(host, port))
     heard = [receiver for receiver in receivers if isinstance(receiver, osc.OscReceiver)]
     if not heard:
         raise ValueError("--out: expected an OSC feed to reply to, got none")
     port = host_and_port(target)[1] if ":" in target else layout.port
-    return LayoutSink(name, layout, ReplySender(heard[0], port))
+    return LayoutSink(layout, ReplySender(heard[0], port))
 
 
 def _announce(sources: Sequence[Source], sinks: Sequence[Sink]) -> None:

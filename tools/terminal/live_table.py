@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from rich.text import Text
 
+from kinespace.stream.outputs.sink import Sink
 from kinespace.stream.recognition import EventKind, Outcome
 from kinespace.tools.terminal.console import console, printable
 from kinespace.tools.terminal.tables import narrow_table
@@ -34,11 +35,10 @@ def score_shown(score: float, width: int) -> Text:
     return Text("█" * filled, style="green") + Text("░" * (_BAR - filled) + " ", style="dim") + number
 
 
-class PlainLines:
+class PlainLines(Sink):
     """A sink that prints a line whenever a performer's label changes."""
 
     def __init__(self) -> None:
-        self.failed = 0
         self._labels: dict[str, str] = {}
         self._refused: dict[str, str] = {}
 
@@ -58,9 +58,6 @@ class PlainLines:
             f"{event.time:10.3f} s  {printable(event.performer)}  {event.kind}: {event.label}", soft_wrap=True
         )
 
-    def publish_classes(self, classes: Sequence[str]) -> None:
-        """Say nothing."""
-
     def publish_status(self, status: Status) -> None:
         """Forget performers who have left, so that their return is news."""
         self._labels = {name: label for name, label in self._labels.items() if name in status.performers}
@@ -69,15 +66,11 @@ class PlainLines:
                 console.print(refused_frames(name, why), soft_wrap=True)
         self._refused = status.refused
 
-    def close(self) -> None:
-        """Nothing to close."""
 
-
-class LiveTable:
+class LiveTable(Sink):
     """A sink that remembers what to draw: the last recognition of each performer, the last status."""
 
     def __init__(self, classes: Sequence[str]) -> None:
-        self.failed = 0
         self._classes = classes
         self._latest: dict[str, Recognition] = {}
         self._going_on: dict[str, str] = {}
@@ -100,9 +93,6 @@ class LiveTable:
         self._status = status
         self._latest = {name: last for name, last in self._latest.items() if name in status.performers}
         self._going_on = {name: label for name, label in self._going_on.items() if name in status.performers}
-
-    def close(self) -> None:
-        """Nothing to close."""
 
     def drawn(self) -> Table:
         """Draw the table as it is now; from any thread."""

@@ -27,6 +27,8 @@ if TYPE_CHECKING:
     from kinespace.stream.recognition import Recognition
     from kinespace.stream.status import Status
 
+pytestmark = pytest.mark.slow
+
 START, END = EventKind.START, EventKind.END
 
 

@@ -75,6 +75,7 @@ def test_interleaved_feeds_are_recognised_as_if_alone(library: MotionLibrary, se
     assert performers.counts.recognizers.hops == len(answers)
 
 
+@pytest.mark.slow
 @given(seed=st.integers(0, 2**32 - 1), most=st.sampled_from([1, 4, 40]))
 @settings(max_examples=15)
 def test_what_comes_together_is_recognised_as_if_one_by_one(library: MotionLibrary, seed: int, most: int) -> None:

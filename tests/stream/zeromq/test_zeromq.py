@@ -317,6 +317,7 @@ def test_random_parts_raise_nothing_else(parts: list[bytes]) -> None:
     assert numbered.frame.positions.shape == (3, 3)
 
 
+@pytest.mark.slow
 @given(
     header=st.dictionaries(
         st.sampled_from(["v", "seq", "t", "shape", "dtype", "joints"]),

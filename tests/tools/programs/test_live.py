@@ -38,6 +38,8 @@ if TYPE_CHECKING:
     from kinespace.stream.answer import Answer
     from kinespace.tools.feeding.feed import Cue
 
+pytestmark = pytest.mark.slow
+
 
 def expected_of(cues: Sequence[Cue], settings: Settings | None = None) -> list[str]:
     """Give the labels that will be answered."""

@@ -362,6 +362,7 @@ def test_an_answer_holds_the_recognition() -> None:
         "class": "jump",
         "guess": NAMED.class_name,
         "index": 1,
+        "guess_index": 1,
         "outcome": "named",
         "score": 0.75,
         "runner_up": "bow",

@@ -15,9 +15,10 @@ import numpy as np
 import pytest
 from programs import LOOPBACK, builtin_library, finished, ghost_cues, live
 from recorded import write_take, write_takes
+from synthetic import stick_clips
 
 from kinespace.library import MotionLibrary, hdm05
-from kinespace.stream import Announcement, Recognizer, osc, zeromq
+from kinespace.stream import Announcement, Recognizer, osc, rawfile, zeromq
 from kinespace.stream.connections import Endpoint
 from kinespace.tools.cli.main import main
 
@@ -509,3 +510,16 @@ def test_a_running_recogniser_counts_what_is_bad_and_goes_on(transport: Transpor
 def test_a_host_that_nobody_knows_is_named(capsys: pytest.CaptureFixture[str]) -> None:
     """A host name that cannot be resolved is in the error, with its port."""
     assert one_line(capsys, "live", "--osc-in", "nohost.invalid:9000").startswith("nohost.invalid:9000: ")
+
+
+# --- Hostile files ----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("text", ["a = " + "[" * 20_000, "a." * 50_000 + "a = 1"], ids=["deep", "long"])
+def test_a_preset_that_is_too_deep_or_too_long_is_named(
+    text: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """TOML that nests without end, or takes minutes to parse, is one line."""
+    path = tmp_path / "deep.toml"
+    path.write_text(text)
+    assert one_line(capsys, "live", "--feed", path).startswith(f"{path}: expected ")

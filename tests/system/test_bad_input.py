@@ -523,3 +523,11 @@ def test_a_preset_that_is_too_deep_or_too_long_is_named(
     path = tmp_path / "deep.toml"
     path.write_text(text)
     assert one_line(capsys, "live", "--feed", path).startswith(f"{path}: expected ")
+
+
+def test_labels_without_a_frame_of_their_take_are_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Labels that lie beyond the end of their take leave nothing to build a library of."""
+    take, labels = write_take(tmp_path, "bd", "bendLeft", 1), tmp_path / "late.csv"
+    labels.write_text("start_s,end_s,label\n1000,1001,bend\n")
+    error = one_line(capsys, "build", take, "--labels", labels, "-o", tmp_path / "made.npz")
+    assert error.startswith("--labels: expected segments with two frames or more")

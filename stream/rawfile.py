@@ -33,6 +33,9 @@ SYNC_EVERY = 1.0
 #: The largest record: a ZeroMQ message of the largest size taken, and room for its head.
 LARGEST = 1 << 21
 
+#: Seconds on any clock: a century after 1970, and what a program can wait for.
+_MAX_ARRIVAL = 4e9
+
 _RECORD = struct.Struct("<II")
 _PACKET = struct.Struct("<BBdH")
 _PART = struct.Struct("<I")
@@ -118,6 +121,8 @@ def _decode_packet(body: bytes) -> RawPacket:
     kind, source, arrival, size = _PACKET.unpack_from(body)
     if kind != _ARRIVED:
         raise ValueError(f"kind {kind}")
+    if not abs(arrival) <= _MAX_ARRIVAL:
+        raise ValueError(f"arrival {arrival}")
     place = _PACKET.size + size
     sender = body[_PACKET.size : place].decode()
     parts = []

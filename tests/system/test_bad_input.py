@@ -531,3 +531,19 @@ def test_labels_without_a_frame_of_their_take_are_named(tmp_path: Path, capsys: 
     labels.write_text("start_s,end_s,label\n1000,1001,bend\n")
     error = one_line(capsys, "build", take, "--labels", labels, "-o", tmp_path / "made.npz")
     assert error.startswith("--labels: expected segments with two frames or more")
+
+
+@pytest.mark.parametrize("arrival", [1e300, np.inf, np.nan])
+def test_an_arrival_that_is_no_time_ends_a_recording(
+    arrival: float, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A record that came at no time is where a raw recording is damaged: nobody waits for it."""
+    path = tmp_path / "far.kinerec"
+    with rawfile.RawWriter(path, ["osc 127.0.0.1:9310"]) as writer:
+        for time in (1.0, arrival, 2.0):
+            writer.write(rawfile.RawPacket(time, 0, "", (b"/x\0\0,\0\0\0",)))
+    assert main(["replay", str(path), "--osc", f"{LOOPBACK}:9"]) == 0
+    assert "cut off or damaged" in capsys.readouterr().out
+    recording = rawfile.RawFile(path)
+    assert [packet.arrival for packet in recording.packets()] == [1.0]
+    assert recording.damage()

@@ -547,3 +547,22 @@ def test_an_arrival_that_is_no_time_ends_a_recording(
     recording = rawfile.RawFile(path)
     assert [packet.arrival for packet in recording.packets()] == [1.0]
     assert recording.damage()
+
+
+def test_what_would_steer_a_terminal_is_shown_as_a_mark(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Class names, licences and a raw recording's header reach the terminal without control characters."""
+    library, recording = tmp_path / "red.npz", tmp_path / "red.kinerec"
+    stained = [
+        replace(clip, class_name=f"\x1b[31m{clip.class_name}", licence="\x1b]0;mine\x07", source="\x9b2J")
+        for clip in stick_clips()
+    ]
+    MotionLibrary.of_clips(stained).save(library)
+    with rawfile.RawWriter(recording, ["osc \x1b[2J"], {"\x1b[2J": ""}) as writer:
+        writer.write(rawfile.RawPacket(1.0, 0, "\x1b[2J", (b"x",)))
+    for arguments in (["info", str(library)], ["info", str(recording)]):
+        assert main(arguments) == 0
+        out = capsys.readouterr().out
+        assert "\N{REPLACEMENT CHARACTER}" in out
+        assert all(character.isprintable() or character == "\n" for character in out)
+    error = one_line(capsys, "build", library, "--without", "\x1b[31mnobody", "-o", tmp_path / "made.npz")
+    assert error.isprintable()

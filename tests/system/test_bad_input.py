@@ -566,3 +566,19 @@ def test_what_would_steer_a_terminal_is_shown_as_a_mark(tmp_path: Path, capsys: 
         assert all(character.isprintable() or character == "\n" for character in out)
     error = one_line(capsys, "build", library, "--without", "\x1b[31mnobody", "-o", tmp_path / "made.npz")
     assert error.isprintable()
+
+
+def test_a_file_that_would_take_too_much_memory_is_refused_before(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """What a file needs once it is read is held against --max-memory before it is taken."""
+    take, library = write_take(tmp_path, "bd", "bendLeft", 1), tmp_path / "mine.npz"
+    MotionLibrary.of_clips(stick_clips()).save(library)
+    skipping = tmp_path / "joints_s01_e01.txt"
+    skipping.write_text("".join(f"{number} {'1.5 ' * 60}\n" for number in (1, 900_000)))
+    for path in (take, library, skipping):
+        error = one_line(capsys, "--max-memory", "10kB", "info", path)
+        assert error.startswith(f"{path}: ")
+        assert "expected at most 0 MB once it is read" in error
+        assert "--max-memory" in error
+    assert "got 864 MB" in one_line(capsys, "--max-memory", "500MB", "info", skipping)

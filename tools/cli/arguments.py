@@ -176,6 +176,13 @@ def not_negative(text: str) -> float:
     return number
 
 
+def size(text: str) -> int:
+    """Read bytes: a number, perhaps with kB, MB or GB behind it."""
+    units = {"kb": 1e3, "mb": 1e6, "gb": 1e9}
+    unit = text[-2:].lower()
+    return round(positive(text[:-2] if unit in units else text) * units.get(unit, 1.0))
+
+
 def share(text: str) -> float:
     """Read a share, 0 to 1."""
     number = _number(text)

@@ -9,6 +9,7 @@ from io import TextIOWrapper
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from kinespace.library import memory
 from kinespace.stream.recognizer import LiveSignature
 from kinespace.tools.cli.arguments import (
     OSC_IN,
@@ -29,6 +30,7 @@ from kinespace.tools.cli.arguments import (
     reading_of,
     settings_of,
     share,
+    size,
 )
 
 if TYPE_CHECKING:
@@ -46,7 +48,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
             stream.reconfigure(errors="replace")
     parsed = _parser().parse_args(arguments)
     try:
-        status: int = parsed.run(parsed)
+        with memory.limited_to(parsed.max_memory):
+            status: int = parsed.run(parsed)
     except KeyboardInterrupt:
         return 1
     except BrokenPipeError:
@@ -61,9 +64,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _one_line(error: Exception) -> str:
     if isinstance(error, OSError) and error.filename and error.strerror:
-        return f"{error.filename}: {error.strerror}"
-    told = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
-    return " ".join(told.split()) or type(error).__name__
+        told = f"{error.filename}: {error.strerror}"
+    else:
+        told = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
+    from kinespace.tools.terminal.console import printable  # noqa: PLC0415 - slow to load, and seldom needed
+
+    return printable(" ".join(told.split())) or type(error).__name__
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -72,6 +78,13 @@ def _parser() -> argparse.ArgumentParser:
         description="Names the movement a performer is doing, live, from joint positions arriving by OSC or ZeroMQ.",
     )
     parser.add_argument("--version", action="version", version=f"kinespace {_version()}")
+    parser.add_argument(
+        "--max-memory",
+        type=size,
+        default=memory.MAX_MEMORY,
+        metavar="SIZE",
+        help="what one file may take when it is read, like 500MB or 4GB (default 1GB)",
+    )
     programs = parser.add_subparsers(title="programs", required=True, metavar="PROGRAM")
     for add in (
         _add_demo,

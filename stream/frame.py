@@ -29,12 +29,12 @@ class Frame:
     time
         When, in seconds on the sender's clock or ours; only differences matter.
     positions
-        Joint positions, shape (joints, 3), metres.
+        Joint positions, shape (joints, 3), metres. A joint with a NaN among its three numbers is lost.
 
     Raises
     ------
     ValueError
-        The performer is empty or too long, the time or a position is not finite, a joint is farther than `FARTHEST`,
+        The performer is empty or too long, the time is not finite, all joints are lost, one is farther than `FARTHEST`,
         or the shape is another.
     """
 
@@ -53,7 +53,15 @@ class Frame:
         # One sum of squares meets every NaN, infinity and absurdity at a fifth of the price of asking each number, and
         # of vdot, unlike of dot, numpy does not turn the processor's flags into warnings.
         if not np.vdot(self.positions, self.positions) < _FARTHEST_SQUARE:
-            raise ValueError("positions: expected finite metres, got NaN, infinity or a joint beyond any stage")
+            self._require_some_joints()
+
+    def _require_some_joints(self) -> None:
+        """Refuse positions that are more than a few lost joints."""
+        there = self.positions[~np.isnan(self.positions).any(axis=1)]
+        if not len(there):
+            raise ValueError("positions: expected some joints, got NaN for all")
+        if not np.vdot(there, there) < _FARTHEST_SQUARE:
+            raise ValueError("positions: expected finite metres, got infinity or a joint beyond any stage")
 
 
 @dataclass(frozen=True, slots=True)

@@ -24,6 +24,8 @@ class Outcome(StrEnum):
     UNKNOWN = "unknown"
     #: The two leading eigenvalues are as good as equal: the axis is any direction between two.
     AMBIGUOUS = "ambiguous"
+    #: The body moves as none can, or too few of its joints can be believed (`stream.recognizer.doubts`).
+    IMPLAUSIBLE = "implausible"
 
 
 class EventKind(StrEnum):
@@ -94,6 +96,8 @@ class Recognition:
         What speaks for the guess being known; None with the paper's signature, which knows no unknown motion.
     events
         What this recognition made happen: a motion's end, a motion's start, or nothing.
+    doubted
+        Names of the joints that cannot be believed: the class is named without them.
     """
 
     performer: str
@@ -110,6 +114,7 @@ class Recognition:
     guess: int | None = None
     evidence: Evidence | None = field(default=None, repr=False)
     events: tuple[Event, ...] = ()
+    doubted: tuple[str, ...] = ()
 
     @property
     def best(self) -> int:

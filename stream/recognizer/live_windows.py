@@ -108,6 +108,10 @@ class LiveWindows:
         for each in self._rolling:
             each.update()
 
+    def recent(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Give the times and the distance rows of the longest window, views good until the next push."""
+        return self._distances.times, self._distances.rows
+
     def read(self) -> LiveSignature:
         """Read the signature of the windows that end with the newest row; needs a row."""
         self._settle()

@@ -125,11 +125,12 @@ class WindowMatcher:
     """
 
     def __init__(self, index: WindowIndex, *, stillness: float, sensitivity: float) -> None:
-        self._index = index
+        self._index, self._sensitivity = index, sensitivity
         self._windows = LiveWindows(index.body, index.basis)
         self.longest = self._windows.longest
         self._stillness = stillness
-        self._judgement = Judgement(index.rejection.threshold_at(sensitivity))
+        self._rejection = index.rejection
+        self._judgement = Judgement(self._rejection.threshold_at(sensitivity))
         self._hysteresis = Hysteresis(index.comparison.weighing.lead)
         self._feed = _Feed()
         # Movement per moving pair: a body with fewer joints has fewer of them.
@@ -151,6 +152,14 @@ class WindowMatcher:
             self._feed.push(times)
             self._windows.push(times, rows)
 
+    def over(self, index: WindowIndex) -> WindowMatcher:
+        """Give a matcher of the same settings that compares with other windows."""
+        return WindowMatcher(index, stillness=self._stillness, sensitivity=self._sensitivity)
+
+    def recent(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Give times (frames,) and rows (frames, pairs) in the longest window; good until the next push."""
+        return self._windows.recent()
+
     def read(self) -> Reading | None:
         """Compare the windows that end with the newest row."""
         if not self._feed.ready:
@@ -167,7 +176,7 @@ class WindowMatcher:
             swing=math.log(signature.swing * self._per_pair + _NO_MOVEMENT),
             sway=math.log(signature.sway * self._per_pair + _NO_MOVEMENT),
         )
-        known = self._judgement.push(self._index.rejection.logit(evidence, self._index.classes[guess]), elapsed)
+        known = self._judgement.push(self._rejection.logit(evidence, self._index.classes[guess]), elapsed)
         outcome = Outcome.NAMED if known and guess != self._nothing else Outcome.UNKNOWN
         scores = self._index.eigenvector_scores(signature.eigenvector)
         best = int(scores.argmax())

@@ -8,7 +8,7 @@ MADE := $(VENV)/.made
 export OPENBLAS_NUM_THREADS := 1
 export OMP_NUM_THREADS := 1
 
-.PHONY: setup demo test lint types pytest fuzz wheel-check clean
+.PHONY: setup demo test quick lint types pytest sanitize fuzz wheel-check clean
 
 setup: $(MADE)
 
@@ -25,6 +25,10 @@ demo: setup
 
 test: lint types pytest
 
+# What a change is tried with while it is made: no test that plays anything in real time, none that reads many takes.
+quick: lint types
+	$(BIN)/python -m pytest -n auto --dist loadfile -m "not slow"
+
 lint: setup
 	$(BIN)/ruff check
 	$(BIN)/ruff format --check
@@ -39,10 +43,14 @@ types: setup
 pytest: setup
 	$(BIN)/python -m pytest -n auto --dist loadfile
 
+# The compiled loops under AddressSanitizer and UBSan.
+sanitize: setup
+	.ci/sanitize
+
 # Some two minutes of packets made to break a feed; `make test` sends ten thousand of them.
 PACKETS ?= 1000000
 fuzz: setup
-	$(BIN)/python tests/fuzzfeeds.py --packets $(PACKETS)
+	PYTHONPATH=tests:tests/reference:tests/support $(BIN)/python tests/support/fuzzfeeds.py --packets $(PACKETS)
 
 # A wheel, installed in an environment of its own, away from the sources, does the main job.
 wheel-check: setup

@@ -39,6 +39,9 @@ class Clip:
     rotations
         Joint rotations as recorded, shape (frames, angles), radians; (frames, 0) when the source has none. Only
         the comparison of spaces (`library.retrieval.experiment`) looks at them.
+    naming
+        Whose names its joints had where it was recorded, as a person says it (`library.naming`); empty where they had
+        these.
     filled
         How many of the frames × joints positions the source lacks and straight lines stand for.
 
@@ -60,6 +63,7 @@ class Clip:
     licence: str = ""
     attribution: str = ""
     rotations: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 0)), repr=False)
+    naming: str = ""
     filled: int = 0
 
     def __post_init__(self) -> None:

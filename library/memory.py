@@ -42,3 +42,19 @@ def require(needed: int, what: str) -> None:
             f"{what}: expected at most {limit() / 1e6:.0f} MB once it is read, got {needed / 1e6:.0f} MB; "
             f"kinespace --max-memory {needed / 1e9:.1f}GB allows it"
         )
+
+
+def size_of(text: str) -> int:
+    """Read bytes as they are typed: a number, perhaps with kB, MB or GB behind it.
+
+    Raises
+    ------
+    ValueError
+        It is no positive number.
+    """
+    units = {"kb": 1e3, "mb": 1e6, "gb": 1e9}
+    unit = text[-2:].lower()
+    size = float(text[:-2] if unit in units else text) * units.get(unit, 1.0)
+    if not 1 <= size < float("inf"):
+        raise ValueError(f"size: expected a positive number, got {text}")
+    return round(size)

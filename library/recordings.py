@@ -13,6 +13,7 @@ from kinespace.library.formats.c3d_process import C3dProcess
 from kinespace.library.formats.errors import RecordingError
 from kinespace.library.formats.joint_choice import chosen
 from kinespace.library.formats.units import metres_of
+from kinespace.library.naming import Naming
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
@@ -62,7 +63,10 @@ class Reading:
     unit
         Of length of all BVH, C3D and TRC files, by name or in metres; what each says, or its size tells, when empty.
     joints
-        Which joints or markers, by names and patterns (`library.formats.joint_choice.chosen`); all when there are none.
+        Which joints or markers, by patterns of the file's own names (`library.formats.joint_choice.chosen`); all when
+        there are none.
+    naming
+        How the files' joint names are read: ours are found for them when nothing else is said.
     actor_in
         Where `labelled` finds who performs.
 
@@ -76,6 +80,7 @@ class Reading:
     frame_rate: float | None = None
     unit: str = ""
     joints: tuple[str, ...] = ()
+    naming: Naming = field(default_factory=Naming)
     actor_in: ActorIn = ActorIn.NOWHERE
     metres_per_unit: float | None = field(init=False)
 
@@ -168,8 +173,9 @@ class RecordingReader:
         if path.suffix.lower() != _C3D:
             self._require_memory(path)
         if reader := utkinect.read_clip if utkinect.is_take(path) else _READERS.get(path.suffix.lower()):
-            return reader(path, **self._options(path))
-        return self._chosen(acclaim.read_clip(path, self._body(path), frame_rate=self._reading.frame_rate), path)
+            return self._named(reader(path, **self._options(path)))
+        clip = acclaim.read_clip(path, self._body(path), frame_rate=self._reading.frame_rate)
+        return self._named(self._chosen(clip, path))
 
     def pieces(self, path: Path) -> Iterator[Clip]:
         """Read one as clips that follow each other: AMC and BVH some seconds at a time, so that none is held whole.
@@ -183,10 +189,10 @@ class RecordingReader:
         """
         ending = path.suffix.lower()
         if ending == _BVH:
-            yield from bvh.read_pieces(path, **self._options(path))
+            yield from map(self._named, bvh.read_pieces(path, **self._options(path)))
         elif ending == _AMC:
             for piece in acclaim.read_pieces(path, self._body(path), frame_rate=self._reading.frame_rate):
-                yield self._chosen(piece, path)
+                yield self._named(self._chosen(piece, path))
         else:
             yield self.clip(path)
 
@@ -217,6 +223,13 @@ class RecordingReader:
         if file not in self._bodies:
             self._bodies[file] = acclaim.read_asf(file)
         return self._bodies[file]
+
+    def _named(self, clip: Clip) -> Clip:
+        """Give a clip's joints our names."""
+        named = self._reading.naming.read(clip.skeleton.joints)
+        if named.joints == clip.skeleton.joints:
+            return clip
+        return replace(clip, skeleton=replace(clip.skeleton, joints=named.joints), naming=named.title)
 
     def _chosen(self, clip: Clip, path: Path) -> Clip:
         return _with_joints(clip, self._reading.joints, path) if self._reading.joints else clip

@@ -110,6 +110,10 @@ class Doubts:
         self._asked = -math.inf
         self.told = ""
 
+    def exchange(self, library: MotionLibrary) -> None:
+        """Do without the same joints in another library of the same skeleton from now on."""
+        self._library, self._fewer, self._asked_for = library, None, ()
+
     @property
     def joints(self) -> tuple[str, ...]:
         """Names of the joints that are not believed now."""

@@ -264,7 +264,7 @@ def test_plain_lines_tell_events_without_control_characters(capsys: pytest.Captu
 
 def test_the_table_shows_what_goes_on(library: MotionLibrary, monkeypatch: pytest.MonkeyPatch) -> None:
     """Between start and end the table shows the motion beside its performer, and before and after it does not."""
-    monkeypatch.setattr(console, "_width", 120)
+    monkeypatch.setattr(console, "width", 120)
     table, shown = LiveTable(library.classes), list[str]()
     recognizer = Recognizer(library)
     answers = [answer for frame in _frames("bow") if (answer := recognizer.push(frame))]

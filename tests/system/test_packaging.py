@@ -49,6 +49,11 @@ def tracked_files() -> list[Path]:
     return [ROOT / name for name in listed.stdout.split("\0") if name]
 
 
+def package_folder(path: Path) -> Path:
+    """Find the folder of the package that a file belongs to, as its module or as its data."""
+    return next(folder for folder in path.parents if (folder / "__init__.py").exists())
+
+
 def test_exactly_the_packages_there_are_are_shipped() -> None:
     """The packages are named one by one, and they are all the packages the sources have beside the tests."""
     setuptools = project()["tool"]["setuptools"]
@@ -84,7 +89,7 @@ def test_whatever_lies_in_a_package_is_declared() -> None:
         globs = setuptools["package-data"].get(package, [])
         declared = {path for each in globs for path in (ROOT / folder).glob(each)}
         within = [path for path in (ROOT / folder).rglob("*") if path.is_file() and "__pycache__" not in path.parts]
-        own = {path for path in within if path.parent == ROOT / folder or not (path.parent / "__init__.py").exists()}
+        own = {path for path in within if package_folder(path) == ROOT / folder}
         others = {path for path in own if path.suffix not in (".py", ".so", ".pyd")}
         assert {path for path in others if path.relative_to(ROOT).as_posix() not in sources} == declared
 

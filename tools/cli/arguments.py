@@ -48,6 +48,36 @@ def add_labels(parser: argparse.ArgumentParser, told: str) -> None:
     )
 
 
+def add_takes(parser: argparse.ArgumentParser, *, required: bool = False) -> None:
+    """Let a person name tables of takes."""
+    parser.add_argument(
+        "--takes",
+        dest="tables",
+        nargs="+",
+        action="extend",
+        type=Path,
+        default=[],
+        required=required,
+        metavar="CSV",
+        help="file,subject,contains,perhaps for each take; one with neither of the last shows nothing known",
+    )
+
+
+def add_subjects(parser: argparse.ArgumentParser) -> None:
+    """Let a person choose whose takes are used."""
+    for option, told in (("--subjects", "of these persons only"), ("--without-subjects", "not of these persons")):
+        parser.add_argument(option, nargs="+", action="extend", default=[], metavar="NAME", help=f"takes {told}")
+
+
+def add_recorded_feed(parser: argparse.ArgumentParser) -> None:
+    """Let a person say which product a raw recording's packets came from."""
+    parser.add_argument(
+        "--feed",
+        metavar="NAME",
+        help="read a .kinerec as this product's, see kinespace feeds; or FILE.toml (default: what it says of itself)",
+    )
+
+
 def add_changes(parser: argparse.ArgumentParser) -> None:
     """Let a person say which motions a library is to hold, and what their classes are called."""
     parser.add_argument(
@@ -174,13 +204,6 @@ def not_negative(text: str) -> float:
     if not 0 <= number < float("inf"):
         raise argparse.ArgumentTypeError(f"expected a number not below 0, got {text}")
     return number
-
-
-def size(text: str) -> int:
-    """Read bytes: a number, perhaps with kB, MB or GB behind it."""
-    units = {"kb": 1e3, "mb": 1e6, "gb": 1e9}
-    unit = text[-2:].lower()
-    return round(positive(text[:-2] if unit in units else text) * units.get(unit, 1.0))
 
 
 def share(text: str) -> float:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 from dataclasses import asdict, dataclass, replace
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,6 +14,16 @@ from kinespace.library import MotionLibrary, find_recordings, read_recordings
 from kinespace.library.recordings import labelled
 from kinespace.stream.frame import Frame
 from kinespace.stream.recognizer import Recognizer, Settings
+from kinespace.tools.cli.arguments import (
+    add_actor_in,
+    add_json,
+    add_reading,
+    add_settings,
+    count,
+    not_negative,
+    reading_of,
+    settings_of,
+)
 from kinespace.tools.evaluation.bootstrap import Interval, Ratio
 from kinespace.tools.evaluation.stream_tables import interval, percent
 from kinespace.tools.feeding.joint_sets import joints_of
@@ -20,8 +31,8 @@ from kinespace.tools.terminal.console import console, progress
 from kinespace.tools.terminal.tables import narrow_table
 
 if TYPE_CHECKING:
+    import argparse
     from collections.abc import Sequence
-    from pathlib import Path
 
     from kinespace.library import Clip, Reading
     from kinespace.stream.recognition import Recognition
@@ -72,7 +83,51 @@ class NoiseScore:
     intervals: dict[str, Interval | None]
 
 
-def run(
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Say which options the program takes."""
+    parser.description = (
+        "Plays motions at 30 frames per second with white noise on every coordinate into the live recogniser. Motions "
+        "are left out of the library in groups, so that none is named by itself."
+    )
+    parser.add_argument(
+        "folder",
+        nargs="*",
+        type=Path,
+        metavar="FOLDER",
+        help="clips, or folders of them (default: the built-in library's motions)",
+    )
+    add_reading(parser)
+    add_actor_in(parser)
+    parser.add_argument(
+        "--noise",
+        nargs="+",
+        type=not_negative,
+        default=[0.0, 10.0, 20.0, 30.0],
+        metavar="MM",
+        help="standard deviations on each coordinate (default: 0 10 20 30)",
+    )
+    parser.add_argument("--groups", type=count, default=12, help="how many, at least two (default %(default)s)")
+    parser.add_argument("--seed", type=int, default=0, help="of the noise (default %(default)s)")
+    parser.add_argument("--skeleton", metavar="NAME", help="with the joints of this product alone, like kinectv2")
+    add_settings(parser)
+    add_json(parser)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Run the program as its options say; the exit status."""
+    return evaluate(
+        options.folder,
+        reading=reading_of(options),
+        noises=options.noise,
+        groups=options.groups,
+        seed=options.seed,
+        skeleton=options.skeleton,
+        settings=settings_of(options),
+        as_json=options.json,
+    )
+
+
+def evaluate(
     places: Sequence[Path],
     *,
     reading: Reading,

@@ -11,6 +11,7 @@ import json
 import math
 from collections import Counter
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -25,18 +26,19 @@ from kinespace.library.windows.rejection import RATES, Evidence, Rejection, typi
 from kinespace.stream.frame import Frame
 from kinespace.stream.recognizer import Recognizer, Settings
 from kinespace.stream.recognizer.hysteresis import Judgement
-from kinespace.tools.evaluation.takes import read_takes
+from kinespace.tools.cli.arguments import add_json, add_overwrite, add_reading, add_subjects, add_takes, reading_of
+from kinespace.tools.evaluation.takes import Sources, read_takes
 from kinespace.tools.terminal.console import console, progress
 from kinespace.tools.terminal.output_path import require_place_for
 
 if TYPE_CHECKING:
+    import argparse
     from collections.abc import Sequence
-    from pathlib import Path
 
     from numpy.typing import NDArray
 
     from kinespace.library import Clip, Reading
-    from kinespace.tools.evaluation.takes import Sources, Take
+    from kinespace.tools.evaluation.takes import Take
 
 #: Seconds between two windows that are learned from.
 _HOP = 0.1
@@ -75,7 +77,34 @@ class _Course:
         return [window for window in self.windows if window[1] in self.take.contains]
 
 
-def run(source: Path, output: Path, sources: Sources, *, reading: Reading, overwrite: bool, as_json: bool) -> int:
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Say which options the program takes."""
+    parser.description = (
+        "Fits the numbers that tell known motion from unknown, by takes in which nothing known happens and takes that "
+        "contain a known motion, and keeps them in the library's file."
+    )
+    parser.add_argument("library", type=Path, metavar="LIBRARY", help="a library file")
+    parser.add_argument("-o", "--output", type=Path, required=True, metavar="FILE", help="the library to write")
+    add_overwrite(parser)
+    add_takes(parser, required=True)
+    add_subjects(parser)
+    add_reading(parser)
+    add_json(parser)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Run the program as its options say; the exit status."""
+    return learn(
+        options.library,
+        options.output,
+        Sources(tables=options.tables, persons=options.subjects, without_persons=options.without_subjects),
+        reading=reading_of(options),
+        overwrite=options.overwrite,
+        as_json=options.json,
+    )
+
+
+def learn(source: Path, output: Path, sources: Sources, *, reading: Reading, overwrite: bool, as_json: bool) -> int:
     """Learn, save the library with what was learned, and print what it is worth.
 
     Parameters

@@ -4,17 +4,19 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from functools import reduce
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from kinespace.library import NOTHING, Clip, MotionLibrary, find_recordings, hdm05, read_recordings
 from kinespace.library.formats.labels import cut, read_labels
 from kinespace.library.recordings import labelled, performed
+from kinespace.tools.cli.arguments import add_actor_in, add_changes, add_labels, add_overwrite, add_reading, reading_of
 from kinespace.tools.terminal.console import console, progress
 from kinespace.tools.terminal.output_path import require_place_for
 
 if TYPE_CHECKING:
+    import argparse
     from collections.abc import Iterable, Iterator, Mapping, Sequence
-    from pathlib import Path
 
     from kinespace.library import Reading
 
@@ -70,7 +72,38 @@ class Terms:
         )
 
 
-def run(
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Say which options the program takes."""
+    parser.description = (
+        "Puts the motions of recordings and library files together, over the joints that all of them have. A "
+        "recording's class is in its name (HDM05) or is its folder's name."
+    )
+    parser.add_argument("sources", nargs="+", type=Path, metavar="SOURCE", help="folders, recordings or libraries")
+    parser.add_argument("-o", "--output", type=Path, required=True, metavar="FILE", help="the library to write")
+    add_overwrite(parser)
+    add_changes(parser)
+    add_labels(parser, "for each recording, in order: cut it into these motions")
+    add_reading(parser)
+    add_actor_in(parser)
+    parser.add_argument("--licence", help="terms of the recordings (default: HDM05's, of those that are named so)")
+    parser.add_argument("--attribution", help="whom to name (default: HDM05's, of those that are named so)")
+
+
+def run(options: argparse.Namespace) -> int:
+    """Run the program as its options say; the exit status."""
+    return build(
+        options.sources,
+        options.output,
+        nothing=options.nothing,
+        labels=options.labels,
+        reading=reading_of(options),
+        terms=Terms(options.licence, options.attribution),
+        changes=Changes(options.without, dict(options.rename)),
+        overwrite=options.overwrite,
+    )
+
+
+def build(
     sources: Sequence[Path],
     output: Path,
     *,

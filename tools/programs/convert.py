@@ -20,11 +20,13 @@ from kinespace.library.skeleton import Skeleton, SkeletonMismatchError
 from kinespace.stream.frame import Announcement
 from kinespace.stream.rawfile import ENDING, RawFile
 from kinespace.stream.rerun import decoded
+from kinespace.tools.cli.arguments import add_overwrite, add_reading, add_recorded_feed, reading_of
 from kinespace.tools.programs.feeds import preset_named
 from kinespace.tools.terminal.console import console, printable, progress
 from kinespace.tools.terminal.output_path import require_place_for
 
 if TYPE_CHECKING:
+    import argparse
     from collections.abc import Iterable, Iterator
 
     from numpy.typing import NDArray
@@ -56,7 +58,32 @@ class _Seen:
     sizes: dict[int, int] = field(default_factory=dict)
 
 
-def run(
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Say which options the program takes."""
+    parser.description = (
+        "Writes times and joint positions (seconds, metres) as .npz, or as CSV with a line for each frame."
+    )
+    parser.add_argument("source", type=Path, metavar="FILE", help="a .kinerec or a motion file")
+    parser.add_argument("-o", "--output", type=Path, required=True, metavar="FILE", help="ending in .npz or .csv")
+    parser.add_argument("--performer", help="whose frames, where there are several performers")
+    add_overwrite(parser)
+    add_recorded_feed(parser)
+    add_reading(parser)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Run the program as its options say; the exit status."""
+    return convert(
+        options.source,
+        options.output,
+        performer=options.performer,
+        feed=options.feed,
+        reading=reading_of(options),
+        overwrite=options.overwrite,
+    )
+
+
+def convert(
     source: Path, output: Path, *, performer: str | None, feed: str | None, reading: Reading, overwrite: bool
 ) -> int:
     """Convert one file, frame by frame.

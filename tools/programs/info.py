@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from itertools import groupby
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -16,6 +17,7 @@ from kinespace.stream.feeds import builtin_names, builtin_preset
 from kinespace.stream.frame import Frame
 from kinespace.stream.rawfile import ENDING, RawFile
 from kinespace.stream.rerun import decoded
+from kinespace.tools.cli.arguments import add_reading, add_recorded_feed, reading_of
 from kinespace.tools.programs.feeds import preset_named
 from kinespace.tools.terminal.console import console, printable, progress
 from kinespace.tools.terminal.tables import add_names, narrow_table
@@ -24,15 +26,29 @@ from kinespace.tools.terminal.tables import add_names, narrow_table
 _BESIDE_RECORDINGS, _BESIDE_CLASSES = 34, 52
 
 if TYPE_CHECKING:
+    import argparse
     from collections.abc import Iterator
-    from pathlib import Path
 
     from kinespace.library import Reading
     from kinespace.stream.feeds import Preset
     from kinespace.stream.rawfile import RawPacket
 
 
-def run(file: Path | None, reading: Reading, *, feed: str | None = None) -> int:
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Say which options the program takes."""
+    parser.add_argument(
+        "file", nargs="?", type=Path, metavar="FILE", help="a library, a recording or a folder (default: built-in)"
+    )
+    add_recorded_feed(parser)
+    add_reading(parser)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Run the program as its options say; the exit status."""
+    return describe(options.file, reading_of(options), feed=options.feed)
+
+
+def describe(file: Path | None, reading: Reading, *, feed: str | None = None) -> int:
     """Say what a file holds, or a folder's recordings.
 
     Parameters

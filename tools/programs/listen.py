@@ -16,11 +16,14 @@ from kinespace.stream.feeds.detection import MOST_KINDS, Guess, Survey
 from kinespace.stream.feeds.handshake import NEVER, farewells, is_due, questions
 from kinespace.stream.osc import SKELETON, OscReceiver
 from kinespace.tools.cli.address import host_and_port
+from kinespace.tools.cli.arguments import OSC_IN, add_json, add_sender, positive
 from kinespace.tools.programs.feeds import preset_named
 from kinespace.tools.terminal.console import console, printable
 from kinespace.tools.terminal.tables import add_names, narrow_table
 
 if TYPE_CHECKING:
+    import argparse
+
     from kinespace.stream.feeds import Preset
 
 #: The preset of our own messages, in which joints need not be named.
@@ -34,7 +37,31 @@ _LONGEST_WAIT = 100
 _BESIDE_ADDRESSES = 48
 
 
-def run(address: str | None, *, feed: str | None, sender: str, seconds: float, as_json: bool) -> int:
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Say which options the program takes."""
+    parser.description = (
+        "The first thing to try when nothing works: shows every kind of message that arrives, its types, rate, senders "
+        "and gaps, which feed it looks like, which joints came, and what recognition lacks."
+    )
+    parser.add_argument("port", nargs="?", metavar="[HOST:]PORT", help=f"default: the feed's port, else {OSC_IN}")
+    parser.add_argument("--feed", metavar="NAME", help="look at it as this feed, and ask for it where it must be asked")
+    add_sender(parser)
+    parser.add_argument("--seconds", type=positive, default=5.0, help="how long (default %(default)s)")
+    add_json(parser)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Run the program as its options say; the exit status."""
+    return listen(
+        options.port or (None if options.feed else OSC_IN),
+        feed=options.feed,
+        sender=options.sender,
+        seconds=options.seconds,
+        as_json=options.json,
+    )
+
+
+def listen(address: str | None, *, feed: str | None, sender: str, seconds: float, as_json: bool) -> int:
     """Listen for some seconds and say what came: 0 when it can be recognised, 1 when not."""
     preset = preset_named(feed) if feed else None
     host, port = host_and_port(address) if address else ("127.0.0.1", preset.port if preset else 0)

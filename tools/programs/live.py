@@ -10,6 +10,7 @@ import time
 from contextlib import ExitStack, nullcontext
 from dataclasses import dataclass, replace
 from difflib import get_close_matches
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rich.live import Live
@@ -25,6 +26,15 @@ from kinespace.stream.recognizer import Performers, Recognizer
 from kinespace.stream.service import OscSink, OscSource, Service, Sink, Source, ZmqSink, ZmqSource
 from kinespace.stream.tap import Tap, TappedMessages, TappedPackets, TappedSource, described
 from kinespace.tools.cli.address import host_and_port
+from kinespace.tools.cli.arguments import (
+    OSC_IN,
+    add_inputs,
+    add_library,
+    add_overwrite,
+    add_sender,
+    add_settings,
+    settings_of,
+)
 from kinespace.tools.feeding.joint_sets import joints_in_order
 from kinespace.tools.programs.feeds import preset_named
 from kinespace.tools.terminal.console import console
@@ -32,12 +42,14 @@ from kinespace.tools.terminal.live_table import LiveTable, PlainLines, summary
 from kinespace.tools.terminal.output_path import require_place_for
 
 if TYPE_CHECKING:
+    import argparse
     from collections.abc import Sequence
-    from pathlib import Path
 
     from kinespace.stream.feeds import Preset
     from kinespace.stream.recognizer import Settings
 
+#: Where answers go when nothing else is said: a port that none of the usual receivers uses.
+OSC_OUT = "127.0.0.1:9311"
 #: Times a second the table is drawn.
 _REDRAWS = 5
 #: Seconds a thread may keep Python's lock while another waits. Drawing takes longer than a frame may wait.
@@ -82,7 +94,64 @@ _NO_FEED = Feed()
 _AnyReceiver = osc.OscReceiver | zeromq.ZmqReceiver
 
 
-def run(
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Say which options the program takes."""
+    parser.description = (
+        f"Recognises frames and publishes answers until Ctrl-C. Unless told otherwise: OSC in on {OSC_IN}, out to "
+        f"{OSC_OUT}. A ZeroMQ endpoint is bound; put > before it to connect instead."
+    )
+    add_inputs(parser)
+    parser.add_argument("--osc-out", metavar="HOST:PORT", help="send OSC answers there")
+    parser.add_argument("--zmq-out", metavar="ENDPOINT", help="publish ZeroMQ answers")
+    parser.add_argument(
+        "--feed", metavar="NAME", help="frames are another product's: see kinespace feeds; or FILE.toml"
+    )
+    add_sender(parser)
+    parser.add_argument(
+        "--out",
+        action="append",
+        default=[],
+        metavar="NAME[=HOST:PORT]",
+        help="answer as touchdesigner, max, wekinator, vmc-thru, vrchat or native hear it; sender:PORT replies",
+    )
+    parser.add_argument(
+        "--joints",
+        metavar="A,B,...",
+        help="what frames hold, in order, whose sender never names their joints: the library's names, or a preset that "
+        "lists them, like kinectv2, or FILE.toml (default: the library's joints)",
+    )
+    add_library(parser)
+    add_settings(parser)
+    parser.add_argument("--performers", type=int, default=32, help="how many at once, at most (default %(default)s)")
+    parser.add_argument("--record", type=Path, metavar="FILE", help="keep every packet that comes, for replay")
+    add_overwrite(parser)
+    parser.add_argument("--plain", action="store_true", help="print a line per change instead of a table")
+
+
+def run(options: argparse.Namespace) -> int:
+    """Run the program as its options say; the exit status."""
+    none_given = not any((options.osc_in, options.osc_out, options.zmq_in, options.zmq_out))
+    usual_out = not (options.osc_out or options.zmq_out or options.out)
+    usual_in = none_given and not options.feed
+    addresses = Addresses(
+        osc_in=OSC_IN if usual_in else options.osc_in,
+        osc_out=OSC_OUT if usual_out else options.osc_out,
+        zmq_in=options.zmq_in,
+        zmq_out=options.zmq_out,
+    )
+    return recognise(
+        addresses,
+        library=options.library,
+        settings=settings_of(options),
+        most=options.performers,
+        plain=options.plain,
+        record=options.record,
+        overwrite=options.overwrite,
+        feed=Feed(options.feed, options.sender, tuple(options.out), options.joints),
+    )
+
+
+def recognise(
     addresses: Addresses,
     *,
     library: Path | None,

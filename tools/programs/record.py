@@ -5,6 +5,7 @@ from __future__ import annotations
 import signal
 import time
 from contextlib import ExitStack
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import zmq
@@ -14,11 +15,12 @@ from kinespace.stream import osc, zeromq
 from kinespace.stream.connections import Endpoint
 from kinespace.stream.rawfile import RawPacket, RawWriter
 from kinespace.tools.cli.address import host_and_port
+from kinespace.tools.cli.arguments import OSC_IN, add_inputs, add_overwrite, positive
 from kinespace.tools.terminal.console import console, progress_console
 from kinespace.tools.terminal.output_path import require_place_for
 
 if TYPE_CHECKING:
-    from pathlib import Path
+    import argparse
 
 #: Milliseconds of the longest sleep: how soon Ctrl-C is heard.
 _LONGEST_SLEEP = 100
@@ -26,7 +28,30 @@ _LONGEST_SLEEP = 100
 _Receivers = list[tuple[str, osc.OscReceiver | zeromq.ZmqReceiver]]
 
 
-def run(output: Path, *, osc_in: str | None, zmq_in: str | None, seconds: float | None, overwrite: bool) -> int:
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Say which options the program takes."""
+    parser.description = (
+        "Keeps every packet with its arrival time and sender until Ctrl-C. A crash costs the last second at most. "
+        "kinespace replay sends the file again bit for bit; kinespace live --record keeps what it hears."
+    )
+    parser.add_argument("output", type=Path, metavar="FILE", help="to make, like tonight.kinerec")
+    add_inputs(parser)
+    parser.add_argument("--seconds", type=positive, help="how long (default: until Ctrl-C)")
+    add_overwrite(parser)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Run the program as its options say; the exit status."""
+    return record(
+        options.output,
+        osc_in=options.osc_in or (None if options.zmq_in else OSC_IN),
+        zmq_in=options.zmq_in,
+        seconds=options.seconds,
+        overwrite=options.overwrite,
+    )
+
+
+def record(output: Path, *, osc_in: str | None, zmq_in: str | None, seconds: float | None, overwrite: bool) -> int:
     """Record until interrupted, or for so many seconds; say what was kept.
 
     Parameters

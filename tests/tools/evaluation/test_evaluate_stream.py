@@ -58,7 +58,7 @@ KNOWN = [("clap", 2.5), ("hail", 2.5), ("row", 2.5)]
 
 @pytest.fixture(autouse=True)
 def _wide(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(console, "_width", 200)
+    monkeypatch.setattr(console, "width", 200)
 
 
 @pytest.fixture(scope="module")

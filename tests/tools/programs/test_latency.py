@@ -35,7 +35,7 @@ KEYS = {
 
 @pytest.fixture(autouse=True)
 def _wide(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(console, "_width", 200)
+    monkeypatch.setattr(console, "width", 200)
 
 
 def test_percentiles_are_of_what_was_measured() -> None:

@@ -16,9 +16,10 @@ from recorded import write_takes
 from kinespace.library import MotionLibrary, read_recordings
 from kinespace.stream import Announcement, LiveSignature, Settings, osc, zeromq
 from kinespace.stream.connections import LARGEST_MESSAGE, Endpoint
-from kinespace.tools.cli.main import OSC_OUT, main
+from kinespace.tools.cli.main import main
 from kinespace.tools.feeding.feed import clip_cues
 from kinespace.tools.loopback.expected_answers import expected_answers
+from kinespace.tools.programs.live import OSC_OUT
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 
 @pytest.fixture(autouse=True)
 def _wide(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(console, "_width", 200)
+    monkeypatch.setattr(console, "width", 200)
 
 
 @pytest.fixture
@@ -450,7 +450,7 @@ def test_a_feeds_recording_says_what_it_is(tmp_path: Path, capsys: pytest.Captur
     assert "performer 1: 10 frames" in capsys.readouterr().out
     path, _ = an_osceleton(tmp_path / "b.kinerec", told="osc here feed mine")
     assert main(["info", str(path)]) == 2
-    assert "feed: expected a .toml file or one of native, " in capsys.readouterr().err
+    assert "feed: expected a .toml file or one of captury, " in capsys.readouterr().err
 
 
 def test_live_keeps_the_preset_it_reads_by(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

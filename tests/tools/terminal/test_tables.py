@@ -23,7 +23,7 @@ CLASSES = MotionLibrary.builtin().classes
 
 @pytest.fixture(autouse=True)
 def _narrow(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(console, "_width", 80)
+    monkeypatch.setattr(console, "width", 80)
 
 
 def drawn(table: Table) -> str:
@@ -38,7 +38,7 @@ def test_the_built_in_library_keeps_its_names(capsys: pytest.CaptureFixture[str]
     """Every class of the built-in library stands in one piece, with all its figures."""
     assert main(["info"]) == 0
     rows = [line for line in capsys.readouterr().out.splitlines() if line.startswith("│")]
-    assert [row.split("│")[1].strip() for row in rows] == list(CLASSES)
+    assert [row.split("│")[2].strip() for row in rows] == list(CLASSES)
     assert "…" not in "".join(rows)
 
 

@@ -376,4 +376,5 @@ class Service:
             hop_p50=self._hop_times.percentile(50),
             hop_p99=self._hop_times.percentile(99),
             refused=self.performers.refused,
+            doubted=self.performers.doubted,
         )

@@ -56,6 +56,8 @@ class Status:
         Seconds from taking a frame's packet to its recognition, over the last hops; 0 before the first.
     refused
         Performers whose frames are refused for their joints, and why.
+    doubted
+        Performers of whom some joints cannot be believed, and what was noticed.
     """
 
     inputs: InputCounts
@@ -65,6 +67,7 @@ class Status:
     hop_p50: float
     hop_p99: float
     refused: dict[str, str] = field(default_factory=dict)
+    doubted: dict[str, str] = field(default_factory=dict)
 
     @property
     def frames_per_second(self) -> float:

@@ -210,6 +210,7 @@ def encode_recognition(recognition: Recognition) -> list[bytes]:
         _number(recognition.gap),
         "null" if recognition.eigenvector_class is None else _text(recognition.eigenvector_class),
         _number(recognition.eigenvector_score),
+        _names(recognition.doubted),
     )
     return [f"class/{performer}/".encode(), answer.encode()]
 
@@ -222,7 +223,8 @@ def _answer_form(classes: tuple[str, ...], score: str) -> tuple[str, tuple[str, 
     form = (
         f'{{"v": {VERSION}, "performer": %s, "t": %s, "class": %s, "guess": %s, "index": %d, "outcome": "%s", '
         f'"score": %s, "runner_up": %s, "margin": %s, "scores": {{{scores}}}, '
-        '"movement": %s, "share": %s, "gap": %s, "eigenvector_class": %s, "eigenvector_score": %s}'
+        '"movement": %s, "share": %s, "gap": %s, "eigenvector_class": %s, "eigenvector_score": %s, '
+        '"doubted": %s}'
     )
     return form, (*names, "null")
 
@@ -230,6 +232,11 @@ def _answer_form(classes: tuple[str, ...], score: str) -> tuple[str, tuple[str, 
 @lru_cache(maxsize=1024)
 def _text(text: str) -> str:
     return json.dumps(text)
+
+
+@lru_cache(maxsize=64)
+def _names(names: tuple[str, ...]) -> str:
+    return json.dumps(names)
 
 
 def _number(number: float) -> str:

@@ -20,7 +20,7 @@ from kinespace.library.motion_library import MIN_JOINTS
 from kinespace.library.windows.index import WindowIndex
 from kinespace.stream.recognition import Outcome
 from kinespace.stream.recognizer.matcher import WindowMatcher
-from kinespace.stream.recognizer.plausibility import Change, Plausibility, Step, expected_body
+from kinespace.stream.recognizer.plausibility import Change, Jump, Plausibility, Step, expected_body
 from kinespace.stream.recognizer.sliding_window import MAX_PENDING
 
 if TYPE_CHECKING:
@@ -40,6 +40,8 @@ HELD = 0.2
 BELIEVED_AFTER = 3.0
 #: Two jumps within so many seconds: nothing is named until as long has passed without one.
 JUMPING = 2.0
+#: Seconds for which a jump is told.
+_TOLD = 5.0
 #: Share of the joints that must be left for anything to be named.
 _LEAST_LEFT = 0.5
 #: A lost joint's zeros are no place when it was farther from the origin: metres.
@@ -52,7 +54,18 @@ MAX_RESTRICTED = 8
 
 @lru_cache(maxsize=MAX_RESTRICTED)
 def opened_restricted(library: MotionLibrary, joints: tuple[str, ...]) -> WindowIndex:
-    """Open a library as a body of some of its joints shows it; takes a second where the library is large."""
+    """Open a library as a body of some of its joints shows it, or give what was opened before."""
+    return opened_anew(library, joints)
+
+
+def opened_anew(library: MotionLibrary, joints: tuple[str, ...]) -> WindowIndex:
+    """Open a library as a body of some of its joints shows it; takes a second where the library is large.
+
+    Raises
+    ------
+    ValueError
+        No motion of the library is long enough for a window.
+    """
     index = WindowIndex.of(library.restricted_to(joints))
     _ = index.rejection  # learned when first asked for, and here is the time
     return index
@@ -69,11 +82,6 @@ class Doubts:
         Compares all joints; the windows of fewer are filled from its own.
     opener
         Gives the windows of fewer joints; `opened_restricted` when not given.
-
-    Attributes
-    ----------
-    told
-        What was noticed last, in words; empty while all is well.
     """
 
     def __init__(
@@ -108,7 +116,7 @@ class Doubts:
         self._wanted: tuple[int, ...] = ()
         self._asked_for: tuple[int, ...] = ()
         self._asked = -math.inf
-        self.told = ""
+        self._jump: Jump | None = None
 
     def exchange(self, library: MotionLibrary) -> None:
         """Do without the same joints in another library of the same skeleton from now on."""
@@ -119,6 +127,18 @@ class Doubts:
         """Names of the joints that are not believed now."""
         names = self._library.skeleton.joints
         return tuple(names[joint] for joint in self._wanted)
+
+    @property
+    def told(self) -> str:
+        """What was noticed, in words: joints that are not believed now, else a jump a moment ago; or nothing."""
+        count = len(self._wanted)
+        if self._too_few:
+            return f"joints: {count} of {len(self._doubted_until)} in places where no body has them"
+        if count:
+            return f"joints: done without {', '.join(self.joints)}"
+        if self._jump is None or self._last_time - self._last_jump > _TOLD:
+            return ""
+        return f"joints: {self._jump.change} at {self._last_jump:.2f} s"
 
     # --- frames ---
 
@@ -173,10 +193,11 @@ class Doubts:
             last = time
             if self._plausibility.jumped(previous, step):
                 jump = self._plausibility.explained(before, frame)
-                self.told = f"{jump.change} at {time:.2f} s"
+                self._jump, since = jump, time - self._last_jump
+                self._last_jump = time
                 if jump.change is not Change.POSTURE:
                     self._correct(jump.change, jump.factor, positions[index:])
-                elif self._jumped(time):
+                elif self._begins_anew(time, since):
                     begun = index
                     self._begin_again()
                 step = Step(positions[index] - before, step.elapsed)
@@ -192,11 +213,10 @@ class Doubts:
             self._factor *= factor
             positions *= factor
 
-    def _jumped(self, time: float) -> bool:
-        """Take in a jump; say whether windows begin anew: not of a body that goes on jumping."""
-        if time - self._last_jump < JUMPING:
+    def _begins_anew(self, time: float, since: float) -> bool:
+        """Say whether windows begin anew after a jump, so long after the one before: not of a body that goes on so."""
+        if since < JUMPING:
             self._jumping_until = time + JUMPING
-        self._last_jump = time
         return time >= self._jumping_until
 
     def _found(
@@ -249,8 +269,6 @@ class Doubts:
                 self._open(now)
             return
         self._wanted, self._fewer = wanted, None
-        if wanted:
-            self.told = f"not believed: {', '.join(self.joints)}"
         self._open(now)
 
     def _open(self, now: float) -> None:

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from kinespace.library.windows.index import WindowIndex
     from kinespace.stream.frame import Frame
     from kinespace.stream.recognition import Event, Recognition
+    from kinespace.stream.recognizer.doubts import Opener
 
 
 #: How many times as many performers' joint names are remembered as there may be performers.
@@ -71,6 +72,8 @@ class Performers:
         Seconds without a frame after which a performer is dropped.
     joints
         What frames hold whose sender has not said so, in their order; the library's joints when not given.
+    opener
+        Of every recogniser.
 
     Raises
     ------
@@ -80,7 +83,7 @@ class Performers:
         A joint of the library is not among `joints`.
     """
 
-    def __init__(
+    def __init__(  # noqa: PLR0913 - what there may be of performers
         self,
         library: MotionLibrary | WindowIndex,
         settings: Settings | None = None,
@@ -88,6 +91,7 @@ class Performers:
         most: int = 32,
         silence: float = 5.0,
         joints: Sequence[str] = (),
+        opener: Opener | None = None,
     ) -> None:
         if most < 1:
             raise ValueError(f"most: expected at least 1 performer, got {most}")
@@ -95,6 +99,7 @@ class Performers:
             raise ValueError(f"silence: expected a positive number of seconds, got {silence}")
         self._compare_with(library)
         self.settings = settings or Settings()
+        self._opener = opener
         self.most = most
         self.silence = silence
         #: Said of every performer who has said nothing else.
@@ -149,6 +154,11 @@ class Performers:
     def refused(self) -> dict[str, str]:
         """Performers whose frames are refused for their joints, and why; of those who left, the last time."""
         return dict(self._refused)
+
+    @property
+    def doubted(self) -> dict[str, str]:
+        """Performers of whom some joints cannot be believed, and what was noticed."""
+        return {name: doubt for name, each in self._performers.items() if (doubt := each.recognizer.doubt)}
 
     def announce(self, announcement: Announcement, arrival: float) -> None:
         """Take in which joints a performer's frames hold, in which order.
@@ -272,7 +282,7 @@ class Performers:
                 self._ended = self.drop_silent(arrival)
             if len(self._performers) >= self.most:
                 return None
-            recognizer = Recognizer(self._compared, self.settings)
+            recognizer = Recognizer(self._compared, self.settings, self._opener)
             performer = self._performers[name] = _Performer(recognizer, arrival, self._assumed, self._assumed_order)
             self._refused.pop(name, None)
             if name in self._announced:

@@ -62,9 +62,9 @@ _MIN_LOOKS, _MAX_LOOKS = 6, 16
 class Change(StrEnum):
     """What explains a jump of the whole body."""
 
-    POSTURE = "posture"
-    EXCHANGED = "left and right exchanged"
-    UNIT = "unit changed"
+    POSTURE = "the whole body jumped"
+    EXCHANGED = "left and right were exchanged, and are put right,"
+    UNIT = "the unit changed, and is put right,"
 
 
 class Step(NamedTuple):
@@ -121,7 +121,7 @@ class ExpectedBody:
             shortest=every.min(axis=0),
             longest=every.max(axis=0),
             spread=np.max([np.ptp(each, axis=0) for each in lengths], axis=0),
-            mirrored=_mirrored(skeleton.joints),
+            mirrored=mirrored_places(skeleton.joints),
         )
 
     def lengths(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -144,7 +144,7 @@ def _lengths(
     return lengths
 
 
-def _mirrored(joints: Sequence[str]) -> NDArray[np.intp] | None:
+def mirrored_places(joints: Sequence[str]) -> NDArray[np.intp] | None:
     """Find each joint's name on the other side: `lwrist` and `rwrist`, `LeftHand` and `RightHand`, `hand.L`."""
     places = {name: place for place, name in enumerate(joints)}
     others = [next((places[other] for other in _other_sides(name) if other in places), None) for name in joints]

@@ -87,6 +87,9 @@ class Recognizer:
         The motions to compare with; or their windows, when they are at hand already.
     settings
         How to recognise; the defaults suit feeds of 20 to 500 frames per second.
+    opener
+        Gives the windows of the library as a body of fewer joints shows it, when joints cannot be believed; opens them
+        on the spot when not given, which takes a second where the library is large.
 
     Attributes
     ----------
@@ -157,6 +160,11 @@ class Recognizer:
         self._compare_with(library)
         self._doubts.exchange(self.library)
         return self._detector.exchange(places_in(classes, self.classes), self._last)
+
+    @property
+    def doubt(self) -> str:
+        """What was last noticed of joints that cannot be believed, in words; empty while all is well."""
+        return self._doubts.told
 
     def reset(self) -> None:
         """Forget the windows, as when the feed begins; the counts stay, and a motion goes on till something ends it."""

@@ -413,7 +413,7 @@ OSC_BAD = {
     "a 64 kB message of somebody else's": Bad(
         [b"/x\0\0,b\0\0" + struct.pack(">i", 65480) + b"\1" * 65480], {"foreign": 1}
     ),
-    "NaN": Bad([_datagram(_with(np.nan))], {"malformed": 1}),
+    "NaN for all joints": Bad([_datagram(np.full_like(BODY, np.nan))], {"malformed": 1}),
     "infinity": Bad([_datagram(_with(np.inf)), _datagram(_with(-np.inf))], {"malformed": 2}),
     "a time that is NaN": Bad([_datagram(BODY, time=np.nan)], {"malformed": 1}),
     "a number too few": Bad([_datagram(BODY.ravel()[:-1])], {"malformed": 1}),
@@ -437,7 +437,9 @@ ZMQ_BAD = {
     ),
     "64 kB of positions": Bad([[*_message(BODY)[:2], b"\0" * 65536]], {"malformed": 1}),
     "64 kB of header": Bad([_message(BODY, note="x" * 65536)], {"malformed": 1}),
-    "NaN and infinity": Bad([_message(_with(value)) for value in (np.nan, np.inf, -np.inf)], {"malformed": 3}),
+    "NaN for all joints, and infinity": Bad(
+        [_message(each) for each in (np.full_like(BODY, np.nan), _with(np.inf), _with(-np.inf))], {"malformed": 3}
+    ),
     "a time that is none": Bad(
         [_message(BODY, t=time) for time in (np.nan, np.inf, "noon", None, True)], {"malformed": 5}
     ),

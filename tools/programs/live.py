@@ -17,6 +17,7 @@ from rich.live import Live
 
 from kinespace.library import MotionLibrary
 from kinespace.stream import osc, zeromq
+from kinespace.stream.background_opener import BackgroundOpener
 from kinespace.stream.connections import Endpoint
 from kinespace.stream.feeds.source import FeedSource
 from kinespace.stream.layouts import LAYOUTS, LayoutSink, ReplySender
@@ -173,7 +174,7 @@ def recognise(
     elif joints:
         motions = fitted(motions, "--joints", joints)
     _require_room_for(motions, settings)
-    performers = Performers(motions, settings, most=most, joints=joints)
+    performers = Performers(motions, settings, most=most, joints=joints, opener=BackgroundOpener())
     shown: PlainLines | LiveTable = PlainLines() if plain or not console.is_terminal else LiveTable(motions.classes)
     receivers, sinks, kept = _open(addresses, feed, preset, record)
     taps = [Tap(kept, index) if kept else None for index in range(len(receivers))]

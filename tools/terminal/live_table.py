@@ -41,6 +41,7 @@ class PlainLines:
         self.failed = 0
         self._labels: dict[str, str] = {}
         self._refused: dict[str, str] = {}
+        self._doubted: dict[str, str] = {}
 
     def publish(self, recognition: Recognition) -> None:
         """Print the recognition if it says something new."""
@@ -68,6 +69,10 @@ class PlainLines:
             if self._refused.get(name) != why:
                 console.print(refused_frames(name, why), soft_wrap=True)
         self._refused = status.refused
+        for name, what in status.doubted.items():
+            if self._doubted.get(name) != what:
+                console.print(doubted_joints(name, what), soft_wrap=True)
+        self._doubted = status.doubted
 
     def close(self) -> None:
         """Nothing to close."""
@@ -142,7 +147,13 @@ class LiveTable:
         if status is None:
             return f"{len(self._classes)} classes"
         told = "".join(f"\n{refused_frames(name, why)}" for name, why in status.refused.items())
+        told += "".join(f"\n{doubted_joints(name, what)}" for name, what in status.doubted.items())
         return f"{len(self._classes)} classes · {counts(status)}{told}"
+
+
+def doubted_joints(performer: str, what: str) -> str:
+    """Say which of a performer's joints cannot be believed."""
+    return f"performer {printable(performer)}: {what}"
 
 
 def refused_frames(performer: str, why: str) -> str:

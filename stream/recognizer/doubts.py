@@ -179,7 +179,8 @@ class Doubts:
         if self._plausibility.look(times[-1], seen):
             for joint in self._plausibility.doubted:
                 self._doubted_until[joint] = times[-1] + BELIEVED_AFTER
-        self._settle(times[-1])
+        if self._wanted or self._any_lost or self._plausibility.doubted:
+            self._settle(times[-1])
         return begun
 
     def _follow(self, times: Sequence[float], positions: NDArray[np.float64], usual: float) -> int | None:

@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 MADE := $(VENV)/.made
 
-# Small matrices: threads of the linear algebra would only fight each other for the cores.
+# The matrices are small: threads of the linear algebra would only take the cores from each other.
 export OPENBLAS_NUM_THREADS := 1
 export OMP_NUM_THREADS := 1
 
@@ -25,9 +25,9 @@ demo: setup
 
 test: lint types pytest
 
-# What a change is tried with while it is made: no test that plays anything in real time, none that reads many takes.
+# For trying a change while it is made: leaves out tests that play in real time or read many takes.
 quick: lint types
-	$(BIN)/python -m pytest -n auto --dist loadfile -m "not slow"
+	$(BIN)/python -m pytest -n auto --dist worksteal -m "not slow"
 
 lint: setup
 	$(BIN)/ruff check
@@ -39,9 +39,9 @@ types: setup
 	@mkdir -p $(PACKAGES) && cd $(PACKAGES) && ln -sfn ../../../library library && ln -sfn ../../../stream stream && ln -sfn ../../../tools tools
 	$(BIN)/mypy
 
-# On every core, each file's tests together: what a file prepares, it prepares once.
+# On every core; a core that has finished takes tests from another, because a few of them take a minute.
 pytest: setup
-	$(BIN)/python -m pytest -n auto --dist loadfile
+	$(BIN)/python -m pytest -n auto --dist worksteal
 
 # The compiled loops under AddressSanitizer and UBSan.
 sanitize: setup

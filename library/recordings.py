@@ -1,4 +1,4 @@
-"""Recorded files of any format we read, found in folders and opened by name."""
+"""Recorded files of every format that we read, found in folders and opened by their ending."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ _TIMES_TEXT = 4
 
 
 class ActorIn(StrEnum):
-    """Where a recording's place says who performs, if its name is not HDM05's."""
+    """Where the actor's name stands in a recording's path, if the file is not named like a file of HDM05."""
 
     NOWHERE = "nowhere"
     #: `class/ann_3.bvh`: the file's name up to its first underscore.
@@ -57,18 +57,19 @@ class Reading:
     Attributes
     ----------
     asf
-        The skeleton of all AMC files; each one's own, found by name, when not given.
+        The skeleton of all AMC files; when not given, the skeleton of each file is found by name.
     frame_rate
-        Frames per second of all of them; what each says of itself when not given.
+        Frames per second of all recordings; when not given, each recording's own.
     unit
-        Of length of all BVH, C3D and TRC files, by name or in metres; what each says, or its size tells, when empty.
+        Unit of length of all BVH, C3D and TRC files, by name or in metres; when empty, the file's own, or a guess from
+        the body's size.
     joints
         Which joints or markers, by patterns of the file's own names (`library.formats.joint_choice.chosen`); all when
         there are none.
     naming
         How the files' joint names are read: ours are found for them when nothing else is said.
     actor_in
-        Where `labelled` finds who performs.
+        Where `labelled` finds the actor.
 
     Raises
     ------
@@ -92,7 +93,7 @@ class Reading:
 
 
 def is_recording(path: Path) -> bool:
-    """Whether a file's ending, or UTKinect's kind of name, is that of a format we read."""
+    """Whether we read a file's format, by its ending or, for UTKinect, by its name."""
     return path.suffix.lower() in _ENDINGS or utkinect.is_take(path)
 
 
@@ -140,7 +141,7 @@ def read_recordings(paths: Sequence[Path], reading: Reading | None = None) -> It
 
 
 class RecordingReader:
-    """Reads recordings of any format, with what several of them share; a context manager.
+    """Reads recordings of any format; keeps skeletons and the C3D process for the next recording. A context manager.
 
     Parameters
     ----------
@@ -178,9 +179,9 @@ class RecordingReader:
         return self._named(self._chosen(clip, path))
 
     def pieces(self, path: Path) -> Iterator[Clip]:
-        """Read one as clips that follow each other: AMC and BVH some seconds at a time, so that none is held whole.
+        """Read one recording as consecutive clips: AMC and BVH some seconds at a time, so that it is never held whole.
 
-        Where single markers may be missing, the whole must be seen: C3D and TRC come in one piece.
+        C3D and TRC come in one piece, because missing markers are interpolated over the whole recording.
 
         Raises
         ------
@@ -236,14 +237,14 @@ class RecordingReader:
 
 
 def labelled(clip: Clip, path: Path, actor_in: ActorIn = ActorIn.NOWHERE) -> Clip:
-    """Give a clip whose name tells no class (as HDM05's do) its folder's name as class, its own as take, its actor."""
+    """Complete a clip whose name tells no class: class from the folder's name, take from its own, actor from path."""
     if clip.class_name:
         return clip
     return replace(performed(clip, path, actor_in), class_name=path.absolute().parent.name, take=clip.name)
 
 
 def performed(clip: Clip, path: Path, actor_in: ActorIn) -> Clip:
-    """Give a clip the actor that its place tells; the one it has where no place does."""
+    """Give a clip the actor that its path tells; where the path tells none, the clip keeps its own."""
     match actor_in:
         case ActorIn.NOWHERE:
             return clip

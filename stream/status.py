@@ -58,6 +58,10 @@ class Status:
         Performers whose frames are refused for their joints, and why.
     doubted
         Performers of whom some joints cannot be believed, and what was noticed.
+    compared
+        Performers whose joints are not simply the library's: whose names they are, and how many are compared.
+    notes
+        What a person should know now, a line each: trouble with a recording, the last reason why packets were refused.
     """
 
     inputs: InputCounts
@@ -68,6 +72,8 @@ class Status:
     hop_p99: float
     refused: dict[str, str] = field(default_factory=dict)
     doubted: dict[str, str] = field(default_factory=dict)
+    compared: dict[str, str] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
 
     @property
     def frames_per_second(self) -> float:

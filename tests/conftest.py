@@ -37,6 +37,10 @@ if TYPE_CHECKING:
 settings.register_profile("kinespace", derandomize=True, deadline=None)
 settings.load_profile("kinespace")
 
+#: A file system in memory. Some tests write a file anew a thousand times, and a disk would write out each.
+_MEMORY = Path("/dev/shm")  # noqa: S108 - pytest makes a folder of its own there
+if os.access(_MEMORY, os.W_OK) and shutil.disk_usage(_MEMORY).free > 2e9:
+    os.environ.setdefault("PYTEST_DEBUG_TEMPROOT", str(_MEMORY))
 
 #: Set to 1 where no test may be skipped for want of recordings or of others' programs.
 COMPLETE = "KINESPACE_COMPLETE"

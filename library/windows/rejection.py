@@ -8,6 +8,7 @@ as unknown). The lead of the guess tells more than its distance: an unknown moti
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from operator import mul
 from typing import TYPE_CHECKING, NamedTuple, Self
 
 import numpy as np
@@ -92,7 +93,7 @@ class Rejection:
 
     def logit(self, evidence: Evidence, class_name: str) -> float:
         """Say how likely a guess is right: log odds, up to a constant that the threshold decides."""
-        weighed = sum(weight * number for weight, number in zip(self._listed, evidence, strict=True))
+        weighed: float = sum(map(mul, self._listed, evidence))
         return weighed + self.offset + self.biases.get(class_name, 0.0)
 
     def kept(self) -> Learned:

@@ -10,7 +10,6 @@ begin anew; of a body that goes on jumping, or of which hardly anything can be b
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
@@ -308,7 +307,7 @@ class Doubts:
         reading = self._fewer.read() if self._fewer else self._matcher.read()
         if reading is None or not (time < self._jumping_until or (self._wanted and not self._fewer)):
             return reading
-        return replace(reading, outcome=Outcome.IMPLAUSIBLE)
+        return reading._replace(outcome=Outcome.IMPLAUSIBLE)
 
 
 class _Fewer:

@@ -133,7 +133,12 @@ class LiveWindows:
     def _settle(self) -> None:
         for each in self._rolling:
             each.update()
-        self._distances.take_change()
+        self._distances.pass_over()
+
+    def place(self) -> NDArray[np.float64]:
+        """Give the newest row's point in the basis, relative to the body's size, shape (directions,); needs a row."""
+        point: NDArray[np.float64] = self._points.rows[-1] / self._body.size(self._distances.rows[-1])
+        return point
 
     def recent(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Give the times and the distance rows of the longest window, views good until the next push."""

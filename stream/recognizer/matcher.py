@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 import numpy as np
 
 from kinespace.library.motion_library import NOTHING, MotionLibrary
+from kinespace.library.progress.phase_table import phase_table
 from kinespace.library.windows.cutting import FIRST_WINDOW
 from kinespace.library.windows.index import opened
 from kinespace.library.windows.paper import opened_by_paper
@@ -16,6 +16,7 @@ from kinespace.library.windows.rejection import MAX_LEAD, Evidence
 from kinespace.stream.recognition import Outcome
 from kinespace.stream.recognizer.hysteresis import Hysteresis, Judgement
 from kinespace.stream.recognizer.live_windows import LiveWindows, PaperWindow
+from kinespace.stream.recognizer.progress import ProgressFollower
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
 
     from kinespace.library.windows.index import WindowIndex
     from kinespace.library.windows.paper import PaperIndex
+    from kinespace.stream.recognition import Progress
 
 #: Frames without which there is no window to speak of.
 _MIN_FRAMES = 3
@@ -39,8 +41,7 @@ _NEAREST = 1e-3
 _NO_MOVEMENT = 1e-3
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Reading:
+class Reading(NamedTuple):
     """What the windows that end now say.
 
     Attributes
@@ -58,7 +59,7 @@ class Reading:
     """
 
     outcome: Outcome
-    distances: NDArray[np.float64] = field(repr=False)
+    distances: NDArray[np.float64]
     guess: int
     lead: float
     movement: float
@@ -91,6 +92,9 @@ class Matcher(Protocol):
 
     def read(self) -> Reading | None:
         """Compare the windows that end with the newest row, once a hop; None while there is too little to compare."""
+
+    def follow(self, time: float, class_name: str | None) -> Progress | None:
+        """Say how far the body is, with the newest row, in the motion of a class; None when nobody asked for it."""
 
     def exchange(self, library: MotionLibrary | WindowIndex) -> None:
         """Compare the same windows with another library of the same joints from now on."""
@@ -145,17 +149,20 @@ class WindowMatcher:
     ----------
     index
         The library's windows.
-    stillness, sensitivity
+    stillness, sensitivity, progress
         As `stream.recognizer.settings.Settings` has them.
     """
 
-    def __init__(self, index: WindowIndex, *, stillness: float, sensitivity: float | None) -> None:
+    def __init__(
+        self, index: WindowIndex, *, stillness: float, sensitivity: float | None, progress: bool = False
+    ) -> None:
         self._windows = LiveWindows(index.body, index.basis)
         self.longest = self._windows.longest
         self._stillness, self._sensitivity = stillness, sensitivity
         self._judgement = Judgement(self._threshold(index))
         self._hysteresis = Hysteresis(index.comparison.weighing.lead)
         self._feed = _Feed()
+        self._progress = ProgressFollower(phase_table(index)) if progress else None
         self._compare_with(index)
 
     def _threshold(self, index: WindowIndex) -> float:
@@ -169,6 +176,7 @@ class WindowMatcher:
         # Movement per moving pair: a body with fewer joints has fewer of them.
         self._per_pair = 1 / math.sqrt(max(index.basis.moving, 1))
         self._naming = index.comparison.weighing.naming
+        self._rejection = index.rejection
         self._nothing = index.classes.index(NOTHING) if NOTHING in index.classes else -1
 
     def exchange(self, library: MotionLibrary | WindowIndex) -> None:
@@ -177,6 +185,8 @@ class WindowMatcher:
         self._windows.exchange(index.body, index.basis)
         self._hysteresis.exchange(index.comparison.weighing.lead, places_in(self.classes, index.classes))
         self._judgement.exchange(self._threshold(index))
+        if self._progress:
+            self._progress.exchange(phase_table(index))
         self._compare_with(index)
 
     def clear(self) -> None:
@@ -185,6 +195,12 @@ class WindowMatcher:
         self._hysteresis.clear()
         self._feed.clear()
         self._judgement.clear()
+        if self._progress:
+            self._progress.clear()
+
+    def follow(self, time: float, class_name: str | None) -> Progress | None:
+        """Say how far the body is, with the newest row, in the motion of a class; None when nobody asked for it."""
+        return self._progress.push(time, self._windows.place(), class_name) if self._progress else None
 
     def push(self, times: Sequence[float], rows: NDArray[np.float64]) -> None:
         """Take in distance rows."""
@@ -206,7 +222,7 @@ class WindowMatcher:
             return None
         signature = self._windows.read()
         views = self._index.log_distances(signature.numbers)
-        distances = views[: self._naming].min(axis=0)
+        distances = np.minimum.reduce(views[: self._naming])
         elapsed = self._feed.elapsed()
         guess, lead = followed(self._hysteresis, distances, elapsed)
         evidence = Evidence(
@@ -216,7 +232,7 @@ class WindowMatcher:
             swing=math.log(signature.swing * self._per_pair + _NO_MOVEMENT),
             sway=math.log(signature.sway * self._per_pair + _NO_MOVEMENT),
         )
-        known = self._judgement.push(self._rejection.logit(evidence, self._index.classes[guess]), elapsed)
+        known = self._judgement.push(self._rejection.logit(evidence, self.classes[guess]), elapsed)
         outcome = Outcome.NAMED if known and guess != self._nothing else Outcome.UNKNOWN
         scores = self._index.eigenvector_scores(signature.eigenvector)
         best = int(scores.argmax())
@@ -273,6 +289,10 @@ class PaperMatcher:
         self._hysteresis.clear()
         self._feed.clear()
 
+    def follow(self, time: float, class_name: str | None) -> Progress | None:  # noqa: ARG002 - it has no basis of moments
+        """Say nothing: the paper's signature has no order in time."""
+        return None
+
     def push(self, times: Sequence[float], rows: NDArray[np.float64]) -> None:
         """Take in distance rows."""
         if len(times):
@@ -312,7 +332,8 @@ def followed(hysteresis: Hysteresis, distances: NDArray[np.float64], elapsed: fl
     listed = distances.tolist()
     nearest = min(listed)
     leader = listed.index(nearest)
-    ahead = min((each for index, each in enumerate(listed) if index != leader), default=math.inf) - nearest
+    others = listed[:leader] + listed[leader + 1 :]
+    ahead = min(others) - nearest if others else math.inf
     hysteresis.push(leader, min(ahead, _MAX_PACE), elapsed)
     if hysteresis.current is None:
         hysteresis.current = leader

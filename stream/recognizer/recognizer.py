@@ -276,7 +276,13 @@ class Recognizer:
             doubted=self._doubts.joints,
         )
         events = self._detector.push(recognition)
-        return replace(recognition, events=events) if events else recognition
+        progress = self._matcher.follow(frame.time, self._motion_of(recognition)) if self.settings.progress else None
+        return replace(recognition, events=events, progress=progress) if events or progress else recognition
+
+    def _motion_of(self, recognition: Recognition) -> str | None:
+        """Name the motion that is followed: the class named now, else the motion that goes on."""
+        going_on = self._detector.going_on
+        return recognition.class_name or (going_on.label if going_on else None)
 
     def end(self) -> Event | None:
         """End the motion that is going on, because nothing more will come; None when none is."""
@@ -290,4 +296,9 @@ def _matcher(library: MotionLibrary | WindowIndex, settings: Settings) -> Matche
         gap = _SMALLEST_GAP if settings.smallest_gap is None else settings.smallest_gap
         paper = opened_by_paper(library_of(library), window)
         return PaperMatcher(paper, stillness=settings.stillness, smallest_gap=gap)
-    return WindowMatcher(index_of(library), stillness=settings.stillness, sensitivity=settings.sensitivity)
+    return WindowMatcher(
+        index_of(library),
+        stillness=settings.stillness,
+        sensitivity=settings.sensitivity,
+        progress=settings.progress,
+    )

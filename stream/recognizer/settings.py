@@ -45,6 +45,8 @@ class Settings:
         adult: a tenth of the quietest motion of the built-in library, twenty times a marker's noise.
     smallest_gap
         (λ₁ − λ₂) / λ₁ below which the leading eigenvector is too arbitrary to be compared; None is 0.02. PAPER only.
+    progress
+        Whether to say with each answer how far in its motion the performer is, how fast and how large. WINDOWS only.
     patience
         How many frames in a row may be older than the newest before the sender is taken to have started anew. One
         older than the longest window says so at once.
@@ -65,6 +67,7 @@ class Settings:
     stillness: float = 0.01
     smallest_gap: float | None = None
     patience: int = 10
+    progress: bool = False
 
     def __post_init__(self) -> None:
         others = ("window", "smallest_gap") if self.signature is LiveSignature.WINDOWS else ("sensitivity",)
@@ -72,6 +75,8 @@ class Settings:
             value = getattr(self, name)
             if value is not None:
                 raise ValueError(f"{name}: expected none with the signature {self.signature}, got {value}")
+        if self.progress and self.signature is not LiveSignature.WINDOWS:
+            raise ValueError(f"progress: expected False with the signature {self.signature}, got True")
         for name in ("window", "longest_gap"):
             value = getattr(self, name)
             if value is not None and not (math.isfinite(value) and value > 0):

@@ -17,10 +17,11 @@ from pythonosc.osc_message_builder import OscMessageBuilder
 
 from kinespace.library.hdm05 import SKELETON
 from kinespace.stream import osc, zeromq
-from kinespace.stream.connections import Endpoint
 from kinespace.stream.frame import Announcement, Frame
+from kinespace.stream.inputs import OscDecoder, Source, ZmqDecoder
 from kinespace.stream.recognizer import Performers, Recognizer, Settings
-from kinespace.stream.service import OscSource, Service, ZmqSource
+from kinespace.stream.service import Service
+from kinespace.stream.zeromq import Endpoint
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -29,6 +30,8 @@ if TYPE_CHECKING:
     from kinespace.library.motion_library import MotionLibrary
     from kinespace.stream.recognition import Event, Recognition
     from kinespace.stream.status import Status
+
+pytestmark = pytest.mark.slow
 
 LOOPBACK = "127.0.0.1"
 #: Seconds a test waits for a packet that was sent, before it gives up.
@@ -80,7 +83,7 @@ class Line(Protocol):
 
 
 class _Line:
-    def __init__(self, library: MotionLibrary, source: OscSource | ZmqSource) -> None:
+    def __init__(self, library: MotionLibrary, source: Source) -> None:
         self.now = 1000.0
         self.sink = Kept()
         self._source = source
@@ -100,7 +103,7 @@ class OscLine(_Line):
     """Over UDP."""
 
     def __init__(self, library: MotionLibrary, opened: ExitStack) -> None:
-        source = opened.enter_context(closing(OscSource(osc.OscReceiver(LOOPBACK, 0))))
+        source = opened.enter_context(closing(Source(osc.OscReceiver(LOOPBACK, 0), OscDecoder())))
         self._sender = opened.enter_context(closing(osc.OscSender(*source.receiver.address)))
         super().__init__(library, source)
 
@@ -127,7 +130,7 @@ class ZmqLine(_Line):
     def __init__(self, library: MotionLibrary, opened: ExitStack) -> None:
         address = f"inproc://line-{next(_NUMBERS)}"
         receiver = zeromq.ZmqReceiver(Endpoint(address, bind=True))
-        source = opened.enter_context(closing(ZmqSource(receiver)))
+        source = opened.enter_context(closing(Source(receiver, ZmqDecoder())))
         endpoint = Endpoint(address, bind=False)
         self._sender = opened.enter_context(closing(zeromq.ZmqSender(endpoint)))
         self.seq = 0
@@ -224,7 +227,7 @@ _RANDOM = np.random.default_rng(17)
 _POSE = _RANDOM.normal(size=93).tolist()
 _LAST_IS_NAN, _ONE_IS_INFINITE = [*_POSE[:92], float("nan")], [float("-inf"), *_POSE[1:]]
 _BOTH_INFINITIES = [float("inf"), float("-inf"), *_POSE[2:]]
-_LARGEST_FRAME = np.zeros(13_080)
+_MAX_FRAME = np.zeros(13_080)
 
 OSC_PACKETS: dict[str, tuple[str, bytes]] = {
     "empty": ("malformed", b""),
@@ -232,7 +235,7 @@ OSC_PACKETS: dict[str, tuple[str, bytes]] = {
     "random bytes of 64 kB": ("malformed", _RANDOM.bytes(65_507)),
     "a message of 64 kB": ("malformed", b"/motion/frame\0\0\0,sd" + b"f" * 65_488),
     "arrays in arrays of 64 kB": ("malformed", b"/motion/skeleton\0\0\0\0,%b\0\0\0" % (b"[" * 32_000 + b"]" * 32_000)),
-    "a frame of 64 kB": ("other_joints", _osc_frame(_LARGEST_FRAME)),
+    "a frame of 64 kB": ("other_joints", _osc_frame(_MAX_FRAME)),
     "bundles in bundles": ("malformed", b"#bundle\0\0\0\0\0\0\0\0\1\0\0\0\x10" * 100),
     "cut off": ("malformed", _osc_frame(_POSE)[:-3]),
     "a float too many": ("malformed", _osc_frame([*_POSE, 1.0])),

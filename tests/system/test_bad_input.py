@@ -18,8 +18,9 @@ from recorded import write_take, write_takes
 from synthetic import stick_clips
 
 from kinespace.library import MotionLibrary, hdm05
-from kinespace.stream import Announcement, Recognizer, osc, rawfile, zeromq
-from kinespace.stream.connections import Endpoint
+from kinespace.stream import Announcement, Recognizer, osc, zeromq
+from kinespace.stream.recording import kinerec as rawfile
+from kinespace.stream.zeromq import Endpoint
 from kinespace.tools.cli.main import main
 
 if TYPE_CHECKING:

@@ -16,11 +16,13 @@ from programs import LOOPBACK, PATIENCE, builtin_library, finished, ghost_cues, 
 
 from kinespace.library.hdm05 import SKELETON
 from kinespace.stream.osc import OscReceiver
-from kinespace.stream.oscpacket import Message, decode_packet
+from kinespace.stream.osc.packet import Message, decode_packet
 from kinespace.tools.programs.live import fitted
 
 if TYPE_CHECKING:
     from pathlib import Path
+
+pytestmark = pytest.mark.slow
 
 
 def play(layout: str, port: int, seconds: float = 2.5) -> None:

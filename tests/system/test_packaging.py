@@ -31,8 +31,8 @@ FOLDERS = {"tools/front": "kinespace"} | {
 }
 RECORDINGS = (".amc", ".asf", ".c3d", ".bvh", ".trc", ".fbx")
 #: Bytes above which a recording is data, not a test's example.
-LARGEST_EXAMPLE = 20_000
-LARGEST_LIBRARY = 3_000_000
+MAX_EXAMPLE = 20_000
+MAX_LIBRARY = 3_000_000
 
 
 def project() -> dict[str, dict[str, object]]:
@@ -123,7 +123,7 @@ def test_the_librarys_terms_stand_beside_it() -> None:
 
 def test_the_built_in_library_is_small() -> None:
     """The built-in library takes at most 3 MB."""
-    assert 0 < len((resources.files("kinespace.library") / "hdm05.npz").read_bytes()) <= LARGEST_LIBRARY
+    assert 0 < len((resources.files("kinespace.library") / "hdm05.npz").read_bytes()) <= MAX_LIBRARY
 
 
 def test_the_built_in_library_is_the_one_the_recordings_give(hdm05_clips: tuple[Clip, ...]) -> None:
@@ -143,7 +143,7 @@ def test_no_recording_is_tracked() -> None:
     large = [
         path.name
         for path in tracked_files()
-        if path.suffix.lower() in RECORDINGS and path.exists() and path.stat().st_size > LARGEST_EXAMPLE
+        if path.suffix.lower() in RECORDINGS and path.exists() and path.stat().st_size > MAX_EXAMPLE
     ]
     assert large == []
 

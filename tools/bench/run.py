@@ -67,7 +67,7 @@ class Effort:
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Say which options the program takes."""
+    """Add the program's options."""
     parser.description = (
         "Times every step, the alternatives, growth, sockets and a long run, on real motions and one core. pip install "
         "kinespace[bench] lets it keep linear algebra to one thread. Everything takes an hour."
@@ -95,7 +95,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Run the program as its options say; the exit status."""
+    """Run the program with these options; return the exit status."""
     return bench(
         PARTS if options.part == "all" else (options.part,),
         data=options.data,

@@ -30,7 +30,7 @@ PROGRAMS: Programs = {
     "convert": ("programs.convert", "a raw recording or a motion file as plain numbers"),
     "latency": ("programs.latency", "measure frame sent to answer received, beside a bare echo"),
     "build": ("programs.build", "make a motion library from recordings and other libraries"),
-    "learn": ("evaluation.learn", "teach a library what is unknown, by takes of strangers"),
+    "learn": ("evaluation.learn", "teach a library which movement is unknown, by takes of strangers"),
     "info": ("programs.info", "say what is in a motion library or in recordings"),
     "evaluate": ("", "measure how often the right class is found"),
     "bench": ("bench.run", "measure what everything costs, beside what a user would take instead"),
@@ -49,6 +49,7 @@ EXPERIMENTS: Programs = {
         "motions as a noisy sensor sees them, each left out of the library that names it",
     ),
     "faults": ("evaluation.evaluate_faults", "takes with joints frozen, lost or exchanged, and bodies that jump"),
+    "progress": ("evaluation.evaluate_progress", "how right phase, speed and amplitude are, beside a clock"),
 }
 
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kinespace.library import MotionLibrary, find_recordings, read_recordings
+from kinespace.library import MotionLibrary, find_recordings
 from kinespace.library.recordings import labelled
 from kinespace.stream.frame import Frame
 from kinespace.stream.recognizer import Recognizer, Settings
@@ -28,6 +28,7 @@ from kinespace.tools.evaluation.bootstrap import Interval, Ratio
 from kinespace.tools.evaluation.stream_tables import interval, percent
 from kinespace.tools.feeding.joint_sets import joints_of
 from kinespace.tools.terminal.console import console, progress
+from kinespace.tools.terminal.named_joints import read_and_tell
 from kinespace.tools.terminal.tables import narrow_table
 
 if TYPE_CHECKING:
@@ -84,7 +85,7 @@ class NoiseScore:
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Say which options the program takes."""
+    """Add the program's options."""
     parser.description = (
         "Plays motions at 30 frames per second with white noise on every coordinate into the live recogniser. Motions "
         "are left out of the library in groups, so that none is named by itself."
@@ -114,7 +115,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Run the program as its options say; the exit status."""
+    """Run the program with these options; return the exit status."""
     return evaluate(
         options.folder,
         reading=reading_of(options),
@@ -182,7 +183,7 @@ def _library(places: Sequence[Path], reading: Reading) -> MotionLibrary:
     if not places:
         return MotionLibrary.builtin()
     paths = find_recordings(places)
-    read = progress(read_recordings(paths, reading), "Reading", len(paths))
+    read = read_and_tell(paths, reading)
     return MotionLibrary.of_clips(
         [labelled(clip, path, reading.actor_in) for clip, path in zip(read, paths, strict=True)]
     )

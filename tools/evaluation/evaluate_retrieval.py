@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from rich.table import Table
 
-from kinespace.library import Clip, MotionLibrary, find_recordings, read_recordings
+from kinespace.library import Clip, MotionLibrary, find_recordings
 from kinespace.library.recordings import labelled
 from kinespace.library.retrieval.experiment import (
     SPLIT_LIBRARY_ACTORS,
@@ -33,6 +33,7 @@ from kinespace.tools.evaluation.bootstrap import Ratio
 from kinespace.tools.evaluation.stream_tables import interval, percent
 from kinespace.tools.feeding.joint_sets import joints_of
 from kinespace.tools.terminal.console import console, progress
+from kinespace.tools.terminal.named_joints import read_and_tell
 from kinespace.tools.terminal.output_path import require_place_for
 from kinespace.tools.terminal.tables import add_names, narrow_table
 
@@ -81,7 +82,7 @@ class _Outcome(NamedTuple):
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Say which options the program takes."""
+    """Add the program's options."""
     parser.description = (
         "For every motion, counts whether its nearest other motion is of its class, and whether one of the two nearest "
         "is, in the spaces of joint distances, joint positions and joint rotations."
@@ -121,7 +122,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Run the program as its options say; the exit status."""
+    """Run the program with these options; return the exit status."""
     return evaluate(
         options.folder,
         reading=reading_of(options),
@@ -229,7 +230,7 @@ def _clips(places: Sequence[Path], reading: Reading, turned_by: int | None) -> l
 
 def _recorded(places: Sequence[Path], reading: Reading) -> list[Clip]:
     paths = find_recordings(places)
-    read = progress(read_recordings(paths, reading), "Reading", len(paths))
+    read = read_and_tell(paths, reading)
     clips = [labelled(clip, path, reading.actor_in) for clip, path in zip(read, paths, strict=True)]
     short = [clip.name for clip in clips if clip.frames < 2]
     if short:

@@ -75,7 +75,7 @@ class Pictures:
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Say which options the program takes."""
+    """Add the program's options."""
     parser.description = (
         "Replays takes through the very recogniser that runs live, at full speed and without sockets, and compares "
         "what was published at each moment with what was performed at that moment."
@@ -126,7 +126,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Run the program as its options say; the exit status."""
+    """Run the program with these options; return the exit status."""
     return evaluate(
         Sources(
             options.takes,

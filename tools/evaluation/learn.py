@@ -78,7 +78,7 @@ class _Course:
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Say which options the program takes."""
+    """Add the program's options."""
     parser.description = (
         "Fits the numbers that tell known motion from unknown, by takes in which nothing known happens and takes that "
         "contain a known motion, and keeps them in the library's file."
@@ -93,7 +93,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Run the program as its options say; the exit status."""
+    """Run the program with these options; return the exit status."""
     return learn(
         options.library,
         options.output,

@@ -7,11 +7,12 @@ from functools import reduce
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from kinespace.library import NOTHING, Clip, MotionLibrary, find_recordings, hdm05, read_recordings
+from kinespace.library import NOTHING, Clip, MotionLibrary, find_recordings, hdm05
 from kinespace.library.formats.labels import cut, read_labels
 from kinespace.library.recordings import labelled, performed
 from kinespace.tools.cli.arguments import add_actor_in, add_changes, add_labels, add_overwrite, add_reading, reading_of
-from kinespace.tools.terminal.console import console, progress
+from kinespace.tools.terminal.console import console
+from kinespace.tools.terminal.named_joints import read_and_tell
 from kinespace.tools.terminal.output_path import require_place_for
 
 if TYPE_CHECKING:
@@ -73,7 +74,7 @@ class Terms:
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Say which options the program takes."""
+    """Add the program's options."""
     parser.description = (
         "Puts the motions of recordings and library files together, over the joints that all of them have. A "
         "recording's class is in its name (HDM05) or is its folder's name."
@@ -85,12 +86,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_labels(parser, "for each recording, in order: cut it into these motions")
     add_reading(parser)
     add_actor_in(parser)
-    parser.add_argument("--licence", help="terms of the recordings (default: HDM05's, of those that are named so)")
-    parser.add_argument("--attribution", help="whom to name (default: HDM05's, of those that are named so)")
+    parser.add_argument("--licence", help="terms of the recordings (default: HDM05's, if they are named like HDM05's)")
+    parser.add_argument("--attribution", help="the authors to name (default: HDM05's, if they are named like HDM05's)")
 
 
 def run(options: argparse.Namespace) -> int:
-    """Run the program as its options say; the exit status."""
+    """Run the program with these options; return the exit status."""
     return build(
         options.sources,
         options.output,
@@ -167,7 +168,7 @@ def _labelled(places: Sequence[Path], reading: Reading, terms: Terms, labels: Se
     paths = find_recordings(places)
     if labels and len(labels) != len(paths):
         raise ValueError(f"--labels: expected one for each of {len(paths)} recordings, got {len(labels)}")
-    takes = progress(read_recordings(paths, reading), "Reading", len(paths))
+    takes = read_and_tell(paths, reading)
     for place, (take, path) in enumerate(zip(takes, paths, strict=True)):
         clip = terms.put_on(take, path)
         if labels:

@@ -18,11 +18,12 @@ from kinespace.library import find_recordings, hdm05
 from kinespace.library.recordings import RecordingReader
 from kinespace.library.skeleton import Skeleton, SkeletonMismatchError
 from kinespace.stream.frame import Announcement
-from kinespace.stream.rawfile import ENDING, RawFile
-from kinespace.stream.rerun import decoded
+from kinespace.stream.recording import decoded
+from kinespace.stream.recording.kinerec import ENDING, RawFile
 from kinespace.tools.cli.arguments import add_overwrite, add_reading, add_recorded_feed, reading_of
 from kinespace.tools.programs.feeds import preset_named
 from kinespace.tools.terminal.console import console, printable, progress
+from kinespace.tools.terminal.named_joints import NameTeller
 from kinespace.tools.terminal.output_path import require_place_for
 
 if TYPE_CHECKING:
@@ -59,7 +60,7 @@ class _Seen:
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Say which options the program takes."""
+    """Add the program's options."""
     parser.description = (
         "Writes times and joint positions (seconds, metres) as .npz, or as CSV with a line for each frame."
     )
@@ -72,7 +73,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Run the program as its options say; the exit status."""
+    """Run the program with these options; return the exit status."""
     return convert(
         options.source,
         options.output,
@@ -137,7 +138,7 @@ def _of_file(source: Path, reading: Reading) -> _Motion:
 
 def _clips(path: Path, reading: Reading) -> Iterator[Clip]:
     with RecordingReader(reading) as reader:
-        yield from reader.pieces(path)
+        yield from map(NameTeller(), reader.pieces(path))
 
 
 def _postures_of(clips: Iterable[Clip]) -> Iterator[_Posture]:

@@ -71,7 +71,7 @@ class _Played:
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Say which options the program takes."""
+    """Add the program's options."""
     parser.description = (
         "Plays a recorded motion of every class of the built-in library over loopback into a recogniser in another "
         "process, and shows what it answers. The recogniser's library holds none of the motions played. Exit status: "
@@ -84,7 +84,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Run the program as its options say; the exit status."""
+    """Run the program with these options; return the exit status."""
     return demonstrate(options.transport, seconds=options.seconds, picture=options.picture, as_json=options.json)
 
 

@@ -17,12 +17,12 @@ _ENDING = ".toml"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Say which options the program takes."""
+    """Add the program's options."""
     parser.add_argument("name", nargs="?", metavar="NAME", help="print this preset, to be copied and edited")
 
 
 def run(options: argparse.Namespace) -> int:
-    """Run the program as its options say; the exit status."""
+    """Run the program with these options; return the exit status."""
     return tell(options.name)
 
 

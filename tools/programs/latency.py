@@ -195,7 +195,7 @@ def _cues(positions: NDArray[np.float32], rate_hz: float, seconds: float) -> lis
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Say which options the program takes."""
+    """Add the program's options."""
     parser.description = (
         "Feeds a recogniser in another process over loopback and times its answers; the same packets go to a bare echo "
         "in the same run."
@@ -208,7 +208,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Run the program as its options say; the exit status."""
+    """Run the program with these options; return the exit status."""
     if options.json and options.transport == "both":
         raise ValueError("--json: expected --transport osc or zmq with it, got both")
     return compare_with_echo(

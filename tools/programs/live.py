@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import gc
-import signal
 import sys
 import threading
 import time
 from contextlib import ExitStack, nullcontext
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -16,26 +15,29 @@ from typing import TYPE_CHECKING
 from rich.live import Live
 
 from kinespace.library import MotionLibrary
+from kinespace.library.naming import Naming
 from kinespace.stream import osc, zeromq
 from kinespace.stream.background_opener import BackgroundOpener
-from kinespace.stream.connections import Endpoint
 from kinespace.stream.feeds.source import FeedSource
-from kinespace.stream.layouts import LAYOUTS, LayoutSink, ReplySender
-from kinespace.stream.onepart import ZmqPackets
-from kinespace.stream.rawfile import RawWriter
-from kinespace.stream.recognizer import Performers, Recognizer
-from kinespace.stream.service import OscSink, OscSource, Service, Sink, Source, ZmqSink, ZmqSource
-from kinespace.stream.tap import Tap, TappedMessages, TappedPackets, TappedSource, described
+from kinespace.stream.inputs import OscDecoder, Source, ZmqDecoder
+from kinespace.stream.outputs import LAYOUTS, LayoutSink, NativeLayout, ReplySender, Sink, ZmqSink
+from kinespace.stream.recognizer import Performers, Recognizer, SentJoints
+from kinespace.stream.recording import RawWriter, Recorder, source_name
+from kinespace.stream.restricted_beside import RestrictedBeside
+from kinespace.stream.service import Service
+from kinespace.stream.zeromq import Endpoint
 from kinespace.tools.cli.address import host_and_port
 from kinespace.tools.cli.arguments import (
     OSC_IN,
     add_inputs,
     add_library,
+    add_names,
     add_overwrite,
     add_sender,
     add_settings,
     settings_of,
 )
+from kinespace.tools.cli.interruption import stop_on_signals
 from kinespace.tools.feeding.joint_sets import joints_in_order
 from kinespace.tools.programs.feeds import preset_named
 from kinespace.tools.terminal.console import console
@@ -49,8 +51,10 @@ if TYPE_CHECKING:
     from kinespace.stream.feeds import Preset
     from kinespace.stream.recognizer import Settings
 
-#: Where answers go when nothing else is said: a port that none of the usual receivers uses.
+#: Where answers go unless the user says otherwise: a port that none of the usual receivers uses.
 OSC_OUT = "127.0.0.1:9311"
+#: The addresses of all of a machine's networks, and of the machine itself.
+_ANY_HOST, _THIS_MACHINE = ("0.0.0.0", "::"), ("127.0.0.1", "::1")  # noqa: S104 - compared, not bound
 #: Times a second the table is drawn.
 _REDRAWS = 5
 #: Seconds a thread may keep Python's lock while another waits. Drawing takes longer than a frame may wait.
@@ -82,12 +86,15 @@ class Feed:
     joints
         What frames in our own messages hold whose sender does not say so, as
         `tools.feeding.joint_sets.joints_in_order` reads it; None for the library's joints.
+    naming
+        How the joint names are read that senders of our own messages announce.
     """
 
     preset: str | None = None
     sender: str = "127.0.0.1"
     outs: Sequence[str] = ()
     joints: str | None = None
+    naming: Naming = field(default_factory=Naming)
 
 
 _NO_FEED = Feed()
@@ -96,7 +103,7 @@ _AnyReceiver = osc.OscReceiver | zeromq.ZmqReceiver
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Say which options the program takes."""
+    """Add the program's options."""
     parser.description = (
         f"Recognises frames and publishes answers until Ctrl-C. Unless told otherwise: OSC in on {OSC_IN}, out to "
         f"{OSC_OUT}. A ZeroMQ endpoint is bound; put > before it to connect instead."
@@ -105,7 +112,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--osc-out", metavar="HOST:PORT", help="send OSC answers there")
     parser.add_argument("--zmq-out", metavar="ENDPOINT", help="publish ZeroMQ answers")
     parser.add_argument(
-        "--feed", metavar="NAME", help="frames are another product's: see kinespace feeds; or FILE.toml"
+        "--feed", metavar="NAME", help="read the feed of this product, see kinespace feeds; or FILE.toml"
     )
     add_sender(parser)
     parser.add_argument(
@@ -113,24 +120,25 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         metavar="NAME[=HOST:PORT]",
-        help="answer as touchdesigner, max, wekinator, vmc-thru, vrchat or native hear it; sender:PORT replies",
+        help="answer as these programs hear it, several at once: " + ", ".join(LAYOUTS) + "; sender:PORT replies",
     )
     parser.add_argument(
         "--joints",
         metavar="A,B,...",
-        help="what frames hold, in order, whose sender never names their joints: the library's names, or a preset that "
+        help="the joints of frames whose sender never names them, in order: the library's names, or a preset that "
         "lists them, like kinectv2, or FILE.toml (default: the library's joints)",
     )
+    add_names(parser, "senders")
     add_library(parser)
     add_settings(parser)
-    parser.add_argument("--performers", type=int, default=32, help="how many at once, at most (default %(default)s)")
-    parser.add_argument("--record", type=Path, metavar="FILE", help="keep every packet that comes, for replay")
+    parser.add_argument("--performers", type=int, default=32, help="how many performers at most (default %(default)s)")
+    parser.add_argument("--record", type=Path, metavar="FILE", help="keep every packet that comes in, for replay")
     add_overwrite(parser)
     parser.add_argument("--plain", action="store_true", help="print a line per change instead of a table")
 
 
 def run(options: argparse.Namespace) -> int:
-    """Run the program as its options say; the exit status."""
+    """Run the program with these options; return the exit status."""
     none_given = not any((options.osc_in, options.osc_out, options.zmq_in, options.zmq_out))
     usual_out = not (options.osc_out or options.zmq_out or options.out)
     usual_in = none_given and not options.feed
@@ -148,7 +156,7 @@ def run(options: argparse.Namespace) -> int:
         plain=options.plain,
         record=options.record,
         overwrite=options.overwrite,
-        feed=Feed(options.feed, options.sender, tuple(options.out), options.joints),
+        feed=Feed(options.feed, options.sender, tuple(options.out), options.joints, Naming.asked(options.naming)),
     )
 
 
@@ -167,6 +175,8 @@ def recognise(
     if record:
         require_place_for(record, overwrite=overwrite)
     motions = MotionLibrary.load(library) if library else MotionLibrary.builtin()
+    if feed.naming.convention or feed.naming.finds:
+        motions = motions.in_our_names(Naming())
     preset = preset_named(feed.preset) if feed.preset else None
     joints = _assumed_joints(feed)
     if preset:
@@ -174,17 +184,16 @@ def recognise(
     elif joints:
         motions = fitted(motions, "--joints", joints)
     _require_room_for(motions, settings)
-    performers = Performers(motions, settings, most=most, joints=joints, opener=BackgroundOpener())
+    sent = SentJoints(joints, feed.naming, RestrictedBeside(motions, settings))
+    performers = Performers(motions, settings, most=most, joints=sent, opener=BackgroundOpener())
     shown: PlainLines | LiveTable = PlainLines() if plain or not console.is_terminal else LiveTable(motions.classes)
     receivers, sinks, kept = _open(addresses, feed, preset, record)
-    taps = [Tap(kept, index) if kept else None for index in range(len(receivers))]
-    sources = [_source(receiver, preset, feed.sender, tap) for receiver, tap in zip(receivers, taps, strict=True)]
+    recorders = [Recorder(kept, index) if kept else None for index in range(len(receivers))]
+    sources = [_source(*each, preset, feed.sender) for each in zip(receivers, recorders, strict=True)]
     feeds = [source for source in sources if isinstance(source, FeedSource)]
-    tapped = [TappedSource(source, tap) if tap else source for source, tap in zip(sources, taps, strict=True)]
-    with kept or nullcontext(), Service(performers, tapped, [*sinks, shown]) as service:
+    with kept or nullcontext(), Service(performers, sources, [*sinks, shown]) as service:
         _announce(sources, sinks)
-        for number in (signal.SIGINT, signal.SIGTERM):
-            signal.signal(number, lambda *_: service.stop())
+        stop_on_signals(service.stop)
         # What was loaded so far lives as long as we do: the collector need not look at it again.
         gc.freeze()
         if isinstance(shown, LiveTable):
@@ -203,7 +212,7 @@ def recognise(
 def _assumed_joints(feed: Feed) -> tuple[str, ...]:
     if feed.joints and feed.preset:
         raise ValueError("--joints: expected no --feed with it; a preset says which joints there are")
-    return joints_in_order(feed.joints) if feed.joints else ()
+    return feed.naming.read(joints_in_order(feed.joints)).joints if feed.joints else ()
 
 
 def fitted(motions: MotionLibrary, whose: str, joints: Sequence[str]) -> MotionLibrary:
@@ -232,7 +241,7 @@ def fitted(motions: MotionLibrary, whose: str, joints: Sequence[str]) -> MotionL
 
 def frames_made(source: FeedSource) -> str:
     """Say what became of a feed's joints, and which were lacking where frames were refused."""
-    counts = source.assembler.counts
+    counts = source.decoder.assembler.counts
     closed = ", ".join(f"{count} by {closing}" for closing, count in counts.closed_by.most_common())
     line = (
         f"feed {source.preset.name}: {counts.frames} frames made ({closed or 'none closed'}), "
@@ -271,7 +280,7 @@ def _open(
             receivers.append(zeromq.ZmqReceiver(Endpoint.parse(addresses.zmq_in, bind=True)))
             opened.callback(receivers[-1].close)
         if addresses.osc_out:
-            sinks.append(OscSink(osc.OscSender(*host_and_port(addresses.osc_out))))
+            sinks.append(LayoutSink(NativeLayout(), osc.OscSender(*host_and_port(addresses.osc_out))))
             opened.callback(sinks[-1].close)
         if addresses.zmq_out:
             sinks.append(ZmqSink(zeromq.ZmqSender(Endpoint.parse(addresses.zmq_out, bind=True))))
@@ -279,27 +288,36 @@ def _open(
         for out in feed.outs:
             sinks.append(_layout_sink(out, receivers))
             opened.callback(sinks[-1].close)
+        _require_no_loop(receivers, sinks)
         # Last, because it may take another file's place.
         writer = _writer(record, receivers, preset) if record else None
         opened.pop_all()
     return receivers, sinks, writer
 
 
+def _require_no_loop(receivers: Sequence[_AnyReceiver], sinks: Sequence[Sink]) -> None:
+    """Refuse answers to a port that frames come in on: they would be taken for frames."""
+    heard = [receiver.address for receiver in receivers if isinstance(receiver, osc.OscReceiver)]
+    for sink in sinks:
+        sender = sink.sender if isinstance(sink, LayoutSink) else None
+        if not isinstance(sender, osc.OscSender):
+            continue
+        host, port = sender.target[:2]
+        for own, listening in heard:
+            if port == listening and (host == own or (own in _ANY_HOST and host in (*_ANY_HOST, *_THIS_MACHINE))):
+                raise ValueError(f"--out: expected another place than {own}:{listening}, where frames come in: {sink}")
+
+
 def _writer(record: Path, receivers: Sequence[_AnyReceiver], preset: Preset | None) -> RawWriter:
     record.unlink(missing_ok=True)
     presets = {preset.name: preset.text} if preset else {}
-    return RawWriter(record, [described(receiver, preset) for receiver in receivers], presets)
+    return RawWriter(record, [source_name(receiver, preset) for receiver in receivers], presets)
 
 
-def _source(
-    receiver: _AnyReceiver, preset: Preset | None, sender: str, tap: Tap | None
-) -> FeedSource | OscSource | ZmqSource:
-    """Make the source of what comes in at one place, through the tap where there is a recording."""
-    if isinstance(receiver, osc.OscReceiver):
-        packets = TappedPackets(receiver, tap) if tap else receiver
-        return FeedSource(packets, preset, sender=sender) if preset else OscSource(packets)
-    messages = TappedMessages(receiver, tap) if tap else receiver
-    return FeedSource(ZmqPackets(messages), preset) if preset else ZmqSource(messages)
+def _source(receiver: _AnyReceiver, recorder: Recorder | None, preset: Preset | None, sender: str) -> Source:
+    if preset:
+        return FeedSource(receiver, preset, sender=sender, recorder=recorder)
+    return Source(receiver, OscDecoder() if isinstance(receiver, osc.OscReceiver) else ZmqDecoder(), recorder)
 
 
 def _layout_sink(text: str, receivers: Sequence[_AnyReceiver]) -> LayoutSink:
@@ -310,12 +328,12 @@ def _layout_sink(text: str, receivers: Sequence[_AnyReceiver]) -> LayoutSink:
     layout = LAYOUTS[name]()
     if target.partition(":")[0] != "sender":
         host, port = host_and_port(target) if target else ("127.0.0.1", layout.port)
-        return LayoutSink(name, layout, osc.OscSender(host, port))
+        return LayoutSink(layout, osc.OscSender(host, port))
     heard = [receiver for receiver in receivers if isinstance(receiver, osc.OscReceiver)]
     if not heard:
         raise ValueError("--out: expected an OSC feed to reply to, got none")
     port = host_and_port(target)[1] if ":" in target else layout.port
-    return LayoutSink(name, layout, ReplySender(heard[0], port))
+    return LayoutSink(layout, ReplySender(heard[0], port))
 
 
 def _announce(sources: Sequence[Source], sinks: Sequence[Sink]) -> None:

@@ -17,9 +17,9 @@ from rich.table import Table
 from kinespace.library import Clip, MotionLibrary, Reading, find_recordings
 from kinespace.library.recordings import RecordingReader, labelled
 from kinespace.stream import osc, zeromq
-from kinespace.stream.connections import Endpoint
 from kinespace.stream.frame import Announcement
-from kinespace.stream.rawfile import ENDING
+from kinespace.stream.recording.kinerec import ENDING
+from kinespace.stream.zeromq import Endpoint
 from kinespace.tools.cli.address import host_and_port
 from kinespace.tools.cli.arguments import OSC_IN, add_json, add_reading, not_negative, positive, reading_of, share
 from kinespace.tools.feeding.feed import (
@@ -37,6 +37,7 @@ from kinespace.tools.feeding.prefetch import ReadAhead
 from kinespace.tools.loopback.answer_listener import Listener, answer_in
 from kinespace.tools.programs import replay_packets
 from kinespace.tools.terminal.console import console, progress, progress_console
+from kinespace.tools.terminal.named_joints import NameTeller
 from kinespace.tools.terminal.tables import add_names
 
 if TYPE_CHECKING:
@@ -132,7 +133,7 @@ class Score:
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Say which options the program takes."""
+    """Add the program's options."""
     parser.description = (
         "Sends recordings as live packets on an absolute schedule. With --listen it hears the answers and prints the "
         "share that was right; a clip's class is in its name (HDM05) or is its folder's name. Exit status: 0 sent "
@@ -152,21 +153,21 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--zmq", metavar="ENDPOINT", help="publish on ZeroMQ instead; connects, put @ before it to bind"
     )
     parser.add_argument("--listen", metavar="ADDRESS", help="HOST:PORT or ZeroMQ endpoint where the answers come")
-    parser.add_argument("--performer", default="replay", help="who performs (default %(default)s)")
+    parser.add_argument("--performer", default="replay", help="name of the performer (default %(default)s)")
     parser.add_argument("--speed", type=positive, default=1.0, help="times as fast as recorded (default %(default)s)")
     parser.add_argument("--pause", type=not_negative, default=1.0, help="seconds between clips (default %(default)s)")
     parser.add_argument("--from", type=not_negative, default=0.0, dest="begin", metavar="S", help="begin there")
     parser.add_argument("--to", type=positive, dest="end", metavar="S", help="end there, seconds of each recording")
     parser.add_argument("--loop", action="store_true", help="begin again after the last clip, until Ctrl-C")
     parser.add_argument("--drop", type=share, default=0.0, metavar="SHARE", help="lose this share of frames")
-    parser.add_argument("--jitter-ms", type=not_negative, default=0.0, metavar="MS", help="be late by up to this")
+    parser.add_argument("--jitter-ms", type=not_negative, default=0.0, metavar="MS", help="delay frames by up to this")
     parser.add_argument("--reorder", type=share, default=0.0, metavar="SHARE", help="swap this share with the next")
-    parser.add_argument("--seed", type=int, default=0, help="of the faults (default %(default)s)")
+    parser.add_argument("--seed", type=int, default=0, help="seed of the faults (default %(default)s)")
     add_json(parser)
 
 
 def run(options: argparse.Namespace) -> int:
-    """Run the program as its options say; the exit status."""
+    """Run the program with these options; return the exit status."""
     return play(
         options.clips,
         reading=reading_of(options),
@@ -250,7 +251,9 @@ def _to_play(places: Sequence[Path], reading: Reading) -> list[Path | Clip]:
     """List the files to be read and the built-in library's motions, place by place, each once."""
     found = [each for place in places for each in _in_place(place)] if places else [*MotionLibrary.builtin().motions]
     if reading != Reading() and not any(isinstance(each, Path) for each in found):
-        raise ValueError("replay: expected recordings with --asf, --frame-rate, --unit or --joints, got none to read")
+        raise ValueError(
+            "replay: expected recordings with --asf, --frame-rate, --unit, --joints, --names, got none to read"
+        )
     return list(dict.fromkeys(found))
 
 
@@ -263,12 +266,13 @@ def _in_place(place: Path) -> Sequence[Path | Clip]:
 def _pieces(recordings: Sequence[Path | Clip], reading: Reading, course: Course) -> Iterator[Piece]:
     """Read what is to be played, one recording after the other, in a loop for ever; all with the first one's joints."""
     skeleton: Skeleton | None = None
+    teller = NameTeller()
     with RecordingReader(reading) as reader:
         while True:
             for recording in recordings:
                 for piece in _cut(_read(reader, recording), course.begin, course.end):
                     skeleton = skeleton or piece.clip.skeleton
-                    yield Piece(piece.start, piece.clip.as_of(skeleton))
+                    yield Piece(piece.start, teller(piece.clip).as_of(skeleton))
             if not course.loop:
                 return
 

@@ -38,7 +38,7 @@ progress_console = Console(stderr=True)
 
 
 def progress(work: Iterable[_Item], what: str, total: int | None) -> Iterator[_Item]:
-    """Pass pieces of work through, showing how many of the total (None: endless) are done; silent when nobody looks."""
+    """Pass pieces of work through and show how many of the total (None: endless) are done, if there is a terminal."""
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
     with Progress(*columns, console=progress_console, transient=True, disable=not progress_console.is_terminal) as bar:
         yield from bar.track(work, total=total, description=what)

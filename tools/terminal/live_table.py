@@ -1,4 +1,4 @@
-"""What a person sees of a running recogniser: a table, a line per change, a summary at the end."""
+"""A running recogniser as the user sees it: a table, or a line per change; a summary at the end."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from rich.text import Text
 
+from kinespace.stream.outputs.sink import Sink
 from kinespace.stream.recognition import EventKind, Outcome
 from kinespace.tools.terminal.console import console, printable
 from kinespace.tools.terminal.tables import narrow_table
@@ -34,14 +35,15 @@ def score_shown(score: float, width: int) -> Text:
     return Text("█" * filled, style="green") + Text("░" * (_BAR - filled) + " ", style="dim") + number
 
 
-class PlainLines:
+class PlainLines(Sink):
     """A sink that prints a line whenever a performer's label changes."""
 
     def __init__(self) -> None:
-        self.failed = 0
         self._labels: dict[str, str] = {}
         self._refused: dict[str, str] = {}
         self._doubted: dict[str, str] = {}
+        self._compared: dict[str, str] = {}
+        self._notes: tuple[str, ...] = ()
 
     def publish(self, recognition: Recognition) -> None:
         """Print the recognition if it says something new."""
@@ -54,60 +56,57 @@ class PlainLines:
             )
 
     def publish_event(self, event: Event) -> None:
-        """Print it."""
+        """Print the event."""
         console.print(
             f"{event.time:10.3f} s  {printable(event.performer)}  {event.kind}: {event.label}", soft_wrap=True
         )
 
-    def publish_classes(self, classes: Sequence[str]) -> None:
-        """Say nothing."""
-
     def publish_status(self, status: Status) -> None:
-        """Forget performers who have left, so that their return is news."""
+        """Forget performers that have left, so that their return is printed again."""
         self._labels = {name: label for name, label in self._labels.items() if name in status.performers}
         for name, why in status.refused.items():
             if self._refused.get(name) != why:
                 console.print(refused_frames(name, why), soft_wrap=True)
-        self._refused = status.refused
         for name, what in status.doubted.items():
             if self._doubted.get(name) != what:
                 console.print(doubted_joints(name, what), soft_wrap=True)
         self._doubted = status.doubted
+        for name, what in status.compared.items():
+            if self._compared.get(name) != what:
+                console.print(compared_joints(name, what), soft_wrap=True)
+        self._refused, self._compared = status.refused, status.compared
+        for note in status.notes:
+            if note not in self._notes:
+                console.print(printable(note), soft_wrap=True)
+        self._notes = status.notes
 
-    def close(self) -> None:
-        """Nothing to close."""
 
-
-class LiveTable:
+class LiveTable(Sink):
     """A sink that remembers what to draw: the last recognition of each performer, the last status."""
 
     def __init__(self, classes: Sequence[str]) -> None:
-        self.failed = 0
         self._classes = classes
         self._latest: dict[str, Recognition] = {}
         self._going_on: dict[str, str] = {}
         self._status: Status | None = None
 
     def publish(self, recognition: Recognition) -> None:
-        """Remember it."""
+        """Remember the recognition."""
         self._latest[recognition.performer] = recognition
 
     def publish_event(self, event: Event) -> None:
-        """Remember what is going on."""
+        """Remember the motion that is going on."""
         self._going_on[event.performer] = event.label if event.kind is EventKind.START else ""
 
     def publish_classes(self, classes: Sequence[str]) -> None:
-        """Remember them."""
+        """Remember the classes."""
         self._classes = classes
 
     def publish_status(self, status: Status) -> None:
-        """Remember it, and forget performers who have left."""
+        """Remember the status, and forget performers that have left."""
         self._status = status
         self._latest = {name: last for name, last in self._latest.items() if name in status.performers}
         self._going_on = {name: label for name, label in self._going_on.items() if name in status.performers}
-
-    def close(self) -> None:
-        """Nothing to close."""
 
     def drawn(self) -> Table:
         """Draw the table as it is now; from any thread."""
@@ -146,13 +145,20 @@ class LiveTable:
         status = self._status
         if status is None:
             return f"{len(self._classes)} classes"
-        told = "".join(f"\n{refused_frames(name, why)}" for name, why in status.refused.items())
+        told = "".join(f"\n{compared_joints(name, what)}" for name, what in status.compared.items())
+        told += "".join(f"\n{refused_frames(name, why)}" for name, why in status.refused.items())
         told += "".join(f"\n{doubted_joints(name, what)}" for name, what in status.doubted.items())
+        told += "".join(f"\n{printable(note)}" for note in status.notes)
         return f"{len(self._classes)} classes · {counts(status)}{told}"
 
 
 def doubted_joints(performer: str, what: str) -> str:
     """Say which of a performer's joints cannot be believed."""
+    return f"performer {printable(performer)}: {what}"
+
+
+def compared_joints(performer: str, what: str) -> str:
+    """Say by which joints a performer is compared."""
     return f"performer {printable(performer)}: {what}"
 
 
@@ -177,7 +183,7 @@ def counts(status: Status) -> str:
 
 
 def summary(status: Status) -> str:
-    """Say how a service did, at its end."""
+    """Sum up a service when it ends."""
     recognizers = status.outcomes.recognizers
     return (
         f"{counts(status)}\n"
@@ -185,4 +191,5 @@ def summary(status: Status) -> str:
         f"{status.unsent} answers not sent, "
         f"hop {status.hop_p50 * 1000:.2f} ms (p50) {status.hop_p99 * 1000:.2f} ms (p99)"
         + "".join(f"\n{refused_frames(name, why)}" for name, why in status.refused.items())
+        + "".join(f"\n{printable(note)}" for note in status.notes)
     )

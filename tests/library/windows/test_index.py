@@ -5,8 +5,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-from naive_core import best_products, log_distances
-from naive_windows import NaiveComparison, NaiveMetric, as_vector
+from naive_windows import NaiveComparison, NaiveMetric, as_vector, best_products, log_distances
 
 from kinespace.library import MotionLibrary, Skeleton
 from kinespace.library.motion_library import NOTHING
@@ -162,8 +161,8 @@ def test_motions_added_are_as_if_opened_with_them(small_library: MotionLibrary, 
     """Where others teach, basis and metrics are the same, and so is every window, to the last bit."""
     alone = small_library.without(actors=("dg", "mm"))
     clips = [clip for clip in builtin.motions if clip.class_name == "sneak2StepsLStart" and clip.actor == "bd"]
-    index = WindowIndex.of(alone).with_motions(clips[:2])
-    anew = WindowIndex.of(alone.with_motions(clips[:2]))
+    index = WindowIndex.of(alone, small_library).with_motions(clips[:2])
+    anew = WindowIndex.of(alone.with_motions(clips[:2]), small_library)
     assert index.classes == anew.classes == ("kickLFront1Reps", "lieDownFloor", "sneak2StepsLStart", "squat1Reps")
     assert index.motions.tolist() == anew.motions.tolist()
     assert len(index.library) == len(alone) + 2
@@ -190,6 +189,25 @@ def test_motions_too_short_are_not_added(small_index: WindowIndex) -> None:
     clip = small_index.library.motions[0]
     with pytest.raises(ValueError, match="long enough for a window"):
         small_index.with_motions([replace(clip, positions=clip.positions[:6])])
+
+
+def test_a_large_library_is_opened_in_pieces(
+    small_library: MotionLibrary, small_index: WindowIndex, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Cut a few motions at a time, the windows are those that are cut all at once; lessons are a share of them."""
+    alone = small_library.without(actors=("dg", "mm"))
+    whole = WindowIndex.of(alone, small_library)
+    monkeypatch.setattr("kinespace.library.windows.index._PIECE", 20)
+    pieces = WindowIndex.of(alone, small_library)
+    assert pieces.motions.tolist() == whole.motions.tolist()
+    for one, other in zip((*pieces.vectors, pieces.eigenvectors), (*whole.vectors, whole.eigenvectors), strict=True):
+        np.testing.assert_allclose(np.abs(one), np.abs(other), atol=2e-3)
+    monkeypatch.setattr("kinespace.library.windows.index._MAX_LESSONS", len(small_index) // 3)
+    fewer = WindowIndex.of(small_library)
+    assert fewer.motions.tolist() == small_index.motions.tolist()
+    assert [_guess(fewer, clip) for clip in small_library.motions[::3]] == [
+        clip.class_name for clip in small_library.motions[::3]
+    ]
 
 
 def test_some_motions_and_the_others_are_all(small_index: WindowIndex) -> None:

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-from naive_core import logit
+from naive_windows import logit
 
 from kinespace.library.learned import Learned
 from kinespace.library.windows.index import WindowIndex

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import naive_windows
 import numpy as np
 import pytest
-from twins import body_of
+from naive_windows import body_of
 
 from kinespace.library.distances import distance_rows
 from kinespace.library.skeleton import Skeleton

@@ -21,8 +21,8 @@ from synthetic import amc_text
 from kinespace.library import read_recordings
 from kinespace.library.hdm05 import SKELETON
 from kinespace.stream import Announcement, Frame, osc, zeromq
-from kinespace.stream.connections import Endpoint
-from kinespace.stream.rawfile import RawFile, RawHeader, RawPacket, encode_header, encode_packet
+from kinespace.stream.recording.kinerec import RawFile, RawHeader, RawPacket, encode_header, encode_packet
+from kinespace.stream.zeromq import Endpoint
 from kinespace.tools.cli.main import main
 from kinespace.tools.programs.replay_packets import cut
 from kinespace.tools.terminal.console import console
@@ -32,6 +32,8 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from programs import Program
+
+pytestmark = pytest.mark.slow
 
 
 @pytest.fixture(autouse=True)

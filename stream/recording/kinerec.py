@@ -1,0 +1,340 @@
+"""Raw recordings of feeds, `.kinerec`: every packet as it came, when it came, and who sent it.
+
+The file is a row of records, each `u32 length, u32 CRC-32 of what follows, u8 kind, body`, little-endian. The first is
+the header (kind 0): JSON with `format`, `version`, `began` (UTC), `sources` and, where packets were read as another
+product's feed, `presets` (their TOML by name; older recordings lack it). Every other is a packet (kind 1):
+
+    u8 source  f64 arrival  u16 bytes of sender  sender  (u32 bytes of part, part)*
+
+`arrival` is seconds on the recorder's clock, whose zero means nothing. A datagram is one part, a ZeroMQ message as many
+as it had. Records are only ever appended, so whatever ends the recorder leaves whole records and at most one torn one.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import struct
+import threading
+import zlib
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from typing import TYPE_CHECKING, BinaryIO, Self
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping, Sequence
+    from pathlib import Path
+
+ENDING = ".kinerec"
+FORMAT = "kinespace raw recording"
+VERSION = 1
+#: Seconds between two moments at which what has been written is surely on the disk.
+SYNC_EVERY = 1.0
+#: The largest record: a ZeroMQ message of the largest size taken, and room for its head.
+MAX_RECORD = 1 << 21
+
+#: Bytes that wait in memory when the disk takes nothing: a minute of a large feed.
+MAX_WAITING = 16 << 20
+
+#: Seconds on any clock: a century after 1970, and what a program can wait for.
+_MAX_ARRIVAL = 4e9
+
+_RECORD = struct.Struct("<II")
+_PACKET = struct.Struct("<BBdH")
+_PART = struct.Struct("<I")
+_HEADER, _ARRIVED = 0, 1
+
+
+class RawFileError(ValueError):
+    """A file is not a usable raw recording; the message names the file and the byte."""
+
+
+@dataclass(frozen=True, slots=True)
+class RawPacket:
+    """One packet as it came.
+
+    Attributes
+    ----------
+    arrival
+        Seconds on the recorder's clock.
+    source
+        Index of where it came in, in the header's `sources`.
+    sender
+        Who sent it, as far as the transport tells: `host:port` of a datagram, else empty.
+    parts
+        A datagram alone, or the parts of a ZeroMQ message.
+    """
+
+    arrival: float
+    source: int
+    sender: str
+    parts: tuple[bytes, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class RawHeader:
+    """What a recording says about itself.
+
+    Attributes
+    ----------
+    began
+        When, UTC, ISO 8601.
+    sources
+        Where packets came in: `osc` or `zmq`, a space, and the address; then perhaps ` feed ` and a preset's name.
+    presets
+        The presets by which they were read, as text, by name: somebody's own may be called like a built-in one, and
+        the built-in ones change. What is not here was built in, as far as is known.
+    """
+
+    began: str
+    sources: tuple[str, ...]
+    presets: Mapping[str, str] = field(default_factory=dict)
+
+
+def encode_packet(packet: RawPacket) -> bytes:
+    """Encode a packet as one record."""
+    sender = packet.sender.encode()[:65535]
+    head = _PACKET.pack(_ARRIVED, packet.source, packet.arrival, len(sender))
+    return _record(b"".join([head, sender, *(_PART.pack(len(part)) + part for part in packet.parts)]))
+
+
+def encode_header(header: RawHeader) -> bytes:
+    """Encode the header as one record.
+
+    Raises
+    ------
+    ValueError
+        The presets are larger than a record may be.
+    """
+    told: dict[str, object] = {"format": FORMAT, "version": VERSION, "began": header.began, "sources": header.sources}
+    if header.presets:
+        told["presets"] = dict(header.presets)
+    body = bytes([_HEADER]) + json.dumps(told).encode()
+    if len(body) > MAX_RECORD:
+        raise ValueError(f"presets: expected at most {MAX_RECORD} bytes with what else a header has, got {len(body)}")
+    return _record(body)
+
+
+def _record(body: bytes) -> bytes:
+    return _RECORD.pack(len(body), zlib.crc32(body)) + body
+
+
+def _decode_packet(body: bytes) -> RawPacket:
+    """Decode a record whose CRC is right; raises ValueError or struct.error when it is no packet all the same."""
+    kind, source, arrival, size = _PACKET.unpack_from(body)
+    if kind != _ARRIVED:
+        raise ValueError(f"kind {kind}")
+    if not abs(arrival) <= _MAX_ARRIVAL:
+        raise ValueError(f"arrival {arrival}")
+    place = _PACKET.size + size
+    sender = body[_PACKET.size : place].decode()
+    parts = []
+    while place < len(body):
+        (length,) = _PART.unpack_from(body, place)
+        place += _PART.size
+        if place + length > len(body):
+            raise ValueError("a part reaches beyond its record")
+        parts.append(body[place : place + length])
+        place += length
+    return RawPacket(arrival, source, sender, tuple(parts))
+
+
+class RawWriter:
+    """Appends packets to a new file.
+
+    `write` copies the packet into memory. A thread writes what is there to the disk every second, so that neither a
+    crash nor a power cut costs more, and no packet waits for a disk. What the disk does not take stays in memory, up to
+    `MAX_WAITING` bytes, and is tried again every second; the file never holds a part of a record in its middle.
+
+    Parameters
+    ----------
+    path
+        The file; it must not exist, because a performance is not to be overwritten.
+    sources
+        Where packets will come in: `osc` or `zmq`, a space, and the address.
+    presets
+        TOML of the presets by which they are read, by name.
+
+    Attributes
+    ----------
+    written
+        Packets so far, those that still wait in memory among them.
+    failed
+        Packets that could not be written (the disk is full); they are lost, the feed goes on.
+    trouble
+        Why the disk takes nothing now; empty when it does.
+
+    Raises
+    ------
+    OSError
+        The file exists, or cannot be written.
+    ValueError
+        The presets are larger than a header may be.
+    """
+
+    def __init__(self, path: Path, sources: Sequence[str], presets: Mapping[str, str] | None = None) -> None:
+        self.written = 0
+        self.failed = 0
+        self.trouble = ""
+        header = encode_header(RawHeader(datetime.now(UTC).isoformat(), tuple(sources), presets or {}))
+        self._file = path.open("xb", buffering=0)
+        #: Bytes of the file up to the end of its last whole record.
+        self._whole = 0
+        self._lock = threading.Lock()
+        self._waiting = [header]
+        self._waiting_bytes = 0
+        self._ended = threading.Event()
+        try:
+            self._sync()
+        except OSError:
+            self._file.close()
+            raise
+        self._syncing = threading.Thread(target=self._sync_every_second, name="kinespace recording", daemon=True)
+        self._syncing.start()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def write(self, packet: RawPacket) -> None:
+        """Append one packet; one for which there is no room is counted, and nothing is raised."""
+        record = encode_packet(packet)
+        with self._lock:
+            if self._waiting_bytes + len(record) > MAX_WAITING:
+                self.failed += 1
+                return
+            self._waiting.append(record)
+            self._waiting_bytes += len(record)
+            self.written += 1
+
+    def close(self) -> None:
+        """Put everything on the disk and give the file back; what the disk does not take now is lost and counted."""
+        self._ended.set()
+        self._syncing.join()
+        self._try_to_sync()
+        self.failed += len(self._waiting)
+        self.written -= len(self._waiting)
+        self._waiting.clear()
+        self._file.close()
+
+    def _sync_every_second(self) -> None:
+        while not self._ended.wait(SYNC_EVERY):
+            self._try_to_sync()
+
+    def _try_to_sync(self) -> None:
+        try:
+            self._sync()
+        except OSError as error:
+            self.trouble = error.strerror or str(error)
+        else:
+            self.trouble = ""
+
+    def _sync(self) -> None:
+        """Write what waits; after a failure nothing of it is in the file, and all of it waits again."""
+        with self._lock:
+            batch, self._waiting, self._waiting_bytes = self._waiting, [], 0
+        rest = memoryview(b"".join(batch))
+        size = len(rest)
+        # Outside the lock: this may take as long as the disk likes.
+        try:
+            while rest:
+                rest = rest[self._file.write(rest) :]
+            os.fsync(self._file.fileno())
+        except OSError:
+            with self._lock:
+                self._waiting = batch + self._waiting
+                self._waiting_bytes += size
+            self._file.truncate(self._whole)
+            self._file.seek(self._whole)
+            raise
+        self._whole += size
+
+
+class RawFile:
+    """A raw recording, read record by record; never more than one of them in memory.
+
+    Parameters
+    ----------
+    path
+        The file.
+
+    Attributes
+    ----------
+    header
+        What it says of itself.
+    lost_from
+        Byte from which on the file could not be read when `packets` was last run to its end; None when it was whole.
+
+    Raises
+    ------
+    RawFileError
+        It is no raw recording, or of another version.
+    OSError
+        The file cannot be opened.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.lost_from: int | None = None
+        with path.open("rb") as file:
+            body = _next_body(file)
+        try:
+            if not body or body[0] != _HEADER:
+                raise ValueError("no header")  # noqa: TRY301 - told alike
+            told = json.loads(body[1:])
+            if told["format"] != FORMAT:
+                raise ValueError("another format")  # noqa: TRY301 - told alike
+            version = told["version"]
+            presets = {str(name): str(text) for name, text in told.get("presets", {}).items()}
+            self.header = RawHeader(str(told["began"]), tuple(map(str, told["sources"])), presets)
+        except (KeyError, TypeError, AttributeError, ValueError, RecursionError) as error:
+            raise RawFileError(f"{path}: byte 0: not a raw recording ({error})") from error
+        if version != VERSION:
+            raise RawFileError(f"{path}: format version {version}, this kinespace reads {VERSION}")
+
+    @property
+    def size(self) -> int:
+        """Bytes."""
+        return self.path.stat().st_size
+
+    def packets(self) -> Iterator[RawPacket]:
+        """Give the packets in the order in which they came, up to the last whole record.
+
+        Whether and where the file ends before its end is then in `lost_from`.
+        """
+        self.lost_from = None
+        with self.path.open("rb") as file:
+            _next_body(file)
+            place = file.tell()
+            while (body := _next_body(file)) is not None:
+                try:
+                    packet = _decode_packet(body)
+                    if packet.source >= len(self.header.sources):
+                        raise ValueError("no such source")  # noqa: TRY301 - told alike
+                except (ValueError, struct.error):
+                    break
+                place = file.tell()
+                yield packet
+            if place < file.seek(0, os.SEEK_END):
+                self.lost_from = place
+
+    def damage(self) -> str:
+        """Say what could not be read; empty when all could."""
+        if self.lost_from is None:
+            return ""
+        lost = self.size - self.lost_from
+        return f"{self.path}: byte {self.lost_from}: cut off or damaged; the {lost} bytes from there on are not read"
+
+
+def _next_body(file: BinaryIO) -> bytes | None:
+    """Read the next record; None at the end, and where no whole record stands."""
+    head = file.read(_RECORD.size)
+    if len(head) < _RECORD.size:
+        return None
+    length, crc = _RECORD.unpack(head)
+    if not 0 < length <= MAX_RECORD:
+        return None
+    body = file.read(length)
+    return body if len(body) == length and zlib.crc32(body) == crc else None

@@ -1,0 +1,134 @@
+"""Answers as ZeroMQ messages: a topic and a JSON object.
+
+`[b"class/<performer>/"][JSON]`, `[b"event/<performer>/"][JSON]`, `[b"classes/"][JSON]`, `[b"status/"][JSON]`. A number
+that is not finite is null, because JSON knows neither NaN nor infinity.
+"""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from typing import TYPE_CHECKING
+
+import msgspec
+
+from kinespace.stream.answer import GONE, Answer
+from kinespace.stream.zeromq.frames import VERSION
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from kinespace.stream.recognition import Event, Progress, Recognition
+    from kinespace.stream.status import Status
+
+#: Digits of a class's score.
+_SCORE_DIGITS = 6
+_encode = msgspec.json.Encoder().encode
+
+
+class _Received(msgspec.Struct, rename={"label": "class"}):
+    """The fields of an answer that a listener reads."""
+
+    performer: str
+    label: str | None
+    index: int
+    outcome: str
+    score: float
+    margin: float
+
+
+_read = msgspec.json.Decoder(_Received).decode
+
+
+def encode_recognition(recognition: Recognition) -> list[bytes]:
+    """Encode an answer: its class, its scores, and what the leading eigenvector says.
+
+    `class` is the named class or null and `index` its index or -1, `guess` the best guess or null and `guess_index` its
+    index or -1.
+    """
+    scores = [round(score, _SCORE_DIGITS) for score in recognition.scores.tolist()]
+    names, second = (*recognition.classes, None), recognition.second_index
+    answer = {
+        "v": VERSION,
+        "performer": recognition.performer,
+        "t": float(recognition.time),
+        "class": names[recognition.class_index],
+        "guess": names[recognition.guess_index],
+        "index": recognition.class_index,
+        "guess_index": recognition.guess_index,
+        "outcome": recognition.outcome.value,
+        "score": recognition.score,
+        "runner_up": names[second],
+        "margin": recognition.margin,
+        "scores": dict(zip(recognition.classes, scores, strict=True)),
+        "movement": float(recognition.movement),
+        "share": float(recognition.share),
+        "gap": float(recognition.gap),
+        "eigenvector_class": recognition.eigenvector_class,
+        "eigenvector_score": float(recognition.eigenvector_score),
+        "doubted": recognition.doubted,
+        "progress": _progress(recognition.progress),
+    }
+    return [f"class/{recognition.performer}/".encode(), _encode(answer)]
+
+
+def encode_gone(performer: str) -> list[bytes]:
+    """Encode that a performer has left: an answer without a class."""
+    answer = {
+        "v": VERSION,
+        "performer": performer,
+        "class": None,
+        "guess": None,
+        "index": -1,
+        "guess_index": -1,
+        "outcome": GONE,
+        "score": 0.0,
+        "margin": 0.0,
+    }
+    return [f"class/{performer}/".encode(), _encode(answer)]
+
+
+def _progress(progress: Progress | None) -> dict[str, str | float] | None:
+    """Describe how far a motion is; null where none is followed."""
+    if progress is None:
+        return None
+    described: dict[str, str | float] = asdict(progress)
+    described["class"] = described.pop("class_name")
+    return described
+
+
+def encode_event(event: Event) -> list[bytes]:
+    """Encode that a motion started or ended."""
+    described = {
+        "v": VERSION,
+        "performer": event.performer,
+        "event": event.kind.value,
+        "class": event.label,
+        "index": event.index,
+        "score": float(event.score),
+        "t": float(event.time),
+    }
+    return [f"event/{event.performer}/".encode(), _encode(described)]
+
+
+def decode_answer(parts: Sequence[bytes]) -> Answer | None:
+    """Decode a recognition, for programs that listen to the answers; None for any other message."""
+    try:
+        topic, encoded = parts
+        if not topic.startswith(b"class/"):
+            return None
+        answer = _read(encoded)
+    except (ValueError, RecursionError):
+        return None
+    return Answer(answer.performer, answer.index, answer.score, answer.margin, answer.label or answer.outcome)
+
+
+def encode_classes(classes: Sequence[str]) -> list[bytes]:
+    """Encode the class names in the order their indices count."""
+    return [b"classes/", _encode({"v": VERSION, "classes": list(classes)})]
+
+
+def encode_status(status: Status) -> list[bytes]:
+    """Encode every counter."""
+    described = {"v": VERSION, "alive": True, **asdict(status)}
+    described |= {"frames_per_second": status.frames_per_second, "lost": status.lost}
+    return [b"status/", _encode(described)]

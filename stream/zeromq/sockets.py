@@ -1,0 +1,114 @@
+"""ZeroMQ's two endpoints: a SUB socket that frames come in on, and a PUB socket that answers go out on."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import zmq
+
+from kinespace.stream.zeromq.reconnection import Connections
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from kinespace.stream.zeromq.address import Endpoint
+
+#: As plain integers: pyzmq's own flags cost more to combine and to pass on than a message to send.
+_NOW, _MORE_TO_COME = int(zmq.NOBLOCK), int(zmq.NOBLOCK | zmq.SNDMORE)
+#: Parts of a message: ours have three. Of a message with more, so many are thrown away at a time.
+MAX_PARTS = 8
+_MAX_PASSED = 256
+
+
+class ZmqReceiver:
+    """A SUB socket that frames come in on. Poll it continuously: a bound SUB lets new peers in only when polled."""
+
+    #: ZeroMQ says neither who sent a message nor which it threw away.
+    sender = None
+    kernel_drops = 0
+
+    def __init__(self, endpoint: Endpoint, topic: bytes = b"") -> None:
+        self.socket = endpoint.open(zmq.SUB)
+        self.socket.subscribe(topic)
+        self._connections = Connections(self.socket, endpoint)
+        self._passing = False
+
+    def __str__(self) -> str:
+        return f"ZeroMQ {self.address}"
+
+    @property
+    def place(self) -> str:
+        """The address as recordings name it: `zmq`, a blank and the endpoint."""
+        return f"zmq {self.address}"
+
+    @property
+    def address(self) -> str:
+        """The endpoint as bound or connected, its port resolved."""
+        return str(self.socket.getsockopt_string(zmq.LAST_ENDPOINT))
+
+    def broken(self) -> int:
+        """Count the connections that broke while the sender was there; to be asked about once a second."""
+        return self._connections.look()
+
+    def receive(self) -> list[bytes] | None:
+        """Take the next message; None when there is none now.
+
+        Of a message of more than `MAX_PARTS` parts only the first are given, which no decoder understands.
+        """
+        # The parts come together. Each says whether it is the last; to ask the socket would cost more than to receive.
+        parts = list[bytes]()
+        try:
+            if self._passing and not self._pass_over():
+                return None
+            while len(parts) < MAX_PARTS:
+                part = self.socket.recv(_NOW, copy=False)
+                parts.append(part.bytes)
+                if not part.more:
+                    return parts
+        except zmq.Again:
+            return None
+        self._passing = True
+        return parts
+
+    def _pass_over(self) -> bool:
+        """Throw some parts of a message away that has too many; say whether that was the last of them."""
+        for _ in range(_MAX_PASSED):
+            if not self.socket.recv(_NOW, copy=False).more:
+                self._passing = False
+                return True
+        return False
+
+    def close(self) -> None:
+        """Give the address back."""
+        self._connections.close()
+        self.socket.close()
+
+
+class ZmqSender:
+    """A PUB socket. It is no error if nobody listens; a listener that is too slow loses the newest answers."""
+
+    def __init__(self, endpoint: Endpoint) -> None:
+        self.socket = endpoint.open(zmq.PUB)
+        self.failed = 0
+
+    def __str__(self) -> str:
+        return f"ZeroMQ {self.address}"
+
+    @property
+    def address(self) -> str:
+        """The endpoint as bound or connected, its port resolved."""
+        return str(self.socket.getsockopt_string(zmq.LAST_ENDPOINT))
+
+    def send(self, parts: Sequence[bytes]) -> None:
+        """Send one message; a failure is counted, never raised."""
+        *first, last = parts
+        try:
+            for part in first:
+                self.socket.send(part, _MORE_TO_COME)
+            self.socket.send(last, _NOW)
+        except zmq.ZMQError:
+            self.failed += 1
+
+    def close(self) -> None:
+        """Give the address back."""
+        self.socket.close()

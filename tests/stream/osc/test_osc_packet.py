@@ -1,0 +1,344 @@
+"""OSC packets decoded: what python-osc decodes, and on anything else one kind of error."""
+
+from __future__ import annotations
+
+import struct
+import time
+from collections import Counter
+from typing import TYPE_CHECKING
+
+import pytest
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
+from pythonosc.osc_bundle_builder import IMMEDIATELY, OscBundleBuilder
+from pythonosc.osc_message_builder import OscMessageBuilder
+from pythonosc.osc_packet import OscPacket
+
+from kinespace.stream.osc.packet import MAX_BUNDLE_DEPTH, Message, PacketError, decode_message, decode_packet
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from pythonosc.osc_bundle import OscBundle
+    from pythonosc.osc_message import OscMessage
+
+#: Time tags: at once, long ago, and in the year 2036, when the era of the 32-bit seconds ends.
+TAGS = [IMMEDIATELY, 1e9, 2.08e9]
+
+# --- packets built with python-osc -------------------------------------------------------------------------------
+
+_TEXT = st.text(st.characters(exclude_characters="\0", codec="utf-8"), max_size=9)
+_SCALARS = st.one_of(
+    st.tuples(st.just("i"), st.integers(-(2**31), 2**31 - 1)),
+    st.tuples(st.just("h"), st.integers(-(2**63), 2**63 - 1)),
+    st.tuples(st.just("f"), st.floats(width=32, allow_nan=False)),
+    st.tuples(st.just("d"), st.floats(allow_nan=False)),
+    st.tuples(st.just("s"), _TEXT),
+    st.tuples(st.just("b"), st.binary(min_size=1, max_size=9)),
+    st.tuples(st.just("r"), st.integers(0, 2**32 - 1)),
+    st.tuples(st.just("m"), st.tuples(*[st.integers(0, 255)] * 4)),
+    st.tuples(st.sampled_from("TFN"), st.none()),
+)
+_ARGUMENTS = st.recursive(_SCALARS, lambda inner: st.tuples(st.just("["), st.lists(inner, max_size=4)), max_leaves=8)
+_ADDRESSES = _TEXT.map("/{}".format)
+_MESSAGES = st.tuples(_ADDRESSES, st.lists(_ARGUMENTS, max_size=8))
+_ELEMENTS = st.recursive(
+    _MESSAGES, lambda inner: st.tuples(st.sampled_from(TAGS), st.lists(inner, max_size=3)), max_leaves=6
+)
+
+
+def _kinds(argument: tuple[str, object]) -> str | list[object]:
+    kind, value = argument
+    return [_kinds(each) for each in value] if kind == "[" else kind
+
+
+def _values(argument: tuple[str, object]) -> object:
+    kind, value = argument
+    return [_values(each) for each in value] if kind == "[" else value
+
+
+def _message(address: str, arguments: Sequence[tuple[str, object]] = ()) -> OscMessage:
+    builder = OscMessageBuilder(address)
+    for argument in arguments:
+        # python-osc takes an array without a type for no array at all.
+        if argument == ("[", []):
+            builder.args.extend([("[", None), ("]", None)])
+        else:
+            builder.add_arg(_values(argument), _kinds(argument))
+    return builder.build()
+
+
+def _bundle(tag: float, elements: Sequence[OscMessage | OscBundle]) -> OscBundle:
+    builder = OscBundleBuilder(tag)
+    for element in elements:
+        builder.add_content(element)
+    return builder.build()
+
+
+def _built(element: tuple[object, list[object]]) -> OscMessage | OscBundle:
+    head, content = element
+    return _message(head, content) if isinstance(head, str) else _bundle(head, [_built(each) for each in content])
+
+
+def _of_pythonosc(packet: bytes) -> list[Message]:
+    """Decode with python-osc, which sorts messages by their time."""
+    return [Message(timed.message.address, timed.message.params) for timed in OscPacket(packet).messages]
+
+
+def _in_order(element: OscMessage | OscBundle) -> list[Message]:
+    """Read what python-osc found in a packet, in the order of the bytes."""
+    if hasattr(element, "params"):
+        return [Message(element.address, element.params)]
+    return [message for content in element for message in _in_order(content)]
+
+
+@given(message=_MESSAGES)
+@example(message=("/", []))
+@example(message=("/all", [("[", []), ("[", [("[", [("f", 1.0)]), ("f", 2.0)]), ("f", 3.0), ("f", 4.0)]))
+@settings(max_examples=300)
+def test_messages_are_what_pythonosc_reads(message: tuple[str, list[tuple[str, object]]]) -> None:
+    """Every message that python-osc builds, of all its types and arrays in arrays, is read as it reads it."""
+    packet = _message(*message).dgram
+    assert decode_packet(packet) == _of_pythonosc(packet)
+    assert [decode_message(packet)] == decode_packet(packet)
+
+
+@given(element=_ELEMENTS)
+@settings(max_examples=200)
+def test_bundles_are_what_pythonosc_reads(element: tuple[object, list[object]]) -> None:
+    """Bundles in bundles of any time tags hold python-osc's messages, in the order of the bytes."""
+    built = _built(element)
+    found = decode_packet(built.dgram)
+    assert found == _in_order(built)
+    assert Counter(map(repr, found)) == Counter(map(repr, _of_pythonosc(built.dgram)))
+
+
+@given(values=st.lists(st.floats(width=32), min_size=1, max_size=100), before=st.booleans())
+def test_long_runs_of_floats(values: list[float], *, before: bool) -> None:
+    """A run of floats of any length, NaN and infinities among them, is read bit for bit."""
+    arguments = [("s", "p")] * before + [("f", value) for value in values] + [("i", 5)]
+    (message,) = decode_packet(_message("/motion/frame", arguments).dgram)
+    found = message.arguments[before:-1]
+    assert struct.pack(f">{len(values)}f", *found) == struct.pack(f">{len(values)}f", *values)
+    assert message.arguments[-1] == 5
+
+
+def test_a_future_time_tag_delays_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A bundle dated years ahead is read like any other, and nobody sleeps over it."""
+
+    def sleep(seconds: float) -> None:
+        pytest.fail(f"slept {seconds} s")
+
+    monkeypatch.setattr(time, "sleep", sleep)
+    packet = _bundle(2.08e9, [_bundle(2.0e9, [_message("/a")]), _message("/b")]).dgram
+    assert decode_packet(packet) == [Message("/a", []), Message("/b", [])]
+
+
+# --- packets byte by byte ----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("packet", "expected"),
+    [
+        (b"/a\0\0", ("/a", [])),
+        (b"/abc\0\0\0\0", ("/abc", [])),
+        (b"/a\0\0,\0\0\0", ("/a", [])),
+        (b"/a\0\0,i\0\0\xff\xff\xff\xfe", ("/a", [-2])),
+        (b"/a\0\0,h\0\0\x80\0\0\0\0\0\0\0", ("/a", [-(2**63)])),
+        (b"/a\0\0,f\0\0\x3f\x80\0\0", ("/a", [1.0])),
+        (b"/a\0\0,d\0\0\x3f\xf0\0\0\0\0\0\0", ("/a", [1.0])),
+        (b"/a\0\0,t\0\0\0\0\0\0\0\0\0\1", ("/a", [1])),
+        (b"/a\0\0,t\0\0\xff\xff\xff\xff\xff\xff\xff\xff", ("/a", [2**64 - 1])),
+        (b"/a\0\0,r\0\0\xff\0\0\1", ("/a", [0xFF000001])),
+        (b"/a\0\0,m\0\0\1\x90\x40\x7f", ("/a", [(1, 0x90, 0x40, 0x7F)])),
+        (b"/a\0\0,c\0\0\0\0\0A", ("/a", ["A"])),
+        (b"/a\0\0,s\0\0abc\0", ("/a", ["abc"])),
+        (b"/a\0\0,s\0\0abcd\0\0\0\0", ("/a", ["abcd"])),
+        (b"/a\0\0,S\0\0\0\0\0\0", ("/a", [""])),
+        (b"/a\0\0,s\0\0\xc3\xa9\0\0", ("/a", ["é"])),
+        (b"/a\0\0,b\0\0\0\0\0\0", ("/a", [b""])),
+        (b"/a\0\0,b\0\0\0\0\0\3abc\0", ("/a", [b"abc"])),
+        (b"/a\0\0,bi\0\0\0\0\1\xff\0\0\0\0\0\0\2", ("/a", [b"\xff", 2])),
+        (b"/a\0\0,TFNI\0\0\0", ("/a", [True, False, None, float("inf")])),
+        (b"/a\0\0,[]\0", ("/a", [[]])),
+        (b"/a\0\0,[i[T]]\0\0\0\0\7", ("/a", [[7, [True]]])),
+        (b"/a\0\0,ff[f]f\0\x3f\x80\0\0\x40\0\0\0\x40\x40\0\0\x40\x80\0\0", ("/a", [1.0, 2.0, [3.0], 4.0])),
+    ],
+)
+def test_every_type_as_the_specification_writes_it(packet: bytes, expected: tuple[str, list[object]]) -> None:
+    """Each type tag of OSC 1.0 is read from the bytes that its definition gives."""
+    address, arguments = expected
+    assert decode_packet(packet) == [Message(address, arguments)]
+    assert [type(each) for each in decode_message(packet).arguments] == [type(each) for each in arguments]
+
+
+@pytest.mark.parametrize(
+    "packet",
+    [
+        b"",
+        b"\0",
+        b"\0\0\0\0",
+        b"a\0\0\0",
+        b"/",
+        b"/a",
+        b"/a\0",
+        b"/abc",
+        b"/a\0\0i\0\0\0\0\0\0\1",
+        b"/a\0\0,",
+        b"/a\0\0,i\0",
+        b"/a\0\0,i\0\0",
+        b"/a\0\0,i\0\0\0\0\0",
+        b"/a\0\0,ff\0\x3f\x80\0\0",
+        b"/a\0\0,h\0\0\0\0\0\0",
+        b"/a\0\0,s\0\0abcd",
+        b"/a\0\0,s\0\0abc",
+        b"/a\0\0,b\0\0\0\0",
+        b"/a\0\0,b\0\0\0\0\0\x05abcd",
+        b"/a\0\0,b\0\0\xff\xff\xff\xffabcd",
+        b"/a\0\0,b\0\0\x7f\xff\xff\xffabcd",
+        b"/a\0\0,m\0\0\0\0",
+        b"/a\0\0,c\0\0\0",
+        b"/a\0\0,x\0\0\0\0\0\0",
+        b"/a\0\0,[\0\0",
+        b"/a\0\0,]\0\0",
+        b"/a\0\0,][\0",
+        b"/a\0\0,[]]\0\0\0\0",
+        b"/a\0\0,[[]\0\0\0\0",
+        b"/\xff\xfe\0",
+        b"/a\0\0,\xff\0\0",
+        b"/a\0\0,s\0\0\xc3\0\0\0",
+        b"#bundle",
+        b"#bundle\0",
+        b"#bundle\0\0\0\0\0\0\0\0",
+        b"#bundl\0\0\0\0\0\0\0\0\0\1",
+        b"#bundle\0\0\0\0\0\0\0\0\1\0\0\0",
+        b"#bundle\0\0\0\0\0\0\0\0\1\0\0\0\4",
+        b"#bundle\0\0\0\0\0\0\0\0\1\0\0\0\0",
+        b"#bundle\0\0\0\0\0\0\0\0\1\xff\xff\xff\xfc/a\0\0",
+        b"#bundle\0\0\0\0\0\0\0\0\1\x7f\xff\xff\xff/a\0\0",
+        b"#bundle\0\0\0\0\0\0\0\0\1\0\0\0\4a\0\0\0",
+        b"#bundle\0\0\0\0\0\0\0\0\1\0\0\0\4/a\0\0\0\0\0\5/b\0\0",
+    ],
+)
+def test_what_is_no_osc_is_one_kind_of_error(packet: bytes) -> None:
+    """Packets cut short, misshapen, of unknown types or unbalanced arrays raise PacketError."""
+    with pytest.raises(PacketError):
+        decode_packet(packet)
+
+
+def test_only_a_message_is_decoded_as_one() -> None:
+    """A bundle, or an address without its slash, is no message."""
+    for packet in (_bundle(IMMEDIATELY, [_message("/a")]).dgram, b"a\0\0\0"):
+        with pytest.raises(PacketError, match="address"):
+            decode_message(packet)
+
+
+def test_an_empty_bundle_holds_nothing() -> None:
+    """A bundle without elements is valid and holds no message."""
+    assert decode_packet(_bundle(IMMEDIATELY, []).dgram) == []
+
+
+def test_bundles_nest_so_deep_and_no_deeper() -> None:
+    """Bundles in bundles are read down to the limit; below it, however deep, they are an error and exhaust nothing."""
+    element = _message("/deep").dgram
+    packets = []
+    for _ in range(3000):
+        element = b"#bundle\0" + bytes(7) + b"\1" + struct.pack(">i", len(element)) + element
+        packets.append(element)
+    assert decode_packet(packets[MAX_BUNDLE_DEPTH]) == [Message("/deep", [])]
+    for packet in (packets[MAX_BUNDLE_DEPTH + 1], packets[-1]):
+        with pytest.raises(PacketError, match=f"deeper than {MAX_BUNDLE_DEPTH}"):
+            decode_packet(packet)
+
+
+def test_arrays_may_nest_as_deep_as_a_datagram_holds() -> None:
+    """Thirty thousand arrays in one another are read without recursion; left open they are an error."""
+    depth = 30_000
+    tags = b"," + b"[" * depth + b"]" * depth + b"\0\0\0"
+    (message,) = decode_packet(b"/a\0\0" + tags)
+    found, levels = message.arguments, 0
+    while found:
+        (found,) = found
+        levels += 1
+    assert levels == depth
+    with pytest.raises(PacketError, match="never ends"):
+        decode_packet(b"/a\0\0," + b"[" * (2 * depth) + b"\0\0\0")
+
+
+# --- hostile packets ---------------------------------------------------------------------------------------------
+
+_FULL = _message(
+    "/motion/frame",
+    [
+        ("s", "performer"),
+        ("d", 12.5),
+        *[("f", float(index)) for index in range(6)],
+        ("b", b"blob!"),
+        ("[", [("i", 1), ("[", [("T", None), ("h", 2)])]),
+        ("m", (1, 2, 3, 4)),
+        ("r", 5),
+        ("s", "ü"),
+    ],
+)
+_PACKETS = {
+    "message": _FULL.dgram,
+    "bundle": _bundle(IMMEDIATELY, [_FULL, _bundle(2.08e9, [_message("/b", [("i", 1)]), _FULL]), _message("/c")]).dgram,
+}
+
+
+@pytest.mark.parametrize("name", sorted(_PACKETS))
+def test_cut_off_anywhere_only_whole_messages_are_found(name: str) -> None:
+    """Cut off at any byte a packet is an error, unless the cut falls where a shorter valid packet ends."""
+    packet = _PACKETS[name]
+    whole = decode_packet(packet)
+    valid = 0
+    for length in range(len(packet)):
+        try:
+            found = decode_packet(packet[:length])
+        except PacketError:
+            continue
+        valid += 1
+        assert len(found) < len(whole) or found == [Message(whole[0].address, [])]
+        assert all(message in (*whole, Message("/motion/frame", [])) for message in found)
+    # A message alone may end after its address; the outer bundle after no element, one or two.
+    assert valid == {"message": 1, "bundle": 3}[name]
+
+
+@given(data=st.data())
+@settings(max_examples=300)
+def test_a_packet_with_bytes_changed_raises_nothing_else(data: st.DataObject) -> None:
+    """With any bytes overwritten, inserted or taken out a packet is read or is a PacketError."""
+    packet = bytearray(data.draw(st.sampled_from(sorted(_PACKETS.values()))))
+    for _ in range(data.draw(st.integers(1, 4))):
+        place = data.draw(st.integers(0, len(packet) - 1))
+        match data.draw(st.integers(0, 2)):
+            case 0:
+                packet[place] = data.draw(st.integers(0, 255))
+            case 1:
+                packet.insert(place, data.draw(st.integers(0, 255)))
+            case _:
+                del packet[place]
+    _decode_or_refuse(bytes(packet))
+
+
+@given(start=st.sampled_from([b"", b"/", b"/a\0\0,", b"/a\0\0,bsf", b"#bundle\0" + bytes(7) + b"\1"]), rest=st.binary())
+@settings(max_examples=500)
+def test_random_bytes_raise_nothing_else(start: bytes, rest: bytes) -> None:
+    """Any bytes at all, with or without a beginning that promises OSC, are read or are a PacketError."""
+    _decode_or_refuse(start + rest)
+
+
+@given(tags=st.text("ifhdsSbcrmtTFNI[]x", max_size=20), rest=st.binary(max_size=60))
+@settings(max_examples=500)
+def test_any_tags_with_any_arguments_raise_nothing_else(tags: str, rest: bytes) -> None:
+    """Type tags in any order, followed by any bytes, are read or are a PacketError."""
+    encoded = f",{tags}".encode()
+    _decode_or_refuse(b"/a\0\0" + encoded + bytes(4 - len(encoded) % 4) + rest)
+
+
+def _decode_or_refuse(packet: bytes) -> None:
+    try:
+        messages = decode_packet(packet)
+    except PacketError:
+        return
+    assert all(message.address.startswith("/") for message in messages)

@@ -1,0 +1,173 @@
+"""What hears the answer: each layout read back with python-osc, several at once, and replies to whoever sent."""
+
+from __future__ import annotations
+
+import dataclasses
+import socket
+
+import numpy as np
+import pytest
+from pythonosc.osc_packet import OscPacket
+
+from kinespace.stream import osc
+from kinespace.stream.outputs import LAYOUTS, LayoutSink, NativeLayout, ReplySender
+from kinespace.stream.recognition import Event, EventKind, Outcome, Recognition
+from kinespace.stream.recognizer.performers import PerformerCounts
+from kinespace.stream.status import InputCounts, Status
+
+LOOPBACK = "127.0.0.1"
+CLASSES = ("bow", "jump", "wave")
+START = Event("Ada L", EventKind.START, "jump", 1, 0.75, 4.0)
+STATUS = Status(InputCounts(), PerformerCounts(), 0, {"Ada L": 30.0}, 0.0, 0.0)
+
+
+def recognition(
+    outcome: Outcome = Outcome.NAMED, performer: str = "Ada L", best: int = 1, classes: int = 3
+) -> Recognition:
+    """Make a recognition whose best class has 0.75, the others 0.25."""
+    scores = np.full(classes, 0.25, dtype=np.float32)
+    scores[best] = 0.75
+    names = CLASSES if classes == 3 else tuple(f"c{index:04d}" for index in range(classes))
+    return Recognition(performer, 4.0, outcome, names, scores, movement=0.2)
+
+
+def read(packet: bytes | None) -> dict[str, list[object]]:
+    """Read a packet with python-osc: arguments by address."""
+    assert packet is not None
+    return {timed.message.address: timed.message.params for timed in OscPacket(packet).messages}
+
+
+@pytest.mark.parametrize("name", LAYOUTS)
+def test_every_answer_is_osc_that_fits(name: str) -> None:
+    """Whatever is told is valid OSC of at most 1200 bytes, for three classes and for a thousand."""
+    layout = LAYOUTS[name]()
+    told = [layout.recognition(recognition(classes=classes)) for classes in (3, 1000)]
+    told += [layout.event(START), layout.classes(CLASSES), layout.status(STATUS), layout.gone("Ada L")]
+    assert told[0] is not None
+    for packet in told:
+        if packet is not None:
+            assert read(packet)
+            assert len(packet) <= osc.MAX_ANSWER
+
+
+def test_native_is_what_it_was() -> None:
+    """The native layout is byte for byte what the OSC sink sends."""
+    layout = NativeLayout()
+    assert layout.recognition(recognition()) == osc.encode_recognition(recognition())
+    assert layout.event(START) == osc.encode_event(START, recognition().time)
+    assert layout.classes(CLASSES) == osc.encode_classes(CLASSES)
+    assert layout.status(STATUS) == osc.encode_status(STATUS)
+
+
+def test_touchdesigner_gets_numbers_only() -> None:
+    """No text anywhere; class, score, margin and a flag that is 1 in the one message that names another class."""
+    layout = LAYOUTS["touchdesigner"]()
+    first, again = read(layout.recognition(recognition())), read(layout.recognition(recognition()))
+    assert first == {"/motion/Ada_L/class": [1, 0.75, 0.5, 1], "/motion/Ada_L/scores": [0.25, 0.75, 0.25]}
+    assert again["/motion/Ada_L/class"][-1] == 0
+    unknown = read(layout.recognition(recognition(Outcome.UNKNOWN)))
+    assert unknown["/motion/Ada_L/class"] == [-1, 0.75, 0.5, 1]
+    assert read(layout.event(START)) == {"/motion/Ada_L/going": [1]}
+    assert layout.classes(CLASSES) is None
+    for told in (first, again, unknown, read(layout.status(STATUS))):
+        assert all(type(value) in (int, float) for values in told.values() for value in values)
+
+
+@pytest.mark.parametrize("name", ["native", "max", "puredata", "supercollider"])
+def test_events_are_told_in_seconds_since_the_first_answer(name: str) -> None:
+    """No doubles, which Pure Data and node-osc do not know: a float of seconds since the performer's first answer."""
+    layout = LAYOUTS[name]()
+    layout.recognition(dataclasses.replace(recognition(), time=START.time - 2.5))
+    packet = layout.event(START)
+    assert read(packet) == {"/motion/Ada_L/event": ["start", "jump", 1, 0.75, 2.5]}
+    assert b",ssiff\0" in (packet or b"")
+    layout.gone("Ada L")
+    layout.recognition(dataclasses.replace(recognition(), time=START.time))
+    assert read(layout.event(START))["/motion/Ada_L/event"][-1] == 0.0
+
+
+@pytest.mark.parametrize("name", LAYOUTS)
+def test_a_class_is_none_where_the_label_is_unknown(name: str) -> None:
+    """In every layout alike an unknown motion, and a performer who left, are no class."""
+    layout = LAYOUTS[name]()
+    none = {"wekinator": [0.0], "vrchat": [0]}.get(name, [-1])
+    told = [read(layout.recognition(recognition(outcome))) for outcome in (Outcome.UNKNOWN, Outcome.NAMED)]
+    told.append(read(layout.gone("Ada L")))
+    classes = [
+        next(params for address, params in each.items() if address.endswith(("/class", "/Motion", "/outputs")))
+        for each in told
+    ]
+    numbers = [[value for value in params if not isinstance(value, str)][:1] for params in classes]
+    assert numbers[0] == numbers[2] == none
+    assert numbers[1] != none
+
+
+def test_wekinator_counts_from_one() -> None:
+    """One float a performer, 0 for none, in the order they came; who left leaves a 0 that a newcomer takes."""
+    layout = LAYOUTS["wekinator"]()
+    assert read(layout.recognition(recognition())) == {"/wek/outputs": [2.0]}
+    assert read(layout.recognition(recognition(Outcome.STILL, "Bob"))) == {"/wek/outputs": [2.0, 0.0]}
+    assert read(layout.event(START)) == {"/output_2": []}
+    assert layout.status(STATUS) is None
+    assert read(layout.gone("Ada L")) == {"/wek/outputs": [0.0, 0.0]}
+    assert layout.gone("Ada L") is None
+    assert read(layout.recognition(recognition(performer="Bob"))) == {"/wek/outputs": [0.0, 2.0]}
+    assert read(layout.recognition(recognition(best=2, performer="Cy"))) == {"/wek/outputs": [3.0, 2.0]}
+
+
+def test_vmc_programs_pass_it_on() -> None:
+    """`/VMC/Thru/<a>/<b>` with one text and one integer, as the protocol has it."""
+    layout = LAYOUTS["vmc-thru"]()
+    assert read(layout.recognition(recognition())) == {"/VMC/Thru/motion/class": ["jump", 1]}
+    assert read(layout.recognition(recognition(Outcome.STILL))) == {"/VMC/Thru/motion/class": ["still", -1]}
+    assert read(layout.event(START)) == {"/VMC/Thru/motion/start": ["jump", 1]}
+
+
+def test_vrchat_gets_parameters() -> None:
+    """A whole number from 0 to 255 and a float from 0 to 1."""
+    layout = LAYOUTS["vrchat"]()
+    told = read(layout.recognition(recognition()))
+    assert told == {"/avatar/parameters/Motion": [2], "/avatar/parameters/MotionScore": [0.75]}
+    assert read(layout.recognition(recognition(Outcome.STILL)))["/avatar/parameters/Motion"] == [0]
+    assert read(layout.recognition(recognition(best=999, classes=1000)))["/avatar/parameters/Motion"] == [255]
+
+
+def test_several_hear_at_once() -> None:
+    """Sinks of different layouts send each to its own place."""
+    receivers = [osc.OscReceiver(LOOPBACK, 0) for _ in LAYOUTS]
+    sinks = [
+        LayoutSink(LAYOUTS[name](), osc.OscSender(LOOPBACK, receiver.address[1]))
+        for name, receiver in zip(LAYOUTS, receivers, strict=True)
+    ]
+    for sink in sinks:
+        sink.publish(recognition())
+        sink.publish_event(START)
+        sink.publish_classes(CLASSES)
+        sink.publish_status(STATUS)
+        sink.close()
+    for name, receiver in zip(LAYOUTS, receivers, strict=True):
+        receiver.socket.settimeout(5.0)
+        assert receiver.receive() == LAYOUTS[name]().recognition(recognition())
+        receiver.close()
+    assert [sink.failed for sink in sinks] == [0] * len(sinks)
+
+
+@pytest.mark.parametrize("back", [True, False], ids=["to its own port", "to a port of its host"])
+def test_the_sender_is_replied_to(back: bool) -> None:  # noqa: FBT001 - a parametrised test's argument
+    """Nothing before anybody sent; then to the last sender's host, from the port it sent to."""
+    receiver = osc.OscReceiver(LOOPBACK, 0)
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
+        sender.bind((LOOPBACK, 0))
+        sender.settimeout(5.0)
+        sink = LayoutSink(NativeLayout(), ReplySender(receiver, 0 if back else sender.getsockname()[1]))
+        sink.publish(recognition())
+        sender.sendto(b"hello", receiver.address)
+        receiver.socket.settimeout(5.0)
+        assert receiver.receive() == b"hello"
+        sink.publish(recognition())
+        packet, came_from = sender.recvfrom(2000)
+        assert packet == osc.encode_recognition(recognition())
+        assert came_from == receiver.address
+        assert sink.failed == 0
+        sink.close()
+    receiver.close()

@@ -280,6 +280,7 @@ class Service:
             hop_p50=self._hop_times.percentile(50),
             hop_p99=self._hop_times.percentile(99),
             refused=self.performers.refused,
+            doubted=self.performers.doubted,
             compared=self.performers.compared,
             admission=replace(self._admission.counts),
             notes=(*notes, *self._admission.notes(self._clock())),

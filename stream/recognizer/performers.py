@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from kinespace.library.windows.index import WindowIndex
     from kinespace.stream.frame import Admitted, Frame
     from kinespace.stream.recognition import Event, Recognition
+    from kinespace.stream.recognizer.doubts import Opener
 
 
 #: How many times as many performers' joint names are remembered as there may be performers.
@@ -79,6 +80,8 @@ class Performers:
         Seconds without a frame after which a performer is dropped.
     joints
         What is known of senders' joints.
+    opener
+        Of every recogniser: gives the windows of the joints that can be believed.
 
     Raises
     ------
@@ -88,7 +91,7 @@ class Performers:
         A joint of the library is not among those that are assumed.
     """
 
-    def __init__(
+    def __init__(  # noqa: PLR0913 - what there may be of performers
         self,
         library: MotionLibrary | WindowIndex,
         settings: Settings | None = None,
@@ -96,6 +99,7 @@ class Performers:
         most: int = 32,
         silence: float = 5.0,
         joints: SentJoints | None = None,
+        opener: Opener | None = None,
     ) -> None:
         if most < 1:
             raise ValueError(f"most: expected at least 1 performer, got {most}")
@@ -103,6 +107,7 @@ class Performers:
             raise ValueError(f"silence: expected a positive number of seconds, got {silence}")
         self._compare_with(library)
         self.settings = settings or Settings()
+        self._opener = opener
         self.most = most
         self.silence = silence
         #: Said of every performer who has said nothing else.
@@ -179,6 +184,11 @@ class Performers:
         return dict(self._refused)
 
     @property
+    def doubted(self) -> dict[str, str]:
+        """Performers of whom some joints cannot be believed, and what was noticed."""
+        return {name: doubt for name, each in self._performers.items() if (doubt := each.recognizer.doubt)}
+
+    @property
     def compared(self) -> dict[str, str]:
         """Performers whose joints are not simply the library's: whose names they are, and how many are compared."""
         return {name: each for name, performer in self._performers.items() if (each := self._told(performer))}
@@ -246,7 +256,7 @@ class Performers:
             self._exchange_for(performer, library)
         else:
             self._retire(performer.recognizer)
-            performer.recognizer, performer.library = Recognizer(library, self.settings), library
+            performer.recognizer, performer.library = Recognizer(library, self.settings, self._opener), library
 
     def _retire(self, recognizer: Recognizer) -> None:
         """Keep what a recogniser counted, and the end of what it saw going on, when it is not needed any more."""
@@ -377,7 +387,7 @@ class Performers:
                 self._ended = self.drop_silent(arrival)
             if len(self._performers) >= self.most and not self._make_room(name, arrival):
                 return None
-            recognizer = Recognizer(self._compared, self.settings)
+            recognizer = Recognizer(self._compared, self.settings, self._opener)
             performer = _Performer(recognizer, self.library, arrival, self._assumed, self._assumed_order, begun=arrival)
             self._waiting.pop(name, None)
             self._performers[name] = performer

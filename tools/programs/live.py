@@ -18,6 +18,7 @@ from rich.live import Live
 from kinespace.library import MotionLibrary
 from kinespace.library.naming import Naming
 from kinespace.stream import osc, zeromq
+from kinespace.stream.background_opener import BackgroundOpener
 from kinespace.stream.feeds.source import FeedSource
 from kinespace.stream.inputs import Admission, OscDecoder, Source, ZmqDecoder
 from kinespace.stream.outputs import LAYOUTS, LayoutSink, NativeLayout, ReplySink, Sink, ZmqSink
@@ -214,7 +215,7 @@ def recognise(
         motions = fitted(motions, "--joints", joints)
     _require_room_for(motions, settings)
     sent = SentJoints(joints, feed.naming, RestrictedBeside(motions, settings))
-    performers = Performers(motions, settings, most=most, joints=sent)
+    performers = Performers(motions, settings, most=most, joints=sent, opener=BackgroundOpener())
     shown: PlainLines | LiveTable = PlainLines() if plain or not console.is_terminal else LiveTable(motions.classes)
     admission = Admission(silence=performers.silence, merge=guard.merge, allowed=guard.performers)
     networks = [ipaddress.ip_network(each, strict=False) for each in guard.networks]

@@ -3,23 +3,29 @@
 from __future__ import annotations
 
 import time
+from dataclasses import replace
 from typing import TYPE_CHECKING, Protocol, Self
 
 import zmq
 
 from kinespace.stream.frame import Frame
+from kinespace.stream.inputs.admission import Admission
 from kinespace.stream.outputs.sink import Sink
 from kinespace.stream.status import HopTimes, InputCounts, Rates, Status
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from kinespace.stream.frame import Input
+    from kinespace.stream.frame import Admitted
+    from kinespace.stream.recognition import Recognition
     from kinespace.stream.recognizer import Performers
 
 #: Seconds between two statuses, and between two lists of classes.
 STATUS_EVERY = 1.0
 CLASSES_EVERY = 5.0
+#: Seconds for which a packet may wait before it is taken in; the answer to one that waited longer is sent only if no
+#: newer one follows. A stopped process finds seconds of feed waiting, and listeners would take it for what happens now.
+MAX_AGE = 1.0
 #: Packets of one source that are taken in together, then recognised, then answered, at most: the processor's caches
 #: then hold what a step needs, and one send wakes the listeners. More would keep the first packet waiting for too long.
 #: The number follows how many wait: a packet that comes alone is answered before the loop looks for another.
@@ -31,9 +37,7 @@ _MAX_SLEEP = 0.1
 #: Steps after being stopped: more than any socket holds, and so few that a feed that goes on ends all the same.
 _LAST_STEPS = 32
 #: Seconds after being stopped in which what has arrived is still answered, however much it is.
-_MAX_ENDING = 0.3
-#: Seconds of one source's turn: packets may be few and each cost much.
-_MAX_TURN = 0.05
+MAX_ENDING = 0.5
 #: Seconds between two turns of sources that have something to do even when nothing comes.
 _TENDING = 0.02
 
@@ -50,6 +54,10 @@ class Source(Protocol):
         """Whether `tend` has something to do even when nothing comes."""
 
     @property
+    def waited(self) -> float:
+        """Seconds for which the last packet waited in the system before it was taken in."""
+
+    @property
     def counts(self) -> InputCounts:
         """What came in so far."""
 
@@ -57,10 +65,10 @@ class Source(Protocol):
     def notes(self) -> Sequence[str]:
         """What a person should know of it now, a line each."""
 
-    def take(self, arrival: float) -> Sequence[Input] | None:
+    def take(self, arrival: float) -> Sequence[Admitted] | None:
         """Take in one packet; what it held, in order, or None when nothing is waiting. Never raises."""
 
-    def tend(self, now: float) -> Sequence[Input]:
+    def tend(self, now: float) -> Sequence[Admitted]:
         """Do what is due by the clock; what came of it, in order. Never raises."""
 
     def close(self) -> None:
@@ -76,6 +84,8 @@ class Service:
         The recognisers.
     sources, sinks
         Where frames come from and answers go; closed by `close`, or on leaving the `with` block.
+    admission
+        Of the sources, to tell what it did not let in.
     clock
         Seconds; stamps arrivals and paces the status.
     """
@@ -86,17 +96,24 @@ class Service:
         sources: Sequence[Source],
         sinks: Sequence[Sink],
         *,
+        admission: Admission | None = None,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self.performers = performers
         self.sources = sources
         self.sinks = sinks
         self._clock = clock
+        self._admission = admission or Admission()
         self._hop_times = HopTimes()
         self._rates = Rates(clock())
         self._latest_rates: dict[str, float] = {}
         self._next_status = self._next_classes = clock()
         self._stopped = False
+        #: When the last step ends; 0 before it was stopped.
+        self._over = 0.0
+        #: The newest answer of each performer, where it is too old to be sent before it is known to be the newest.
+        self._held: dict[str, Recognition] = {}
+        self._stale = 0
         self._together = 1
         self._poller = zmq.Poller()
         for source in sources:
@@ -127,16 +144,23 @@ class Service:
         try:
             while not self._stopped:
                 self.step(_MAX_SLEEP)
-            until = time.perf_counter() + _MAX_ENDING
             for _ in range(_LAST_STEPS):
-                if time.perf_counter() < until:
+                if not self._is_over():
                     self.step(0.0)
         finally:
+            self._publish_held()
             ended = self.performers.end()
             for sink in self.sinks:
                 for event in ended:
                     sink.publish_event(event)
             self._tell_gone(self.performers.names)
+
+    def _is_over(self) -> bool:
+        """Say whether it was stopped so long ago that what still waits is left lying."""
+        if not self._stopped:
+            return False
+        self._over = self._over or time.perf_counter() + MAX_ENDING
+        return time.perf_counter() > self._over
 
     def step(self, longest: float) -> None:
         """Wait at most `longest` seconds for something to come, and deal with all that has."""
@@ -146,17 +170,20 @@ class Service:
             sleep = min(sleep, _TENDING)
             self._tend()
         if not self._poller.poll(round(sleep * 1000)):
+            self._publish_held()
             return
         # Every source is asked: one poll is cheaper than finding out which of them it was.
         for source in self.sources:
-            left, until = _AT_ONCE, time.perf_counter() + _MAX_TURN
-            while left and time.perf_counter() < until and (taken := self._deal_with_waiting(source, left)):
+            left = _AT_ONCE
+            while left and not self._is_over() and (taken := self._deal_with_waiting(source, left)):
                 left -= taken
+        if self._held and not self._poller.poll(0):
+            self._publish_held()
 
     def _deal_with_waiting(self, source: Source, most: int) -> int:
         """Take in some packets, recognise, answer; give how many, 0 when no more wait."""
-        taken: list[Input] = []
-        begun: list[float] = []
+        taken: list[Admitted] = []
+        begun: list[tuple[float, float]] = []
         wanted = min(self._together, most)
         for _ in range(wanted):
             started = time.perf_counter()
@@ -165,7 +192,7 @@ class Service:
                 wanted, self._together = 0, max(self._together // 2, 1)
                 break
             taken += events
-            begun += [started] * len(events)
+            begun += [(started, source.waited)] * len(events)
         else:
             self._together = min(2 * self._together, _MAX_TOGETHER)
         self._deal_with(taken, begun)
@@ -175,9 +202,9 @@ class Service:
         for source in self._tended:
             started = time.perf_counter()
             events = source.tend(self._clock())
-            self._deal_with(events, [started] * len(events))
+            self._deal_with(events, [(started, 0.0)] * len(events))
 
-    def _deal_with(self, events: Sequence[Input], begun: Sequence[float]) -> None:
+    def _deal_with(self, events: Sequence[Admitted], begun: Sequence[tuple[float, float]]) -> None:
         """Recognise what was taken in and tell the sinks; `begun` says of each when its packet was first looked at."""
         if not events:
             return
@@ -187,14 +214,37 @@ class Service:
                 for sink in self._watching:
                     sink.publish_frame(event)
         answers = self.performers.push_all(events, self._clock())
-        for recognition, started in zip(answers, begun, strict=True):
+        for recognition, (started, waited) in zip(answers, begun, strict=True):
             if recognition is None:
                 continue
-            for sink in self.sinks:
-                sink.publish(recognition)
-                for happened in recognition.events:
+            if waited > MAX_AGE:
+                self._hold(recognition)
+            else:
+                self._superseded(recognition.performer)
+                self._publish(recognition)
+            for happened in recognition.events:
+                for sink in self.sinks:
                     sink.publish_event(happened)
-            self._hop_times.add(time.perf_counter() - started)
+            self._hop_times.add(time.perf_counter() - started + waited)
+
+    def _publish(self, recognition: Recognition) -> None:
+        for sink in self.sinks:
+            sink.publish(recognition)
+
+    def _hold(self, recognition: Recognition) -> None:
+        """Keep an answer that is too old in case it is the performer's newest; events are told however old they are."""
+        self._superseded(recognition.performer)
+        self._held[recognition.performer] = recognition
+
+    def _superseded(self, performer: str) -> None:
+        if self._held and self._held.pop(performer, None) is not None:
+            self._stale += 1
+
+    def _publish_held(self) -> None:
+        """Send the old answers after which nothing newer waits."""
+        for recognition in self._held.values():
+            self._publish(recognition)
+        self._held.clear()
 
     def _tell_gone(self, performers: Sequence[str]) -> None:
         for performer in performers:
@@ -220,14 +270,18 @@ class Service:
 
     def status(self) -> Status:
         """Give the counters as they are now."""
+        notes = dict.fromkeys(note for source in self.sources for note in source.notes)
         return Status(
             inputs=sum((source.counts for source in self.sources), start=InputCounts()),
             outcomes=self.performers.counts,
             unsent=sum(sink.failed for sink in self.sinks),
+            stale=self._stale,
             performers={name: self._latest_rates.get(name, 0.0) for name in self.performers.names},
             hop_p50=self._hop_times.percentile(50),
             hop_p99=self._hop_times.percentile(99),
             refused=self.performers.refused,
+            doubted=self.performers.doubted,
             compared=self.performers.compared,
-            notes=tuple(dict.fromkeys(note for source in self.sources for note in source.notes)),
+            admission=replace(self._admission.counts),
+            notes=(*notes, *self._admission.notes(self._clock())),
         )

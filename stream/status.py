@@ -38,6 +38,18 @@ class InputCounts:
         return InputCounts(*(getattr(self, each.name) + getattr(other, each.name) for each in fields(self)))
 
 
+@dataclass(slots=True)
+class AdmissionCounts:
+    """What was not believed."""
+
+    #: Frames and announcements of a performer that came from another than the performer's sender.
+    other_sender: int = 0
+    #: Frames of performers that are not let in.
+    not_allowed: int = 0
+    #: Frames whose time no other frame agreed with.
+    odd_times: int = 0
+
+
 @dataclass(frozen=True, slots=True)
 class Status:
     """A service's counters at one moment.
@@ -53,9 +65,15 @@ class Status:
     performers
         Frames per second of each performer now followed.
     hop_p50, hop_p99
-        Seconds from taking a frame's packet to its recognition, over the last hops; 0 before the first.
+        Seconds from the arrival of a frame's packet to its recognition, over the last hops; 0 before the first.
     refused
         Performers whose frames are refused for their joints, and why.
+    admission
+        What was not believed: other senders of a performer, performers that are not let in, times that jump.
+    stale
+        Answers not sent because their packets had waited for too long, and newer answers followed.
+    doubted
+        Performers of whom some joints cannot be believed, and what was noticed.
     compared
         Performers whose joints are not simply the library's: whose names they are, and how many are compared.
     notes
@@ -69,8 +87,11 @@ class Status:
     hop_p50: float
     hop_p99: float
     refused: dict[str, str] = field(default_factory=dict)
+    admission: AdmissionCounts = field(default_factory=AdmissionCounts)
+    doubted: dict[str, str] = field(default_factory=dict)
     compared: dict[str, str] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
+    stale: int = 0
 
     @property
     def frames_per_second(self) -> float:
@@ -81,7 +102,8 @@ class Status:
     def lost(self) -> int:
         """How much came, or should have come, and was not used."""
         inputs, outcomes = self.inputs, self.outcomes
-        at_the_border = inputs.malformed + inputs.overrun + inputs.missing + inputs.incomplete + inputs.broken
+        refused = self.admission.other_sender + self.admission.odd_times
+        at_the_border = refused + inputs.malformed + inputs.overrun + inputs.missing + inputs.incomplete + inputs.broken
         return at_the_border + outcomes.no_room + outcomes.other_joints + outcomes.recognizers.out_of_order
 
 

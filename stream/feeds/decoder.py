@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from kinespace.stream.feeds.frame_assembler import FORGET_AFTER, FrameAssembler
 from kinespace.stream.feeds.unpackers import UNPACKERS
 from kinespace.stream.inputs.receiver import datagram_of
+from kinespace.stream.inputs.refusals import Refusals
 from kinespace.stream.osc.packet import PacketError
 from kinespace.stream.status import InputCounts
 
@@ -43,6 +44,7 @@ class FeedDecoder:
         self._whole = preset.packing != "osc"
         self._received = self._undecodable = 0
         self._senders = SenderNumbers()
+        self.refusals = Refusals()
 
     @property
     def counts(self) -> InputCounts:
@@ -61,11 +63,17 @@ class FeedDecoder:
         datagram = datagram_of(packet)
         try:
             messages = self._unpack(datagram)
-        except PacketError:
+        except PacketError as error:
             self._undecodable += 1
+            self.refusals.note("malformed", str(error), sender, packet)
             return ()
         number = self._senders.number(sender[0] if sender else "", arrival)
-        return self.assembler.push(messages, arrival, bundle=self._whole or datagram[:1] == b"#", sender=number)
+        counts = self.assembler.counts
+        malformed = counts.malformed
+        made = self.assembler.push(messages, arrival, bundle=self._whole or datagram[:1] == b"#", sender=number)
+        if counts.malformed > malformed:
+            self.refusals.note("malformed", self.assembler.why_malformed, sender, packet)
+        return made
 
     def expire(self, now: float) -> Sequence[Input]:
         """Close frames that nothing more comes for."""

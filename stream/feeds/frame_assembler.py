@@ -123,6 +123,8 @@ class FrameAssembler:
         self.preset = preset
         self.most = most
         self.counts = AssemblerCounts()
+        #: Why the last malformed message is malformed.
+        self.why_malformed = ""
         self.mapper = Mapper(preset)
         self._bodies: dict[str, _Body] = {}
         self._out: list[Frame | Announcement] = []
@@ -166,8 +168,9 @@ class FrameAssembler:
         for message in messages:
             try:
                 reading = self.mapper.read(message)
-            except MessageError:
+            except MessageError as error:
                 self.counts.malformed += 1
+                self.why_malformed = str(error)
                 continue
             if reading is None:
                 self.counts.foreign += 1

@@ -26,6 +26,8 @@ if TYPE_CHECKING:
 __all__ = ["Preset", "PresetError", "builtin_names", "builtin_preset", "load_preset"]
 
 _ENDING = ".toml"
+#: Ten times the longest preset there is; to parse a key of 50,000 dots takes a minute.
+_MAX_CHARACTERS = 32_000
 _POSITION = ("x", "y", "z")
 _ROTATION = ("qx", "qy", "qz", "qw")
 #: What an argument can be; a role that begins with = is a text that must stand there.
@@ -298,6 +300,8 @@ def parse_preset(text: str, name: str, file: str) -> Preset:
     PresetError
         It is no TOML, or something in it is wrong, missing or unknown.
     """
+    if len(text) > _MAX_CHARACTERS:
+        raise PresetError(f"{file}: expected at most {_MAX_CHARACTERS} characters, got {len(text)}")
     try:
         table = CheckedTable(file, "", tomllib.loads(text))
     except tomllib.TOMLDecodeError as error:

@@ -13,7 +13,8 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from kinespace.stream.feeds.preset import Preset
-    from kinespace.stream.frame import Input
+    from kinespace.stream.frame import Admitted
+    from kinespace.stream.inputs.admission import Admission
     from kinespace.stream.inputs.receiver import Receiver
     from kinespace.stream.recording.recorder import Recorder
 
@@ -31,6 +32,8 @@ class FeedSource(Source):
         The host that must be told to send, for presets that ask.
     recorder
         Keeps every packet; None for no recording.
+    admission
+        Lets frames in or not; None for all.
 
     Attributes
     ----------
@@ -41,9 +44,15 @@ class FeedSource(Source):
     decoder: FeedDecoder
 
     def __init__(
-        self, receiver: Receiver, preset: Preset, *, sender: str = "127.0.0.1", recorder: Recorder | None = None
+        self,
+        receiver: Receiver,
+        preset: Preset,
+        *,
+        sender: str = "127.0.0.1",
+        recorder: Recorder | None = None,
+        admission: Admission | None = None,
     ) -> None:
-        super().__init__(receiver, FeedDecoder(preset), recorder)
+        super().__init__(receiver, FeedDecoder(preset), recorder, admission)
         self.preset = preset
         self.unasked = 0
         self._asked = self._heard = NEVER
@@ -52,14 +61,14 @@ class FeedSource(Source):
     def __str__(self) -> str:
         return f"{self.preset.name} {str(self.receiver).partition(' ')[2]}"
 
-    def take(self, arrival: float) -> Sequence[Input] | None:
+    def take(self, arrival: float) -> Sequence[Admitted] | None:
         """Take in one packet; the frames that it completed, or None when nothing is waiting. Never raises."""
         made = super().take(arrival)
         if made:
             self._heard = arrival
         return made
 
-    def tend(self, now: float) -> Sequence[Input]:
+    def tend(self, now: float) -> Sequence[Admitted]:
         """Close frames that nothing more comes for, and tell the sender what it must be told."""
         asking = self.preset.asking
         if asking and is_due(asking, now, self._asked, self._heard):

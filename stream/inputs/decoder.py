@@ -9,6 +9,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Protocol
 
 from kinespace.stream.inputs.receiver import datagram_of, parts_of
+from kinespace.stream.inputs.refusals import Refusals
 from kinespace.stream.osc.frames import decode as decode_datagram
 from kinespace.stream.status import InputCounts
 from kinespace.stream.zeromq import single_part
@@ -32,6 +33,10 @@ class Decoder(Protocol):
     @property
     def counts(self) -> InputCounts:
         """What was read so far, and what could not be."""
+
+    @property
+    def refusals(self) -> Refusals:
+        """What could not be read last, and why."""
 
     def decode(self, packet: Packet, arrival: float, sender: Sender) -> Sequence[Input]:
         """Decode one packet.
@@ -61,13 +66,18 @@ class OscDecoder:
 
     def __init__(self) -> None:
         self.counts = InputCounts()
+        self.refusals = Refusals()
 
-    def decode(self, packet: Packet, arrival: float, sender: Sender) -> Sequence[Input]:  # noqa: ARG002 - a frame says all
+    def decode(self, packet: Packet, arrival: float, sender: Sender) -> Sequence[Input]:
         """Decode a datagram."""
         self.counts.received += 1
         received = decode_datagram(datagram_of(packet), arrival)
-        self.counts.malformed += received.malformed
-        self.counts.foreign += received.foreign
+        if received.malformed:
+            self.counts.malformed += received.malformed
+            self.refusals.note("malformed", received.why_malformed, sender, packet)
+        if received.foreign:
+            self.counts.foreign += received.foreign
+            self.refusals.note("foreign", received.why_foreign, sender, packet)
         return received.events
 
     def expire(self, now: float) -> Sequence[Input]:  # noqa: ARG002 - nothing stays open
@@ -93,10 +103,12 @@ class ZmqDecoder(OscDecoder):
                 return self._counted(decode_message(parts, arrival))
             if len(parts) == 1 and single_part.is_map(parts[0]):
                 return self._counted(single_part.decode(parts[0], arrival))
-        except FormatError:
+        except FormatError as error:
             self.counts.malformed += 1
+            self.refusals.note("malformed", str(error), sender, packet)
         else:
             self.counts.foreign += 1
+            self.refusals.note("foreign", "neither a frame nor one part in msgpack or OSC", sender, packet)
         return ()
 
     def _counted(self, numbered: NumberedFrame) -> Sequence[Input]:

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from ipaddress import IPv4Network, IPv6Network
 from typing import Protocol
 
 #: A datagram, or the parts of a ZeroMQ message.
 Packet = bytes | list[bytes]
+#: Addresses that are let in; empty for all.
+Networks = Sequence[IPv4Network | IPv6Network]
 #: Host and port of who sent a packet; None where the transport does not tell.
 Sender = tuple[str, int] | None
 
@@ -34,6 +38,10 @@ class Receiver(Protocol):
     @property
     def sender(self) -> Sender:
         """The sender of the last packet."""
+
+    @property
+    def waited(self) -> float:
+        """Seconds for which the last packet waited in the system; 0 where the transport does not tell."""
 
     @property
     def kernel_drops(self) -> int:

@@ -49,6 +49,9 @@ class Received:
     events: list[Input]
     malformed: int = 0
     foreign: int = 0
+    #: Why the last of the malformed is malformed, and what the last of the foreign is.
+    why_malformed: str = ""
+    why_foreign: str = ""
 
 
 def decode(datagram: bytes, arrival: float) -> Received:
@@ -66,21 +69,23 @@ def decode(datagram: bytes, arrival: float) -> Received:
         return Received([frame])
     try:
         messages = decode_packet(datagram)
-    except PacketError:
-        return Received([], malformed=1)
-    events: list[Input]
-    events, malformed, foreign = [], 0, 0
+    except PacketError as error:
+        return Received([], malformed=1, why_malformed=str(error))
+    received = Received([])
     for message in messages:
         try:
             event = _understood(message, arrival)
-        except (TypeError, ValueError, OverflowError):
-            malformed += 1
+        except (TypeError, ValueError, OverflowError) as error:
+            received.malformed += 1
+            who = f" of {message.arguments[0]}" if message.arguments and isinstance(message.arguments[0], str) else ""
+            received.why_malformed = f"{message.address}{who}: {error}"
         else:
             if event is None:
-                foreign += 1
+                received.foreign += 1
+                received.why_foreign = message.address
             else:
-                events.append(event)
-    return Received(events, malformed, foreign)
+                received.events.append(event)
+    return received
 
 
 class _Layout(NamedTuple):

@@ -2,17 +2,28 @@
 
 from __future__ import annotations
 
+import ipaddress
 import socket
+import struct
 import sys
 import threading
 import time
-from typing import Any
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from kinespace.stream.inputs.receiver import Networks
 
 #: Bytes that the system keeps of datagrams that wait; the usual default holds 0.2 s of a busy feed.
 RECEIVE_BUFFER = 4 << 20
 #: Linux tells with each datagram how many were thrown away before it; Python has no name for the option.
 _SO_RXQ_OVFL = 40
 _COUNTS_DROPS = sys.platform == "linux"
+#: Linux tells with each datagram when it arrived in the system, on the clock of the day; Python has no name for it.
+_SO_TIMESTAMPNS = 35
+_TIMESPEC = struct.Struct("@ll")
+#: Seconds that no datagram waits: whatever is longer says that the clock of the day was set meanwhile.
+_MAX_WAITED = 300.0
 #: Seconds between two attempts to look a host up.
 _LOOK_UP_EVERY = 5.0
 
@@ -58,11 +69,17 @@ class OscReceiver:
     ----------
     host, port
         Where to listen; port 0 lets the system choose (`address` tells).
+    networks
+        Whose datagrams are read; empty for all.
 
     Attributes
     ----------
+    strangers
+        Datagrams from elsewhere; they are received as empty ones.
     kernel_drops
         Datagrams the system threw away because they came faster than they were received (known on Linux only).
+    waited
+        Seconds for which the last datagram waited in the system (known on Linux only).
     sender
         Host and port the last datagram came from; None before the first.
 
@@ -72,19 +89,24 @@ class OscReceiver:
         The port is taken, or the host is not this machine's.
     """
 
-    def __init__(self, host: str, port: int) -> None:
+    def __init__(self, host: str, port: int, networks: Networks = ()) -> None:
         family, kind, address = _resolved(host, port)
+        self._networks = networks
+        self._let_in = lru_cache(maxsize=1024)(self._is_let_in)
+        self.strangers = 0
         self.socket = socket.socket(family, kind)
         try:
             self.socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER)
             if _COUNTS_DROPS:
                 self.socket.setsockopt(socket.SOL_SOCKET, _SO_RXQ_OVFL, 1)
+                self.socket.setsockopt(socket.SOL_SOCKET, _SO_TIMESTAMPNS, 1)
             self.socket.settimeout(0.0)
             self.socket.bind(address)
         except OSError as error:
             self.socket.close()
             raise OSError(error.errno, f"{host}:{port}: {error.strerror}") from error
         self.kernel_drops = 0
+        self.waited = 0.0
         self.sender: tuple[str, int] | None = None
 
     def __str__(self) -> str:
@@ -113,8 +135,8 @@ class OscReceiver:
             if not _COUNTS_DROPS:
                 datagram, sender = self.socket.recvfrom(65535)
                 self.sender = sender[:2]
-                return datagram
-            datagram, ancillary, _, sender = self.socket.recvmsg(65535, 64)
+                return datagram if not self._networks or self._let_in(sender[0]) else self._stranger()
+            datagram, ancillary, _, sender = self.socket.recvmsg(65535, 128)
         except (BlockingIOError, InterruptedError):
             return None
         except ConnectionError:
@@ -122,8 +144,20 @@ class OscReceiver:
         for _, kind, value in ancillary:
             if kind == _SO_RXQ_OVFL:
                 self.kernel_drops = int.from_bytes(value[:4], sys.byteorder)
+            elif kind == _SO_TIMESTAMPNS:
+                seconds, nanoseconds = _TIMESPEC.unpack(value)
+                waited = time.time() - seconds - nanoseconds * 1e-9
+                self.waited = waited if 0.0 <= waited < _MAX_WAITED else 0.0
         self.sender = sender[:2]
-        return datagram
+        return datagram if not self._networks or self._let_in(sender[0]) else self._stranger()
+
+    def _is_let_in(self, host: str) -> bool:
+        address = ipaddress.ip_address(host.partition("%")[0])
+        return any(address in network for network in self._networks)
+
+    def _stranger(self) -> bytes:
+        self.strangers += 1
+        return b""
 
     def send_to(self, datagram: bytes, target: tuple[Any, ...]) -> bool:
         """Send from the port listened on to an address in numbers; False when the system does not take it."""

@@ -2,59 +2,18 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 from kinespace.stream.outputs.sink import Sink
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from kinespace.stream.osc.udp import OscReceiver
+    from kinespace.stream.inputs.admission import Admission
+    from kinespace.stream.osc.udp import OscReceiver, OscSender
     from kinespace.stream.outputs.layouts import Layout
     from kinespace.stream.recognition import Event, Recognition
     from kinespace.stream.status import Status
-
-
-class AnswerSender(Protocol):
-    """Where datagrams go. Its text names the place for people."""
-
-    failed: int
-
-    def send(self, datagram: bytes) -> None:
-        """Send one; a failure is counted, never raised."""
-
-    def close(self) -> None:
-        """Give sockets back."""
-
-
-class ReplySender:
-    """Sends to the sender of the last frame, from the port it sent to.
-
-    Parameters
-    ----------
-    receiver
-        The port frames come in on; not closed here.
-    port
-        Where on the sender's host; 0 for the port it sent from.
-    """
-
-    def __init__(self, receiver: OscReceiver, port: int) -> None:
-        self._receiver = receiver
-        self._port = port
-        self.failed = 0
-
-    def __str__(self) -> str:
-        return f"the sender{f':{self._port}' if self._port else ''}"
-
-    def send(self, datagram: bytes) -> None:
-        """Send one datagram; nothing is sent before anything came."""
-        if self._receiver.sender is None:
-            return
-        host, port = self._receiver.sender
-        self.failed += not self._receiver.send_to(datagram, (host, self._port or port))
-
-    def close(self) -> None:
-        """Nothing to close: the socket is the receiver's."""
 
 
 class LayoutSink(Sink):
@@ -68,7 +27,7 @@ class LayoutSink(Sink):
         Where to; closed by `close`.
     """
 
-    def __init__(self, layout: Layout, sender: AnswerSender) -> None:
+    def __init__(self, layout: Layout, sender: OscSender) -> None:
         self.layout = layout
         self.sender = sender
 
@@ -107,3 +66,53 @@ class LayoutSink(Sink):
     def close(self) -> None:
         """Close the socket."""
         self.sender.close()
+
+
+class ReplySink(Sink):
+    """Sends each performer's answers to the performer's own sender, from the port it sent to.
+
+    What concerns all performers goes to all senders.
+
+    Parameters
+    ----------
+    layout
+        How the senders want to be told.
+    receiver
+        The port frames come in on; not closed here.
+    port
+        Where on the sender's host; 0 for the port it sent from.
+    senders
+        Knows the sender of each performer.
+    """
+
+    def __init__(self, layout: Layout, receiver: OscReceiver, port: int, senders: Admission) -> None:
+        self.layout = layout
+        self.failed = 0
+        self._receiver = receiver
+        self._port = port
+        self._senders = senders
+
+    def __str__(self) -> str:
+        return f"{self.layout.name} the sender{f':{self._port}' if self._port else ''}"
+
+    def publish(self, recognition: Recognition) -> None:
+        """Send one recognition."""
+        self._send(self.layout.recognition(recognition), self._senders.senders(recognition.performer))
+
+    def publish_event(self, event: Event) -> None:
+        """Send one event."""
+        self._send(self.layout.event(event), self._senders.senders(event.performer))
+
+    def publish_classes(self, classes: Sequence[str]) -> None:
+        """Send the class names."""
+        self._send(self.layout.classes(classes), self._senders.senders())
+
+    def publish_status(self, status: Status) -> None:
+        """Send the status."""
+        self._send(self.layout.status(status), self._senders.senders())
+
+    def _send(self, packet: bytes | None, targets: Sequence[tuple[str, int]]) -> None:
+        if packet is None:
+            return
+        for host, port in dict.fromkeys((host, self._port or port) for host, port in targets):
+            self.failed += not self._receiver.send_to(packet, (host, port))

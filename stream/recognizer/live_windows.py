@@ -134,6 +134,10 @@ class LiveWindows:
         point: NDArray[np.float64] = self._points.rows[-1] / self._body.size(self._distances.rows[-1])
         return point
 
+    def recent(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Give the times and the distance rows of the longest window, views good until the next push."""
+        return self._distances.times, self._distances.rows
+
     def read(self) -> LiveSignature:
         """Read the signature of the windows that end with the newest row; needs a row."""
         self._settle()

@@ -176,6 +176,7 @@ class WindowMatcher:
     def _compare_with(self, index: WindowIndex) -> None:
         self._index, self.classes = index, index.classes
         self._weighing = index.comparison.weighing
+        # Kept here: the cache behind the index may be full of other libraries.
         self._rejection = index.rejection
         self._nothing = index.classes.index(NOTHING) if NOTHING in index.classes else -1
 
@@ -183,7 +184,6 @@ class WindowMatcher:
         """Compare the same windows with another library of the same joints from now on."""
         index = index_of(library)
         self._windows.exchange(index.body, index.basis)
-        self._hysteresis.exchange(index.comparison.weighing.lead, places_in(self.classes, index.classes))
         self._judgement.exchange(self._threshold(index))
         if self._progress:
             self._progress.exchange(phase_table(index))
@@ -207,6 +207,14 @@ class WindowMatcher:
         if len(times):
             self._feed.push(times)
             self._windows.push(times, rows)
+
+    def over(self, index: WindowIndex) -> WindowMatcher:
+        """Give a matcher of the same settings that compares with other windows."""
+        return WindowMatcher(index, stillness=self._stillness, sensitivity=self._sensitivity)
+
+    def recent(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Give times (frames,) and rows (frames, pairs) in the longest window; good until the next push."""
+        return self._windows.recent()
 
     def read(self, noise: float = 0.0) -> Reading | None:
         """Compare the windows that end with the newest row."""

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass, field, fields, replace
 from typing import TYPE_CHECKING
 
-from kinespace.stream.frame import Announcement
+from kinespace.stream.frame import Announcement, NewSender
 from kinespace.stream.recognizer.fewer_joints import RestrictedAtOnce, SentJoints
 from kinespace.stream.recognizer.matcher import library_of
 from kinespace.stream.recognizer.recognizer import Recognizer, RecognizerCounts
@@ -20,12 +20,17 @@ if TYPE_CHECKING:
 
     from kinespace.library.motion_library import MotionLibrary
     from kinespace.library.windows.index import WindowIndex
-    from kinespace.stream.frame import Frame
+    from kinespace.stream.frame import Admitted, Frame
     from kinespace.stream.recognition import Event, Recognition
+    from kinespace.stream.recognizer.doubts import Opener
 
 
 #: How many times as many performers' joint names are remembered as there may be performers.
 _REMEMBERED = 4
+#: A performer that was not answered for so many seconds makes room for one that sent so many frames in them: an answer
+#: needs a quarter of a second of feed, and names without a body behind them never give one.
+_STEADY_SECONDS = 1.0
+_STEADY_FRAMES = 12
 
 
 @dataclass(slots=True)
@@ -58,6 +63,8 @@ class _Performer:
     is_waiting: bool = False
     #: Joints of the last frame that was refused for its joints; 0 when none was since the joints were last named.
     refused_size: int = 0
+    #: When the first frame came, seconds on our clock.
+    begun: float = 0.0
 
 
 class Performers:
@@ -73,6 +80,8 @@ class Performers:
         Seconds without a frame after which a performer is dropped.
     joints
         What is known of senders' joints.
+    opener
+        Of every recogniser: gives the windows of the joints that can be believed.
 
     Raises
     ------
@@ -82,7 +91,7 @@ class Performers:
         A joint of the library is not among those that are assumed.
     """
 
-    def __init__(
+    def __init__(  # noqa: PLR0913 - what there may be of performers
         self,
         library: MotionLibrary | WindowIndex,
         settings: Settings | None = None,
@@ -90,6 +99,7 @@ class Performers:
         most: int = 32,
         silence: float = 5.0,
         joints: SentJoints | None = None,
+        opener: Opener | None = None,
     ) -> None:
         if most < 1:
             raise ValueError(f"most: expected at least 1 performer, got {most}")
@@ -97,6 +107,7 @@ class Performers:
             raise ValueError(f"silence: expected a positive number of seconds, got {silence}")
         self._compare_with(library)
         self.settings = settings or Settings()
+        self._opener = opener
         self.most = most
         self.silence = silence
         #: Said of every performer who has said nothing else.
@@ -113,6 +124,8 @@ class Performers:
         self._ended: list[Event] = []
         #: Performers who were dropped, not yet given to anybody.
         self._gone: list[str] = []
+        #: Performers for whom there was no room: since when, and how many frames they have sent.
+        self._waiting: dict[str, tuple[float, int]] = {}
         # Said once and then only on change, so it outlives a silence.
         self._announced: dict[str, Announcement] = {}
 
@@ -169,6 +182,11 @@ class Performers:
     def refused(self) -> dict[str, str]:
         """Performers whose frames are refused for their joints, and why; of those who left, the last time."""
         return dict(self._refused)
+
+    @property
+    def doubted(self) -> dict[str, str]:
+        """Performers of whom some joints cannot be believed, and what was noticed."""
+        return {name: doubt for name, each in self._performers.items() if (doubt := each.recognizer.doubt)}
 
     @property
     def compared(self) -> dict[str, str]:
@@ -242,7 +260,7 @@ class Performers:
             self._exchange_for(performer, library)
         else:
             self._retire(performer.recognizer)
-            performer.recognizer, performer.library = Recognizer(library, self.settings), library
+            performer.recognizer, performer.library = Recognizer(library, self.settings, self._opener), library
 
     def _retire(self, recognizer: Recognizer) -> None:
         """Keep what a recogniser counted, and the end of what it saw going on, when it is not needed any more."""
@@ -250,7 +268,7 @@ class Performers:
         if ended := recognizer.end():
             self._ended.append(ended)
 
-    def push_all(self, events: Sequence[Frame | Announcement], arrival: float) -> list[Recognition | None]:
+    def push_all(self, events: Sequence[Admitted], arrival: float) -> list[Recognition | None]:
         """Take in frames and announcements that came together, in their order.
 
         Parameters
@@ -268,6 +286,10 @@ class Performers:
         for event in events:
             if isinstance(event, Announcement):
                 self.announce(event, arrival)
+                answers.append(None)
+            elif isinstance(event, NewSender):
+                self._announced.pop(event.performer, None)
+                self._forget(event.performer)
                 answers.append(None)
             else:
                 answers.append(self.push(event, arrival))
@@ -315,6 +337,14 @@ class Performers:
             why = f"{size} joints, but {named} names were sent"
         self._refused[name] = why
 
+    def _forget(self, name: str) -> None:
+        """Forget a performer; the end of what the performer was doing is given with those of the silent."""
+        performer = self._performers.pop(name, None)
+        if performer is None:
+            return
+        self._retire(performer.recognizer)
+        self._counts.dropped += 1
+
     def drop_silent(self, now: float) -> list[Event]:
         """Forget performers of whom nothing came for `silence` seconds; give the ends of what they were doing."""
         silent = [name for name, performer in self._performers.items() if now - performer.heard > self.silence]
@@ -335,15 +365,36 @@ class Performers:
         ended, self._ended = self._ended, []
         return [*ended, *(event for each in self._performers.values() if (event := each.recognizer.end()))]
 
+    def _make_room(self, name: str, arrival: float) -> bool:
+        """Drop a performer that was never answered, for a newcomer that sends steadily; say whether there is room."""
+        since, frames = self._waiting.get(name, (arrival, 0))
+        if arrival - since > _STEADY_SECONDS:
+            since, frames = arrival, 0
+        if name not in self._waiting and len(self._waiting) >= _REMEMBERED * self.most:
+            del self._waiting[next(iter(self._waiting))]
+        self._waiting[name] = since, frames + 1
+        if frames + 1 < _STEADY_FRAMES:
+            return False
+        idle = (
+            other
+            for other, each in self._performers.items()
+            if not each.recognizer.counts.hops and arrival - each.begun > _STEADY_SECONDS
+        )
+        unanswered = next(idle, None)
+        if unanswered is not None:
+            self._forget(unanswered)
+        return unanswered is not None
+
     def _performer(self, name: str, arrival: float) -> _Performer | None:
         performer = self._performers.get(name)
         if performer is None:
             if len(self._performers) >= self.most:
                 self._ended = self.drop_silent(arrival)
-            if len(self._performers) >= self.most:
+            if len(self._performers) >= self.most and not self._make_room(name, arrival):
                 return None
-            recognizer = Recognizer(self._compared, self.settings)
-            performer = _Performer(recognizer, self.library, arrival, self._assumed, self._assumed_order)
+            recognizer = Recognizer(self._compared, self.settings, self._opener)
+            performer = _Performer(recognizer, self.library, arrival, self._assumed, self._assumed_order, begun=arrival)
+            self._waiting.pop(name, None)
             self._performers[name] = performer
             self._gone = [each for each in self._gone if each != name]
             self._refused.pop(name, None)

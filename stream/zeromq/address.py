@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import zmq
+
+if TYPE_CHECKING:
+    from kinespace.stream.inputs.receiver import Networks
 
 #: Bytes of a message's part above which ZeroMQ refuses it and ends the connection: a frame of 4096 joints in doubles,
 #: with their names, fits twice.
 MAX_MESSAGE = 1 << 18
+#: Bytes of a subscription: the longest topic has 270. ZeroMQ keeps every subscription in memory.
+MAX_SUBSCRIPTION = 512
 #: Messages waiting in a socket: eight seconds of a 120 Hz feed, then ZeroMQ itself begins to throw away.
 _HIGH_WATER_MARK = 1000
 #: Seconds of silence after which the system asks whether the other machine is still there, seconds between two more
@@ -37,8 +42,8 @@ class Endpoint(NamedTuple):
             raise ValueError(f"endpoint: expected an address like tcp://127.0.0.1:5556, got {text!r}")
         return cls(address, text.startswith("@") or (bind and not text.startswith(">")))
 
-    def open(self, kind: int) -> zmq.Socket[bytes]:
-        """Make a socket and bind or connect it.
+    def open(self, kind: int, networks: Networks = ()) -> zmq.Socket[bytes]:
+        """Make a socket and bind or connect it; where bound, only for peers in the networks, if any are given.
 
         Raises
         ------
@@ -48,11 +53,14 @@ class Endpoint(NamedTuple):
         opened: zmq.Socket[bytes] = zmq.Context.instance().socket(kind)
         opened.linger = 0
         opened.set_hwm(_HIGH_WATER_MARK)
-        opened.setsockopt(zmq.MAXMSGSIZE, MAX_MESSAGE)
+        # What a publisher hears are subscriptions.
+        opened.setsockopt(zmq.MAXMSGSIZE, MAX_SUBSCRIPTION if kind == zmq.PUB else MAX_MESSAGE)
         opened.setsockopt(zmq.TCP_KEEPALIVE, 1)
         opened.setsockopt(zmq.TCP_KEEPALIVE_IDLE, _ASK_AFTER)
         opened.setsockopt(zmq.TCP_KEEPALIVE_INTVL, _ASK_EVERY)
         opened.setsockopt(zmq.TCP_KEEPALIVE_CNT, _ASK_TIMES)
+        for network in networks if self.bind else ():
+            opened.setsockopt(zmq.TCP_ACCEPT_FILTER, str(network).encode())
         try:
             if self.bind:
                 opened.bind(self.address)

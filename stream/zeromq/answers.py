@@ -65,6 +65,7 @@ def encode_recognition(recognition: Recognition) -> list[bytes]:
         "gap": float(recognition.gap),
         "eigenvector_class": recognition.eigenvector_class,
         "eigenvector_score": float(recognition.eigenvector_score),
+        "doubted": recognition.doubted,
         "progress": _progress(recognition.progress),
     }
     return [f"class/{recognition.performer}/".encode(), _encode(answer)]

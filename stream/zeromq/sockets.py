@@ -11,6 +11,7 @@ from kinespace.stream.zeromq.reconnection import Connections
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from kinespace.stream.inputs.receiver import Networks
     from kinespace.stream.zeromq.address import Endpoint
 
 #: As plain integers: pyzmq's own flags cost more to combine and to pass on than a message to send.
@@ -23,12 +24,13 @@ _MAX_PASSED = 256
 class ZmqReceiver:
     """A SUB socket that frames come in on. Poll it continuously: a bound SUB lets new peers in only when polled."""
 
-    #: ZeroMQ says neither who sent a message nor which it threw away.
+    #: ZeroMQ says neither who sent a message nor which it threw away, nor for how long it kept one.
     sender = None
     kernel_drops = 0
+    waited = 0.0
 
-    def __init__(self, endpoint: Endpoint, topic: bytes = b"") -> None:
-        self.socket = endpoint.open(zmq.SUB)
+    def __init__(self, endpoint: Endpoint, topic: bytes = b"", networks: Networks = ()) -> None:
+        self.socket = endpoint.open(zmq.SUB, networks)
         self.socket.subscribe(topic)
         self._connections = Connections(self.socket, endpoint)
         self._passing = False

@@ -28,7 +28,7 @@ KNOWN_OVER, HELD = 0.3, 1.5
 #: A lead counts no more than this.
 MAX_LEAD = 3.0
 #: Events: seconds of no class until an end, the longest hop that counts, and the lead that counts most.
-ENDED_AFTER, LONGEST_HOP, MAX_PACE = {"still": 0.4, "unknown": 0.8, "ambiguous": 0.4}, 0.1, 1.0
+ENDED_AFTER, LONGEST_HOP, MAX_PACE = {"still": 0.4, "unknown": 0.8, "ambiguous": 0.4, "implausible": 0.8}, 0.1, 1.0
 
 
 def reaches(span: float, seconds: float) -> bool:

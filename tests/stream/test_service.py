@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import json
 import socket
+import sys
 import threading
 import time
 from collections import deque
@@ -18,9 +19,11 @@ from pythonosc.osc_packet import OscPacket
 from synthetic import STICK, STICK_CLASSES, stick_clip
 
 from kinespace.stream import osc, zeromq
+from kinespace.stream import service as service_module
 from kinespace.stream.answer import Answer
 from kinespace.stream.frame import Announcement, Frame
 from kinespace.stream.inputs import OscDecoder, Source, ZmqDecoder
+from kinespace.stream.osc import udp
 from kinespace.stream.outputs import LayoutSink, NativeLayout, Sink, ZmqSink
 from kinespace.stream.recognizer import Performers, Recognizer, Settings
 from kinespace.stream.service import CLASSES_EVERY, STATUS_EVERY, Service
@@ -74,6 +77,7 @@ class FakeSource:
 
     tended = False
     notes = ()
+    waited = 0.0
 
     def __init__(self, packets: Sequence[Sequence[Frame | Announcement]] = ()) -> None:
         self.waiting = deque(packets)
@@ -310,8 +314,11 @@ def test_leaving_closes_everything(library: MotionLibrary) -> None:
     assert sink.closed
 
 
-def test_stopped_it_answers_what_has_arrived(bench: Bench, library: MotionLibrary) -> None:
+def test_stopped_it_answers_what_has_arrived(
+    bench: Bench, library: MotionLibrary, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Stopped before or while it runs, it returns, and what was waiting is answered, however much it is."""
+    monkeypatch.setattr(service_module, "MAX_ENDING", PATIENCE)
     frames = _frames("bow", frames=3000)
     bench.sources[0].waiting.extend([frame] for frame in frames)
     bench.service.stop()
@@ -505,8 +512,12 @@ def test_sources_of_both_kinds_are_one_service(library: MotionLibrary, opened: E
     assert inputs.foreign == inputs.received - 400
 
 
-def test_frames_without_a_time_are_timed_by_their_arrival(library: MotionLibrary, opened: ExitStack) -> None:
+def test_frames_without_a_time_are_timed_by_their_arrival(
+    library: MotionLibrary, opened: ExitStack, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """A sender without a clock is recognised by ours: frames are answered once a window's time has passed."""
+    # The clock stands still, so nothing has waited.
+    monkeypatch.setattr(udp, "_MAX_WAITED", 0.0)
     source = Source(osc.OscReceiver(LOOPBACK, 0), OscDecoder())
     sender = opened.enter_context(closing(osc.OscSender(*source.receiver.address)))
     clock, sink = FakeClock(), FakeSink()
@@ -547,3 +558,29 @@ def test_answers_that_cannot_be_sent_are_counted(library: MotionLibrary, opened:
         status = service.status()
     # Each failed to send the classes, the first status, every answer and the start of the one motion.
     assert status.unsent == 2 * (2 + status.outcomes.recognizers.hops + 1)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="only Linux tells when a datagram arrived")
+def test_what_waited_for_more_than_a_second_is_not_answered_as_if_it_were_now(
+    library: MotionLibrary, opened: ExitStack, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """After a stop the backlog's newest answer is sent, older ones are counted; latency counts from the arrival."""
+    monkeypatch.setattr(service_module, "MAX_AGE", 0.2)
+    source = Source(osc.OscReceiver(LOOPBACK, 0), OscDecoder())
+    sink, frames = FakeSink(), _frames("wave")
+    sender = opened.enter_context(closing(osc.OscSender(*source.receiver.address)))
+    expected = _expected(library, frames)
+    with Service(Performers(library), [source], [sink]) as service:
+        for frame in frames:
+            sender.send(osc.encode_frame(frame))
+        time.sleep(0.3)
+        until = time.monotonic() + PATIENCE
+        while source.counts.received < len(frames) and time.monotonic() < until:
+            service.step(0.0)
+        service.step(0.0)
+        status = service.status()
+    assert len(sink.recognitions) == 1
+    assert sink.recognitions[0].time == expected[-1].time
+    assert status.stale == len(expected) - 1
+    assert len(sink.events) == sum(len(answer.events) for answer in expected)
+    assert status.hop_p50 > 0.2

@@ -83,6 +83,7 @@ class Endless:
 
     tended = False
     notes = ()
+    waited = 0.0
 
     def __init__(self) -> None:
         self.pollable, self._other_end = socket.socketpair()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import ipaddress
 import sys
 import threading
 import time
@@ -17,9 +18,10 @@ from rich.live import Live
 from kinespace.library import MotionLibrary
 from kinespace.library.naming import Naming
 from kinespace.stream import osc, zeromq
+from kinespace.stream.background_opener import BackgroundOpener
 from kinespace.stream.feeds.source import FeedSource
-from kinespace.stream.inputs import OscDecoder, Source, ZmqDecoder
-from kinespace.stream.outputs import LAYOUTS, LayoutSink, NativeLayout, ReplySender, Sink, ZmqSink
+from kinespace.stream.inputs import Admission, OscDecoder, Source, ZmqDecoder
+from kinespace.stream.outputs import LAYOUTS, LayoutSink, NativeLayout, ReplySink, Sink, ZmqSink
 from kinespace.stream.recognizer import Performers, Recognizer, SentJoints
 from kinespace.stream.recording import RawWriter, Recorder, source_name
 from kinespace.stream.restricted_beside import RestrictedBeside
@@ -34,6 +36,7 @@ from kinespace.tools.cli.arguments import (
     add_overwrite,
     add_sender,
     add_settings,
+    names,
     settings_of,
 )
 from kinespace.tools.cli.interruption import stop_on_signals
@@ -48,6 +51,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from kinespace.stream.feeds import Preset
+    from kinespace.stream.inputs.receiver import Networks
     from kinespace.stream.recognizer import Settings
 
 #: Where answers go unless the user says otherwise: a port that none of the usual receivers uses.
@@ -81,7 +85,7 @@ class Feed:
     sender
         Host that is told to send, for presets that ask.
     outs
-        NAME or NAME=HOST:PORT of layouts; the host `sender` is whoever sent last.
+        NAME or NAME=HOST:PORT of layouts; the host `sender` is each performer's own sender.
     joints
         What frames in our own messages hold whose sender does not say so, as
         `tools.feeding.joint_sets.joints_in_order` reads it; None for the library's joints.
@@ -96,7 +100,27 @@ class Feed:
     naming: Naming = field(default_factory=Naming)
 
 
+@dataclass(frozen=True, slots=True)
+class Guard:
+    """Who is let in, as typed.
+
+    Attributes
+    ----------
+    performers
+        Names that are let in; empty for all.
+    networks
+        Addresses or networks, like 192.168.0.0/24, whose packets are read; empty for all.
+    merge
+        Let several senders send frames of one performer.
+    """
+
+    performers: Sequence[str] = ()
+    networks: Sequence[str] = ()
+    merge: bool = False
+
+
 _NO_FEED = Feed()
+_NO_GUARD = Guard()
 
 _AnyReceiver = osc.OscReceiver | zeromq.ZmqReceiver
 
@@ -130,6 +154,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_names(parser, "senders")
     add_library(parser)
     add_settings(parser)
+    parser.add_argument("--allow", type=names, default=(), metavar="A,B,...", help="recognise these performers only")
+    parser.add_argument(
+        "--allow-from", type=names, default=(), metavar="NETWORK,...", help="read packets from these networks only"
+    )
+    parser.add_argument("--merge", action="store_true", help="let several senders send frames of one performer")
     parser.add_argument("--performers", type=int, default=32, help="how many performers at most (default %(default)s)")
     parser.add_argument("--record", type=Path, metavar="FILE", help="keep every packet that comes in, for replay")
     add_overwrite(parser)
@@ -156,6 +185,7 @@ def run(options: argparse.Namespace) -> int:
         record=options.record,
         overwrite=options.overwrite,
         feed=Feed(options.feed, options.sender, tuple(options.out), options.joints, Naming.asked(options.naming)),
+        guard=Guard(options.allow, options.allow_from, options.merge),
     )
 
 
@@ -169,6 +199,7 @@ def recognise(
     record: Path | None = None,
     overwrite: bool = False,
     feed: Feed = _NO_FEED,
+    guard: Guard = _NO_GUARD,
 ) -> int:
     """Open the addresses, recognise until interrupted, print the counts."""
     if record:
@@ -184,13 +215,15 @@ def recognise(
         motions = fitted(motions, "--joints", joints)
     _require_room_for(motions, settings)
     sent = SentJoints(joints, feed.naming, RestrictedBeside(motions, settings))
-    performers = Performers(motions, settings, most=most, joints=sent)
+    performers = Performers(motions, settings, most=most, joints=sent, opener=BackgroundOpener())
     shown: PlainLines | LiveTable = PlainLines() if plain or not console.is_terminal else LiveTable(motions.classes)
-    receivers, sinks, kept = _open(addresses, feed, preset, record)
+    admission = Admission(silence=performers.silence, merge=guard.merge, allowed=guard.performers)
+    networks = [ipaddress.ip_network(each, strict=False) for each in guard.networks]
+    receivers, sinks, kept = _open(addresses, feed, preset, record, networks=networks, admission=admission)
     recorders = [Recorder(kept, index) if kept else None for index in range(len(receivers))]
-    sources = [_source(*each, preset, feed.sender) for each in zip(receivers, recorders, strict=True)]
+    sources = [_source(*each, preset, feed.sender, admission) for each in zip(receivers, recorders, strict=True)]
     feeds = [source for source in sources if isinstance(source, FeedSource)]
-    with kept or nullcontext(), Service(performers, sources, [*sinks, shown]) as service:
+    with kept or nullcontext(), Service(performers, sources, [*sinks, shown], admission=admission) as service:
         _announce(sources, sinks)
         stop_on_signals(service.stop)
         # What was loaded so far lives as long as we do: the collector need not look at it again.
@@ -262,7 +295,13 @@ def _require_room_for(motions: MotionLibrary, settings: Settings) -> None:
 
 
 def _open(
-    addresses: Addresses, feed: Feed, preset: Preset | None, record: Path | None
+    addresses: Addresses,
+    feed: Feed,
+    preset: Preset | None,
+    record: Path | None,
+    *,
+    networks: Networks,
+    admission: Admission,
 ) -> tuple[list[_AnyReceiver], list[Sink], RawWriter | None]:
     """Open what was asked for; what was opened before a failure is closed again."""
     if preset and not (addresses.osc_in or addresses.zmq_in):
@@ -273,10 +312,10 @@ def _open(
     sinks: list[Sink] = []
     with ExitStack() as opened:
         if addresses.osc_in:
-            receivers.append(osc.OscReceiver(*host_and_port(addresses.osc_in)))
+            receivers.append(osc.OscReceiver(*host_and_port(addresses.osc_in), networks))
             opened.callback(receivers[-1].close)
         if addresses.zmq_in:
-            receivers.append(zeromq.ZmqReceiver(Endpoint.parse(addresses.zmq_in, bind=True)))
+            receivers.append(zeromq.ZmqReceiver(Endpoint.parse(addresses.zmq_in, bind=True), networks=networks))
             opened.callback(receivers[-1].close)
         if addresses.osc_out:
             sinks.append(LayoutSink(NativeLayout(), osc.OscSender(*host_and_port(addresses.osc_out))))
@@ -285,7 +324,7 @@ def _open(
             sinks.append(ZmqSink(zeromq.ZmqSender(Endpoint.parse(addresses.zmq_out, bind=True))))
             opened.callback(sinks[-1].close)
         for out in feed.outs:
-            sinks.append(_layout_sink(out, receivers))
+            sinks.append(_layout_sink(out, receivers, admission))
             opened.callback(sinks[-1].close)
         _require_no_loop(receivers, sinks)
         # Last, because it may take another file's place.
@@ -313,13 +352,16 @@ def _writer(record: Path, receivers: Sequence[_AnyReceiver], preset: Preset | No
     return RawWriter(record, [source_name(receiver, preset) for receiver in receivers], presets)
 
 
-def _source(receiver: _AnyReceiver, recorder: Recorder | None, preset: Preset | None, sender: str) -> Source:
+def _source(
+    receiver: _AnyReceiver, recorder: Recorder | None, preset: Preset | None, sender: str, admission: Admission
+) -> Source:
     if preset:
-        return FeedSource(receiver, preset, sender=sender, recorder=recorder)
-    return Source(receiver, OscDecoder() if isinstance(receiver, osc.OscReceiver) else ZmqDecoder(), recorder)
+        return FeedSource(receiver, preset, sender=sender, recorder=recorder, admission=admission)
+    decoder = OscDecoder() if isinstance(receiver, osc.OscReceiver) else ZmqDecoder()
+    return Source(receiver, decoder, recorder, admission)
 
 
-def _layout_sink(text: str, receivers: Sequence[_AnyReceiver]) -> LayoutSink:
+def _layout_sink(text: str, receivers: Sequence[_AnyReceiver], admission: Admission) -> Sink:
     """Open NAME, NAME=HOST:PORT or NAME=sender:PORT."""
     name, _, target = text.partition("=")
     if name not in LAYOUTS:
@@ -332,7 +374,7 @@ def _layout_sink(text: str, receivers: Sequence[_AnyReceiver]) -> LayoutSink:
     if not heard:
         raise ValueError("--out: expected an OSC feed to reply to, got none")
     port = host_and_port(target)[1] if ":" in target else layout.port
-    return LayoutSink(layout, ReplySender(heard[0], port))
+    return ReplySink(layout, heard[0], port, admission)
 
 
 def _announce(sources: Sequence[Source], sinks: Sequence[Sink]) -> None:

@@ -41,8 +41,9 @@ class PlainLines(Sink):
     def __init__(self) -> None:
         self._labels: dict[str, str] = {}
         self._refused: dict[str, str] = {}
+        self._notes: set[str] = set()
+        self._doubted: dict[str, str] = {}
         self._compared: dict[str, str] = {}
-        self._notes: tuple[str, ...] = ()
 
     def publish(self, recognition: Recognition) -> None:
         """Print the recognition if it says something new."""
@@ -66,14 +67,20 @@ class PlainLines(Sink):
         for name, why in status.refused.items():
             if self._refused.get(name) != why:
                 console.print(refused_frames(name, why), soft_wrap=True)
+        for name, what in status.doubted.items():
+            if self._doubted.get(name) != what:
+                console.print(doubted_joints(name, what), soft_wrap=True)
+        self._doubted = status.doubted
         for name, what in status.compared.items():
             if self._compared.get(name) != what:
                 console.print(compared_joints(name, what), soft_wrap=True)
         self._refused, self._compared = status.refused, status.compared
         for note in status.notes:
-            if note not in self._notes:
+            # A sender may find a new mistake each second: one line of each kind is enough while it runs.
+            kind = note.partition(":")[0]
+            if kind not in self._notes:
+                self._notes.add(kind)
                 console.print(printable(note), soft_wrap=True)
-        self._notes = status.notes
 
 
 class LiveTable(Sink):
@@ -142,8 +149,14 @@ class LiveTable(Sink):
             return f"{len(self._classes)} classes"
         told = "".join(f"\n{compared_joints(name, what)}" for name, what in status.compared.items())
         told += "".join(f"\n{refused_frames(name, why)}" for name, why in status.refused.items())
+        told += "".join(f"\n{doubted_joints(name, what)}" for name, what in status.doubted.items())
         told += "".join(f"\n{printable(note)}" for note in status.notes)
         return f"{len(self._classes)} classes · {counts(status)}{told}"
+
+
+def doubted_joints(performer: str, what: str) -> str:
+    """Say which of a performer's joints cannot be believed."""
+    return f"performer {printable(performer)}: {what}"
 
 
 def compared_joints(performer: str, what: str) -> str:
@@ -166,6 +179,9 @@ def counts(status: Status) -> str:
         f"received {inputs.received}, malformed {inputs.malformed}, foreign {inputs.foreign}, "
         f"overrun {inputs.overrun}, missing {inputs.missing}, out of order {recognizers.out_of_order}, "
         f"other joints {outcomes.other_joints}, no room {outcomes.no_room}"
+        f"{f', from other senders {status.admission.other_sender}' if status.admission.other_sender else ''}"
+        f"{f', not let in {status.admission.not_allowed}' if status.admission.not_allowed else ''}"
+        f"{f', odd times {status.admission.odd_times}' if status.admission.odd_times else ''}"
         f"{f', incomplete {inputs.incomplete}' if inputs.incomplete else ''}"
         f"{f', connections broken {inputs.broken} (a message above 1 MB?)' if inputs.broken else ''}"
     )
@@ -177,7 +193,7 @@ def summary(status: Status) -> str:
     return (
         f"{counts(status)}\n"
         f"{recognizers.hops} answers of {recognizers.frames} frames, {recognizers.restarts} windows started anew, "
-        f"{status.unsent} answers not sent, "
+        f"{status.unsent} answers not sent, {f'{status.stale} too old to be sent, ' if status.stale else ''}"
         f"hop {status.hop_p50 * 1000:.2f} ms (p50) {status.hop_p99 * 1000:.2f} ms (p99)"
         + "".join(f"\n{refused_frames(name, why)}" for name, why in status.refused.items())
         + "".join(f"\n{printable(note)}" for note in status.notes)

@@ -174,7 +174,7 @@ _MALFORMED = [
     _message("/motion/frame", ("f", 1.0), ("d", 1.0), *[("f", 0.5)] * 6),
     _message("/motion/frame", ("s", "p"), ("d", float("nan")), *[("f", 0.5)] * 6),
     _message("/motion/frame", ("s", "p"), ("d", float("-inf")), *[("f", 0.5)] * 6),
-    _message("/motion/frame", ("s", "p"), ("d", 1.0), *[("f", 0.5)] * 5, ("f", float("nan"))),
+    _message("/motion/frame", ("s", "p"), ("d", 1.0), *[("f", float("nan"))] * 6),
     _message("/motion/frame", ("s", "p"), ("d", 1.0), *[("f", float("inf")), ("f", float("-inf"))] * 3),
     _message("/motion/frame", ("s", "p"), ("d", 1.0), *[("f", 3e38)] * 6),
     _message("/motion/frame", ("s", "p"), ("d", 1.0), *[("d", 1e300)] * 6),

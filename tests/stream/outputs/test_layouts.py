@@ -1,16 +1,18 @@
-"""What hears the answer: each layout read back with python-osc, several at once, and replies to whoever sent."""
+"""Each layout read back with python-osc, several at once, and replies to each performer's own sender."""
 
 from __future__ import annotations
 
 import dataclasses
 import socket
+from contextlib import ExitStack
 
 import numpy as np
 import pytest
 from pythonosc.osc_packet import OscPacket
 
-from kinespace.stream import osc
-from kinespace.stream.outputs import LAYOUTS, LayoutSink, NativeLayout, ReplySender
+from kinespace.stream import Frame, osc
+from kinespace.stream.inputs import Admission, OscDecoder, Source
+from kinespace.stream.outputs import LAYOUTS, LayoutSink, NativeLayout, ReplySink
 from kinespace.stream.recognition import Event, EventKind, Outcome, Recognition
 from kinespace.stream.recognizer.performers import PerformerCounts
 from kinespace.stream.status import InputCounts, Status
@@ -154,20 +156,29 @@ def test_several_hear_at_once() -> None:
 
 @pytest.mark.parametrize("back", [True, False], ids=["to its own port", "to a port of its host"])
 def test_the_sender_is_replied_to(back: bool) -> None:  # noqa: FBT001 - a parametrised test's argument
-    """Nothing before anybody sent; then to the last sender's host, from the port it sent to."""
-    receiver = osc.OscReceiver(LOOPBACK, 0)
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
-        sender.bind((LOOPBACK, 0))
-        sender.settimeout(5.0)
-        sink = LayoutSink(NativeLayout(), ReplySender(receiver, 0 if back else sender.getsockname()[1]))
+    """Each performer's answers go to the performer's own sender, from the port it sent to; the status to all."""
+    receiver, admission = osc.OscReceiver(LOOPBACK, 0), Admission()
+    source = Source(receiver, OscDecoder(), admission=admission)
+    with ExitStack() as opened:
+        senders = {}
+        for host, name in (("127.0.0.1", "p"), ("127.0.0.2", "q")):
+            senders[name] = opened.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM))
+            senders[name].bind((host, 0 if back or name != "q" else senders["p"].getsockname()[1]))
+            senders[name].settimeout(5.0)
+        sink = ReplySink(NativeLayout(), receiver, 0 if back else senders["p"].getsockname()[1], admission)
         sink.publish(recognition())
-        sender.sendto(b"hello", receiver.address)
         receiver.socket.settimeout(5.0)
-        assert receiver.receive() == b"hello"
-        sink.publish(recognition())
-        packet, came_from = sender.recvfrom(2000)
-        assert packet == osc.encode_recognition(recognition())
-        assert came_from == receiver.address
+        for name, sender in senders.items():
+            sender.sendto(osc.encode_frame(Frame(name, 1.0, np.zeros((3, 3)))), receiver.address)
+            assert source.take(1.0)
+        for name, sender in senders.items():
+            answer = dataclasses.replace(recognition(), performer=name)
+            sink.publish(answer)
+            packet, came_from = sender.recvfrom(2000)
+            assert packet == osc.encode_recognition(answer)
+            assert came_from[1] == receiver.address[1]
+        sink.publish_status(STATUS)
+        assert {sender.recv(2000) for sender in senders.values()} == {osc.encode_status(STATUS)}
         assert sink.failed == 0
         sink.close()
     receiver.close()

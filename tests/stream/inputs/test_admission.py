@@ -1,0 +1,218 @@
+"""Who is believed: a performer's own sender, times that go on, performers and networks that are let in."""
+
+from __future__ import annotations
+
+import ipaddress
+import time
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+import zmq
+from programs import LOOPBACK, PATIENCE
+from synthetic import STICK, stick_clip
+
+from kinespace.stream import Announcement, Frame, Performers, osc, zeromq
+from kinespace.stream.frame import NewSender
+from kinespace.stream.inputs import Admission
+
+if TYPE_CHECKING:
+    from kinespace.library.motion_library import MotionLibrary
+
+ANN, EVE = ("10.0.0.5", 4000), ("10.0.0.7", 4000)
+POSITIONS = np.zeros((3, 3))
+
+
+def frame(time: float, performer: str = "ann") -> Frame:
+    """Make a frame."""
+    return Frame(performer, time, POSITIONS)
+
+
+def test_a_performer_belongs_to_the_first_sender_until_it_is_silent() -> None:
+    """Another sender's frames under the same name are counted and told; after a silence they are used."""
+    admission = Admission(silence=5.0)
+    for step in range(40):
+        moment = step / 10
+        assert len(admission.admit([frame(moment)], moment, ANN)) == 1
+        assert admission.admit([frame(1e18)], moment, EVE) == []
+    assert admission.counts.other_sender == 40
+    assert admission.notes(4.0) == ["two senders are called ann: 10.0.0.5:4000, 10.0.0.7:4000; only the first is used"]
+    assert admission.notes(20.0) == []
+    assert admission.admit([frame(7.0)], 8.0, EVE) == []
+    assert admission.admit([frame(11.0)], 12.0, EVE) == [NewSender("ann"), frame_like(11.0)]
+
+
+class frame_like:  # noqa: N801 - stands for a frame in comparisons
+    """Equals a frame of that time."""
+
+    def __init__(self, time: float) -> None:
+        self.time = time
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Frame) and other.time == self.time
+
+    __hash__ = None  # type: ignore[assignment]
+
+
+def test_merging_lets_several_senders_in() -> None:
+    """With --merge frames of one performer come from anywhere."""
+    admission = Admission(merge=True)
+    assert all(admission.admit([frame(step / 10)], step / 10, (ANN, EVE)[step % 2]) for step in range(20))
+    assert admission.counts.other_sender == 0
+
+
+def test_a_program_may_send_each_packet_from_another_port() -> None:
+    """Ports that never come back are one program; two that take turns are two, and the first is used."""
+    admission = Admission()
+    for step in range(100):
+        assert admission.admit([frame(step / 10)], step / 10, ("10.0.0.5", 5000 + step))
+    admission = Admission()
+    let_in = [bool(admission.admit([frame(step / 10)], step / 10, ("10.0.0.5", step % 2))) for step in range(100)]
+    assert let_in[2:] == [True, False] * 49
+
+
+def test_an_invented_skeleton_shuts_nobody_out(sticks: MotionLibrary) -> None:
+    """Joints announced by a stranger, before or while a performer sends, change nothing for the performer's frames."""
+    admission, performers = Admission(), Performers(sticks)
+    spoofed = Announcement("ann", ("some", "other", "joints"))
+    positions = stick_clip("wave", seed=3, frames=60).positions
+    answers = []
+    for step, joints in enumerate(positions):
+        moment = step / 120
+        performers.push_all(admission.admit([spoofed], moment, EVE), moment)
+        answers += performers.push_all(admission.admit([Frame("ann", 1 + moment, joints)], moment, ANN), moment)
+    assert performers.counts.other_joints == 0
+    assert performers.counts.recognizers.frames == 60
+    assert any(answers)
+
+
+def test_a_performer_taken_over_is_begun_anew(sticks: MotionLibrary) -> None:
+    """What the former sender said of joints no longer holds for the next one's frames."""
+    admission, performers = Admission(), Performers(sticks)
+    wrong = [Announcement("ann", STICK.joints[:3]), Frame("ann", 1.0, POSITIONS)]
+    performers.push_all(admission.admit(wrong, 0.0, EVE), 0.0)
+    assert performers.counts.other_joints == 1
+    positions = stick_clip("wave", seed=3, frames=1).positions
+    performers.push_all(admission.admit([Frame("ann", 1.0, positions[0])], 10.0, ANN), 10.0)
+    assert (performers.counts.other_joints, performers.counts.recognizers.frames) == (1, 1)
+
+
+@pytest.mark.parametrize("odd", [1e18, -1e18, 100.0, 1e-3])
+def test_one_odd_time_restarts_nothing(odd: float) -> None:
+    """A frame whose time jumps is let in only with a second one that agrees with it."""
+    admission = Admission()
+    times = []
+    for step in range(200):
+        told = odd if step % 10 == 5 else 50 + step / 10
+        times += [each.time for each in admission.admit([frame(told)], step / 10, ANN)]
+    assert times == [50 + step / 10 for step in range(200) if step % 10 != 5]
+    assert admission.counts.odd_times == 20
+
+
+def test_a_clock_that_is_set_is_followed() -> None:
+    """Frames after a jump are all let in, the first of them with the second; a pause and a stop are no jumps."""
+    admission = Admission()
+    times = [1.0, 1.1, 900.0, 900.1, 900.2, 3.0, 3.1]
+    let_in = [each.time for step, told in enumerate(times) for each in admission.admit([frame(told)], step / 10, ANN)]
+    assert let_in == times
+    # The sender pauses for a minute; we are stopped for a minute and find everything at once.
+    assert admission.admit([frame(63.1)], 60.6, ANN)
+    assert admission.admit([frame(63.2)], 120.6, ANN)
+    assert admission.admit([frame(63.3)], 120.6, ANN)
+    assert admission.counts.odd_times == 0
+
+
+def test_only_those_allowed_are_let_in() -> None:
+    """With names given, others are counted and held for nobody."""
+    admission = Admission(allowed=["ann"])
+    assert admission.admit([frame(1.0, "bob"), Announcement("bob", ("a",)), frame(1.0)], 1.0, ANN) == [frame_like(1.0)]
+    assert admission.counts.not_allowed == 2
+
+
+def test_invented_names_do_not_pile_up() -> None:
+    """However many names are invented, only so many are remembered."""
+    admission = Admission()
+    for number in range(5000):
+        admission.admit([Announcement(f"{number}", ("a",)), frame(1.0, f"{number}")], 1.0, EVE)
+        admission.admit([Announcement(f"{number}", ("a",)), frame(1.0, f"{number}")], 1.0, ANN)
+        admission.admit([Announcement(f"x{number}", ("a",))], 1.0, ANN)
+    assert max(map(len, (admission._owners, admission._pending, admission._conflicts))) <= 1024  # noqa: SLF001 - unseen
+
+
+@pytest.mark.parametrize(("network", "received"), [("127.0.0.0/8", b"x"), ("192.168.0.0/24", b"")])
+def test_datagrams_from_elsewhere_are_not_read(network: str, received: bytes) -> None:
+    """Where networks are given, what comes from elsewhere is counted and empty."""
+    receiver = osc.OscReceiver(LOOPBACK, 0, [ipaddress.ip_network(network)])
+    sender = osc.OscSender(*receiver.address)
+    sender.send(b"x")
+    until = time.monotonic() + PATIENCE
+    while (packet := receiver.receive()) is None and time.monotonic() < until:
+        time.sleep(0.001)
+    assert (packet, receiver.strangers) == (received, 0 if received else 1)
+    sender.close()
+    receiver.close()
+
+
+@pytest.mark.parametrize(("network", "let_in"), [("127.0.0.0/8", True), ("192.168.0.0/24", False)])
+def test_peers_from_elsewhere_do_not_connect(network: str, *, let_in: bool) -> None:
+    """Where networks are given, ZeroMQ closes the connections of others."""
+    endpoint = zeromq.Endpoint(f"tcp://{LOOPBACK}:*", bind=True)
+    receiver = zeromq.ZmqReceiver(endpoint, networks=[ipaddress.ip_network(network)])
+    publisher = zmq.Context.instance().socket(zmq.XPUB)
+    publisher.linger = 0
+    publisher.connect(receiver.address)
+    until = time.monotonic() + (PATIENCE if let_in else 0.5)
+    while not publisher.poll(10) and time.monotonic() < until:
+        receiver.receive()
+    assert bool(publisher.poll(0)) == let_in
+    publisher.close()
+    receiver.close()
+
+
+def test_invented_names_leave_room_for_a_performer(sticks: MotionLibrary) -> None:
+    """A performer that sends steadily displaces a name that was never answered; performers that were answered stay."""
+    performers = Performers(sticks, most=4)
+    positions = stick_clip("wave", seed=3, frames=360).positions
+    answers = dict.fromkeys(("ann", "bob"), 0)
+    for step, joints in enumerate(positions):
+        moment = step / 120
+        if step % 15 == 0:
+            for number in range(8):
+                # The joints of another body: never answered.
+                performers.push(Frame(f"invented {number}", 1 + moment, joints[:3]), moment)
+        for name in answers:
+            answers[name] += performers.push(Frame(name, 1 + moment, joints), moment) is not None
+    assert min(answers.values()) > 30
+    assert {"ann", "bob"} <= set(performers.names)
+    assert len(performers) == 4
+
+
+def test_names_that_keep_coming_do_not_displace_performers(sticks: MotionLibrary) -> None:
+    """Where everybody was answered there is no room, however steadily another sends."""
+    performers = Performers(sticks, most=1)
+    positions = stick_clip("wave", seed=3, frames=360).positions
+    for step, joints in enumerate(positions):
+        for name in ("ann", "eve"):
+            performers.push(Frame(name, 1 + step / 120, joints), step / 120)
+    assert performers.names == ("ann",)
+    assert performers.counts.no_room == 360
+
+
+def test_a_subscription_is_bounded() -> None:
+    """A subscriber to a topic longer than any of ours is cut off, and an ordinary one goes on hearing."""
+    sender = zeromq.ZmqSender(zeromq.Endpoint(f"tcp://{LOOPBACK}:*", bind=True))
+    greedy, ordinary = (zmq.Context.instance().socket(zmq.SUB) for _ in range(2))
+    events = greedy.get_monitor_socket(zmq.EVENT_DISCONNECTED)
+    for subscriber, topic in ((greedy, b"class/" + b"x" * 2000), (ordinary, b"class/")):
+        subscriber.linger = 0
+        subscriber.connect(sender.address)
+        subscriber.subscribe(topic)
+    until = time.monotonic() + PATIENCE
+    while not (ordinary.poll(10) and events.poll(0)) and time.monotonic() < until:
+        sender.send([b"class/ann/", b"x" * 100_000])
+    assert ordinary.poll(0)
+    assert events.poll(0)
+    greedy.disable_monitor()
+    events.close()
+    for each in (greedy, ordinary, sender):
+        each.close()

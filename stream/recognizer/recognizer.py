@@ -193,7 +193,7 @@ class Recognizer:
         due = time >= self._due - self._early
         if due or len(self._times) == _MAX_WAITING:
             self._measure()
-        reading = self._matcher.read() if due else None
+        reading = self._matcher.read(self._smoother.noise) if due else None
         if reading is None:
             return None
         self._set_due(time)

@@ -213,11 +213,11 @@ LIBRARY_FAULTS: dict[str, Callable[[bytes], bytes]] = {
 @pytest.mark.parametrize("program", LIBRARY_READERS)
 @pytest.mark.parametrize("fault", LIBRARY_FAULTS)
 def test_a_broken_library_is_named(
-    program: str, fault: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    program: str, fault: str, small_library: MotionLibrary, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """A library file that is cut short, changed or something else is named by every program that reads one."""
     path = tmp_path / "mine.npz"
-    MotionLibrary.builtin().save(path)
+    small_library.save(path)
     path.write_bytes(LIBRARY_FAULTS[fault](path.read_bytes()))
     assert one_line(capsys, *LIBRARY_READERS[program](path)).startswith(f"{path}: ")
     assert [each.name for each in tmp_path.iterdir()] == ["mine.npz"]

@@ -22,6 +22,7 @@ from kinespace.stream import Announcement, Frame, Performers, Settings, osc, zer
 from kinespace.stream.feeds import builtin_preset
 from kinespace.stream.feeds.source import FeedSource
 from kinespace.stream.inputs import OscDecoder, Source, ZmqDecoder
+from kinespace.stream.osc import udp
 from kinespace.stream.outputs import Sink
 from kinespace.stream.recognizer import LiveSignature
 from kinespace.stream.recording import Recorder, decoded, source_name
@@ -38,6 +39,12 @@ if TYPE_CHECKING:
 
 LOOPBACK = "127.0.0.1"
 PATIENCE = 20.0
+
+
+@pytest.fixture
+def _no_waiting(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let no packet have waited in the system: a test's own clock does not go on meanwhile."""
+    monkeypatch.setattr(udp, "_MAX_WAITED", 0.0)
 
 
 class Kept(Sink):
@@ -141,6 +148,7 @@ def packets_of(layout: str) -> list[tuple[bytes, float]]:
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("_no_waiting")
 @pytest.mark.parametrize("name", ["osceleton", "vmc", "synapse"])
 def test_a_recorded_feed_is_answered_as_it_was(tmp_path: Path, name: str) -> None:
     """Another product's packets, recorded on their way, are put together and answered again, number for number."""
@@ -220,6 +228,7 @@ def test_somebodys_own_preset_must_be_given() -> None:
         list(decoded(header, []))
 
 
+@pytest.mark.usefixtures("_no_waiting")
 def test_the_sender_and_the_source_are_kept(tmp_path: Path) -> None:
     """Each packet is kept under its source with its sender's address, before anybody makes sense of it."""
     datagrams, sender = osc.OscReceiver(LOOPBACK, 0), osc.OscSender(LOOPBACK, 1)

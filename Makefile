@@ -27,7 +27,7 @@ test: lint types pytest
 
 # For trying a change while it is made: leaves out tests that play in real time or read many takes.
 quick: lint types
-	$(BIN)/python -m pytest -n auto --dist loadfile -m "not slow"
+	$(BIN)/python -m pytest -n auto --dist worksteal -m "not slow"
 
 lint: setup
 	$(BIN)/ruff check
@@ -39,9 +39,9 @@ types: setup
 	@mkdir -p $(PACKAGES) && cd $(PACKAGES) && ln -sfn ../../../library library && ln -sfn ../../../stream stream && ln -sfn ../../../tools tools
 	$(BIN)/mypy
 
-# On every core; the tests of one file stay together, so that the file's fixtures are made once.
+# On every core; a core that has finished takes tests from another, because a few of them take a minute.
 pytest: setup
-	$(BIN)/python -m pytest -n auto --dist loadfile
+	$(BIN)/python -m pytest -n auto --dist worksteal
 
 # The compiled loops under AddressSanitizer and UBSan.
 sanitize: setup

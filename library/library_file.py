@@ -23,6 +23,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO, NamedTuple
 
 import numpy as np
 
+from kinespace.library import memory
 from kinespace.library.clip import Clip
 from kinespace.library.learned import Learned
 from kinespace.library.skeleton import Skeleton
@@ -48,6 +49,9 @@ MAX_LEARNED_BYTES = 64_000_000
 _MAX_DIRECTORY_BYTES = 64_000
 #: What an array's file has before its numbers: numpy's own limit.
 _MAX_PREFIX_BYTES = 10_000
+
+#: Of each coordinate: the steps as they are in the file, added up, and metres.
+_BYTES_READ = 16
 
 _MILLIMETRES = 1000.0
 _SMALL, _LARGE = np.dtype("<i2"), np.dtype("<i4")
@@ -294,6 +298,7 @@ class _Header:
         _require(all(2 <= number <= most for number in frames), f"frames: expected 2 to {most} of each motion")
         joints = _listed(described["joints"], "joints", str, None)
         _require_sizes(len(joints), frames)
+        memory.require(sum(frames) * len(joints) * 3 * _BYTES_READ, "frames")
         origins = [_listed(each, "origins", str, len(_ORIGIN)) for each in described["origins"]]
         places = _listed(motions["origin"], "origin", int, count)
         _require(all(0 <= place < len(origins) for place in places), f"origin: expected 0 to {len(origins) - 1}")

@@ -7,6 +7,7 @@ from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
+from kinespace.library import memory
 from kinespace.library.formats import acclaim, bvh, c3d, trc, utkinect
 from kinespace.library.formats.c3d_process import C3dProcess
 from kinespace.library.formats.errors import RecordingError
@@ -35,6 +36,8 @@ _AMC, _BVH, _C3D = ".amc", ".bvh", ".c3d"
 #: Readers of the files that hold their own skeleton, by ending.
 _READERS: dict[str, Callable[..., Clip]] = {_BVH: bvh.read_clip, _C3D: c3d.read_clip, ".trc": trc.read_clip}
 _ENDINGS = (_AMC, *_READERS)
+#: Bytes that a byte of text takes once it is read: a number of two characters takes eight. C3D has a limit of its own.
+_TIMES_TEXT = 4
 
 
 class ActorIn(StrEnum):
@@ -168,6 +171,8 @@ class RecordingReader:
             A file that cannot be opened.
         """
         self._require_recording(path)
+        if path.suffix.lower() != _C3D:
+            self._require_memory(path)
         if reader := utkinect.read_clip if utkinect.is_take(path) else _READERS.get(path.suffix.lower()):
             return self._named(reader(path, **self._options(path)))
         clip = acclaim.read_clip(path, self._body(path), frame_rate=self._reading.frame_rate)
@@ -197,6 +202,13 @@ class RecordingReader:
             raise RecordingError(
                 f"{path}: expected a recording ({', '.join(_ENDINGS)}), got {path.suffix or 'no ending'}"
             )
+
+    @staticmethod
+    def _require_memory(path: Path) -> None:
+        try:
+            memory.require(_TIMES_TEXT * path.stat().st_size, str(path))
+        except ValueError as error:
+            raise RecordingError(str(error)) from error
 
     def _options(self, path: Path) -> dict[str, Any]:
         reading = self._reading

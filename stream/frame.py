@@ -29,12 +29,12 @@ class Frame:
     time
         When, in seconds on the sender's clock or ours; only differences matter.
     positions
-        Joint positions, shape (joints, 3), metres.
+        Joint positions, shape (joints, 3), metres. A joint with a NaN among its three numbers is lost.
 
     Raises
     ------
     ValueError
-        The performer is empty or too long, the time or a position is not finite, a joint is farther than
+        The performer is empty or too long, the time is not finite, all joints are lost, one is farther than
         `MAX_DISTANCE`, or the shape is another.
     """
 
@@ -53,13 +53,21 @@ class Frame:
         # One sum of squares meets every NaN, infinity and absurdity at a fifth of the price of asking each number, and
         # of vdot, unlike of dot, numpy does not turn the processor's flags into warnings.
         if not np.vdot(self.positions, self.positions) < _MAX_DISTANCE_SQUARE:
+            self._require_some_joints()
+
+    def _require_some_joints(self) -> None:
+        """Refuse positions that are more than a few lost joints."""
+        there = self.positions[~np.isnan(self.positions).any(axis=1)]
+        if not len(there):
+            raise ValueError("positions: expected some joints, got NaN for all")
+        if not np.vdot(there, there) < _MAX_DISTANCE_SQUARE:
             raise ValueError(f"positions: expected finite metres on a stage, got {_odd_joint(self.positions)}")
 
 
 def _odd_joint(positions: NDArray[np.floating]) -> str:
-    """Say which joint cannot be where it is told to be."""
+    """Say which joint cannot be where it is told to be; a lost one, NaN throughout, is passed over."""
     for number, joint in enumerate(positions.tolist()):
-        if not math.hypot(*joint) < MAX_DISTANCE:
+        if not any(map(math.isnan, joint)) and not math.hypot(*joint) < MAX_DISTANCE:
             return f"joint {number + 1} of {len(positions)} at {', '.join(f'{each:.3g}' for each in joint)}"
     return "joints so far away together"
 

@@ -24,6 +24,8 @@ class Outcome(StrEnum):
     UNKNOWN = "unknown"
     #: The two leading eigenvalues are as good as equal: the axis is any direction between two.
     AMBIGUOUS = "ambiguous"
+    #: The body moves as none can, or too few of its joints can be believed (`stream.recognizer.doubts`).
+    IMPLAUSIBLE = "implausible"
 
 
 class EventKind(StrEnum):
@@ -127,6 +129,8 @@ class Recognition:
         How far the performer is in the motion that is named or goes on; None without one, or when nobody asked for it.
     events
         What this recognition made happen: a motion's end, a motion's start, or nothing.
+    doubted
+        Names of the joints that cannot be believed: the class is named without them.
     """
 
     performer: str
@@ -144,6 +148,7 @@ class Recognition:
     evidence: Evidence | None = field(default=None, repr=False)
     progress: Progress | None = None
     events: tuple[Event, ...] = ()
+    doubted: tuple[str, ...] = ()
 
     @property
     def best(self) -> int:

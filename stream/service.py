@@ -140,7 +140,7 @@ class Service:
         self._stopped = True
 
     def run(self) -> None:
-        """Go on until stopped; what has arrived by then is still answered, and every motion going on is ended."""
+        """Go on until stopped; what has arrived by then is still answered, motions are ended, all leave."""
         try:
             while not self._stopped:
                 self.step(_MAX_SLEEP)
@@ -153,6 +153,7 @@ class Service:
             for sink in self.sinks:
                 for event in ended:
                     sink.publish_event(event)
+            self._tell_gone(self.performers.names)
 
     def _is_over(self) -> bool:
         """Say whether it was stopped so long ago that what still waits is left lying."""
@@ -245,6 +246,11 @@ class Service:
             self._publish(recognition)
         self._held.clear()
 
+    def _tell_gone(self, performers: Sequence[str]) -> None:
+        for performer in performers:
+            for sink in self.sinks:
+                sink.publish_gone(performer)
+
     def _tell_time(self) -> None:
         now = self._clock()
         if now >= self._next_classes:
@@ -256,6 +262,7 @@ class Service:
             for ended in self.performers.drop_silent(now):
                 for sink in self.sinks:
                     sink.publish_event(ended)
+            self._tell_gone(self.performers.take_gone())
             self._latest_rates = self._rates.read(now)
             status = self.status()
             for sink in self.sinks:
@@ -273,6 +280,7 @@ class Service:
             hop_p50=self._hop_times.percentile(50),
             hop_p99=self._hop_times.percentile(99),
             refused=self.performers.refused,
+            doubted=self.performers.doubted,
             compared=self.performers.compared,
             admission=replace(self._admission.counts),
             notes=(*notes, *self._admission.notes(self._clock())),

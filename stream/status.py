@@ -72,6 +72,8 @@ class Status:
         What was not believed: other senders of a performer, performers that are not let in, times that jump.
     stale
         Answers not sent because their packets had waited for too long, and newer answers followed.
+    doubted
+        Performers of whom some joints cannot be believed, and what was noticed.
     compared
         Performers whose joints are not simply the library's: whose names they are, and how many are compared.
     notes
@@ -86,6 +88,7 @@ class Status:
     hop_p99: float
     refused: dict[str, str] = field(default_factory=dict)
     admission: AdmissionCounts = field(default_factory=AdmissionCounts)
+    doubted: dict[str, str] = field(default_factory=dict)
     compared: dict[str, str] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
     stale: int = 0

@@ -14,6 +14,7 @@ from typing import IO, TYPE_CHECKING, Any, Self
 
 import numpy as np
 
+from kinespace.library import memory
 from kinespace.library.formats import c3d_child
 
 if TYPE_CHECKING:
@@ -83,7 +84,7 @@ class C3dProcess:
         asked, answered = process.stdin, process.stdout
         if asked is None or answered is None:
             raise AssertionError("a process started with pipes has them")
-        request = {"path": str(path.absolute()), "memory": _MEMORY + _MEMORY_TIMES * size}
+        request = {"path": str(path.absolute()), "memory": min(_MEMORY + _MEMORY_TIMES * size, memory.limit())}
         patience = _PATIENCE + size / _SLOWEST
         given_up = threading.Event()
 

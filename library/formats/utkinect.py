@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, NamedTuple, NoReturn
 
 import numpy as np
 
+from kinespace.library import memory
 from kinespace.library.clip import Clip
 from kinespace.library.formats.errors import RecordingError
 from kinespace.library.formats.gap_filling import with_missing_frames
@@ -119,6 +120,8 @@ def read_clip(
     frames = read_frames(path)
     try:
         kept = chosen(SKELETON.joints, joints)
+        span = int(frames.numbers[-1] - frames.numbers[0]) + 1
+        memory.require(2 * span * len(kept) * 3 * frames.positions.itemsize, f"{span} frames")
     except ValueError as error:
         raise UTKinectError(f"{path}: {error}") from error
     skeleton = SKELETON.restricted_to(kept) if joints else SKELETON

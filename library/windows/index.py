@@ -187,8 +187,8 @@ class WindowIndex:
 
         Returns
         -------
-        For each view and class the log distance of the nearest window, mean over the two nearest people: shape
-        (views, classes).
+        For each of the weighing's `weights` and each class the log distance of the nearest window, mean over the two
+        nearest people: shape (weights, classes).
         """
         return self._windows.compared(numbers)
 
@@ -208,7 +208,8 @@ class WindowIndex:
 
         Returns
         -------
-        For each view the log distance of each class, shape (views, classes); infinite for a class without windows left.
+        For each of the weighing's `weights` the log distance of each class, shape (weights, classes); infinite for a
+        class without windows left.
         """
         views = self._windows.weighed([each[window] for each in self.vectors])
         views[:, left_out] = np.inf
@@ -234,7 +235,7 @@ def _rejection(index: WindowIndex) -> Rejection:
     learned = index.library.learned
     if learned is None:
         return learned_rejection(index)
-    rejection = Rejection.of_kept(learned)
+    rejection = Rejection.of_kept(learned, len(index.comparison.weighing.groups))
     fewer = len(index.library.skeleton.joints) < rejection.joints
     return rejection.moved_to(typical_evidence(index)) if fewer else rejection
 

@@ -5,9 +5,10 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from kinespace.stream.feeds.frame_assembler import FORGET_AFTER, FrameAssembler
+from kinespace.stream.feeds.unpackers import UNPACKERS
 from kinespace.stream.inputs.receiver import datagram_of
 from kinespace.stream.inputs.refusals import Refusals
-from kinespace.stream.osc.packet import PacketError, decode_packet
+from kinespace.stream.osc.packet import PacketError
 from kinespace.stream.status import InputCounts
 
 if TYPE_CHECKING:
@@ -39,6 +40,8 @@ class FeedDecoder:
 
     def __init__(self, preset: Preset) -> None:
         self.assembler = FrameAssembler(preset)
+        self._unpack = UNPACKERS[preset.packing]()
+        self._whole = preset.packing != "osc"
         self._received = self._undecodable = 0
         self._senders = SenderNumbers()
         self.refusals = Refusals()
@@ -59,7 +62,7 @@ class FeedDecoder:
         self._received += 1
         datagram = datagram_of(packet)
         try:
-            messages = decode_packet(datagram)
+            messages = self._unpack(datagram)
         except PacketError as error:
             self._undecodable += 1
             self.refusals.note("malformed", str(error), sender, packet)
@@ -67,7 +70,7 @@ class FeedDecoder:
         number = self._senders.number(sender[0] if sender else "", arrival)
         counts = self.assembler.counts
         malformed = counts.malformed
-        made = self.assembler.push(messages, arrival, bundle=datagram[:1] == b"#", sender=number)
+        made = self.assembler.push(messages, arrival, bundle=self._whole or datagram[:1] == b"#", sender=number)
         if counts.malformed > malformed:
             self.refusals.note("malformed", self.assembler.why_malformed, sender, packet)
         return made

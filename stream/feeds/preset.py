@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 
 from kinespace.stream.feeds.checked_table import CheckedTable, PresetError
 from kinespace.stream.feeds.kinematics import Bone
+from kinespace.stream.feeds.unpackers import UNPACKERS
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -25,6 +26,8 @@ if TYPE_CHECKING:
 __all__ = ["Preset", "PresetError", "builtin_names", "builtin_preset", "load_preset"]
 
 _ENDING = ".toml"
+#: Ten times the longest preset there is; to parse a key of 50,000 dots takes a minute.
+_MAX_CHARACTERS = 32_000
 _POSITION = ("x", "y", "z")
 _ROTATION = ("qx", "qy", "qz", "qw")
 #: What an argument can be; a role that begins with = is a text that must stand there.
@@ -175,6 +178,8 @@ class Preset:
         Metres of one unit along each of the sender's axes.
     axes
         For our x (right of the picture), y (up) and z (towards us): which of the sender's axes, and its sign.
+    packing
+        How its messages are packed (`stream.feeds.unpackers`).
     sender_clock
         Whether a frame's time is the sender's, when it sends one; else it is the arrival's.
     seconds
@@ -203,6 +208,7 @@ class Preset:
     performer: str
     metres: tuple[float, ...]
     axes: tuple[tuple[int, float], ...]
+    packing: str
     sender_clock: bool
     seconds: float
     closings: Closings
@@ -294,6 +300,8 @@ def parse_preset(text: str, name: str, file: str) -> Preset:
     PresetError
         It is no TOML, or something in it is wrong, missing or unknown.
     """
+    if len(text) > _MAX_CHARACTERS:
+        raise PresetError(f"{file}: expected at most {_MAX_CHARACTERS} characters, got {len(text)}")
     try:
         table = CheckedTable(file, "", tomllib.loads(text))
     except tomllib.TOMLDecodeError as error:
@@ -312,6 +320,7 @@ def parse_preset(text: str, name: str, file: str) -> Preset:
         performer=_performer(table, name),
         metres=_metres(table),
         axes=_axes(table),
+        packing=table.choice("packing", list(UNPACKERS), "osc"),
         sender_clock=table.choice("clock", ("arrival", "sender"), "arrival") == "sender",
         seconds=table.number("seconds", 1.0, 1e-9),
         closings=_closings(table.table("frame")),

@@ -20,8 +20,8 @@ if TYPE_CHECKING:
 
     from kinespace.stream.recognition import Recognition
 
-#: Seconds of stillness, and of unknown or ambiguous movement, after which a motion has ended.
-_ENDED_AFTER = {Outcome.STILL: 0.4, Outcome.UNKNOWN: 0.8, Outcome.AMBIGUOUS: 0.4}
+#: Seconds of stillness, and of unknown, ambiguous or implausible movement, after which a motion has ended.
+_ENDED_AFTER = {Outcome.STILL: 0.4, Outcome.UNKNOWN: 0.8, Outcome.AMBIGUOUS: 0.4, Outcome.IMPLAUSIBLE: 0.8}
 #: A pause between two recognitions that is longer counts as this long (seconds), so that a gap in the feed does not
 #: add evidence.
 _MAX_HOP = 0.1

@@ -12,7 +12,7 @@ from kinespace.library.progress.phase_table import phase_table
 from kinespace.library.windows.cutting import FIRST_WINDOW
 from kinespace.library.windows.index import opened
 from kinespace.library.windows.paper import opened_by_paper
-from kinespace.library.windows.rejection import MAX_LEAD, Evidence
+from kinespace.library.windows.rejection import Evidence
 from kinespace.stream.recognition import Outcome
 from kinespace.stream.recognizer.hysteresis import Hysteresis, Judgement
 from kinespace.stream.recognizer.live_windows import LiveWindows, PaperWindow
@@ -34,11 +34,9 @@ _TIE = 1e-6
 #: Seconds that the first reading counts for.
 _FIRST_HOP = 1 / 30
 #: Share of unknown time that may be named, where strangers taught what is unknown and where the library's own people.
-_SENSITIVITY_LEARNED, _SENSITIVITY_OWN = 0.1, 0.2
+_SENSITIVITY_LEARNED, _SENSITIVITY_OWN = 0.05, 0.2
 #: Added to 1 − |inner product|² before the logarithm.
 _NEAREST = 1e-3
-#: Added to movement before its logarithm.
-_NO_MOVEMENT = 1e-3
 
 
 class Reading(NamedTuple):
@@ -90,8 +88,14 @@ class Matcher(Protocol):
     def clear(self) -> None:
         """Forget all rows."""
 
-    def read(self) -> Reading | None:
-        """Compare the windows that end with the newest row, once a hop; None while there is too little to compare."""
+    def read(self, noise: float = 0.0) -> Reading | None:
+        """Compare the windows that end with the newest row, once a hop; None while there is too little to compare.
+
+        Parameters
+        ----------
+        noise
+            Standard deviation of a distance's noise, metres.
+        """
 
     def follow(self, time: float, class_name: str | None) -> Progress | None:
         """Say how far the body is, with the newest row, in the motion of a class; None when nobody asked for it."""
@@ -171,9 +175,8 @@ class WindowMatcher:
 
     def _compare_with(self, index: WindowIndex) -> None:
         self._index, self.classes = index, index.classes
-        # Movement per moving pair: a body with fewer joints has fewer of them.
-        self._per_pair = 1 / math.sqrt(max(index.basis.moving, 1))
-        self._naming = index.comparison.weighing.naming
+        self._weighing = index.comparison.weighing
+        # Kept here: the cache behind the index may be full of other libraries.
         self._rejection = index.rejection
         self._nothing = index.classes.index(NOTHING) if NOTHING in index.classes else -1
 
@@ -181,7 +184,6 @@ class WindowMatcher:
         """Compare the same windows with another library of the same joints from now on."""
         index = index_of(library)
         self._windows.exchange(index.body, index.basis)
-        self._hysteresis.exchange(index.comparison.weighing.lead, places_in(self.classes, index.classes))
         self._judgement.exchange(self._threshold(index))
         if self._progress:
             self._progress.exchange(phase_table(index))
@@ -206,22 +208,24 @@ class WindowMatcher:
             self._feed.push(times)
             self._windows.push(times, rows)
 
-    def read(self) -> Reading | None:
+    def over(self, index: WindowIndex) -> WindowMatcher:
+        """Give a matcher of the same settings that compares with other windows."""
+        return WindowMatcher(index, stillness=self._stillness, sensitivity=self._sensitivity)
+
+    def recent(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Give times (frames,) and rows (frames, pairs) in the longest window; good until the next push."""
+        return self._windows.recent()
+
+    def read(self, noise: float = 0.0) -> Reading | None:
         """Compare the windows that end with the newest row."""
         if not self._feed.ready:
             return None
         signature = self._windows.read()
         views = self._index.log_distances(signature.numbers)
-        distances = np.minimum.reduce(views[: self._naming])
+        distances = self._weighing.named(views)
         elapsed = self._feed.elapsed()
         guess, lead = followed(self._hysteresis, distances, elapsed)
-        evidence = Evidence(
-            whole=float(views[0, guess]),
-            lead=min(lead, MAX_LEAD),
-            eigen=float(views[-1, guess]),
-            swing=math.log(signature.swing * self._per_pair + _NO_MOVEMENT),
-            sway=math.log(signature.sway * self._per_pair + _NO_MOVEMENT),
-        )
+        evidence = Evidence.of(self._weighing.alone(views), guess, noise)
         known = self._judgement.push(self._rejection.logit(evidence, self.classes[guess]), elapsed)
         outcome = Outcome.NAMED if known and guess != self._nothing else Outcome.UNKNOWN
         scores = self._index.eigenvector_scores(signature.eigenvector)
@@ -289,7 +293,7 @@ class PaperMatcher:
             self._feed.push(times)
             self._window.push(times, rows)
 
-    def read(self) -> Reading | None:
+    def read(self, noise: float = 0.0) -> Reading | None:  # noqa: ARG002 - the paper does not ask
         """Compare the window that ends with the newest row."""
         if not self._feed.ready:
             return None

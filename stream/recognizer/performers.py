@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from kinespace.library.windows.index import WindowIndex
     from kinespace.stream.frame import Admitted, Frame
     from kinespace.stream.recognition import Event, Recognition
+    from kinespace.stream.recognizer.doubts import Opener
 
 
 #: How many times as many performers' joint names are remembered as there may be performers.
@@ -79,6 +80,8 @@ class Performers:
         Seconds without a frame after which a performer is dropped.
     joints
         What is known of senders' joints.
+    opener
+        Of every recogniser: gives the windows of the joints that can be believed.
 
     Raises
     ------
@@ -88,7 +91,7 @@ class Performers:
         A joint of the library is not among those that are assumed.
     """
 
-    def __init__(
+    def __init__(  # noqa: PLR0913 - what there may be of performers
         self,
         library: MotionLibrary | WindowIndex,
         settings: Settings | None = None,
@@ -96,6 +99,7 @@ class Performers:
         most: int = 32,
         silence: float = 5.0,
         joints: SentJoints | None = None,
+        opener: Opener | None = None,
     ) -> None:
         if most < 1:
             raise ValueError(f"most: expected at least 1 performer, got {most}")
@@ -103,6 +107,7 @@ class Performers:
             raise ValueError(f"silence: expected a positive number of seconds, got {silence}")
         self._compare_with(library)
         self.settings = settings or Settings()
+        self._opener = opener
         self.most = most
         self.silence = silence
         #: Said of every performer who has said nothing else.
@@ -117,6 +122,8 @@ class Performers:
         self._performers: dict[str, _Performer] = {}
         #: Ends of what performers did who were dropped to make room, not yet given to anybody.
         self._ended: list[Event] = []
+        #: Performers who were dropped, not yet given to anybody.
+        self._gone: list[str] = []
         #: Performers for whom there was no room: since when, and how many frames they have sent.
         self._waiting: dict[str, tuple[float, int]] = {}
         # Said once and then only on change, so it outlives a silence.
@@ -177,6 +184,11 @@ class Performers:
         return dict(self._refused)
 
     @property
+    def doubted(self) -> dict[str, str]:
+        """Performers of whom some joints cannot be believed, and what was noticed."""
+        return {name: doubt for name, each in self._performers.items() if (doubt := each.recognizer.doubt)}
+
+    @property
     def compared(self) -> dict[str, str]:
         """Performers whose joints are not simply the library's: whose names they are, and how many are compared."""
         return {name: each for name, performer in self._performers.items() if (each := self._told(performer))}
@@ -184,6 +196,8 @@ class Performers:
     def _told(self, performer: _Performer) -> str:
         used, wanted = len(performer.library.skeleton.joints), len(self.library.skeleton.joints)
         title = self._naming.met(performer.joints, self.library.skeleton.joints).title
+        if performer.is_waiting and performer.unusable:
+            return f"{f'{title} names: ' if title else ''}{performer.unusable}, which takes some seconds"
         if performer.unusable or not (title or used < wanted):
             return ""
         return f"{f'{title} names: ' if title else ''}{used} of {wanted} joints"
@@ -203,6 +217,8 @@ class Performers:
         """
         performer = self._performer(announcement.performer, arrival)
         if performer is None:
+            return
+        if self._announced.get(announcement.performer) == announcement and performer.joints == announcement.joints:
             return
         if announcement.performer not in self._announced and len(self._announced) >= _REMEMBERED * self.most:
             del self._announced[next(iter(self._announced))]
@@ -233,7 +249,7 @@ class Performers:
         if library is None:
             performer.is_waiting = True
             # After an exchange the library before it serves until the new one is ready.
-            performer.unusable = "" if as_before else f"the library is being restricted to {len(shared)} of them"
+            performer.unusable = "" if as_before else f"the library is being restricted to {len(shared)} of its joints"
         if library is None and not as_before:
             return
         library = library or performer.library
@@ -244,7 +260,7 @@ class Performers:
             self._exchange_for(performer, library)
         else:
             self._retire(performer.recognizer)
-            performer.recognizer, performer.library = Recognizer(library, self.settings), library
+            performer.recognizer, performer.library = Recognizer(library, self.settings, self._opener), library
 
     def _retire(self, recognizer: Recognizer) -> None:
         """Keep what a recogniser counted, and the end of what it saw going on, when it is not needed any more."""
@@ -295,8 +311,9 @@ class Performers:
             return None
         if performer.is_waiting:
             self._fit(performer)
-            if not performer.unusable:
-                self._refused.pop(frame.performer, None)
+            if performer.is_waiting and performer.unusable:
+                self._counts.other_joints += 1
+                return None
         if performer.unusable or len(frame.positions) != len(performer.joints):
             self._counts.other_joints += 1
             if performer.refused_size != len(frame.positions):
@@ -333,9 +350,15 @@ class Performers:
         silent = [name for name, performer in self._performers.items() if now - performer.heard > self.silence]
         for name in silent:
             self._retire(self._performers.pop(name).recognizer)
+            self._gone = [*self._gone[-_REMEMBERED * self.most :], name]
             self._counts.dropped += 1
         ended, self._ended = self._ended, []
         return ended
+
+    def take_gone(self) -> list[str]:
+        """Give the performers who were dropped since this was last asked."""
+        gone, self._gone = self._gone, []
+        return gone
 
     def end(self) -> list[Event]:
         """Give the ends of all motions going on, because nothing more will come."""
@@ -369,10 +392,11 @@ class Performers:
                 self._ended = self.drop_silent(arrival)
             if len(self._performers) >= self.most and not self._make_room(name, arrival):
                 return None
-            recognizer = Recognizer(self._compared, self.settings)
+            recognizer = Recognizer(self._compared, self.settings, self._opener)
             performer = _Performer(recognizer, self.library, arrival, self._assumed, self._assumed_order, begun=arrival)
             self._waiting.pop(name, None)
             self._performers[name] = performer
+            self._gone = [each for each in self._gone if each != name]
             self._refused.pop(name, None)
             if name in self._announced:
                 self._learn_joints(performer, self._announced[name])

@@ -82,6 +82,7 @@ class ProgressFollower:
     def exchange(self, table: PhaseTable) -> None:
         """Follow by another library; in the same basis the motion that goes on is found again at once."""
         if table.basis is not self._table.basis:
+            self._points = np.empty((len(self._points), table.basis.directions.shape[1]))
             self.clear()
         self._table, name, self._class_name = table, self._class_name, None
         self._begin(name)

@@ -17,6 +17,7 @@ from kinespace.library.distances import DistanceMeasurer
 from kinespace.library.windows.body import Body
 from kinespace.library.windows.paper import opened_by_paper
 from kinespace.stream.recognition import Recognition
+from kinespace.stream.recognizer.doubts import Doubts
 from kinespace.stream.recognizer.event_detector import EventDetector
 from kinespace.stream.recognizer.matcher import PaperMatcher, WindowMatcher, index_of, library_of, places_in
 from kinespace.stream.recognizer.settings import LiveSignature, Settings
@@ -29,6 +30,7 @@ if TYPE_CHECKING:
     from kinespace.library.windows.index import WindowIndex
     from kinespace.stream.frame import Frame
     from kinespace.stream.recognition import Event
+    from kinespace.stream.recognizer.doubts import Opener
     from kinespace.stream.recognizer.matcher import Matcher, Reading
 
 
@@ -85,6 +87,9 @@ class Recognizer:
         The motions to compare with; or their windows, when they are at hand already.
     settings
         How to recognise; the defaults suit feeds of 20 to 500 frames per second.
+    opener
+        Gives the windows of the library as a body of fewer joints shows it, when joints cannot be believed; opens them
+        on the spot when not given, which takes a second where the library is large.
 
     Attributes
     ----------
@@ -92,7 +97,9 @@ class Recognizer:
         What became of the frames.
     """
 
-    def __init__(self, library: MotionLibrary | WindowIndex, settings: Settings | None = None) -> None:
+    def __init__(
+        self, library: MotionLibrary | WindowIndex, settings: Settings | None = None, opener: Opener | None = None
+    ) -> None:
         self.settings = settings or Settings()
         self._matcher = _matcher(library, self.settings)
         self.counts = RecognizerCounts()
@@ -105,6 +112,7 @@ class Recognizer:
         self._measurer = DistanceMeasurer(skeleton, _MAX_WAITING)
         self._smoother = RowSmoother(Body.of(skeleton).segments, len(skeleton.pairs))
         self._times: list[float] = []
+        self._doubts = Doubts(self.library, self._matcher, opener)
         self._longest_gap = min(self.settings.longest_gap, self._matcher.longest)
         self._early = _EARLY * self.settings.hop
         # NaN until the first frame: every comparison with it is False, so the first frame is neither late nor after a
@@ -150,12 +158,19 @@ class Recognizer:
         classes = self.classes
         self._matcher.exchange(library)
         self._compare_with(library)
+        self._doubts.exchange(self.library)
         return self._detector.exchange(places_in(classes, self.classes), self._last)
+
+    @property
+    def doubt(self) -> str:
+        """What was last noticed of joints that cannot be believed, in words; empty while all is well."""
+        return self._doubts.told
 
     def reset(self) -> None:
         """Forget the windows, as when the feed begins; the counts stay, and a motion goes on till something ends it."""
         self._matcher.clear()
         self._smoother.clear()
+        self._doubts.clear()
         self._times.clear()
         self._newest, self._due = math.nan, -math.inf
         self._late_in_a_row = 0
@@ -193,7 +208,7 @@ class Recognizer:
         due = time >= self._due - self._early
         if due or len(self._times) == _MAX_WAITING:
             self._measure()
-        reading = self._matcher.read() if due else None
+        reading = self._doubts.read(time, self._smoother.noise) if due else None
         if reading is None:
             return None
         self._set_due(time)
@@ -201,11 +216,17 @@ class Recognizer:
 
     def _measure(self) -> None:
         """Measure the frames that came since the last hop, all in one go: that halves their cost."""
-        count = len(self._times)
-        rows = self._rows[:count]
-        self._measurer.measure(self._positions[:count], rows)
-        self._smoother.smooth(self._times, rows)
-        self._matcher.push(self._times, rows)
+        times, positions = self._times, self._positions[: len(self._times)]
+        begun = self._doubts.mend(times, positions)
+        if begun is not None:
+            self._matcher.clear()
+            self._smoother.clear()
+            times, positions = times[begun:], positions[begun:]
+        rows = self._rows[: len(times)]
+        self._measurer.measure(positions, rows)
+        self._smoother.smooth(times, rows)
+        self._matcher.push(times, rows)
+        self._doubts.push(times, rows)
         self._times.clear()
 
     def _in_time(self, time: float) -> bool:
@@ -252,6 +273,7 @@ class Recognizer:
             share=reading.share,
             gap=reading.gap,
             evidence=reading.evidence,
+            doubted=self._doubts.joints,
         )
         events = self._detector.push(recognition)
         progress = self._matcher.follow(frame.time, self._motion_of(recognition)) if self.settings.progress else None

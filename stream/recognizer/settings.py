@@ -29,7 +29,7 @@ class Settings:
         of a second to two.
     sensitivity
         Share of the time of unknown motions that may be answered with a class, as far as the motions can tell from
-        which the library learned what is unknown; None is 0.1 where strangers' motions taught it (`kinespace learn`),
+        which the library learned what is unknown; None is 0.05 where strangers' motions taught it (`kinespace learn`),
         and 0.2 where its own classes did, each left out: they are harder to tell. More answers more, of known and of
         unknown motions. WINDOWS only.
     hop

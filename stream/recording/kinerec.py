@@ -35,8 +35,9 @@ MAX_RECORD = 1 << 21
 
 #: Bytes that wait in memory when the disk takes nothing: a minute of a large feed.
 MAX_WAITING = 16 << 20
-#: Seconds that no clock shows: a hundred years and more.
-_MAX_ARRIVAL = 1e10
+
+#: Seconds on any clock: a century after 1970, and what a program can wait for.
+_MAX_ARRIVAL = 4e9
 
 _RECORD = struct.Struct("<II")
 _PACKET = struct.Struct("<BBdH")
@@ -123,7 +124,7 @@ def _decode_packet(body: bytes) -> RawPacket:
     kind, source, arrival, size = _PACKET.unpack_from(body)
     if kind != _ARRIVED:
         raise ValueError(f"kind {kind}")
-    if not abs(arrival) < _MAX_ARRIVAL:
+    if not abs(arrival) <= _MAX_ARRIVAL:
         raise ValueError(f"arrival {arrival}")
     place = _PACKET.size + size
     sender = body[_PACKET.size : place].decode()

@@ -9,6 +9,7 @@ from kinespace.stream.zeromq.answers import (
     decode_answer,
     encode_classes,
     encode_event,
+    encode_gone,
     encode_recognition,
     encode_status,
 )
@@ -30,6 +31,7 @@ __all__ = [
     "encode_classes",
     "encode_event",
     "encode_frame",
+    "encode_gone",
     "encode_recognition",
     "encode_status",
 ]

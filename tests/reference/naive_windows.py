@@ -307,6 +307,25 @@ def best_products(asked: Matrix, eigenvectors: Matrix, classes: Sequence[str]) -
     return dict(sorted(best.items()))
 
 
-def logit(weights: Sequence[float], evidence: Sequence[float], offset: float, bias: float) -> float:
-    """Weigh evidence."""
-    return sum(weight * number for weight, number in zip(weights, evidence, strict=True)) + offset + bias
+def logit(  # noqa: PLR0913 - all that a judgement knows
+    weights: Sequence[float],
+    compared: Sequence[float],
+    typical: Sequence[float],
+    noise: float,
+    *,
+    offset: float,
+    bias: float = 0.0,
+    slope: float = 0.0,
+) -> float:
+    """Weigh evidence: distances and leads relative to typical ones, noise, and the mean lead by the guess's slope."""
+    relative = [number - usual for number, usual in zip(compared, typical, strict=True)]
+    leads = relative[len(relative) // 2 :]
+    numbers = [*relative, math.log(1 + noise / 0.01)]
+    weighed = sum(weight * number for weight, number in zip(weights, numbers, strict=True))
+    return weighed + offset + bias + slope * sum(leads) / len(leads)
+
+
+def evidence(groups: Matrix, guess: int) -> tuple[list[float], list[float]]:
+    """Give distance and lead of a guess by each group, from log distances (groups, classes)."""
+    leads = [min((row[c] for c in range(len(row)) if c != guess), default=math.inf) - row[guess] for row in groups]
+    return [float(row[guess]) for row in groups], [min(max(float(lead), -2.0), 2.0) for lead in leads]

@@ -28,7 +28,7 @@ def comparison_of(index: WindowIndex) -> NaiveComparison:
         groups=[[(str(part.kind), part.seconds) for part in group] for group in weighing.groups],
         parts={(str(part.kind), part.seconds): _metric(metric) for part, metric in comparison.parts.items()},
         joint=[_metric(metric) for metric in comparison.groups],
-        views=weighing.views,
+        views=weighing.weights,
     )
 
 

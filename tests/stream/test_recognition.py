@@ -43,9 +43,9 @@ def test_without_a_name_the_label_says_why(outcome: Outcome) -> None:
     assert (nameless.best, nameless.score, nameless.runner_up, nameless.margin) == (1, 0.75, "wave", 0.25)
 
 
-def test_there_are_three_reasons_for_no_name() -> None:
-    """The outcomes are the words that receivers read: named, still, unknown and ambiguous."""
-    assert [outcome.value for outcome in Outcome] == ["named", "still", "unknown", "ambiguous"]
+def test_there_are_four_reasons_for_no_name() -> None:
+    """The outcomes are the words that receivers read."""
+    assert [outcome.value for outcome in Outcome] == ["named", "still", "unknown", "ambiguous", "implausible"]
 
 
 def test_a_library_of_one_class_has_no_runner_up() -> None:

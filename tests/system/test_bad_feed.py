@@ -31,6 +31,8 @@ if TYPE_CHECKING:
     from kinespace.stream.recognition import Event, Recognition
     from kinespace.stream.status import Status
 
+pytestmark = pytest.mark.slow
+
 LOOPBACK = "127.0.0.1"
 #: Seconds a test waits for a packet that was sent, before it gives up.
 PATIENCE = 20.0

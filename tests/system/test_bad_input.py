@@ -15,9 +15,11 @@ import numpy as np
 import pytest
 from programs import LOOPBACK, builtin_library, finished, ghost_cues, live
 from recorded import write_take, write_takes
+from synthetic import stick_clips
 
 from kinespace.library import MotionLibrary, hdm05
 from kinespace.stream import Announcement, Recognizer, osc, zeromq
+from kinespace.stream.recording import kinerec as rawfile
 from kinespace.stream.zeromq import Endpoint
 from kinespace.tools.cli.main import main
 
@@ -27,6 +29,8 @@ if TYPE_CHECKING:
 
     from kinespace.tools.feeding.feed import Cue, Packet
     from kinespace.tools.loopback.service_process import Transport
+
+pytestmark = pytest.mark.slow
 
 # --- Commands ---------------------------------------------------------------------------------------------------------
 
@@ -209,11 +213,11 @@ LIBRARY_FAULTS: dict[str, Callable[[bytes], bytes]] = {
 @pytest.mark.parametrize("program", LIBRARY_READERS)
 @pytest.mark.parametrize("fault", LIBRARY_FAULTS)
 def test_a_broken_library_is_named(
-    program: str, fault: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    program: str, fault: str, small_library: MotionLibrary, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """A library file that is cut short, changed or something else is named by every program that reads one."""
     path = tmp_path / "mine.npz"
-    MotionLibrary.builtin().save(path)
+    small_library.save(path)
     path.write_bytes(LIBRARY_FAULTS[fault](path.read_bytes()))
     assert one_line(capsys, *LIBRARY_READERS[program](path)).startswith(f"{path}: ")
     assert [each.name for each in tmp_path.iterdir()] == ["mine.npz"]
@@ -412,7 +416,7 @@ OSC_BAD = {
     "a 64 kB message of somebody else's": Bad(
         [b"/x\0\0,b\0\0" + struct.pack(">i", 65480) + b"\1" * 65480], {"foreign": 1}
     ),
-    "NaN": Bad([_datagram(_with(np.nan))], {"malformed": 1}),
+    "NaN for all joints": Bad([_datagram(np.full_like(BODY, np.nan))], {"malformed": 1}),
     "infinity": Bad([_datagram(_with(np.inf)), _datagram(_with(-np.inf))], {"malformed": 2}),
     "a time that is NaN": Bad([_datagram(BODY, time=np.nan)], {"malformed": 1}),
     "a number too few": Bad([_datagram(BODY.ravel()[:-1])], {"malformed": 1}),
@@ -436,7 +440,9 @@ ZMQ_BAD = {
     ),
     "64 kB of positions": Bad([[*_message(BODY)[:2], b"\0" * 65536]], {"malformed": 1}),
     "64 kB of header": Bad([_message(BODY, note="x" * 65536)], {"malformed": 1}),
-    "NaN and infinity": Bad([_message(_with(value)) for value in (np.nan, np.inf, -np.inf)], {"malformed": 3}),
+    "NaN for all joints, and infinity": Bad(
+        [_message(each) for each in (np.full_like(BODY, np.nan), _with(np.inf), _with(-np.inf))], {"malformed": 3}
+    ),
     "a time that is none": Bad(
         [_message(BODY, t=time) for time in (np.nan, np.inf, "noon", None, True)], {"malformed": 5}
     ),
@@ -509,3 +515,75 @@ def test_a_running_recogniser_counts_what_is_bad_and_goes_on(transport: Transpor
 def test_a_host_that_nobody_knows_is_named(capsys: pytest.CaptureFixture[str]) -> None:
     """A host name that cannot be resolved is in the error, with its port."""
     assert one_line(capsys, "live", "--osc-in", "nohost.invalid:9000").startswith("nohost.invalid:9000: ")
+
+
+# --- Hostile files ----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("text", ["a = " + "[" * 20_000, "a." * 50_000 + "a = 1"], ids=["deep", "long"])
+def test_a_preset_that_is_too_deep_or_too_long_is_named(
+    text: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """TOML that nests without end, or takes minutes to parse, is one line."""
+    path = tmp_path / "deep.toml"
+    path.write_text(text)
+    assert one_line(capsys, "live", "--feed", path).startswith(f"{path}: expected ")
+
+
+def test_labels_without_a_frame_of_their_take_are_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Labels that lie beyond the end of their take leave nothing to build a library of."""
+    take, labels = write_take(tmp_path, "bd", "bendLeft", 1), tmp_path / "late.csv"
+    labels.write_text("start_s,end_s,label\n1000,1001,bend\n")
+    error = one_line(capsys, "build", take, "--labels", labels, "-o", tmp_path / "made.npz")
+    assert error.startswith("--labels: expected segments with two frames or more")
+
+
+@pytest.mark.parametrize("arrival", [1e300, np.inf, np.nan])
+def test_an_arrival_that_is_no_time_ends_a_recording(
+    arrival: float, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A record that came at no time is where a raw recording is damaged: nobody waits for it."""
+    path = tmp_path / "far.kinerec"
+    with rawfile.RawWriter(path, ["osc 127.0.0.1:9310"]) as writer:
+        for time in (1.0, arrival, 2.0):
+            writer.write(rawfile.RawPacket(time, 0, "", (b"/x\0\0,\0\0\0",)))
+    assert main(["replay", str(path), "--osc", f"{LOOPBACK}:9"]) == 0
+    assert "cut off or damaged" in capsys.readouterr().out
+    recording = rawfile.RawFile(path)
+    assert [packet.arrival for packet in recording.packets()] == [1.0]
+    assert recording.damage()
+
+
+def test_what_would_steer_a_terminal_is_shown_as_a_mark(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Class names, licences and a raw recording's header reach the terminal without control characters."""
+    library, recording = tmp_path / "red.npz", tmp_path / "red.kinerec"
+    stained = [
+        replace(clip, class_name=f"\x1b[31m{clip.class_name}", licence="\x1b]0;mine\x07", source="\x9b2J")
+        for clip in stick_clips()
+    ]
+    MotionLibrary.of_clips(stained).save(library)
+    with rawfile.RawWriter(recording, ["osc \x1b[2J"], {"\x1b[2J": ""}) as writer:
+        writer.write(rawfile.RawPacket(1.0, 0, "\x1b[2J", (b"x",)))
+    for arguments in (["info", str(library)], ["info", str(recording)]):
+        assert main(arguments) == 0
+        out = capsys.readouterr().out
+        assert "\N{REPLACEMENT CHARACTER}" in out
+        assert all(character.isprintable() or character == "\n" for character in out)
+    error = one_line(capsys, "build", library, "--without", "\x1b[31mnobody", "-o", tmp_path / "made.npz")
+    assert error.isprintable()
+
+
+def test_a_file_that_would_take_too_much_memory_is_refused_before(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """What a file needs once it is read is held against --max-memory before it is taken."""
+    take, library = write_take(tmp_path, "bd", "bendLeft", 1), tmp_path / "mine.npz"
+    MotionLibrary.of_clips(stick_clips()).save(library)
+    skipping = tmp_path / "joints_s01_e01.txt"
+    skipping.write_text("".join(f"{number} {'1.5 ' * 60}\n" for number in (1, 900_000)))
+    for path in (take, library, skipping):
+        error = one_line(capsys, "--max-memory", "10kB", "info", path)
+        assert error.startswith(f"{path}: ")
+        assert "expected at most 0 MB once it is read" in error
+        assert "--max-memory" in error
+    assert "got 864 MB" in one_line(capsys, "--max-memory", "500MB", "info", skipping)

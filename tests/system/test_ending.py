@@ -25,6 +25,8 @@ if TYPE_CHECKING:
 
     from kinespace.library.motion_library import MotionLibrary
 
+pytestmark = pytest.mark.slow
+
 SIGNALS = [signal.SIGINT, signal.SIGTERM, *([signal.SIGHUP] if hasattr(signal, "SIGHUP") else [])]
 PROGRAMS: dict[str, tuple[tuple[object, ...], str]] = {
     "replay": (("replay", "squat1Reps", "--loop", "--osc", f"{LOOPBACK}:{free_udp_port()}"), ""),

@@ -35,6 +35,8 @@ if TYPE_CHECKING:
 
     from kinespace.stream.recognition import Recognition
 
+pytestmark = pytest.mark.slow
+
 #: What a float is off by when it was printed.
 PRINTED = 0.6 * 10.0**-DUMPED_TO
 CLASSES = builtin_library().classes

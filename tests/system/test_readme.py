@@ -71,7 +71,7 @@ def test_every_option_named_alone_exists(capsys: pytest.CaptureFixture[str]) -> 
     programs = [*PROGRAMS, *(f"evaluate {name}" for name in EXPERIMENTS)]
     known = set().union(*(options_of(program, capsys) for program in programs))
     mentioned = {option for code in CODE for option in re.findall(r"(?<![\w-])--[a-z][a-z-]*", code)}
-    assert mentioned <= known | {"--version", "--help"}
+    assert mentioned <= known | {"--version", "--help", "--max-memory"}
 
 
 def test_every_make_target_named_exists() -> None:

@@ -24,6 +24,8 @@ if TYPE_CHECKING:
 
     from kinespace.library import MotionLibrary
 
+pytestmark = pytest.mark.slow
+
 #: Joints as Kinect 2 numbers them, by the library's names.
 KINECT = joints_in_order("kinectv2")
 

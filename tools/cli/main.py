@@ -13,6 +13,8 @@ from importlib.metadata import PackageNotFoundError, version
 from io import TextIOWrapper
 from typing import TYPE_CHECKING, Any
 
+from kinespace.library import memory
+
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
@@ -46,6 +48,7 @@ EXPERIMENTS: Programs = {
         "evaluation.evaluate_noise",
         "motions as a noisy sensor sees them, each left out of the library that names it",
     ),
+    "faults": ("evaluation.evaluate_faults", "takes with joints frozen, lost or exchanged, and bodies that jump"),
     "progress": ("evaluation.evaluate_progress", "how right phase, speed and amplitude are, beside a clock"),
 }
 
@@ -58,7 +61,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
             stream.reconfigure(errors="replace")
     try:
         options = _parser().parse_args(arguments)
-        status: int = options.run(options)
+        with memory.limited_to(options.max_memory):
+            status: int = options.run(options)
     except KeyboardInterrupt:
         return 1
     except BrokenPipeError:
@@ -73,9 +77,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _one_line(error: Exception) -> str:
     if isinstance(error, OSError) and error.filename and error.strerror:
-        return f"{error.filename}: {error.strerror}"
-    told = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
-    return " ".join(told.split()) or type(error).__name__
+        told = f"{error.filename}: {error.strerror}"
+    else:
+        told = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
+    from kinespace.tools.terminal.console import printable  # noqa: PLC0415 - slow to load, and seldom needed
+
+    return printable(" ".join(told.split())) or type(error).__name__
 
 
 class _ProgramParser(argparse.ArgumentParser):
@@ -105,6 +112,13 @@ def _parser() -> argparse.ArgumentParser:
         description="Names the movement a performer is doing, live, from joint positions arriving by OSC or ZeroMQ.",
     )
     parser.add_argument("--version", action="version", version=f"kinespace {_version()}")
+    parser.add_argument(
+        "--max-memory",
+        type=memory.size_of,
+        default=memory.MAX_MEMORY,
+        metavar="SIZE",
+        help="memory that one file may take when it is read, like 500MB or 4GB (default 1GB)",
+    )
     programs = _add_programs(parser, PROGRAMS, title="programs", metavar="PROGRAM")
     _add_programs(programs["evaluate"], EXPERIMENTS, title="experiments", metavar="EXPERIMENT")
     return parser

@@ -200,11 +200,9 @@ def _heard(
     motion: Clip, library: MotionLibrary, settings: Settings, noise: float, generator: np.random.Generator
 ) -> Heard:
     """Play a motion with noise in metres, and count its answers."""
-    every = max(round(motion.frame_rate / FRAME_RATE), 1)
-    seen = replace(motion, positions=motion.positions[::every], frame_rate=motion.frame_rate / every)
-    positions = seen.positions + noise * generator.standard_normal(seen.positions.shape)
+    seen = seen_with(motion, noise, generator)
     recognizer = Recognizer(library, settings)
-    pushed = (recognizer.push(Frame("clip", *each)) for each in zip(seen.times.tolist(), positions, strict=True))
+    pushed = (recognizer.push(Frame("clip", *each)) for each in zip(seen.times.tolist(), seen.positions, strict=True))
     answers = [answer for answer in pushed if answer is not None]
     named = [answer.class_name == motion.class_name for answer in answers]
     guessed = [_guess(answer) == motion.class_name for answer in answers]
@@ -217,6 +215,14 @@ def _heard(
         last_named=bool(named and named[-1]),
         last_guessed=bool(guessed and guessed[-1]),
     )
+
+
+def seen_with(motion: Clip, noise: float, generator: np.random.Generator) -> Clip:
+    """Give a motion as a sensor of `FRAME_RATE` sees it, with white noise in metres on every coordinate."""
+    every = max(round(motion.frame_rate / FRAME_RATE), 1)
+    positions = motion.positions[::every]
+    positions = positions + noise * generator.standard_normal(positions.shape)
+    return replace(motion, positions=positions, frame_rate=motion.frame_rate / every)
 
 
 def _guess(answer: Recognition) -> str | None:

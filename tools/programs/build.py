@@ -146,6 +146,8 @@ def build(
     clips = list(_labelled(places, reading, terms, labels)) if places else []
     if nothing:
         clips += (replace(clip, class_name=NOTHING) for clip in _labelled(nothing, reading, terms))
+    if not (clips or libraries):
+        raise ValueError("--labels: expected segments with two frames or more of their takes, got none")
     if clips:
         libraries.append(MotionLibrary.of_clips(clips))
     merged = changes.made_in(reduce(MotionLibrary.merged_with, libraries))

@@ -10,7 +10,10 @@ from typing import TYPE_CHECKING
 import zmq
 from rich.text import Text
 
-from kinespace.library import MotionLibrary
+from kinespace.library import MotionLibrary, hdm05
+from kinespace.library.motion_library import MIN_JOINTS
+from kinespace.library.naming import NamedJoints, Naming
+from kinespace.library.naming import told as names_told
 from kinespace.stream.feeds import builtin_names, builtin_preset
 from kinespace.stream.feeds.detection import MOST_KINDS, Guess, Survey
 from kinespace.stream.feeds.handshake import NEVER, farewells, is_due, questions
@@ -149,6 +152,8 @@ def advice(survey: Survey, guess: Guess | None, address: str | None) -> list[str
 
 def _lacking(survey: Survey, guess: Guess) -> list[str]:
     """Say what a feed lacks to be recognised."""
+    if guess.preset.name == _NATIVE and survey.announced:
+        return _named_otherwise(survey)
     if guess.missing and guess.preset.name == _NATIVE and not any(k.address == SKELETON for k in survey.kinds.values()):
         return [
             f"{len(guess.joints)} joints whose names were never sent: let the sender send {SKELETON}, or",
@@ -165,6 +170,22 @@ def _lacking(survey: Survey, guess: Guess) -> list[str]:
     elif guess.refused:
         lines.append(f"{guess.refused} frames refused, because joints in them were absent for too long")
     return lines
+
+
+def named_joints(survey: Survey) -> NamedJoints | None:
+    """Give the joints that a sender of our own messages announced by our names; None where none did."""
+    return Naming().read(survey.announced) if survey.announced else None
+
+
+def _named_otherwise(survey: Survey) -> list[str]:
+    """Say what announced joints lack: they may be fewer, and others' names, but five must be ours."""
+    shared = set(Naming().read(survey.announced).joints) & set(hdm05.SKELETON.joints)
+    if len(shared) >= MIN_JOINTS:
+        return []
+    return [
+        f"{len(shared)} of the {len(survey.announced)} announced joints have names that are known: say whose they are,",
+        "kinespace live --names NAME, or build your own library from this feed",
+    ]
 
 
 def as_object(survey: Survey, guess: Guess | None, told: list[str]) -> dict[str, object]:
@@ -185,6 +206,7 @@ def as_object(survey: Survey, guess: Guess | None, told: list[str]) -> dict[str,
         "performers": list(guess.performers) if guess else [],
         "joints": list(guess.joints) if guess else [],
         "missing": list(guess.missing) if guess else [],
+        "names": named.title if (named := named_joints(survey)) else None,
         "advice": told,
     }
 
@@ -208,6 +230,8 @@ def _show(survey: Survey, guess: Guess | None, told: list[str]) -> None:
             f"looks like {guess.preset.name} ({guess.preset.product}): {guess.understood:.0%} of the messages, "
             f"{len(guess.joints)} of {len(guess.preset.joints)} joints, {guess.frames} frames"
         )
+        if named := named_joints(survey):
+            _say(names_told(named.title or "our", named.joints))
         if guess.frames:
             _say(f"performers: {', '.join(map(printable, guess.performers))}, {guess.rate:.1f} frames per second each")
             _say(f"recognise it: kinespace live --feed {guess.preset.name}")

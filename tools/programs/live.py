@@ -18,6 +18,7 @@ from rich.live import Live
 from kinespace.library import MotionLibrary
 from kinespace.library.naming import Naming
 from kinespace.stream import osc, zeromq
+from kinespace.stream.background_opener import BackgroundOpener
 from kinespace.stream.feeds.source import FeedSource
 from kinespace.stream.inputs import Admission, OscDecoder, Source, ZmqDecoder
 from kinespace.stream.outputs import LAYOUTS, LayoutSink, NativeLayout, ReplySink, Sink, ZmqSink
@@ -55,6 +56,8 @@ if TYPE_CHECKING:
 
 #: Where answers go unless the user says otherwise: a port that none of the usual receivers uses.
 OSC_OUT = "127.0.0.1:9311"
+#: The addresses of all of a machine's networks, and of the machine itself.
+_ANY_HOST, _THIS_MACHINE = ("0.0.0.0", "::"), ("127.0.0.1", "::1")  # noqa: S104 - compared, not bound
 #: Times a second the table is drawn.
 _REDRAWS = 5
 #: Seconds a thread may keep Python's lock while another waits. Drawing takes longer than a frame may wait.
@@ -140,7 +143,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         metavar="NAME[=HOST:PORT]",
-        help="answer in the layout of touchdesigner, max, wekinator, vmc-thru, vrchat or native; sender:PORT replies",
+        help="answer as these programs hear it, several at once: " + ", ".join(LAYOUTS) + "; sender:PORT replies",
     )
     parser.add_argument(
         "--joints",
@@ -212,7 +215,7 @@ def recognise(
         motions = fitted(motions, "--joints", joints)
     _require_room_for(motions, settings)
     sent = SentJoints(joints, feed.naming, RestrictedBeside(motions, settings))
-    performers = Performers(motions, settings, most=most, joints=sent)
+    performers = Performers(motions, settings, most=most, joints=sent, opener=BackgroundOpener())
     shown: PlainLines | LiveTable = PlainLines() if plain or not console.is_terminal else LiveTable(motions.classes)
     admission = Admission(silence=performers.silence, merge=guard.merge, allowed=guard.performers)
     networks = [ipaddress.ip_network(each, strict=False) for each in guard.networks]
@@ -324,10 +327,24 @@ def _open(
         for out in feed.outs:
             sinks.append(_layout_sink(out, receivers, admission))
             opened.callback(sinks[-1].close)
+        _require_no_loop(receivers, sinks)
         # Last, because it may take another file's place.
         writer = _writer(record, receivers, preset) if record else None
         opened.pop_all()
     return receivers, sinks, writer
+
+
+def _require_no_loop(receivers: Sequence[_AnyReceiver], sinks: Sequence[Sink]) -> None:
+    """Refuse answers to a port that frames come in on: they would be taken for frames."""
+    heard = [receiver.address for receiver in receivers if isinstance(receiver, osc.OscReceiver)]
+    for sink in sinks:
+        sender = sink.sender if isinstance(sink, LayoutSink) else None
+        if not isinstance(sender, osc.OscSender):
+            continue
+        host, port = sender.target[:2]
+        for own, listening in heard:
+            if port == listening and (host == own or (own in _ANY_HOST and host in (*_ANY_HOST, *_THIS_MACHINE))):
+                raise ValueError(f"--out: expected another place than {own}:{listening}, where frames come in: {sink}")
 
 
 def _writer(record: Path, receivers: Sequence[_AnyReceiver], preset: Preset | None) -> RawWriter:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
@@ -10,18 +10,31 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
-#: Results go to standard output, plain when it is not a terminal. Names come from files and from the net: text in a
-#: name that looks like rich's markup is printed as it is, and cannot end a program.
-console = Console(highlight=False, markup=False, emoji=False)
-#: Progress goes to standard error, so that it never mixes with results.
-progress_console = Console(stderr=True)
+    from rich.text import Text
 
 _Item = TypeVar("_Item")
 
 
-def printable(name: str) -> str:
-    """Replace the characters of a name from the net that would steer the terminal or break the line."""
-    return "".join(character if character.isprintable() else "\N{REPLACEMENT CHARACTER}" for character in name)
+def printable(name: str, kept: str = "") -> str:
+    """Give a name from a file or the net without what would steer the terminal or break the line, but for `kept`."""
+    return "".join(
+        character if character.isprintable() or character in kept else "\N{REPLACEMENT CHARACTER}" for character in name
+    )
+
+
+class _PrintableConsole(Console):
+    """A console that whatever a file or a sender wrote cannot steer."""
+
+    def render_str(self, text: str, **options: Any) -> Text:  # noqa: ANN401 - rich's own, passed on
+        """Render text without control characters; lines and tabs stay."""
+        return super().render_str(printable(text, "\n\t"), **options)
+
+
+#: Results go to standard output, plain when it is not a terminal. Names come from files and from the net: what looks
+#: like rich's markup in them is a name too, and must not be able to end a program.
+console = _PrintableConsole(highlight=False, markup=False, emoji=False)
+#: Progress goes to standard error, so that it never mixes with results.
+progress_console = Console(stderr=True)
 
 
 def progress(work: Iterable[_Item], what: str, total: int | None) -> Iterator[_Item]:

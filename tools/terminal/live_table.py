@@ -42,6 +42,7 @@ class PlainLines(Sink):
         self._labels: dict[str, str] = {}
         self._refused: dict[str, str] = {}
         self._notes: set[str] = set()
+        self._doubted: dict[str, str] = {}
         self._compared: dict[str, str] = {}
 
     def publish(self, recognition: Recognition) -> None:
@@ -66,6 +67,10 @@ class PlainLines(Sink):
         for name, why in status.refused.items():
             if self._refused.get(name) != why:
                 console.print(refused_frames(name, why), soft_wrap=True)
+        for name, what in status.doubted.items():
+            if self._doubted.get(name) != what:
+                console.print(doubted_joints(name, what), soft_wrap=True)
+        self._doubted = status.doubted
         for name, what in status.compared.items():
             if self._compared.get(name) != what:
                 console.print(compared_joints(name, what), soft_wrap=True)
@@ -144,8 +149,14 @@ class LiveTable(Sink):
             return f"{len(self._classes)} classes"
         told = "".join(f"\n{compared_joints(name, what)}" for name, what in status.compared.items())
         told += "".join(f"\n{refused_frames(name, why)}" for name, why in status.refused.items())
+        told += "".join(f"\n{doubted_joints(name, what)}" for name, what in status.doubted.items())
         told += "".join(f"\n{printable(note)}" for note in status.notes)
         return f"{len(self._classes)} classes · {counts(status)}{told}"
+
+
+def doubted_joints(performer: str, what: str) -> str:
+    """Say which of a performer's joints cannot be believed."""
+    return f"performer {printable(performer)}: {what}"
 
 
 def compared_joints(performer: str, what: str) -> str:

@@ -339,6 +339,7 @@ def any_index(request: pytest.FixtureRequest, arithmetic: str) -> WindowIndex:  
     return opened(library.restricted_to(STICK.joints[:5]) if request.param == "fewer joints" else library)
 
 
+@pytest.mark.slow
 @given(
     positions=st.lists(st.lists(STRANGE, min_size=18, max_size=18), min_size=1, max_size=4),
     steps=st.lists(STEPS, min_size=20, max_size=60),
@@ -365,17 +366,16 @@ def test_nothing_that_is_a_frame_stops_it(
     assert counts.frames + counts.out_of_order == len(steps)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("signature", LiveSignature)
 @pytest.mark.parametrize("place", [0.0, 1.5])
-def test_all_joints_in_one_point_are_a_body_that_is_still(
-    any_index: WindowIndex, place: float, signature: LiveSignature
-) -> None:
-    """What some trackers send who see nobody, all joints at the origin, is still; whoever comes then is recognised."""
+def test_all_joints_in_one_point_are_no_body(any_index: WindowIndex, place: float, signature: LiveSignature) -> None:
+    """All joints at the origin, as some trackers send without a body, are no motion; a body that comes is named."""
     shape = (len(any_index.library.skeleton.joints), 3)
     nobody = [Frame("p", index / 120, np.full(shape, place)) for index in range(360)]
     recognizer = Recognizer(any_index, Settings(signature=signature))
     answers = _pushed(recognizer, nobody)
-    assert {answer.outcome for answer in answers} == {Outcome.STILL}
+    assert {answer.outcome for answer in answers} <= {Outcome.STILL, Outcome.IMPLAUSIBLE}
     assert {answer.movement for answer in answers} == {0.0}
     assert np.isfinite([answer.scores for answer in answers]).all()
     bow = [Frame("p", each.time, each.positions[: shape[0]]) for each in _frames("bow", start=3.0)]

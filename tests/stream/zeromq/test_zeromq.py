@@ -249,9 +249,9 @@ def test_bodies_of_absurd_size(joints: int) -> None:
 
 @pytest.mark.parametrize("number", [np.nan, np.inf, -np.inf, 3e38])
 def test_positions_that_are_none(number: float) -> None:
-    """NaN, an infinity or a joint beyond any stage is a FormatError."""
+    """NaN for all joints, an infinity or a joint beyond any stage is a FormatError."""
     positions = POSITIONS.astype("<f4")
-    positions[1] = number
+    positions[:] = number
     with pytest.raises(FormatError, match="positions"):
         zeromq.decode([TOPIC, HEADER, positions.tobytes()], 1.0)
 
@@ -317,6 +317,7 @@ def test_random_parts_raise_nothing_else(parts: list[bytes]) -> None:
     assert numbered.frame.positions.shape == (3, 3)
 
 
+@pytest.mark.slow
 @given(
     header=st.dictionaries(
         st.sampled_from(["v", "seq", "t", "shape", "dtype", "joints"]),
@@ -361,6 +362,7 @@ def test_an_answer_holds_the_recognition() -> None:
         "class": "jump",
         "guess": NAMED.class_name,
         "index": 1,
+        "guess_index": 1,
         "outcome": "named",
         "score": 0.75,
         "runner_up": "bow",
@@ -400,7 +402,8 @@ def _dumped(recognition: Recognition) -> dict[str, object]:
         "t": recognition.time,
         "class": recognition.class_name,
         "guess": recognition.classes[recognition.best] if recognition.guess_index >= 0 else None,
-        "index": recognition.guess_index,
+        "index": recognition.class_index,
+        "guess_index": recognition.guess_index,
         "outcome": recognition.outcome,
         "score": float(recognition.scores[recognition.best]),
         "runner_up": recognition.classes[second[0]] if second else None,
@@ -489,6 +492,13 @@ def test_real_answers_are_what_json_dumps_writes(signature: LiveSignature, some_
         assert json.loads(zeromq.encode_recognition(answer)[1]) == _dumped(answer)
 
 
+def test_who_has_left_has_no_class() -> None:
+    """The last answer about a performer names nothing and says why; listeners read it as any other."""
+    parts = zeromq.encode_gone("Zoë 1")
+    assert parts[0] == "class/Zoë 1/".encode()
+    assert zeromq.decode_answer(parts) == Answer("Zoë 1", -1, 0.0, 0.0, "gone")
+
+
 @pytest.mark.parametrize("outcome", [Outcome.STILL, Outcome.AMBIGUOUS])
 def test_without_a_class_it_is_null(outcome: Outcome) -> None:
     """Without a class the name is null, the index -1 and the outcome says why."""
@@ -501,7 +511,7 @@ def test_without_a_class_it_is_null(outcome: Outcome) -> None:
 def test_an_answer_is_read_as_it_was_sent(outcome: Outcome) -> None:
     """A listener reads who, which class, score, margin and label."""
     recognition = dataclasses.replace(NAMED, performer="Zoë 1", outcome=outcome)
-    expected = Answer("Zoë 1", recognition.guess_index, 0.75, recognition.margin, recognition.label)
+    expected = Answer("Zoë 1", recognition.class_index, 0.75, recognition.margin, recognition.label)
     assert zeromq.decode_answer(zeromq.encode_recognition(recognition)) == expected
 
 

@@ -29,6 +29,8 @@ if TYPE_CHECKING:
 
     from kinespace.tools.evaluation.timeline import Course
 
+pytestmark = pytest.mark.slow
+
 KEYS = [
     "frame_accuracy",
     "segment_accuracy",

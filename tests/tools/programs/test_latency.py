@@ -19,6 +19,8 @@ from kinespace.tools.loopback.service_process import BackgroundService
 from kinespace.tools.programs.latency import Latency, measure
 from kinespace.tools.terminal.console import console
 
+pytestmark = pytest.mark.slow
+
 KEYS = {
     "transport",
     "rate_hz",

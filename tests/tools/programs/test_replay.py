@@ -34,6 +34,8 @@ if TYPE_CHECKING:
 
     from kinespace.library import Clip
 
+pytestmark = pytest.mark.slow
+
 #: Fast enough that nobody waits long, slow enough that a busy machine keeps up.
 SPEED = 8.0
 KEYS = {"sent", "failed", "answers", "right"}

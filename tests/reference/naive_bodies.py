@@ -1,0 +1,39 @@
+"""The slow twin of plausibility: lengths, steps and frozen joints, one joint and one frame at a time."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    Place = Sequence[float]
+    Posture = Sequence[Place]
+
+
+def length(one: Place, other: Place) -> float:
+    """Say how far two places are apart, metres."""
+    return math.sqrt(sum((a - b) ** 2 for a, b in zip(one, other, strict=True)))
+
+
+def segment_lengths(posture: Posture, parents: Sequence[int]) -> list[float]:
+    """Measure each joint's distance from its parent, in the order of the joints that have one."""
+    return [length(posture[joint], posture[parent]) for joint, parent in enumerate(parents) if parent >= 0]
+
+
+def step_length(before: Posture, after: Posture, jumping: int) -> float:
+    """Give how far the so-many-th farthest joint steps, the body's own step, the middle one on each axis, apart."""
+    steps = [[b - a for a, b in zip(*pair, strict=True)] for pair in zip(before, after, strict=True)]
+    own = [_median([step[axis] for step in steps]) for axis in range(3)]
+    return sorted((length(step, own) for step in steps), reverse=True)[jumping - 1]
+
+
+def keeps_its_place(places: Sequence[Place], within: float) -> bool:
+    """Say whether a joint stays within some metres on each axis."""
+    return all(max(p[axis] for p in places) - min(p[axis] for p in places) < within for axis in range(3))
+
+
+def _median(numbers: Sequence[float]) -> float:
+    ordered, middle = sorted(numbers), len(numbers) // 2
+    return ordered[middle] if len(numbers) % 2 else (ordered[middle - 1] + ordered[middle]) / 2

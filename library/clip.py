@@ -41,6 +41,9 @@ class Clip:
         the comparison of spaces (`library.retrieval.experiment`) looks at them.
     filled
         How many of the frames × joints positions the source lacks and straight lines stand for.
+    gaps
+        From when to when nothing was seen for longer than straight lines may stand for, seconds from the clip's start:
+        the body stands there where it was last seen. Motions are not cut across them.
 
     Raises
     ------
@@ -61,6 +64,7 @@ class Clip:
     attribution: str = ""
     rotations: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 0)), repr=False)
     filled: int = 0
+    gaps: tuple[tuple[float, float], ...] = ()
 
     def __post_init__(self) -> None:
         joints = len(self.skeleton.joints)

@@ -7,7 +7,7 @@ from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
-from kinespace.library.formats import acclaim, bvh, c3d, trc, utkinect
+from kinespace.library.formats import acclaim, bvh, c3d, joint_table, trc, utkinect
 from kinespace.library.formats.c3d_process import C3dProcess
 from kinespace.library.formats.errors import RecordingError
 from kinespace.library.formats.joint_choice import chosen
@@ -31,9 +31,12 @@ __all__ = [
 ]
 
 _AMC, _BVH, _C3D = ".amc", ".bvh", ".c3d"
+#: A raw recording of a feed: decoded by who receives feeds, so its reader is handed in (`Reading.raw`).
+RAW = ".kinerec"
 #: Readers of the files that hold their own skeleton, by ending.
 _READERS: dict[str, Callable[..., Clip]] = {_BVH: bvh.read_clip, _C3D: c3d.read_clip, ".trc": trc.read_clip}
-_ENDINGS = (_AMC, *_READERS)
+_ENDINGS = (_AMC, *_READERS, RAW)
+_TABLES = (".csv", ".npz")
 
 
 class ActorIn(StrEnum):
@@ -62,6 +65,9 @@ class Reading:
         Which joints or markers, by names and patterns (`library.formats.joint_choice.chosen`); all when there are none.
     actor_in
         Where `labelled` finds who performs.
+    raw
+        Reads a raw recording: one clip for each performer, each from the recording's beginning. None: such a file is
+        refused.
 
     Raises
     ------
@@ -74,6 +80,7 @@ class Reading:
     unit: str = ""
     joints: tuple[str, ...] = ()
     actor_in: ActorIn = ActorIn.NOWHERE
+    raw: Callable[[Path], Sequence[Clip]] | None = field(default=None, compare=False)
     metres_per_unit: float | None = field(init=False)
 
     def __post_init__(self) -> None:
@@ -84,8 +91,9 @@ class Reading:
 
 
 def is_recording(path: Path) -> bool:
-    """Whether a file's ending, or UTKinect's kind of name, is that of a format we read."""
-    return path.suffix.lower() in _ENDINGS or utkinect.is_take(path)
+    """Whether a file is of a format we read: by its ending, or UTKinect's kind of name, or the columns of a table."""
+    ending = path.suffix.lower()
+    return ending in _ENDINGS or utkinect.is_take(path) or (ending in _TABLES and joint_table.is_joint_table(path))
 
 
 def find_recordings(places: Sequence[Path]) -> list[Path]:
@@ -151,8 +159,8 @@ class RecordingReader:
     def __exit__(self, *_: object) -> None:
         self._process.close()
 
-    def clip(self, path: Path) -> Clip:
-        """Read one.
+    def clips(self, path: Path) -> Sequence[Clip]:
+        """Read one: a clip for each performer that it tells apart, as only a raw recording does.
 
         Raises
         ------
@@ -161,7 +169,30 @@ class RecordingReader:
         OSError
             A file that cannot be opened.
         """
+        if path.suffix.lower() != RAW:
+            return [self.clip(path)]
+        if self._reading.raw is None:
+            raise RecordingError(f"{path}: expected a motion file, got a raw recording: kinespace convert makes one")
+        return [self._chosen(clip, path) if self._reading.joints else clip for clip in self._reading.raw(path)]
+
+    def clip(self, path: Path) -> Clip:
+        """Read one of a single performer.
+
+        Raises
+        ------
+        RecordingError
+            As `clips`, or a recording of several.
+        OSError
+            A file that cannot be opened.
+        """
         self._require_recording(path)
+        if path.suffix.lower() == RAW:
+            clips = self.clips(path)
+            if len(clips) > 1:
+                raise RecordingError(f"{path}: several performers are in it ({', '.join(c.actor for c in clips)})")
+            return clips[0]
+        if path.suffix.lower() in _TABLES:
+            return joint_table.read_clip(path, **self._options(path))
         if reader := utkinect.read_clip if utkinect.is_take(path) else _READERS.get(path.suffix.lower()):
             return reader(path, **self._options(path))
         return self._chosen(acclaim.read_clip(path, self._body(path), frame_rate=self._reading.frame_rate), path)

@@ -80,6 +80,7 @@ def _parser() -> argparse.ArgumentParser:
         _add_record,
         _add_convert,
         _add_latency,
+        _add_cut,
         _add_build,
         _add_learn,
         _add_info,
@@ -328,6 +329,36 @@ def _run_latency(parsed: argparse.Namespace) -> int:
     )
 
 
+def _add_cut(programs: Programs[argparse.ArgumentParser]) -> None:
+    cut = programs.add_parser(
+        "cut",
+        help="propose labels for a recording: a row for each movement",
+        description="Writes start_s,end_s,label,performer for each movement between two stillnesses, each label empty: "
+        "fill in the classes, and kinespace build --labels makes a library of them.",
+    )
+    cut.add_argument("source", type=Path, metavar="FILE", help="a .kinerec or a motion file")
+    cut.add_argument("-o", "--output", type=Path, metavar="CSV", help="default: beside the recording, called like it")
+    cut.add_argument(
+        "--stillness", type=positive, default=0.01, help="movement, relative to the body, of who stands still (0.01)"
+    )
+    add_overwrite(cut)
+    _add_recorded_feed(cut)
+    add_reading(cut)
+    cut.set_defaults(run=_run_cut)
+
+
+def _run_cut(parsed: argparse.Namespace) -> int:
+    from kinespace.tools.programs import cut  # noqa: PLC0415 - as above
+
+    return cut.run(
+        parsed.source,
+        parsed.output,
+        reading=reading_of(parsed),
+        stillness=parsed.stillness,
+        overwrite=parsed.overwrite,
+    )
+
+
 def _add_build(programs: Programs[argparse.ArgumentParser]) -> None:
     build = programs.add_parser(
         "build",
@@ -340,6 +371,7 @@ def _add_build(programs: Programs[argparse.ArgumentParser]) -> None:
     add_overwrite(build)
     add_changes(build)
     add_labels(build, "for each recording, in order: cut it into these motions")
+    _add_recorded_feed(build)
     add_reading(build)
     add_actor_in(build)
     build.add_argument("--licence", help="terms of the recordings (default: HDM05's, of those that are named so)")

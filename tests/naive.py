@@ -49,12 +49,6 @@ def covariance(rows: Matrix) -> Matrix:
     return np.atleast_2d(np.cov(rows, rowvar=False))
 
 
-def gram(rows: Matrix) -> Matrix:
-    """Take the inner products of the rows' deviations from their mean."""
-    deviations = rows - rows.mean(axis=0)
-    return np.array([[float(one @ other) for other in deviations] for one in deviations])
-
-
 def leading_eigenvector(matrix: Matrix) -> tuple[float, Matrix]:
     """Solve the whole eigenproblem and keep the largest."""
     values, vectors = np.linalg.eigh(matrix)
@@ -76,16 +70,6 @@ def first_axis_by_svd(rows: Matrix) -> tuple[float, Matrix]:
 def score(first: Iterable[float], second: Iterable[float]) -> float:
     """Compare two axes: the absolute inner product."""
     return abs(math.fsum(a * b for a, b in zip(first, second, strict=True)))
-
-
-def match(axes: Matrix, class_names: Sequence[str], axis: Matrix) -> tuple[list[float], dict[str, float]]:
-    """Score an axis against each motion, and keep the best of each class."""
-    scores = [score(row, axis.tolist()) for row in axes.tolist()]
-    best: dict[str, float] = {}
-    for class_name, value in zip(class_names, scores, strict=True):
-        if class_name not in best or value > best[class_name]:
-            best[class_name] = value
-    return scores, best
 
 
 def neighbours(scores: Matrix, asking: int, allowed: Iterable[int]) -> list[int]:

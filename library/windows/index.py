@@ -20,7 +20,7 @@ from kinespace.library.windows.parts import EIGEN_LONG
 from kinespace.library.windows.rejection import Rejection, learned_rejection, typical_evidence
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Iterable, Mapping, Sequence
 
     from numpy.typing import NDArray
 
@@ -54,6 +54,8 @@ class WindowIndex:
         The leading eigenvector of each window over two seconds, in the basis, shape (windows, directions), float32.
     motions
         Index of each window's motion, ascending, shape (windows,).
+    judged_by
+        How a known motion is told from an unknown one; None where the motions teach it when it is first asked for.
     classes
         All class names that windows have, sorted; `nothing` among them when the library holds such motions.
     """
@@ -65,6 +67,7 @@ class WindowIndex:
     vectors: tuple[NDArray[np.float32], ...] = field(repr=False)
     eigenvectors: NDArray[np.float32] = field(repr=False)
     motions: NDArray[np.intp] = field(repr=False)
+    judged_by: Rejection | None = field(default=None, repr=False)
     classes: tuple[str, ...] = field(init=False)
     blocks: Blocks = field(init=False, repr=False)
     _windows: Windows = field(init=False, repr=False)
@@ -75,14 +78,13 @@ class WindowIndex:
         object.__setattr__(self, "classes", tuple(classes))
         people = [self.library.motions[index].actor for index in self.motions]
         object.__setattr__(self, "blocks", Blocks.of(np.searchsorted(classes, names), people))
-        object.__setattr__(self, "vectors", tuple(rounded(each) for each in self.vectors))
         windows = Windows(self.comparison, self.vectors, self.eigenvectors, self.blocks)
         object.__setattr__(self, "_windows", windows)
 
     @property
     def rejection(self) -> Rejection:
         """How a known motion is told from an unknown one; learned from the motions when first asked for."""
-        return _rejection(self)
+        return self.judged_by or _rejection(self)
 
     @classmethod
     def of(cls, library: MotionLibrary, teacher: MotionLibrary | None = None, weighing: Weighing | None = None) -> Self:
@@ -105,24 +107,57 @@ class WindowIndex:
         weighing = weighing or usual_weighing(library)
         teacher = teacher or teacher_of(library)
         body, basis = Body.of(teacher.skeleton), learned_basis(teacher)
-        clips, ends, motions = measured_clips(teacher, _EVERY_SEVERAL, weighing.first)
-        cut = CutWindows(clips, ends, body, basis)
+        cut, motions = _cut(teacher, body, basis, _EVERY_SEVERAL, weighing.first)
         comparison = Comparison.learned(weighing, cut.numbers(), _lessons(teacher, motions))
         if library is not teacher:
-            clips, ends, motions = measured_clips(library, first=weighing.first)
-            cut = CutWindows(clips, ends, body, basis)
+            cut, motions = _cut(library, body, basis, _every(library), weighing.first)
         return cls(
             library,
             body,
             basis,
             comparison,
-            vectors=tuple(comparison.place(cut.numbers())),
-            eigenvectors=cut.eigenpairs[EIGEN_LONG.seconds].vectors[:, 0].astype(np.float32),
+            vectors=tuple(rounded(each) for each in comparison.place(cut.numbers())),
+            eigenvectors=_leading(cut),
             motions=motions,
         )
 
     def __len__(self) -> int:
         return len(self.motions)
+
+    def with_motions(self, clips: Iterable[Clip]) -> WindowIndex:
+        """Add clips to the library, each as one motion, and cut their windows.
+
+        Basis, metrics and rejection stay as they were learned; `of` learns them anew. So this takes milliseconds, and a
+        feed goes on without a pause (`stream.recognizer.Recognizer.exchange`).
+
+        Raises
+        ------
+        ValueError
+            A clip has no class name, too few frames, no movement, or joints more than a kilometre away; or no clip is
+            long enough for a window.
+        SkeletonMismatchError
+            A clip has not the library's joints.
+        """
+        library = self.library.with_motions(clips)
+        known = {id(motion) for motion in self.library.motions}
+        # The motions that were there before stay in their order.
+        is_new = np.array([id(motion) not in known for motion in library.motions])
+        before, added = np.flatnonzero(~is_new), np.flatnonzero(is_new)
+        taught = replace(library, motions=tuple(library.motions[place] for place in added))
+        cut, motions = _cut(taught, self.body, self.basis, _every(library), self.comparison.weighing.first)
+        motions = np.concatenate([before[self.motions], added[motions]])
+        order = np.argsort(motions, kind="stable")
+        placed = [rounded(each) for each in self.comparison.place(cut.numbers())]
+        index = replace(
+            self,
+            library=library,
+            vectors=tuple(np.concatenate(each)[order] for each in zip(self.vectors, placed, strict=True)),
+            eigenvectors=np.concatenate([self.eigenvectors, _leading(cut)])[order],
+            motions=motions[order],
+            judged_by=self.rejection,
+        )
+        index.prepare()
+        return index
 
     def without(self, motions: Sequence[int]) -> WindowIndex:
         """Give the index without the windows of some motions; the metrics stay as they were learned."""
@@ -154,6 +189,10 @@ class WindowIndex:
         (views, classes).
         """
         return self._windows.compared(numbers)
+
+    def prepare(self) -> None:
+        """Do now what the first comparison would wait for."""
+        self._windows.prepare()
 
     def own_distances(self, window: int, left_out: NDArray[np.bool_]) -> NDArray[np.float64]:
         """Compare one of the library's own windows with the others, some of them left out.
@@ -270,13 +309,32 @@ def measured_clips(
     ValueError
         No motion is long enough for a window.
     """
-    every = every or (_EVERY_SEVERAL if len(library.actors) > 1 else _EVERY_ONE)
+    every = every or _every(library)
     clips = [_thinned(clip) for clip in library.motions]
     ends = [window_ends(clip, every, first) for clip in clips]
     motions = np.repeat(np.arange(len(clips)), [len(each) for each in ends])
     if not len(motions):
         raise ValueError("library: expected a motion long enough for a window, got none")
     return clips, ends, motions
+
+
+def _every(library: MotionLibrary) -> float:
+    """Say how many seconds lie between two windows of a motion that are kept."""
+    return _EVERY_SEVERAL if len(library.actors) > 1 else _EVERY_ONE
+
+
+def _cut(
+    library: MotionLibrary, body: Body, basis: Basis, every: float, first: float
+) -> tuple[CutWindows, NDArray[np.intp]]:
+    """Cut a library's motions into windows; give them, and for each the index of its motion."""
+    clips, ends, motions = measured_clips(library, every, first)
+    return CutWindows(clips, ends, body, basis), motions
+
+
+def _leading(cut: CutWindows) -> NDArray[np.float32]:
+    """Give the leading eigenvector of each window over two seconds, shape (windows, directions)."""
+    leading: NDArray[np.float32] = cut.eigenpairs[EIGEN_LONG.seconds].vectors[:, 0].astype(np.float32)
+    return leading
 
 
 def _thinned(clip: Clip) -> Clip:

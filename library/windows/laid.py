@@ -53,6 +53,11 @@ class Windows:
         # What is compiled cannot be copied; a copy lays the windows out anew.
         return self.__dict__ | {"_table": None}
 
+    def prepare(self) -> None:
+        """Lay the windows out now, so that the first hop does not wait for it."""
+        if self._compiled() is None:
+            self._lay_out_groups()
+
     def compared(self, numbers: Mapping[Part, NDArray[np.float64]]) -> NDArray[np.float64]:
         """Do what `WindowIndex.log_distances` does."""
         table = self._compiled()
@@ -64,8 +69,7 @@ class Windows:
 
     def weighed(self, vectors: Sequence[NDArray[np.float32]]) -> NDArray[np.float32]:
         """Weigh the log distances of one window, by the vector of each group, to all windows: (views, windows)."""
-        if not self._groups:
-            self._groups = tuple(_Group(each) for each in self._vectors)
+        self._lay_out_groups()
         logs = np.empty((len(vectors), len(self._eigenvectors)), dtype=np.float32)
         for log, vector, group in zip(logs, vectors, self._groups, strict=True):
             group.squared_distances(vector, log)
@@ -78,6 +82,10 @@ class Windows:
         """Do what `WindowIndex.eigenvector_scores` does."""
         products = np.abs(eigenvector.astype(np.float32) @ self._transposed)
         return np.maximum.reduceat(products, self._blocks.class_starts).astype(np.float64)
+
+    def _lay_out_groups(self) -> None:
+        if not self._groups:
+            self._groups = tuple(_Group(each) for each in self._vectors)
 
     def _compiled(self) -> compiled.Table | None:
         """Give the windows as the compiled loops have them, laid out when first asked for.

@@ -16,6 +16,8 @@ from kinespace.stream.recognition import Event, EventKind, Outcome
 from kinespace.stream.recognizer.hysteresis import PER_SECOND, Hysteresis
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from kinespace.stream.recognition import Recognition
 
 #: Seconds of stillness, and of unknown or ambiguous movement, after which a motion has ended.
@@ -68,6 +70,23 @@ class EventDetector:
         self._hysteresis.clear()
         self._last = math.nan
         return replace(begun, kind=EventKind.END, time=time) if begun else None
+
+    def exchange(self, places: Mapping[int, int], time: float) -> Event | None:
+        """Go on with classes that have other places; end the motion that goes on if its class is gone.
+
+        Parameters
+        ----------
+        places
+            The new index of each class that stays.
+        time
+            When, seconds.
+        """
+        active = self._active
+        if active and active.index not in places:
+            return self.end(time)
+        self._active = active and replace(active, index=places[active.index])
+        self._hysteresis.exchange(self._needed, {**places, _NONE: _NONE})
+        return None
 
     def _pace(self, recognition: Recognition, named: int) -> float:
         """Say how fast this recognition gathers lead, in log distance."""

@@ -8,6 +8,10 @@ guess needs little (`library.windows.comparison.Weighing.lead`), a start event m
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
 
 #: Seconds over which the evidence for a known motion is averaged.
 _KNOWN_OVER = 0.3
@@ -41,6 +45,13 @@ class Hysteresis:
         self.current: int | None = None
         self._leader: int | None = None
         self._lead = 0.0
+
+    def exchange(self, needed: float, places: Mapping[int, int]) -> None:
+        """Go on with another lead that is needed, and with indices that have other places; the others are gone."""
+        self._needed = needed
+        self.current = None if self.current is None else places.get(self.current)
+        leader = None if self._leader is None else places.get(self._leader)
+        self._leader, self._lead = leader, 0.0 if leader is None else self._lead
 
     def push(self, leader: int, pace: float, elapsed: float) -> bool:
         """Take in which index is in front.
@@ -89,6 +100,10 @@ class Judgement:
         """Forget everything, as at the start."""
         self.average = math.nan
         self._known = False
+
+    def exchange(self, threshold: float) -> None:
+        """Go on with another threshold."""
+        self._threshold = threshold
 
     def push(self, logit: float, elapsed: float) -> bool:
         """Take in the evidence of the newest window, so many seconds after the last; say whether the guess is known."""

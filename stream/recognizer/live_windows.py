@@ -24,13 +24,14 @@ from kinespace.stream.recognizer.rolling import RollingCovariance, RollingMoment
 from kinespace.stream.recognizer.sliding_window import MAX_PENDING, ShorterWindow, SlidingWindow
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Iterator, Mapping, Sequence
 
     from numpy.typing import NDArray
 
     from kinespace.library.windows.basis import Basis
     from kinespace.library.windows.body import Body
     from kinespace.library.windows.parts import Part
+    from kinespace.stream.recognizer.sliding_window import Window
 
 
 class LiveSignature(NamedTuple):
@@ -79,23 +80,48 @@ class LiveWindows:
     """
 
     def __init__(self, body: Body, basis: Basis) -> None:
-        self._body, self._directions = body, basis.directions
-        self._paths = np.ascontiguousarray(body.paths.T)
-        pairs, directions = basis.directions.shape
-        self._distances, distances = _windows(DISTANCE_LENGTHS, pairs)
-        self._points, points = _windows(BASIS_LENGTHS, directions)
-        self._moments = tuple(RollingMoments(each, pairs) for each in distances)
-        self._covariances = tuple(RollingCovariance(each, directions) for each in points)
+        self._set_body(body)
+        self.longest = max(*DISTANCE_LENGTHS, *BASIS_LENGTHS)
+        pairs = len(basis.directions)
+        # Rows are kept for as long as points are: in another basis they have other points.
+        self._distances = SlidingWindow(self.longest, pairs)
+        self._shorter = tuple(ShorterWindow(self._distances, seconds) for seconds in DISTANCE_LENGTHS)
+        self._moments = tuple(RollingMoments(each, pairs) for each in self._shorter)
+        self._set_basis(basis)
+
+    def _set_body(self, body: Body) -> None:
+        self._body, self._paths = body, np.ascontiguousarray(body.paths.T)
+
+    def _set_basis(self, basis: Basis) -> None:
+        self._directions = basis.directions
+        directions = basis.directions.shape[1]
+        self._points = SlidingWindow(BASIS_LENGTHS[-1], directions)
+        shorter = [ShorterWindow(self._points, seconds) for seconds in BASIS_LENGTHS[:-1]]
+        windows: list[Window] = [*shorter, self._points]
+        self._covariances = tuple(RollingCovariance(each, directions) for each in windows)
         # What is shorter follows first.
         self._rolling = (*self._moments, *self._covariances)
-        self._all = (self._distances, self._points, *distances, *points, *self._rolling)
+        self._windows: tuple[SlidingWindow | ShorterWindow, ...]
+        self._windows = (self._distances, self._points, *self._shorter, *shorter)
         self._pairs_found = min(EIGENVECTORS, directions)
-        self.longest = max(*DISTANCE_LENGTHS, *BASIS_LENGTHS)
+
+    def exchange(self, body: Body, basis: Basis) -> None:
+        """Follow the same rows, in another basis of the same distances and measured by another body."""
+        self._set_body(body)
+        if np.array_equal(basis.directions, self._directions):
+            return
+        self._settle()
+        self._set_basis(basis)
+        for times, rows in _batches(self._distances):
+            self._points.push(times, rows @ self._directions)
+            self._settle()
 
     def clear(self) -> None:
         """Forget all rows."""
-        for each in self._all:
-            each.clear()
+        for window in self._windows:
+            window.clear()
+        for rolling in self._rolling:
+            rolling.clear()
 
     def push(self, times: Sequence[float], rows: NDArray[np.float64]) -> None:
         """Take in distance rows, shape (frames, pairs), metres; `MAX_PENDING` at most, later than those before."""
@@ -107,6 +133,7 @@ class LiveWindows:
     def _settle(self) -> None:
         for each in self._rolling:
             each.update()
+        self._distances.take_change()
 
     def read(self) -> LiveSignature:
         """Read the signature of the windows that end with the newest row; needs a row."""
@@ -167,10 +194,11 @@ _PLACES = tuple(
 )
 
 
-def _windows(lengths: Sequence[float], width: int) -> tuple[SlidingWindow, list[SlidingWindow | ShorterWindow]]:
-    """Make windows of several lengths of the same rows, the shortest first; give the longest, and all."""
-    longest = SlidingWindow(lengths[-1], width)
-    return longest, [*(ShorterWindow(longest, seconds) for seconds in lengths[:-1]), longest]
+def _batches(window: SlidingWindow) -> Iterator[tuple[list[float], NDArray[np.float64]]]:
+    """Give the times and rows that are in a window, as many at a time as may be pushed to another."""
+    for begin in range(0, len(window), MAX_PENDING):
+        some = slice(begin, begin + MAX_PENDING)
+        yield window.times[some].tolist(), window.rows[some]
 
 
 def _signature(  # noqa: PLR0913, PLR0917 - what is read of the windows
@@ -215,12 +243,24 @@ class PaperWindow:
     """
 
     def __init__(self, basis: Basis, seconds: float) -> None:
-        pairs, directions = basis.directions.shape
-        self._directions = basis.directions
-        self._points = SlidingWindow(seconds, directions)
+        pairs = len(basis.directions)
         self._distances = SlidingWindow(seconds, pairs)
-        self._covariance = RollingCovariance(self._points, directions)
         self._moments = RollingMoments(self._distances, pairs)
+        self._set_basis(basis)
+
+    def _set_basis(self, basis: Basis) -> None:
+        self._directions = basis.directions
+        directions = basis.directions.shape[1]
+        self._points = SlidingWindow(self._distances.seconds, directions)
+        self._covariance = RollingCovariance(self._points, directions)
+
+    def exchange(self, basis: Basis) -> None:
+        """Follow the same rows in another basis of the same distances."""
+        self._settle()
+        self._set_basis(basis)
+        for times, rows in _batches(self._distances):
+            self._points.push(times, rows @ self._directions)
+            self._settle()
 
     def clear(self) -> None:
         """Forget all rows."""

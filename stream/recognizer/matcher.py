@@ -8,8 +8,10 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from kinespace.library.motion_library import NOTHING
+from kinespace.library.motion_library import NOTHING, MotionLibrary
 from kinespace.library.windows.cutting import FIRST_WINDOW
+from kinespace.library.windows.index import opened
+from kinespace.library.windows.paper import opened_by_paper
 from kinespace.library.windows.rejection import MAX_LEAD, Evidence
 from kinespace.stream.recognition import Outcome
 from kinespace.stream.recognizer.hysteresis import Hysteresis, Judgement
@@ -29,6 +31,8 @@ _MIN_FRAMES = 3
 _TIE = 1e-6
 #: Seconds that the first reading counts for.
 _FIRST_HOP = 1 / 30
+#: Share of unknown time that may be named, where strangers taught what is unknown and where the library's own people.
+_SENSITIVITY_LEARNED, _SENSITIVITY_OWN = 0.1, 0.2
 #: Added to 1 − |inner product|² before the logarithm.
 _NEAREST = 1e-3
 #: Added to movement before its logarithm.
@@ -72,9 +76,12 @@ class Matcher(Protocol):
     ----------
     longest
         Length of its longest window, seconds: of older frames a reading says nothing.
+    classes
+        The class names of its library that have windows, sorted; a reading counts in them.
     """
 
     longest: float
+    classes: tuple[str, ...]
 
     def push(self, times: Sequence[float], rows: NDArray[np.float64]) -> None:
         """Take in distance rows (frames, pairs), metres, at their times, seconds, all later than those before."""
@@ -84,6 +91,24 @@ class Matcher(Protocol):
 
     def read(self) -> Reading | None:
         """Compare the windows that end with the newest row, once a hop; None while there is too little to compare."""
+
+    def exchange(self, library: MotionLibrary | WindowIndex) -> None:
+        """Compare the same windows with another library of the same joints from now on."""
+
+
+def library_of(library: MotionLibrary | WindowIndex) -> MotionLibrary:
+    """Give the motions of a library that may be opened."""
+    return library if isinstance(library, MotionLibrary) else library.library
+
+
+def index_of(library: MotionLibrary | WindowIndex) -> WindowIndex:
+    """Give the windows of a library that may be opened."""
+    return opened(library) if isinstance(library, MotionLibrary) else library
+
+
+def places_in(before: Sequence[str], after: Sequence[str]) -> dict[int, int]:
+    """Say where each class of one list stands in another, if it does."""
+    return {place: after.index(name) for place, name in enumerate(before) if name in after}
 
 
 class _Feed:
@@ -121,22 +146,36 @@ class WindowMatcher:
     index
         The library's windows.
     stillness, sensitivity
-        As `stream.recognizer.recognizer.Settings` has them.
+        As `stream.recognizer.settings.Settings` has them.
     """
 
-    def __init__(self, index: WindowIndex, *, stillness: float, sensitivity: float) -> None:
-        self._index = index
+    def __init__(self, index: WindowIndex, *, stillness: float, sensitivity: float | None) -> None:
         self._windows = LiveWindows(index.body, index.basis)
         self.longest = self._windows.longest
-        self._stillness = stillness
-        self._judgement = Judgement(index.rejection.threshold_at(sensitivity))
+        self._stillness, self._sensitivity = stillness, sensitivity
+        self._judgement = Judgement(self._threshold(index))
         self._hysteresis = Hysteresis(index.comparison.weighing.lead)
         self._feed = _Feed()
+        self._compare_with(index)
+
+    def _threshold(self, index: WindowIndex) -> float:
+        usual = _SENSITIVITY_LEARNED if index.library.learned else _SENSITIVITY_OWN
+        return index.rejection.threshold_at(usual if self._sensitivity is None else self._sensitivity)
+
+    def _compare_with(self, index: WindowIndex) -> None:
+        self._index, self.classes = index, index.classes
         # Movement per moving pair: a body with fewer joints has fewer of them.
         self._per_pair = 1 / math.sqrt(max(index.basis.moving, 1))
         self._naming = index.comparison.weighing.naming
         self._nothing = index.classes.index(NOTHING) if NOTHING in index.classes else -1
-        self.clear()
+
+    def exchange(self, library: MotionLibrary | WindowIndex) -> None:
+        """Compare the same windows with another library of the same joints from now on."""
+        index = index_of(library)
+        self._windows.exchange(index.body, index.basis)
+        self._hysteresis.exchange(index.comparison.weighing.lead, places_in(self.classes, index.classes))
+        self._judgement.exchange(self._threshold(index))
+        self._compare_with(index)
 
     def clear(self) -> None:
         """Forget all rows."""
@@ -193,20 +232,30 @@ class PaperMatcher:
     index
         The leading eigenvectors of the library's windows.
     stillness, smallest_gap
-        As `stream.recognizer.recognizer.Settings` has them.
+        As `stream.recognizer.settings.Settings` has them.
     """
 
     #: Lead by which a class becomes the guess.
     _LEAD = 0.6
 
     def __init__(self, index: PaperIndex, *, stillness: float, smallest_gap: float) -> None:
-        self._index = index
         self._window = PaperWindow(index.basis, index.seconds)
         self.longest = index.seconds
         self._stillness, self._smallest_gap = stillness, smallest_gap
         self._hysteresis = Hysteresis(self._LEAD)
         self._feed = _Feed()
+        self._compare_with(index)
+
+    def _compare_with(self, index: PaperIndex) -> None:
+        self._index, self.classes = index, index.classes
         self._nothing = index.classes.index(NOTHING) if NOTHING in index.classes else -1
+
+    def exchange(self, library: MotionLibrary | WindowIndex) -> None:
+        """Compare the same window with another library of the same joints from now on."""
+        index = opened_by_paper(library_of(library), self.longest)
+        self._window.exchange(index.basis)
+        self._hysteresis.exchange(self._LEAD, places_in(self.classes, index.classes))
+        self._compare_with(index)
 
     def clear(self) -> None:
         """Forget all rows."""

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from kinespace.library.skeleton import SkeletonMismatchError
 from kinespace.stream.frame import Announcement
+from kinespace.stream.recognizer.matcher import library_of
 from kinespace.stream.recognizer.recognizer import Recognizer, RecognizerCounts
 from kinespace.stream.recognizer.settings import Settings
 
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from kinespace.library.motion_library import MotionLibrary
+    from kinespace.library.windows.index import WindowIndex
     from kinespace.stream.frame import Frame
     from kinespace.stream.recognition import Event, Recognition
 
@@ -62,7 +64,7 @@ class Performers:
     Parameters
     ----------
     library, settings
-        Of every recogniser.
+        Of every recogniser (`Recognizer`).
     most
         How many performers at once; frames of a further one are counted and refused until another falls silent.
     silence
@@ -80,7 +82,7 @@ class Performers:
 
     def __init__(
         self,
-        library: MotionLibrary,
+        library: MotionLibrary | WindowIndex,
         settings: Settings | None = None,
         *,
         most: int = 32,
@@ -91,13 +93,14 @@ class Performers:
             raise ValueError(f"most: expected at least 1 performer, got {most}")
         if not (math.isfinite(silence) and silence > 0):
             raise ValueError(f"silence: expected a positive number of seconds, got {silence}")
-        self.library = library
+        self._compare_with(library)
         self.settings = settings or Settings()
         self.most = most
         self.silence = silence
         #: Said of every performer who has said nothing else.
-        self._assumed = tuple(joints) or library.skeleton.joints
-        self._assumed_order = library.skeleton.order_from(joints) if joints else None
+        skeleton = self.library.skeleton
+        self._assumed = tuple(joints) or skeleton.joints
+        self._assumed_order = skeleton.order_from(joints) if joints else None
         #: Why frames are refused for their joints, by performer.
         self._refused: dict[str, str] = {}
         self._counts = PerformerCounts()
@@ -106,6 +109,25 @@ class Performers:
         self._ended: list[Event] = []
         # Said once and then only on change, so it outlives a silence.
         self._announced: dict[str, Announcement] = {}
+
+    def _compare_with(self, library: MotionLibrary | WindowIndex) -> None:
+        self._compared, self.library = library, library_of(library)
+
+    def exchange(self, library: MotionLibrary | WindowIndex) -> list[Event]:
+        """Compare all performers with another library from now on (`Recognizer.exchange`).
+
+        Returns
+        -------
+        The ends of what performers were doing whose class the new library has not.
+
+        Raises
+        ------
+        SkeletonMismatchError
+            The library has other joints; nothing is exchanged.
+        """
+        self.library.skeleton.require_same(library_of(library).skeleton)
+        self._compare_with(library)
+        return [event for each in self._performers.values() if (event := each.recognizer.exchange(library))]
 
     def __len__(self) -> int:
         return len(self._performers)
@@ -250,7 +272,7 @@ class Performers:
                 self._ended = self.drop_silent(arrival)
             if len(self._performers) >= self.most:
                 return None
-            recognizer = Recognizer(self.library, self.settings)
+            recognizer = Recognizer(self._compared, self.settings)
             performer = self._performers[name] = _Performer(recognizer, arrival, self._assumed, self._assumed_order)
             self._refused.pop(name, None)
             if name in self._announced:

@@ -8,35 +8,39 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from functools import wraps
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
 from kinespace.library.distances import DistanceMeasurer
-from kinespace.library.motion_library import MotionLibrary
 from kinespace.library.windows.body import Body
-from kinespace.library.windows.index import opened
 from kinespace.library.windows.paper import opened_by_paper
 from kinespace.stream.recognition import Recognition
 from kinespace.stream.recognizer.event_detector import EventDetector
-from kinespace.stream.recognizer.matcher import PaperMatcher, WindowMatcher
+from kinespace.stream.recognizer.matcher import PaperMatcher, WindowMatcher, index_of, library_of, places_in
 from kinespace.stream.recognizer.settings import LiveSignature, Settings
 from kinespace.stream.recognizer.smoothing import RowSmoother
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from kinespace.library.motion_library import MotionLibrary
     from kinespace.library.windows.index import WindowIndex
     from kinespace.stream.frame import Frame
     from kinespace.stream.recognition import Event
     from kinespace.stream.recognizer.matcher import Matcher, Reading
 
 
+_Given = TypeVar("_Given")
+_Answer = TypeVar("_Answer")
+
 #: Frames that wait for the next hop to be measured together, at most.
 _MAX_WAITING = 16
 #: Tolerance, as a share of the hop: a frame this much early still counts as due, because times are rounded.
 _EARLY = 1e-3
-#: What applies to one signature only, with its default there.
+#: Defaults of the paper's signature.
 _WINDOW, _SMALLEST_GAP = 0.5, 0.02
-_SENSITIVITY_LEARNED, _SENSITIVITY_OWN = 0.1, 0.2
 
 
 @dataclass(slots=True)
@@ -53,8 +57,27 @@ class RecognizerCounts:
     hops: int = 0
 
 
+def _one_at_a_time(method: Callable[[Recognizer, _Given], _Answer]) -> Callable[[Recognizer, _Given], _Answer]:
+    """Refuse a call that comes, from another thread, while one goes on."""
+
+    @wraps(method)
+    def guarded(self: Recognizer, given: _Given) -> _Answer:
+        if self._busy:
+            raise RuntimeError("a recogniser is used by one thread at a time: expected none, got a second")
+        self._busy = True
+        try:
+            return method(self, given)
+        finally:
+            self._busy = False
+
+    return guarded
+
+
 class Recognizer:
     """Names the motion in the last seconds of one performer's feed.
+
+    One thread at a time may use a recogniser; several recognisers may share an opened library in as many threads. A
+    process that forks leaves its child a recogniser of its own.
 
     Parameters
     ----------
@@ -71,11 +94,10 @@ class Recognizer:
 
     def __init__(self, library: MotionLibrary | WindowIndex, settings: Settings | None = None) -> None:
         self.settings = settings or Settings()
-        self.library, self._matcher, classes = _matched(library, self.settings)
+        self._matcher = _matcher(library, self.settings)
         self.counts = RecognizerCounts()
-        self._named = np.flatnonzero([name in self.library.classes for name in classes])
-        self.classes = tuple(classes[index] for index in self._named)
         self._detector = EventDetector(self.settings.lead)
+        self._compare_with(library)
         skeleton = self.library.skeleton
         self._shape = (len(skeleton.joints), 3)
         self._positions = np.empty((_MAX_WAITING, *self._shape))
@@ -91,6 +113,44 @@ class Recognizer:
         self._last = -math.inf
         self._due = -math.inf
         self._late_in_a_row = 0
+        self._busy = False
+
+    def _compare_with(self, library: MotionLibrary | WindowIndex) -> None:
+        self.library = library_of(library)
+        classes = self._matcher.classes
+        named = set(self.library.classes)
+        self.classes = tuple(name for name in classes if name in named)
+        # Where each class stands among the matcher's, and each of the matcher's among them: `nothing` does not.
+        self._named = np.array([classes.index(name) for name in self.classes], dtype=np.intp)
+        self._places = places_in(classes, self.classes)
+
+    @_one_at_a_time
+    def exchange(self, library: MotionLibrary | WindowIndex) -> Event | None:
+        """Compare with another library from the next hop on; no window and no answer is lost.
+
+        In another basis than before the frames of the last two seconds are followed anew. `WindowIndex.with_motions`
+        keeps the basis. A library that is not opened yet is opened here, which takes long: open it before, if need be
+        in another thread.
+
+        Parameters
+        ----------
+        library
+            Its motions, or their windows, over the same joints in the same order.
+
+        Returns
+        -------
+        The end of the motion that is going on when the new library has not its class, else None.
+
+        Raises
+        ------
+        SkeletonMismatchError
+            The library has other joints; nothing is exchanged.
+        """
+        self.library.skeleton.require_same(library_of(library).skeleton)
+        classes = self.classes
+        self._matcher.exchange(library)
+        self._compare_with(library)
+        return self._detector.exchange(places_in(classes, self.classes), self._last)
 
     def reset(self) -> None:
         """Forget the windows, as when the feed begins; the counts stay, and a motion goes on till something ends it."""
@@ -100,6 +160,7 @@ class Recognizer:
         self._newest, self._due = math.nan, -math.inf
         self._late_in_a_row = 0
 
+    @_one_at_a_time
     def push(self, frame: Frame) -> Recognition | None:
         """Take in a frame.
 
@@ -117,6 +178,8 @@ class Recognizer:
         ------
         ValueError
             The frame has another number of joints than the library's skeleton.
+        RuntimeError
+            Another thread is using this recogniser.
         """
         positions, time = frame.positions, frame.time
         if positions.shape != self._shape:
@@ -172,18 +235,19 @@ class Recognizer:
         """Make the answer to a frame of what its windows say."""
         self.counts.hops += 1
         distances = reading.distances[self._named]
-        guesses = np.flatnonzero(self._named == reading.guess)
+        # A window that is nearest to `nothing` is unknown; its best guess is the nearest class.
+        guess = self._places.get(reading.guess)
+        found = self._places.get(reading.eigenvector_class)
         recognition = Recognition(
             performer=frame.performer,
             time=frame.time,
             outcome=reading.outcome,
             classes=self.classes,
             scores=1 / (1 + np.exp(distances)),
-            # A window that is nearest to `nothing` is unknown; its best guess is the nearest class.
-            guess=int(guesses[0]) if len(guesses) else int(distances.argmin()),
+            guess=int(distances.argmin()) if guess is None else guess,
             movement=reading.movement,
             lead=reading.lead,
-            eigenvector_class=self._eigenvector_class(reading),
+            eigenvector_class=None if found is None else self.classes[found],
             eigenvector_score=reading.eigenvector_score,
             share=reading.share,
             gap=reading.gap,
@@ -192,26 +256,16 @@ class Recognizer:
         events = self._detector.push(recognition)
         return replace(recognition, events=events) if events else recognition
 
-    def _eigenvector_class(self, reading: Reading) -> str | None:
-        found = np.flatnonzero(self._named == reading.eigenvector_class)
-        return self.classes[int(found[0])] if len(found) else None
-
     def end(self) -> Event | None:
         """End the motion that is going on, because nothing more will come; None when none is."""
         return self._detector.end(self._last)
 
 
-def _matched(
-    library: MotionLibrary | WindowIndex, settings: Settings
-) -> tuple[MotionLibrary, Matcher, tuple[str, ...]]:
-    """Give a library, the matcher that compares with it, and the class names that the matcher counts in."""
+def _matcher(library: MotionLibrary | WindowIndex, settings: Settings) -> Matcher:
+    """Open a library and make the matcher that compares with it."""
     if settings.signature is LiveSignature.PAPER:
-        motions = library if isinstance(library, MotionLibrary) else library.library
-        paper = opened_by_paper(motions, _WINDOW if settings.window is None else settings.window)
+        window = _WINDOW if settings.window is None else settings.window
         gap = _SMALLEST_GAP if settings.smallest_gap is None else settings.smallest_gap
-        return motions, PaperMatcher(paper, stillness=settings.stillness, smallest_gap=gap), paper.classes
-    index = opened(library) if isinstance(library, MotionLibrary) else library
-    usual = _SENSITIVITY_LEARNED if index.library.learned else _SENSITIVITY_OWN
-    sensitivity = usual if settings.sensitivity is None else settings.sensitivity
-    matcher = WindowMatcher(index, stillness=settings.stillness, sensitivity=sensitivity)
-    return index.library, matcher, index.classes
+        paper = opened_by_paper(library_of(library), window)
+        return PaperMatcher(paper, stillness=settings.stillness, smallest_gap=gap)
+    return WindowMatcher(index_of(library), stillness=settings.stillness, sensitivity=settings.sensitivity)

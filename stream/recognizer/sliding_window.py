@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import mmap
+import os
 from contextlib import suppress
 from typing import TYPE_CHECKING, NamedTuple, Protocol
 
@@ -18,6 +19,8 @@ if TYPE_CHECKING:
 
 #: Frames per second up to which a window holds all its seconds. A faster feed shortens the window.
 FASTEST_FEED = 500.0
+#: A process that forks and its child have windows of their own; where no process forks the word means something else.
+_PRIVATE = mmap.ACCESS_COPY if hasattr(os, "fork") else mmap.ACCESS_DEFAULT
 #: Rows that may enter before the changes must be taken.
 MAX_PENDING = 64
 #: Seconds within which two spans are as long. A feed's times are multiples of a frame with rounding, a quarter of a
@@ -274,7 +277,7 @@ def _reserved(rows: int, width: int) -> NDArray[np.float64]:
     stride = numbers_per_row(width)
     size = rows * stride * np.dtype(np.float64).itemsize
     try:
-        memory = mmap.mmap(-1, size)
+        memory = mmap.mmap(-1, size, access=_PRIVATE)
     except (OSError, OverflowError) as error:
         raise MemoryError(f"expected room for {rows} rows of {width} numbers, {size} bytes") from error
     if hasattr(mmap, "MADV_NOHUGEPAGE"):

@@ -158,6 +158,40 @@ def test_without_some_motions(small_index: WindowIndex, asking: tuple[Clip, ...]
     assert np.allclose(fewer.log_distances(numbers), small_index.log_distances(numbers)[:, [0, 2]]), arithmetic
 
 
+def test_motions_added_are_as_if_opened_with_them(small_library: MotionLibrary, builtin: MotionLibrary) -> None:
+    """Where others teach, basis and metrics are the same, and so is every window, to the last bit."""
+    alone = small_library.without(actors=("dg", "mm"))
+    clips = [clip for clip in builtin.motions if clip.class_name == "sneak2StepsLStart" and clip.actor == "bd"]
+    index = WindowIndex.of(alone).with_motions(clips[:2])
+    anew = WindowIndex.of(alone.with_motions(clips[:2]))
+    assert index.classes == anew.classes == ("kickLFront1Reps", "lieDownFloor", "sneak2StepsLStart", "squat1Reps")
+    assert index.motions.tolist() == anew.motions.tolist()
+    assert len(index.library) == len(alone) + 2
+    for one, other in zip((*index.vectors, index.eigenvectors), (*anew.vectors, anew.eigenvectors), strict=True):
+        assert np.array_equal(one, other)
+
+
+def test_motions_are_added_to_what_was_learned(small_index: WindowIndex, asking: tuple[Clip, ...]) -> None:
+    """A library that teaches itself keeps basis, metrics and rejection, and a new motion is nearest to itself."""
+    taught = replace(asking[0], class_name="taught", actor="new")
+    index = small_index.with_motions([taught])
+    assert index.comparison is small_index.comparison
+    assert index.basis is small_index.basis
+    assert index.rejection is small_index.rejection
+    assert _guess(index, taught) == "taught"
+    kept = [place for place, motion in enumerate(index.library.motions) if motion.class_name != "taught"]
+    assert index.of_some(kept).motions.tolist() == [kept[each] for each in small_index.motions]
+    numbers = _numbers(small_index, asking[1])[-1]
+    assert np.allclose(index.of_some(kept).log_distances(numbers), small_index.log_distances(numbers))
+
+
+def test_motions_too_short_are_not_added(small_index: WindowIndex) -> None:
+    """A clip without a window teaches nothing, and says so."""
+    clip = small_index.library.motions[0]
+    with pytest.raises(ValueError, match="long enough for a window"):
+        small_index.with_motions([replace(clip, positions=clip.positions[:6])])
+
+
 def test_some_motions_and_the_others_are_all(small_index: WindowIndex) -> None:
     """Every window is of one of the two."""
     some = [0, 5, 17]

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -277,3 +280,21 @@ def test_windows_that_make_no_sense_are_refused(seconds: float, width: int, fast
     """Seconds, width and fastest are positive, seconds finite."""
     with pytest.raises(ValueError, match=named):
         SlidingWindow(seconds, width, fastest)
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="processes do not fork here")
+def test_a_child_process_has_windows_of_its_own() -> None:
+    """What a forked child pushes does not show in its parent's window."""
+    code = (
+        "import os, numpy as np\n"
+        "from kinespace.stream.recognizer.sliding_window import SlidingWindow\n"
+        "window = SlidingWindow(1.0, 2)\n"
+        "window.push([0.0], np.zeros((1, 2)))\n"
+        "if child := os.fork():\n"
+        "    print(os.waitpid(child, 0)[1], window.rows.tolist())\n"
+        "else:\n"
+        "    window.rows[:] = 7.0\n"
+        "    os._exit(0)\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=60)
+    assert done.stdout == "0 [[0.0, 0.0]]\n"

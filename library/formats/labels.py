@@ -79,7 +79,9 @@ def read_labels(path: Path) -> tuple[Segment, ...]:
             missing = [name for name in _COLUMNS if name not in (rows.fieldnames or ())]
             if missing:
                 raise LabelError(f"{path}: expected the columns {', '.join(_COLUMNS)}, no {', '.join(missing)} in it")
-            segments = [_segment(path, rows.line_num, row) for row in rows if (row["label"] or "").strip()]
+            segments = [
+                _segment(path, rows.line_num, row) for row in rows if row["label"] is None or row["label"].strip()
+            ]
     except (csv.Error, UnicodeDecodeError) as error:
         raise LabelError(f"{path}: expected a CSV in UTF-8 ({error})") from error
     if not segments:

@@ -109,7 +109,7 @@ class WindowIndex:
         body, basis = Body.of(teacher.skeleton), learned_basis(teacher)
         cut, motions = _cut(teacher, body, basis, _EVERY_SEVERAL, weighing.first)
         comparison = Comparison.learned(weighing, cut.numbers(), _lessons(teacher, motions))
-        if library is not teacher:
+        if library is not teacher or _every(library) < _EVERY_SEVERAL:
             cut, motions = _cut(library, body, basis, _every(library), weighing.first)
         return cls(
             library,
@@ -124,11 +124,18 @@ class WindowIndex:
     def __len__(self) -> int:
         return len(self.motions)
 
-    def with_motions(self, clips: Iterable[Clip]) -> WindowIndex:
+    def with_motions(self, clips: Iterable[Clip], every: float | None = None) -> WindowIndex:
         """Add clips to the library, each as one motion, and cut their windows.
 
         Basis, metrics and rejection stay as they were learned; `of` learns them anew. So this takes milliseconds, and a
         feed goes on without a pause (`stream.recognizer.Recognizer.exchange`).
+
+        Parameters
+        ----------
+        clips
+            At least one.
+        every
+            Seconds between two of their windows; as in the library when not given.
 
         Raises
         ------
@@ -144,7 +151,7 @@ class WindowIndex:
         is_new = np.array([id(motion) not in known for motion in library.motions])
         before, added = np.flatnonzero(~is_new), np.flatnonzero(is_new)
         taught = replace(library, motions=tuple(library.motions[place] for place in added))
-        cut, motions = _cut(taught, self.body, self.basis, _every(library), self.comparison.weighing.first)
+        cut, motions = _cut(taught, self.body, self.basis, every or _every(library), self.comparison.weighing.first)
         motions = np.concatenate([before[self.motions], added[motions]])
         order = np.argsort(motions, kind="stable")
         placed = [rounded(each) for each in self.comparison.place(cut.numbers())]

@@ -1,4 +1,4 @@
-"""Examples that a person teaches: what is kept of each, the library that they make, and how well they can be told apart.
+"""Examples that a person teaches: what is kept of each, the library that they make, how well they are told apart.
 
 Rosters are values: a change gives a new one, so that undo is to go back to the one before. The windows of an example
 are cut once, however often the roster changes.

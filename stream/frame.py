@@ -12,10 +12,10 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 #: Longer performer ids are a sender's mistake, and would bloat every answer's address.
-LONGEST_PERFORMER = 64
+MAX_PERFORMER_LENGTH = 64
 #: Metres from the origin beyond which a joint is a sender's mistake; squares of what is below never overflow.
-FARTHEST = 1e8
-_FARTHEST_SQUARE = FARTHEST**2
+MAX_DISTANCE = 1e8
+_MAX_DISTANCE_SQUARE = MAX_DISTANCE**2
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -34,8 +34,8 @@ class Frame:
     Raises
     ------
     ValueError
-        The performer is empty or too long, the time or a position is not finite, a joint is farther than `FARTHEST`,
-        or the shape is another.
+        The performer is empty or too long, the time or a position is not finite, a joint is farther than
+        `MAX_DISTANCE`, or the shape is another.
     """
 
     performer: str
@@ -43,8 +43,8 @@ class Frame:
     positions: NDArray[np.floating] = field(repr=False)
 
     def __post_init__(self) -> None:
-        if not 0 < len(self.performer) <= LONGEST_PERFORMER:
-            raise ValueError(f"performer: expected 1 to {LONGEST_PERFORMER} characters, got {len(self.performer)}")
+        if not 0 < len(self.performer) <= MAX_PERFORMER_LENGTH:
+            raise ValueError(f"performer: expected 1 to {MAX_PERFORMER_LENGTH} characters, got {len(self.performer)}")
         if not math.isfinite(self.time):
             raise ValueError(f"time: expected finite seconds, got {self.time}")
         shape = self.positions.shape
@@ -52,7 +52,7 @@ class Frame:
             raise ValueError(f"positions: expected (joints, 3), got {shape}")
         # One sum of squares meets every NaN, infinity and absurdity at a fifth of the price of asking each number, and
         # of vdot, unlike of dot, numpy does not turn the processor's flags into warnings.
-        if not np.vdot(self.positions, self.positions) < _FARTHEST_SQUARE:
+        if not np.vdot(self.positions, self.positions) < _MAX_DISTANCE_SQUARE:
             raise ValueError("positions: expected finite metres, got NaN, infinity or a joint beyond any stage")
 
 
@@ -70,7 +70,11 @@ class Announcement:
     joints: tuple[str, ...]
 
     def __post_init__(self) -> None:
-        if not 0 < len(self.performer) <= LONGEST_PERFORMER:
-            raise ValueError(f"performer: expected 1 to {LONGEST_PERFORMER} characters, got {len(self.performer)}")
+        if not 0 < len(self.performer) <= MAX_PERFORMER_LENGTH:
+            raise ValueError(f"performer: expected 1 to {MAX_PERFORMER_LENGTH} characters, got {len(self.performer)}")
         if not self.joints or not all(self.joints) or len(set(self.joints)) != len(self.joints):
             raise ValueError("joints: expected distinct, non-empty names")
+
+
+#: What a decoder gives: frames, and what their joints are.
+Input = Frame | Announcement

@@ -10,13 +10,13 @@ from kinespace.stream.feeds.frame_assembler import FrameAssembler
 from kinespace.stream.feeds.message_reader import Mapper, MessageError
 from kinespace.stream.feeds.preset import Means
 from kinespace.stream.frame import Frame
-from kinespace.stream.oscpacket import PacketError, decode_packet
+from kinespace.stream.osc.packet import PacketError, decode_packet
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from kinespace.stream.feeds.preset import Preset
-    from kinespace.stream.oscpacket import Message
+    from kinespace.stream.osc.packet import Message
 
 #: Kinds of messages told apart; only somebody who makes up addresses gets there.
 MOST_KINDS = 200

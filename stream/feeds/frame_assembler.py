@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from kinespace.stream.feeds.kinematics import Vector
     from kinespace.stream.feeds.message_reader import Reading, Sighting
     from kinespace.stream.feeds.preset import Preset
-    from kinespace.stream.oscpacket import Message
+    from kinespace.stream.osc.packet import Message
 
 #: Seconds of silence after which a performer is forgotten; and after which a bone that came before is taken to be one
 #: that this sender does not send any more.

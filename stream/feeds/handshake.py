@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from pythonosc.osc_message_builder import OscMessageBuilder
+from kinespace.stream.osc.packet import encode_message
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -59,16 +59,15 @@ def _encoded(preset: Preset, messages: Sequence[tuple[str, tuple[str | int | flo
 
 
 def _message(address: str, arguments: Sequence[str | float], joint: str, port: int) -> bytes:
-    builder = OscMessageBuilder(address.replace("{joint}", joint))
-    for argument in arguments:
-        if argument == "{port}":
-            builder.add_arg(port, "i")
-        elif isinstance(argument, str):
-            builder.add_arg(argument.replace("{joint}", joint).replace("{port}", str(port)), "s")
-        else:
-            builder.add_arg(argument, "i" if isinstance(argument, int) else "f")
-    encoded: bytes = builder.build().dgram
-    return encoded
+    filled = [
+        port
+        if argument == "{port}"
+        else argument.replace("{joint}", joint).replace("{port}", str(port))
+        if isinstance(argument, str)
+        else argument
+        for argument in arguments
+    ]
+    return encode_message(address.replace("{joint}", joint), *filled)
 
 
 #: Never, on any clock.

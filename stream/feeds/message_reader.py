@@ -12,10 +12,10 @@ if TYPE_CHECKING:
 
     from kinespace.stream.feeds.kinematics import Quaternion, Vector
     from kinespace.stream.feeds.preset import Preset
-    from kinespace.stream.oscpacket import Message
+    from kinespace.stream.osc.packet import Message
 
 #: A frame's performer may have 64 characters; what tells two senders' performers apart goes on top of this.
-LONGEST_PERFORMER = 48
+MAX_PERFORMER_LENGTH = 48
 #: Addresses and names remembered; only somebody who makes them up gets there.
 _MOST_REMEMBERED = 4096
 _MOST_UNKNOWN = 64
@@ -310,8 +310,8 @@ def _text(argument: object) -> str:
     if isinstance(argument, bool) or not isinstance(argument, (str, int)):
         raise TypeError(f"expected a name or an integer, got {type(argument).__name__}")
     text = str(argument)
-    if not 0 < len(text) <= LONGEST_PERFORMER:
-        raise TypeError(f"expected a name of 1 to {LONGEST_PERFORMER} characters, got {len(text)}")
+    if not 0 < len(text) <= MAX_PERFORMER_LENGTH:
+        raise TypeError(f"expected a name of 1 to {MAX_PERFORMER_LENGTH} characters, got {len(text)}")
     return text
 
 

@@ -1,37 +1,36 @@
-"""A feed's endpoint: datagrams in, frames out, and what the sender must be told; the thinnest possible."""
+"""The source of a feed whose sender must be told to send, and told again while it does."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from kinespace.stream.feeds.frame_assembler import FORGET_AFTER, FrameAssembler
+from kinespace.stream.feeds.decoder import FeedDecoder
 from kinespace.stream.feeds.handshake import NEVER, farewells, is_due, questions
-from kinespace.stream.oscpacket import PacketError, decode_packet
-from kinespace.stream.receiver import ReceivingSource
+from kinespace.stream.inputs.source import Source
+from kinespace.stream.osc.udp import OscReceiver
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
     from kinespace.stream.feeds.preset import Preset
-    from kinespace.stream.frame import Announcement, Frame
-    from kinespace.stream.receiver import PacketReceiver
-    from kinespace.stream.status import InputCounts
-
-#: Hosts that send to one port at once.
-MOST_SENDERS = 16
+    from kinespace.stream.frame import Input
+    from kinespace.stream.inputs.receiver import Receiver
+    from kinespace.stream.recording.recorder import Recorder
 
 
-class FeedSource(ReceivingSource[bytes]):
+class FeedSource(Source):
     """Frames from OSC packets of another product.
 
     Parameters
     ----------
     receiver
-        Where they come in.
+        Where they come in. Only a UDP port can also tell the sender to send.
     preset
         What they mean.
     sender
         The host that must be told to send, for presets that ask.
+    recorder
+        Keeps every packet; None for no recording.
 
     Attributes
     ----------
@@ -39,84 +38,42 @@ class FeedSource(ReceivingSource[bytes]):
         Packets to the sender that the system would not take.
     """
 
-    def __init__(self, receiver: PacketReceiver, preset: Preset, *, sender: str = "127.0.0.1") -> None:
-        super().__init__(receiver)
-        self.receiver = receiver
+    decoder: FeedDecoder
+
+    def __init__(
+        self, receiver: Receiver, preset: Preset, *, sender: str = "127.0.0.1", recorder: Recorder | None = None
+    ) -> None:
+        super().__init__(receiver, FeedDecoder(preset), recorder)
         self.preset = preset
-        self.assembler = FrameAssembler(preset)
         self.unasked = 0
-        self._sender = sender
-        self._undecodable = 0
         self._asked = self._heard = NEVER
-        self._senders = SenderNumbers()
+        self._sender = sender
 
     def __str__(self) -> str:
-        host, port = self.receiver.address
-        return f"{self.preset.name} {host}:{port}"
+        return f"{self.preset.name} {str(self.receiver).partition(' ')[2]}"
 
-    @property
-    def counts(self) -> InputCounts:
-        """What came in so far."""
-        made = self.assembler.counts
-        self._counts.malformed = self._undecodable + made.malformed
-        self._counts.foreign = made.foreign
-        self._counts.incomplete = made.incomplete + made.absurd
-        self._counts.overrun = self.receiver.kernel_drops
-        return super().counts
-
-    def _understood(self, packet: bytes, arrival: float) -> Sequence[Frame | Announcement]:
-        try:
-            messages = decode_packet(packet)
-        except PacketError:
-            self._undecodable += 1
-            return ()
-        host = self.receiver.sender[0] if self.receiver.sender else ""
-        number = self._senders.number(host, arrival)
-        made = self.assembler.push(messages, arrival, bundle=packet[:1] == b"#", sender=number)
+    def take(self, arrival: float) -> Sequence[Input] | None:
+        """Take in one packet; the frames that it completed, or None when nothing is waiting. Never raises."""
+        made = super().take(arrival)
         if made:
             self._heard = arrival
         return made
 
-    def tend(self, now: float) -> Sequence[Frame | Announcement]:
+    def tend(self, now: float) -> Sequence[Input]:
         """Close frames that nothing more comes for, and tell the sender what it must be told."""
         asking = self.preset.asking
         if asking and is_due(asking, now, self._asked, self._heard):
             self._asked = now
-            self._tell(questions(self.preset, self.receiver.address[1]))
-        return self.assembler.expire(now)
+            self._tell(questions)
+        return super().tend(now)
 
-    def _tell(self, packets: Sequence[bytes]) -> None:
-        if self.preset.asking:
+    def _tell(self, encoded: Callable[[Preset, int], list[bytes]]) -> None:
+        if self.preset.asking and isinstance(self.receiver, OscReceiver):
             target = self._sender, self.preset.asking.port
+            packets = encoded(self.preset, self.receiver.address[1])
             self.unasked += sum(not self.receiver.send_to(packet, target) for packet in packets)
 
     def close(self) -> None:
         """Tell the sender to stop and close the socket."""
-        self._tell(farewells(self.preset, self.receiver.address[1]))
+        self._tell(farewells)
         super().close()
-
-
-class SenderNumbers:
-    """Tells hosts that send to one port apart; a number is free again when its host has been silent.
-
-    Programs on one host are not told apart: many send each packet from another port.
-    """
-
-    def __init__(self) -> None:
-        self._numbers: dict[str, tuple[int, float]] = {}
-
-    def number(self, host: str, now: float) -> int:
-        """Give a host's number, from 1; beyond `MOST_SENDERS` they share the last."""
-        if host in self._numbers:
-            number = self._numbers[host][0]
-        else:
-            self._numbers = {
-                name: (number, heard) for name, (number, heard) in self._numbers.items() if now - heard <= FORGET_AFTER
-            }
-            taken = {number for number, _ in self._numbers.values()}
-            free = [number for number in range(1, MOST_SENDERS + 1) if number not in taken]
-            if not free:
-                return MOST_SENDERS
-            number = free[0]
-        self._numbers[host] = (number, now)
-        return number

@@ -71,6 +71,8 @@ class Performers:
         Seconds without a frame after which a performer is dropped.
     joints
         What frames hold whose sender has not said so, in their order; the library's joints when not given.
+    classes
+        The classes to answer with, in this order (`Recognizer.exchange`); as the library has them when not given.
 
     Raises
     ------
@@ -80,7 +82,7 @@ class Performers:
         A joint of the library is not among `joints`.
     """
 
-    def __init__(
+    def __init__(  # noqa: PLR0913 - all but two by keyword
         self,
         library: MotionLibrary | WindowIndex,
         settings: Settings | None = None,
@@ -88,12 +90,13 @@ class Performers:
         most: int = 32,
         silence: float = 5.0,
         joints: Sequence[str] = (),
+        classes: Sequence[str] = (),
     ) -> None:
         if most < 1:
             raise ValueError(f"most: expected at least 1 performer, got {most}")
         if not (math.isfinite(silence) and silence > 0):
             raise ValueError(f"silence: expected a positive number of seconds, got {silence}")
-        self._compare_with(library)
+        self._compare_with(library, classes)
         self.settings = settings or Settings()
         self.most = most
         self.silence = silence
@@ -110,10 +113,16 @@ class Performers:
         # Said once and then only on change, so it outlives a silence.
         self._announced: dict[str, Announcement] = {}
 
-    def _compare_with(self, library: MotionLibrary | WindowIndex) -> None:
+    def _compare_with(self, library: MotionLibrary | WindowIndex, order: Sequence[str]) -> None:
         self._compared, self.library = library, library_of(library)
+        self._order = tuple(order)
 
-    def exchange(self, library: MotionLibrary | WindowIndex) -> list[Event]:
+    @property
+    def classes(self) -> tuple[str, ...]:
+        """The classes that are answered; an answer's index counts in them."""
+        return self._order or self.library.classes
+
+    def exchange(self, library: MotionLibrary | WindowIndex, order: Sequence[str] = ()) -> list[Event]:
         """Compare all performers with another library from now on (`Recognizer.exchange`).
 
         Returns
@@ -126,8 +135,8 @@ class Performers:
             The library has other joints; nothing is exchanged.
         """
         self.library.skeleton.require_same(library_of(library).skeleton)
-        self._compare_with(library)
-        return [event for each in self._performers.values() if (event := each.recognizer.exchange(library))]
+        self._compare_with(library, order)
+        return [event for each in self._performers.values() if (event := each.recognizer.exchange(library, order))]
 
     def __len__(self) -> int:
         return len(self._performers)
@@ -230,9 +239,14 @@ class Performers:
                 performer.refused_size = len(frame.positions)
                 self._tell_refused(frame.performer, performer)
             return None
-        if performer.order is not None:
-            frame = replace(frame, positions=frame.positions[performer.order])
-        return performer.recognizer.push(frame)
+        return performer.recognizer.push(_in_order(frame, performer))
+
+    def ordered(self, frame: Frame) -> Frame | None:
+        """Give a frame that was pushed in the order of the library's joints; None for one that was refused."""
+        performer = self._performers.get(frame.performer)
+        if performer is None or not performer.known_joints or len(frame.positions) != len(performer.joints):
+            return None
+        return _in_order(frame, performer)
 
     def _tell_refused(self, name: str, performer: _Performer) -> None:
         """Note why a performer's frames are refused."""
@@ -272,13 +286,17 @@ class Performers:
                 self._ended = self.drop_silent(arrival)
             if len(self._performers) >= self.most:
                 return None
-            recognizer = Recognizer(self._compared, self.settings)
+            recognizer = Recognizer(self._compared, self.settings, self._order)
             performer = self._performers[name] = _Performer(recognizer, arrival, self._assumed, self._assumed_order)
             self._refused.pop(name, None)
             if name in self._announced:
                 self._learn_joints(performer, self._announced[name])
         performer.heard = arrival
         return performer
+
+
+def _in_order(frame: Frame, performer: _Performer) -> Frame:
+    return frame if performer.order is None else replace(frame, positions=frame.positions[performer.order])
 
 
 def _add(total: RecognizerCounts, counts: RecognizerCounts) -> None:

@@ -147,7 +147,7 @@ def require_class(name: str) -> None:
     if not 1 <= len(name) <= MAX_NAME:
         raise CommandError(f"class: expected a name of 1 to {MAX_NAME} characters, got {len(name)}")
     if "/" in name or not name.isprintable() or name != name.strip():
-        raise CommandError(f"class: expected a name without / and without control characters, got {ascii(name)}")
+        raise CommandError(f"class: expected a name without / and without control characters, got {name!a}")
     if name in _RESERVED:
         raise CommandError(f"class: expected another name than {', '.join(sorted(_RESERVED))}, got {name}")
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 from kinespace.library.examples import MAX_EXAMPLES, Example, Roster
 from kinespace.library.motion_library import NOTHING
-from kinespace.library.movement import MIN_SECONDS, STILLNESS, Stretch, StretchFinder
+from kinespace.library.movement import MIN_SECONDS, STILLNESS, MovementMeter, Stretch, StretchFinder
 from kinespace.stream.teaching import commands
 from kinespace.stream.teaching.lesson import Lesson, Recorded
 from kinespace.stream.teaching.memory import Memory
@@ -275,8 +275,6 @@ class Teacher:
 
 def _moving(clip: Clip, stillness: float) -> Stretch | None:
     """Find what moves in a recording, from the first movement to the last; None when it is too short."""
-    from kinespace.library.movement import MovementMeter
-
     meter, finder, found = MovementMeter(clip.skeleton), StretchFinder(stillness), list[Stretch]()
     for time, positions in zip(clip.times.tolist(), clip.positions, strict=True):
         movement = meter.push(time, positions)
@@ -296,4 +294,4 @@ def _refused(performer: str, reason: str) -> State:
 
 def _unknown(name: str) -> State:
     told = "what is known already cannot be changed" if name == NOTHING else "not a class that was taught"
-    return _refused("", f"{ascii(name[: commands.MAX_NAME])}: {told}")
+    return _refused("", f"{name[: commands.MAX_NAME]!a}: {told}")

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from kinespace.stream.frame import FARTHEST, LONGEST_PERFORMER, Announcement, Frame
+from kinespace.stream.frame import MAX_DISTANCE, MAX_PERFORMER_LENGTH, Announcement, Frame
 
 TYPES = st.sampled_from([np.float32, np.float64])
 #: No feed's numbers, quiet and signalling, as bytes of both types.
@@ -31,7 +31,7 @@ def test_any_stage_is_accepted(dtype: type, seed: int, scale: float) -> None:
 @given(
     dtype=TYPES,
     place=st.integers(0, 11),
-    value=st.sampled_from([np.nan, np.inf, -np.inf, 2 * FARTHEST, -2 * FARTHEST, 1e30, -3e38]),
+    value=st.sampled_from([np.nan, np.inf, -np.inf, 2 * MAX_DISTANCE, -2 * MAX_DISTANCE, 1e30, -3e38]),
 )
 def test_one_bad_number_is_enough(dtype: type, place: int, value: float) -> None:
     """NaN, an infinity, or a joint beyond any stage is refused wherever it stands."""
@@ -84,7 +84,7 @@ def test_a_time_that_is_none_is_refused(time: float) -> None:
         Frame("p", time, _positions())
 
 
-@pytest.mark.parametrize("performer", ["", "x" * (LONGEST_PERFORMER + 1)])
+@pytest.mark.parametrize("performer", ["", "x" * (MAX_PERFORMER_LENGTH + 1)])
 def test_performers_without_a_name_or_with_a_novel_are_refused(performer: str) -> None:
     """A performer's name has 1 to 64 characters, in frames and in announcements."""
     with pytest.raises(ValueError, match="performer: expected 1 to 64 characters"):
@@ -93,7 +93,7 @@ def test_performers_without_a_name_or_with_a_novel_are_refused(performer: str) -
         Announcement(performer, ("a", "b"))
 
 
-@pytest.mark.parametrize("performer", ["x", "x" * LONGEST_PERFORMER, "Jürgen", "p/1", "7"])
+@pytest.mark.parametrize("performer", ["x", "x" * MAX_PERFORMER_LENGTH, "Jürgen", "p/1", "7"])
 def test_any_other_name_will_do(performer: str) -> None:
     """Names of 1 to 64 characters of any script are accepted."""
     assert Frame(performer, -5.0, _positions()).performer == performer

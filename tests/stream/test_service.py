@@ -19,11 +19,13 @@ from synthetic import STICK, STICK_CLASSES, stick_clip
 
 from kinespace.stream import osc, zeromq
 from kinespace.stream.answer import Answer
-from kinespace.stream.connections import Endpoint
 from kinespace.stream.frame import Announcement, Frame
+from kinespace.stream.inputs import OscDecoder, Source, ZmqDecoder
+from kinespace.stream.outputs import LayoutSink, NativeLayout, Sink, ZmqSink
 from kinespace.stream.recognizer import Performers, Recognizer, Settings
-from kinespace.stream.service import CLASSES_EVERY, STATUS_EVERY, OscSink, OscSource, Service, ZmqSink, ZmqSource
+from kinespace.stream.service import CLASSES_EVERY, STATUS_EVERY, Service
 from kinespace.stream.status import InputCounts
+from kinespace.stream.zeromq import Endpoint
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
@@ -70,6 +72,8 @@ class FakeClock:
 class FakeSource:
     """Packets from a list; each is the events it holds. Something seems always to be waiting on its socket."""
 
+    tended = False
+
     def __init__(self, packets: Sequence[Sequence[Frame | Announcement]] = ()) -> None:
         self.waiting = deque(packets)
         self.arrivals: list[float] = []
@@ -93,11 +97,10 @@ class FakeSource:
         self._other_end.close()
 
 
-class FakeSink:
+class FakeSink(Sink):
     """Keeps everything it is told."""
 
     def __init__(self) -> None:
-        self.failed = 0
         self.recognitions: list[Recognition] = []
         self.classes: list[tuple[str, ...]] = []
         self.statuses: list[Status] = []
@@ -383,11 +386,11 @@ def _next_packet(receiver: osc.OscReceiver) -> bytes:
 def test_over_osc_frames_go_in_and_answers_come_out(library: MotionLibrary, opened: ExitStack) -> None:
     """Datagrams in are answered by datagrams out: the recogniser's own answers, the classes and the status."""
     listener = opened.enter_context(closing(osc.OscReceiver(LOOPBACK, 0)))
-    source = opened.enter_context(closing(OscSource(osc.OscReceiver(LOOPBACK, 0))))
-    sink = opened.enter_context(closing(OscSink(osc.OscSender(*listener.address))))
+    source = opened.enter_context(closing(Source(osc.OscReceiver(LOOPBACK, 0), OscDecoder())))
+    sink = opened.enter_context(closing(LayoutSink(NativeLayout(), osc.OscSender(*listener.address))))
     sender = opened.enter_context(closing(osc.OscSender(*source.receiver.address)))
     assert str(source) == f"OSC {LOOPBACK}:{source.receiver.address[1]}"
-    assert str(sink) == f"OSC {LOOPBACK}:{listener.address[1]}"
+    assert str(sink) == f"native {LOOPBACK}:{listener.address[1]}"
     frames, addresses = _frames("wave"), set[str]()
     expected = _expected(library, frames)
 
@@ -419,11 +422,12 @@ def test_over_zeromq_frames_go_in_and_answers_come_out(
 ) -> None:
     """Whoever binds and whoever connects, messages in are answered by messages out: the recogniser's own answers."""
     if frames_bound:
-        source = opened.enter_context(closing(ZmqSource(zeromq.ZmqReceiver(ANY_PORT))))
+        source = opened.enter_context(closing(Source(zeromq.ZmqReceiver(ANY_PORT), ZmqDecoder())))
         sender = opened.enter_context(closing(zeromq.ZmqSender(Endpoint(source.receiver.address, bind=False))))
     else:
         sender = opened.enter_context(closing(zeromq.ZmqSender(ANY_PORT)))
-        source = opened.enter_context(closing(ZmqSource(zeromq.ZmqReceiver(Endpoint(sender.address, bind=False)))))
+        receiver = zeromq.ZmqReceiver(Endpoint(sender.address, bind=False))
+        source = opened.enter_context(closing(Source(receiver, ZmqDecoder())))
     if answers_bound:
         sink = opened.enter_context(closing(ZmqSink(zeromq.ZmqSender(ANY_PORT))))
         listener = opened.enter_context(closing(zeromq.ZmqReceiver(Endpoint(sink.sender.address, bind=False))))
@@ -461,7 +465,7 @@ def test_after_a_stall_all_that_waits_is_taken_in(library: MotionLibrary, opened
     publisher = opened.enter_context(closing(zmq.Context.instance().socket(zmq.XPUB)))
     publisher.linger = 0
     publisher.bind("inproc://a-stall")
-    source, sink = ZmqSource(zeromq.ZmqReceiver(Endpoint("inproc://a-stall", bind=False))), FakeSink()
+    source, sink = Source(zeromq.ZmqReceiver(Endpoint("inproc://a-stall", bind=False)), ZmqDecoder()), FakeSink()
     service = opened.enter_context(Service(Performers(library), [source], [sink]))
     assert publisher.poll(int(PATIENCE * 1000))
     assert publisher.recv() == b"\x01"
@@ -478,8 +482,8 @@ def test_after_a_stall_all_that_waits_is_taken_in(library: MotionLibrary, opened
 
 def test_sources_of_both_kinds_are_one_service(library: MotionLibrary, opened: ExitStack) -> None:
     """Frames by OSC and by ZeroMQ are each recognised, and the counts of both are added."""
-    osc_source = OscSource(osc.OscReceiver(LOOPBACK, 0))
-    zmq_source = ZmqSource(zeromq.ZmqReceiver(ANY_PORT))
+    osc_source = Source(osc.OscReceiver(LOOPBACK, 0), OscDecoder())
+    zmq_source = Source(zeromq.ZmqReceiver(ANY_PORT), ZmqDecoder())
     osc_sender = opened.enter_context(closing(osc.OscSender(*osc_source.receiver.address)))
     zmq_sender = opened.enter_context(closing(zeromq.ZmqSender(Endpoint(zmq_source.receiver.address, bind=False))))
     sink = FakeSink()
@@ -502,7 +506,7 @@ def test_sources_of_both_kinds_are_one_service(library: MotionLibrary, opened: E
 
 def test_frames_without_a_time_are_timed_by_their_arrival(library: MotionLibrary, opened: ExitStack) -> None:
     """A sender without a clock is recognised by ours: frames are answered once a window's time has passed."""
-    source = OscSource(osc.OscReceiver(LOOPBACK, 0))
+    source = Source(osc.OscReceiver(LOOPBACK, 0), OscDecoder())
     sender = opened.enter_context(closing(osc.OscSender(*source.receiver.address)))
     clock, sink = FakeClock(), FakeSink()
     with Service(Performers(library, Settings(hop=0)), [source], [sink], clock=clock) as service:
@@ -520,7 +524,7 @@ def test_a_listener_that_is_gone_does_not_stop_it(library: MotionLibrary) -> Non
     """When nobody listens on the answers' port any more, recognition goes on."""
     listener = osc.OscReceiver(LOOPBACK, 0)
     source, sink = FakeSource([[frame] for frame in _frames("bow")]), FakeSink()
-    osc_sink = OscSink(osc.OscSender(*listener.address))
+    osc_sink = LayoutSink(NativeLayout(), osc.OscSender(*listener.address))
     listener.close()
     with Service(Performers(library), [source], [osc_sink, sink]) as service:
         service.step(0.0)
@@ -530,7 +534,10 @@ def test_a_listener_that_is_gone_does_not_stop_it(library: MotionLibrary) -> Non
 def test_answers_that_cannot_be_sent_are_counted(library: MotionLibrary, opened: ExitStack) -> None:
     """What the system does not take is in the status as unsent."""
     listener = opened.enter_context(closing(osc.OscReceiver(LOOPBACK, 0)))
-    source, osc_sink = FakeSource([[frame] for frame in _frames("bow")]), OscSink(osc.OscSender(*listener.address))
+    source, osc_sink = (
+        FakeSource([[frame] for frame in _frames("bow")]),
+        LayoutSink(NativeLayout(), osc.OscSender(*listener.address)),
+    )
     zmq_sink = ZmqSink(zeromq.ZmqSender(ANY_PORT))
     with Service(Performers(library), [source], [osc_sink, zmq_sink]) as service:
         osc_sink.close()

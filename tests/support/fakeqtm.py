@@ -14,7 +14,7 @@ from golden import Moment, message, qtm
 from programs import LOOPBACK, PATIENCE, ghost_cues
 
 from kinespace.library.hdm05 import SKELETON
-from kinespace.stream.oscpacket import decode_packet
+from kinespace.stream.osc.packet import decode_packet
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

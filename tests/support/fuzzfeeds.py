@@ -17,11 +17,12 @@ import numpy as np
 from golden import LAYOUTS, Moment, bundle, message
 
 from kinespace.library.hdm05 import SKELETON
-from kinespace.stream import onepart, zeromq
+from kinespace.stream import zeromq
 from kinespace.stream.feeds import builtin_names, builtin_preset
 from kinespace.stream.feeds.source import FeedSource
 from kinespace.stream.frame import Announcement, Frame
-from kinespace.stream.service import ZmqSource
+from kinespace.stream.inputs import Source, ZmqDecoder
+from kinespace.stream.zeromq import single_part
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -131,8 +132,8 @@ def check(source: FeedSource, packet: bytes, arrival: float) -> None:
             assert np.isfinite(event.time)
         else:
             assert event == Announcement(event.performer, source.preset.joints)
-    counts = source.assembler.counts
-    assert len(source.assembler) <= source.assembler.most
+    counts = source.decoder.assembler.counts
+    assert len(source.decoder.assembler) <= source.decoder.assembler.most
     assert sum(counts.closed_by.values()) == counts.frames + counts.incomplete + counts.absurd
 
 
@@ -177,15 +178,15 @@ def golden_messages() -> list[list[bytes]]:
     generator = np.random.default_rng(2)
     frames = [Frame("jan", 1.0 + number / 30, generator.normal(size=(31, 3))) for number in range(3)]
     made = [zeromq.encode_frame(frame, number, SKELETON.joints) for number, frame in enumerate(frames)]
-    made += [[onepart.encode(frame, number, SKELETON.joints)] for number, frame in enumerate(frames)]
+    made += [[single_part.encode(frame, number, SKELETON.joints)] for number, frame in enumerate(frames)]
     return made + [[packet] for packet in golden_packets("native")]
 
 
-def run_messages(messages: int, seed: int) -> ZmqSource:
+def run_messages(messages: int, seed: int) -> Source:
     """Push so many broken ZeroMQ messages through our source; the source as it is afterwards."""
     generator = np.random.default_rng(seed)
     receiver = NoSubscription()
-    source = ZmqSource(receiver)
+    source = Source(receiver, ZmqDecoder())
     golden = golden_messages()
     streams = [broken([each[place] for each in golden if place < len(each)], generator) for place in range(3)]
     for number in range(messages):

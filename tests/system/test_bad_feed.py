@@ -17,10 +17,11 @@ from pythonosc.osc_message_builder import OscMessageBuilder
 
 from kinespace.library.hdm05 import SKELETON
 from kinespace.stream import osc, zeromq
-from kinespace.stream.connections import Endpoint
 from kinespace.stream.frame import Announcement, Frame
+from kinespace.stream.inputs import OscDecoder, Source, ZmqDecoder
 from kinespace.stream.recognizer import Performers, Recognizer, Settings
-from kinespace.stream.service import OscSource, Service, ZmqSource
+from kinespace.stream.service import Service
+from kinespace.stream.zeromq import Endpoint
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -80,7 +81,7 @@ class Line(Protocol):
 
 
 class _Line:
-    def __init__(self, library: MotionLibrary, source: OscSource | ZmqSource) -> None:
+    def __init__(self, library: MotionLibrary, source: Source) -> None:
         self.now = 1000.0
         self.sink = Kept()
         self._source = source
@@ -100,7 +101,7 @@ class OscLine(_Line):
     """Over UDP."""
 
     def __init__(self, library: MotionLibrary, opened: ExitStack) -> None:
-        source = opened.enter_context(closing(OscSource(osc.OscReceiver(LOOPBACK, 0))))
+        source = opened.enter_context(closing(Source(osc.OscReceiver(LOOPBACK, 0), OscDecoder())))
         self._sender = opened.enter_context(closing(osc.OscSender(*source.receiver.address)))
         super().__init__(library, source)
 
@@ -127,7 +128,7 @@ class ZmqLine(_Line):
     def __init__(self, library: MotionLibrary, opened: ExitStack) -> None:
         address = f"inproc://line-{next(_NUMBERS)}"
         receiver = zeromq.ZmqReceiver(Endpoint(address, bind=True))
-        source = opened.enter_context(closing(ZmqSource(receiver)))
+        source = opened.enter_context(closing(Source(receiver, ZmqDecoder())))
         endpoint = Endpoint(address, bind=False)
         self._sender = opened.enter_context(closing(zeromq.ZmqSender(endpoint)))
         self.seq = 0

@@ -18,7 +18,7 @@ from recorded import write_take, write_takes
 
 from kinespace.library import MotionLibrary, hdm05
 from kinespace.stream import Announcement, Recognizer, osc, zeromq
-from kinespace.stream.connections import Endpoint
+from kinespace.stream.zeromq import Endpoint
 from kinespace.tools.cli.main import main
 
 if TYPE_CHECKING:

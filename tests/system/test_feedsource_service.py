@@ -11,9 +11,10 @@ from golden import message
 from kinespace.library import MotionLibrary
 from kinespace.stream.feeds.preset import parse_preset
 from kinespace.stream.feeds.source import FeedSource
+from kinespace.stream.inputs import OscDecoder, Source
 from kinespace.stream.osc import OscReceiver
 from kinespace.stream.recognizer import Performers
-from kinespace.stream.service import OscSource, Service, TendedSource
+from kinespace.stream.service import Service
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -62,7 +63,7 @@ def test_the_last_frame_is_not_kept_waiting(source: FeedSource) -> None:
 
 def test_only_feeds_are_tended(source: FeedSource) -> None:
     """Our own frames come whole: their sources have nothing to do by the clock."""
-    assert isinstance(source, TendedSource)
-    ours = OscSource(OscReceiver(LOOPBACK, 0))
-    assert not isinstance(ours, TendedSource)
+    assert source.tended
+    ours = Source(OscReceiver(LOOPBACK, 0), OscDecoder())
+    assert not ours.tended
     ours.close()

@@ -23,7 +23,7 @@ NAMES = sorted({name for preset in PRESETS for name in preset.joint_map})
 def test_no_packet_raises_and_all_are_counted(name: str) -> None:
     """Golden packets cut, changed, joined and nested, in any order: nothing raises, every one is counted."""
     source = run(builtin_preset(name), PACKETS, seed=builtin_names().index(name))
-    counts, made = source.counts, source.assembler.counts
+    counts, made = source.counts, source.decoder.assembler.counts
     assert counts.received == PACKETS
     assert counts.malformed > 0
     assert made.frames + made.incomplete + made.late > 0

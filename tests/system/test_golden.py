@@ -18,8 +18,9 @@ from kinespace.library.windows.index import opened
 from kinespace.stream import Announcement, Frame, Recognizer, Settings, osc
 from kinespace.stream.feeds import FrameAssembler, Mapper, builtin_names, builtin_preset
 from kinespace.stream.feeds.source import FeedSource
-from kinespace.stream.layouts import LayoutSink, NativeLayout
-from kinespace.stream.oscpacket import decode_packet
+from kinespace.stream.osc.packet import decode_packet
+from kinespace.stream.outputs import LayoutSink
+from kinespace.stream.outputs.layouts import NativeLayout
 from kinespace.stream.recognizer import LiveSignature, Performers
 from kinespace.stream.service import Service
 
@@ -153,7 +154,7 @@ def test_a_feed_is_recognised_over_the_wire(preset_name: str) -> None:
     now = [0.0]
     receiver, hearing = osc.OscReceiver(LOOPBACK, 0), osc.OscReceiver(LOOPBACK, 0)
     source = FeedSource(receiver, preset)
-    sink = LayoutSink("native", NativeLayout(), osc.OscSender(LOOPBACK, hearing.address[1]))
+    sink = LayoutSink(NativeLayout(), osc.OscSender(LOOPBACK, hearing.address[1]))
     sender = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     heard: list[str] = []
     performers = Performers(index.library, WINDOWS)

@@ -19,11 +19,12 @@ from kinespace.stream import layouts, osc
 from kinespace.stream.feeds import builtin_preset
 from kinespace.stream.feeds.source import FeedSource
 from kinespace.stream.frame import Announcement, Frame
-from kinespace.stream.oscpacket import decode_packet
+from kinespace.stream.inputs import OscDecoder, Source
+from kinespace.stream.osc.packet import decode_packet
+from kinespace.stream.outputs import LayoutSink, NativeLayout
 from kinespace.stream.recognition import Event, EventKind
 from kinespace.stream.recognizer import Recognizer
 from kinespace.stream.recognizer.performers import PerformerCounts
-from kinespace.stream.service import OscSink, OscSource
 from kinespace.stream.status import InputCounts, Status
 
 if TYPE_CHECKING:
@@ -49,7 +50,7 @@ def recognition() -> Recognition:
     return [answer for answer in answers if answer][-1]
 
 
-def taken(source: OscSource | FeedSource, packets: int) -> list[Frame | Announcement]:
+def taken(source: Source, packets: int) -> list[Frame | Announcement]:
     """Take so many packets, waiting for them."""
     events: list[Frame | Announcement] = []
     until = time.monotonic() + PATIENCE
@@ -66,7 +67,7 @@ def test_oscsend_announces_joints_and_sends_a_frame(liblo_tools: LibloTools) -> 
     """What oscsend makes of words typed in a shell is an announcement and a frame, number for number."""
     positions = ghost_cues("squat1Reps", 0.1)[0].frame.positions
     numbers = [f"{number:.9g}" for number in positions.ravel().tolist()]
-    with closing(OscSource(osc.OscReceiver(LOOPBACK, 0))) as source:
+    with closing(Source(osc.OscReceiver(LOOPBACK, 0), OscDecoder())) as source:
         port = source.receiver.address[1]
         liblo_tools.send(port, "/motion/skeleton", "s" * 32, "Ada Ä", *SKELETON.joints)
         liblo_tools.send(port, "/motion/frame", "sd" + "f" * 93, "Ada Ä", 2.5, *numbers)
@@ -115,7 +116,7 @@ def same(printed: Dumped, packet: bytes) -> bool:
 def test_oscdump_prints_what_we_answer(liblo_tools: LibloTools, recognition: Recognition) -> None:
     """A recognition's bundle comes apart into class, label and scores; event, classes and status come whole."""
     with liblo_tools.dumping() as dump:
-        with closing(OscSink(osc.OscSender(LOOPBACK, dump.port))) as sink:
+        with closing(LayoutSink(NativeLayout(), osc.OscSender(LOOPBACK, dump.port))) as sink:
             sink.publish(recognition)
             sink.publish_event(START)
             sink.publish_classes(CLASSES)

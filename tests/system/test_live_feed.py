@@ -16,7 +16,7 @@ from programs import LOOPBACK, PATIENCE, builtin_library, finished, ghost_cues, 
 
 from kinespace.library.hdm05 import SKELETON
 from kinespace.stream.osc import OscReceiver
-from kinespace.stream.oscpacket import Message, decode_packet
+from kinespace.stream.osc.packet import Message, decode_packet
 from kinespace.tools.programs.live import fitted
 
 if TYPE_CHECKING:
@@ -120,7 +120,7 @@ def test_hands_are_shaken_with_qualisys(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("options", "said"),
     [
-        (("--feed", "kinect"), "feed: expected a .toml file or one of native, "),
+        (("--feed", "kinect"), "feed: expected a .toml file or one of captury, "),
         (("--feed", "nowhere.toml"), "nowhere.toml: No such file or directory"),
         (("--osc-in", f"{LOOPBACK}:0", "--out", "unity"), "--out: expected one of native, touchdesigner, max, "),
         (

@@ -84,7 +84,8 @@ def test_whatever_lies_in_a_package_is_declared() -> None:
         globs = setuptools["package-data"].get(package, [])
         declared = {path for each in globs for path in (ROOT / folder).glob(each)}
         within = [path for path in (ROOT / folder).rglob("*") if path.is_file() and "__pycache__" not in path.parts]
-        own = {path for path in within if path.parent == ROOT / folder or not (path.parent / "__init__.py").exists()}
+        packages = {ROOT / other for other in FOLDERS}
+        own = {path for path in within if next(above for above in path.parents if above in packages) == ROOT / folder}
         others = {path for path in own if path.suffix not in (".py", ".so", ".pyd")}
         assert {path for path in others if path.relative_to(ROOT).as_posix() not in sources} == declared
 

@@ -21,9 +21,22 @@ PACKAGES = ("library", "stream", "tools")
 BELOW = {"library": set[str](), "stream": {"library"}, "tools": {"library", "stream"}}
 #: Folders and files that do no input or output, and know no clock and no thread.
 CORE = ("library", "stream/recognizer", "stream/frame.py", "stream/recognition.py", "stream/answer.py")
-CORE += ("stream/oscpacket.py", "stream/feeds/frame_assembler.py", "stream/feeds/message_reader.py")
-CORE += ("stream/feeds/kinematics.py", "stream/feeds/preset.py", "stream/feeds/checked_table.py")
-CORE += ("stream/feeds/detection.py",)
+CORE += ("stream/osc/packet.py", "stream/osc/frames.py", "stream/osc/answers.py", "stream/outputs/layouts.py")
+CORE += ("stream/zeromq/frames.py", "stream/zeromq/answers.py", "stream/zeromq/single_part.py")
+CORE += ("stream/inputs/decoder.py", "stream/inputs/receiver.py", "stream/recording/playback.py")
+CORE += tuple(
+    f"stream/feeds/{name}.py"
+    for name in (
+        "checked_table",
+        "decoder",
+        "detection",
+        "frame_assembler",
+        "handshake",
+        "kinematics",
+        "message_reader",
+        "preset",
+    )
+)
 NOT_IN_CORE = {"socket", "time", "threading", "zmq", "asyncio", "pythonosc", "selectors", "multiprocessing", "logging"}
 #: What keeps another process that reads files, and waits for it.
 KEEPS_A_PROCESS = "c3d_process"

@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from kinespace.library import MotionLibrary
-from kinespace.stream.connections import Endpoint
 from kinespace.stream.frame import Frame
+from kinespace.stream.zeromq import Endpoint
 from kinespace.tools.bench.echo_floor import EmptyRecognizer, answer_to
 from kinespace.tools.bench.memory import core_seconds, resident_mb
 from kinespace.tools.bench.recorded import FRAME_RATE

@@ -154,6 +154,19 @@ def _add_live(programs: Programs[argparse.ArgumentParser]) -> None:
     live.add_argument("--performers", type=int, default=32, help="how many at once, at most (default %(default)s)")
     live.add_argument("--record", type=Path, metavar="FILE", help="keep every packet that comes, for replay")
     add_overwrite(live)
+    live.add_argument(
+        "--teach", type=Path, metavar="FILE", help="let people teach motions by showing them, and keep them there"
+    )
+    live.add_argument(
+        "--control",
+        action="append",
+        default=[],
+        metavar="wekinator|ENDPOINT",
+        help="also obey Wekinator's control messages (=HOST:PORT; 6448), or ZeroMQ requests, like tcp://127.0.0.1:9330",
+    )
+    live.add_argument(
+        "--allow-from", action="append", default=[], metavar="HOST", help="who may teach beside this machine"
+    )
     live.add_argument("--plain", action="store_true", help="print a line per change instead of a table")
     live.set_defaults(run=_run_live)
 
@@ -179,6 +192,7 @@ def _run_live(parsed: argparse.Namespace) -> int:
         record=parsed.record,
         overwrite=parsed.overwrite,
         feed=live.Feed(parsed.feed, parsed.sender, tuple(parsed.out), parsed.joints),
+        teaching=live.Teaching(parsed.teach, tuple(parsed.control), tuple(parsed.allow_from)),
     )
 
 

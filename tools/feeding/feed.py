@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from kinespace.library import Clip
-    from kinespace.stream.connections import Endpoint
+    from kinespace.stream.zeromq import Endpoint
 
 #: Seconds between two announcements of the skeleton, as a live sender repeats it for receivers that start later.
 ANNOUNCE_EVERY = 1.0

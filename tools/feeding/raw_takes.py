@@ -13,8 +13,8 @@ from kinespace.library.formats.errors import RecordingError
 from kinespace.library.formats.timed_frames import evened
 from kinespace.library.skeleton import Skeleton, SkeletonMismatchError
 from kinespace.stream.frame import Announcement
-from kinespace.stream.rawfile import RawFile
-from kinespace.stream.rerun import decoded
+from kinespace.stream.recording.kinerec import RawFile
+from kinespace.stream.recording.playback import decoded
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping

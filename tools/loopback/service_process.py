@@ -16,9 +16,11 @@ import zmq
 
 from kinespace.library import MotionLibrary
 from kinespace.stream import osc, zeromq
-from kinespace.stream.connections import Endpoint
+from kinespace.stream.inputs import OscDecoder, Source, ZmqDecoder
+from kinespace.stream.outputs import LayoutSink, NativeLayout, ZmqSink
 from kinespace.stream.recognizer import Performers, Recognizer, Settings
-from kinespace.stream.service import OscSink, OscSource, Service, ZmqSink, ZmqSource
+from kinespace.stream.service import Service
+from kinespace.stream.zeromq import Endpoint
 from kinespace.tools.feeding.feed import OscFrameSender, ZmqFrameSender
 
 if TYPE_CHECKING:
@@ -228,19 +230,17 @@ def _when_told(connection: Connection, stop: Callable[[], None]) -> None:
     threading.Thread(target=wait, name="kinespace until told to stop", daemon=True).start()
 
 
-def _osc_ends(request: _Request) -> tuple[OscSource, OscSink, tuple[object, object]]:
-    source = OscSource(osc.OscReceiver(LOOPBACK, 0))
-    return source, OscSink(osc.OscSender(LOOPBACK, request.answer_port)), (source.receiver.address, None)
+def _osc_ends(request: _Request) -> tuple[Source, LayoutSink | ZmqSink, tuple[object, object]]:
+    receiver, sender = osc.OscReceiver(LOOPBACK, 0), osc.OscSender(LOOPBACK, request.answer_port)
+    return Source(receiver, OscDecoder()), LayoutSink(NativeLayout(), sender), (receiver.address, None)
 
 
-def _zmq_ends() -> tuple[ZmqSource, ZmqSink, tuple[object, object]]:
-    source, sink = ZmqSource(zeromq.ZmqReceiver(ANY_ENDPOINT)), ZmqSink(zeromq.ZmqSender(ANY_ENDPOINT))
-    return source, sink, (source.receiver.address, sink.sender.address)
+def _zmq_ends() -> tuple[Source, LayoutSink | ZmqSink, tuple[object, object]]:
+    receiver, sender = zeromq.ZmqReceiver(ANY_ENDPOINT), zeromq.ZmqSender(ANY_ENDPOINT)
+    return Source(receiver, ZmqDecoder()), ZmqSink(sender), (receiver.address, sender.address)
 
 
-def _stand_in(
-    connection: Connection, source: OscSource | ZmqSource, sink: OscSink | ZmqSink, stand_in: StandIn
-) -> None:
+def _stand_in(connection: Connection, source: Source, sink: LayoutSink | ZmqSink, stand_in: StandIn) -> None:
     """Receive and send, nothing else: what the transport and the machine cost without us."""
     stopped = threading.Event()
     _when_told(connection, stopped.set)

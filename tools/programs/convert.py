@@ -17,7 +17,7 @@ import numpy as np
 from kinespace.library import find_recordings
 from kinespace.library.recordings import RecordingReader
 from kinespace.stream.frame import Announcement
-from kinespace.stream.rawfile import ENDING, RawFile
+from kinespace.stream.recording.kinerec import ENDING, RawFile
 from kinespace.tools.feeding.raw_takes import JointOrder, events_of, seen_in
 from kinespace.tools.programs.feeds import preset_named
 from kinespace.tools.terminal.console import console, printable, progress

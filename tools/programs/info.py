@@ -14,8 +14,8 @@ from kinespace.library.kernels import compiled
 from kinespace.library.recordings import is_recording
 from kinespace.stream.feeds import builtin_names, builtin_preset
 from kinespace.stream.frame import Frame
-from kinespace.stream.rawfile import ENDING, RawFile
-from kinespace.stream.rerun import decoded
+from kinespace.stream.recording import decoded
+from kinespace.stream.recording.kinerec import ENDING, RawFile
 from kinespace.tools.programs.feeds import preset_named
 from kinespace.tools.terminal.console import console, printable, progress
 from kinespace.tools.terminal.tables import add_names, narrow_table
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
     from kinespace.library import Reading
     from kinespace.stream.feeds import Preset
-    from kinespace.stream.rawfile import RawPacket
+    from kinespace.stream.recording.kinerec import RawPacket
 
 
 def run(file: Path | None, reading: Reading, *, feed: str | None = None) -> int:

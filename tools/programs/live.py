@@ -10,38 +10,44 @@ import time
 from contextlib import ExitStack, nullcontext
 from dataclasses import dataclass, replace
 from difflib import get_close_matches
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rich.live import Live
 
 from kinespace.library import MotionLibrary
 from kinespace.stream import osc, zeromq
-from kinespace.stream.connections import Endpoint
 from kinespace.stream.feeds.source import FeedSource
-from kinespace.stream.layouts import LAYOUTS, LayoutSink, ReplySender
-from kinespace.stream.onepart import ZmqPackets
-from kinespace.stream.rawfile import RawWriter
-from kinespace.stream.recognizer import Performers, Recognizer
-from kinespace.stream.service import OscSink, OscSource, Service, Sink, Source, ZmqSink, ZmqSource
-from kinespace.stream.tap import Tap, TappedMessages, TappedPackets, TappedSource, described
+from kinespace.stream.inputs import OscDecoder, Source, ZmqDecoder
+from kinespace.stream.outputs import LAYOUTS, LayoutSink, NativeLayout, ReplySender, Sink, ZmqSink
+from kinespace.stream.recognizer import LiveSignature, Performers, Recognizer
+from kinespace.stream.recording import RawWriter, Recorder, source_name
+from kinespace.stream.service import Service
+from kinespace.stream.zeromq import Endpoint
 from kinespace.tools.cli.address import host_and_port
 from kinespace.tools.feeding.joint_sets import joints_in_order
 from kinespace.tools.programs.feeds import preset_named
+from kinespace.tools.teaching.desk import Start, as_performers, open_desk
+from kinespace.tools.teaching.door import WEKINATOR_PORT, Allowed, RequestDoor, TaughtDecoder, WekinatorDoor
+from kinespace.tools.teaching.keys import Keys
 from kinespace.tools.terminal.console import console
 from kinespace.tools.terminal.live_table import LiveTable, PlainLines, summary
 from kinespace.tools.terminal.output_path import require_place_for
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
-    from pathlib import Path
 
+    from kinespace.library.windows.index import WindowIndex
     from kinespace.stream.feeds import Preset
     from kinespace.stream.recognizer import Settings
+    from kinespace.tools.teaching.desk import Desk
 
 #: Times a second the table is drawn.
 _REDRAWS = 5
 #: Seconds a thread may keep Python's lock while another waits. Drawing takes longer than a frame may wait.
 _SWITCH_INTERVAL = 0.0005
+#: In place of a library: nothing is known but what is taught.
+_NO_LIBRARY = Path("none")
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,7 +83,34 @@ class Feed:
     joints: str | None = None
 
 
+@dataclass(frozen=True, slots=True)
+class Teaching:
+    """Whether people may teach, and who, as typed.
+
+    Attributes
+    ----------
+    file
+        Where what is taught is kept; None: nobody may teach.
+    controls
+        Further ways in: `wekinator`, `wekinator=HOST:PORT`, or the ZeroMQ endpoint of a socket that replies.
+    allow_from
+        Hosts beside this machine whose commands are accepted.
+    """
+
+    file: Path | None = None
+    controls: Sequence[str] = ()
+    allow_from: Sequence[str] = ()
+
+    def require_file(self, settings: Settings) -> None:
+        """Refuse what makes sense with a file only, and what cannot be taught; ValueError."""
+        if self.file is None and (self.controls or self.allow_from):
+            raise ValueError(f"{'--control' if self.controls else '--allow-from'}: expected --teach with it")
+        if self.file and settings.signature is LiveSignature.PAPER:
+            raise ValueError("--teach: expected --signature windows with it, got paper")
+
+
 _NO_FEED = Feed()
+_NO_TEACHING = Teaching()
 
 _AnyReceiver = osc.OscReceiver | zeromq.ZmqReceiver
 
@@ -92,35 +125,36 @@ def run(
     record: Path | None = None,
     overwrite: bool = False,
     feed: Feed = _NO_FEED,
+    teaching: Teaching = _NO_TEACHING,
 ) -> int:
     """Open the addresses, recognise until interrupted, print the counts."""
+    teaching.require_file(settings)
     if record:
         require_place_for(record, overwrite=overwrite)
-    motions = MotionLibrary.load(library) if library else MotionLibrary.builtin()
     preset = preset_named(feed.preset) if feed.preset else None
     joints = _assumed_joints(feed)
-    if preset:
-        motions = fitted(motions, f"feed {preset.name}", preset.joints)
-    elif joints:
-        motions = fitted(motions, "--joints", joints)
-    _require_room_for(motions, settings)
-    performers = Performers(motions, settings, most=most, joints=joints)
-    shown: PlainLines | LiveTable = PlainLines() if plain or not console.is_terminal else LiveTable(motions.classes)
+    performers, desk = _performers(library, preset, joints, teaching=teaching, settings=settings, most=most)
+    shown: PlainLines | LiveTable = PlainLines() if plain or not console.is_terminal else LiveTable(performers.classes)
     receivers, sinks, kept = _open(addresses, feed, preset, record)
-    taps = [Tap(kept, index) if kept else None for index in range(len(receivers))]
-    sources = [_source(receiver, preset, feed.sender, tap) for receiver, tap in zip(receivers, taps, strict=True)]
+    recorders = [Recorder(kept, index) if kept else None for index in range(len(receivers))]
+    sources = [_source(*each, preset, feed.sender) for each in zip(receivers, recorders, strict=True)]
     feeds = [source for source in sources if isinstance(source, FeedSource)]
-    tapped = [TappedSource(source, tap) if tap else source for source, tap in zip(sources, taps, strict=True)]
-    with kept or nullcontext(), Service(performers, tapped, [*sinks, shown]) as service:
-        _announce(sources, sinks)
+    doors = _doors(teaching, desk, sources) if desk else []
+    with kept or nullcontext(), Service(performers, [*sources, *doors], [*sinks, shown]) as service:
+        if desk:
+            desk.sinks = service.sinks
+        _announce([*sources, *doors], sinks)
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, lambda *_: service.stop())
         # What was loaded so far lives as long as we do: the collector need not look at it again.
         gc.freeze()
-        if isinstance(shown, LiveTable):
-            _run_with_table(service, shown)
-        else:
-            service.run()
+        with Keys(desk, shown) if desk and isinstance(shown, LiveTable) else nullcontext():
+            if isinstance(shown, LiveTable):
+                _run_with_table(service, shown)
+            else:
+                service.run()
+        if desk:
+            desk.close()
         status = service.status()
     console.print(summary(status), soft_wrap=True)
     for source in feeds:
@@ -128,6 +162,64 @@ def run(
     if kept:
         console.print(f"{record}: {kept.written} packets, {kept.failed} could not be written", soft_wrap=True)
     return 0
+
+
+def _performers(
+    library: Path | None,
+    preset: Preset | None,
+    joints: tuple[str, ...],
+    *,
+    teaching: Teaching,
+    settings: Settings,
+    most: int,
+) -> tuple[Performers, Desk | None]:
+    """Make the recognisers, and the desk that stands for them where people may teach."""
+    nothing = library == _NO_LIBRARY
+    if nothing and not teaching.file:
+        raise ValueError("--library none: expected --teach with it")
+    motions = MotionLibrary.load(library) if library and not nothing else MotionLibrary.builtin()
+    if nothing:
+        joints = joints or (preset.joints if preset else ())
+    elif preset:
+        motions = fitted(motions, f"feed {preset.name}", preset.joints)
+    elif joints:
+        motions = fitted(motions, "--joints", joints)
+    if teaching.file:
+        desk = _desk(teaching, None if nothing else motions, joints, settings, most)
+        return as_performers(desk), desk
+    _require_room_for(motions, settings)
+    return Performers(motions, settings, most=most, joints=joints), None
+
+
+def _desk(
+    teaching: Teaching, motions: MotionLibrary | None, joints: tuple[str, ...], settings: Settings, most: int
+) -> Desk:
+    """Open what was taught before."""
+    assert teaching.file is not None  # noqa: S101 - told to mypy
+
+    def performers(index: WindowIndex, classes: Sequence[str]) -> Performers:
+        covers = set(index.library.skeleton.joints) <= set(joints)
+        return Performers(index, settings, most=most, joints=joints if covers else (), classes=classes)
+
+    return open_desk(Start(teaching.file, motions, joints), performers)
+
+
+def _doors(teaching: Teaching, desk: Desk, sources: Sequence[Source]) -> list[WekinatorDoor | RequestDoor]:
+    """Open the ways in for commands: the frames' own ports, and what was asked for beside them."""
+    allowed = Allowed(teaching.allow_from)
+    for source in sources:
+        source.decoder = TaughtDecoder(source.decoder, desk, allowed)
+    doors: list[WekinatorDoor | RequestDoor] = []
+    for control in teaching.controls:
+        name, _, place = control.partition("=")
+        if name == "wekinator":
+            host, port = host_and_port(place) if place else ("127.0.0.1", WEKINATOR_PORT)
+            doors.append(WekinatorDoor(osc.OscReceiver(host, port), desk, allowed))
+        elif "://" in control:
+            doors.append(RequestDoor(Endpoint.parse(control, bind=True), desk, allowed))
+        else:
+            raise ValueError(f"--control: expected wekinator or an endpoint like tcp://127.0.0.1:9330, got {control!r}")
+    return doors
 
 
 def _assumed_joints(feed: Feed) -> tuple[str, ...]:
@@ -162,7 +254,7 @@ def fitted(motions: MotionLibrary, whose: str, joints: Sequence[str]) -> MotionL
 
 def frames_made(source: FeedSource) -> str:
     """Say what became of a feed's joints, and which were lacking where frames were refused."""
-    counts = source.assembler.counts
+    counts = source.decoder.assembler.counts
     closed = ", ".join(f"{count} by {closing}" for closing, count in counts.closed_by.most_common())
     line = (
         f"feed {source.preset.name}: {counts.frames} frames made ({closed or 'none closed'}), "
@@ -201,7 +293,7 @@ def _open(
             receivers.append(zeromq.ZmqReceiver(Endpoint.parse(addresses.zmq_in, bind=True)))
             opened.callback(receivers[-1].close)
         if addresses.osc_out:
-            sinks.append(OscSink(osc.OscSender(*host_and_port(addresses.osc_out))))
+            sinks.append(LayoutSink(NativeLayout(), osc.OscSender(*host_and_port(addresses.osc_out))))
             opened.callback(sinks[-1].close)
         if addresses.zmq_out:
             sinks.append(ZmqSink(zeromq.ZmqSender(Endpoint.parse(addresses.zmq_out, bind=True))))
@@ -218,18 +310,13 @@ def _open(
 def _writer(record: Path, receivers: Sequence[_AnyReceiver], preset: Preset | None) -> RawWriter:
     record.unlink(missing_ok=True)
     presets = {preset.name: preset.text} if preset else {}
-    return RawWriter(record, [described(receiver, preset) for receiver in receivers], presets)
+    return RawWriter(record, [source_name(receiver, preset) for receiver in receivers], presets)
 
 
-def _source(
-    receiver: _AnyReceiver, preset: Preset | None, sender: str, tap: Tap | None
-) -> FeedSource | OscSource | ZmqSource:
-    """Make the source of what comes in at one place, through the tap where there is a recording."""
-    if isinstance(receiver, osc.OscReceiver):
-        packets = TappedPackets(receiver, tap) if tap else receiver
-        return FeedSource(packets, preset, sender=sender) if preset else OscSource(packets)
-    messages = TappedMessages(receiver, tap) if tap else receiver
-    return FeedSource(ZmqPackets(messages), preset) if preset else ZmqSource(messages)
+def _source(receiver: _AnyReceiver, recorder: Recorder | None, preset: Preset | None, sender: str) -> Source:
+    if preset:
+        return FeedSource(receiver, preset, sender=sender, recorder=recorder)
+    return Source(receiver, OscDecoder() if isinstance(receiver, osc.OscReceiver) else ZmqDecoder(), recorder)
 
 
 def _layout_sink(text: str, receivers: Sequence[_AnyReceiver]) -> LayoutSink:
@@ -240,15 +327,15 @@ def _layout_sink(text: str, receivers: Sequence[_AnyReceiver]) -> LayoutSink:
     layout = LAYOUTS[name]()
     if target.partition(":")[0] != "sender":
         host, port = host_and_port(target) if target else ("127.0.0.1", layout.port)
-        return LayoutSink(name, layout, osc.OscSender(host, port))
+        return LayoutSink(layout, osc.OscSender(host, port))
     heard = [receiver for receiver in receivers if isinstance(receiver, osc.OscReceiver)]
     if not heard:
         raise ValueError("--out: expected an OSC feed to reply to, got none")
     port = host_and_port(target)[1] if ":" in target else layout.port
-    return LayoutSink(name, layout, ReplySender(heard[0], port))
+    return LayoutSink(layout, ReplySender(heard[0], port))
 
 
-def _announce(sources: Sequence[Source], sinks: Sequence[Sink]) -> None:
+def _announce(sources: Sequence[object], sinks: Sequence[Sink]) -> None:
     listening, answering = ", ".join(map(str, sources)), ", ".join(map(str, sinks)) or "nobody"
     console.print(f"listening on {listening}; answering to {answering}; Ctrl-C ends", soft_wrap=True)
 

@@ -11,8 +11,8 @@ import zmq
 from rich.status import Status
 
 from kinespace.stream import osc, zeromq
-from kinespace.stream.connections import Endpoint
-from kinespace.stream.rawfile import RawPacket, RawWriter
+from kinespace.stream.recording import RawWriter, Recorder, source_name
+from kinespace.stream.zeromq import Endpoint
 from kinespace.tools.cli.address import host_and_port
 from kinespace.tools.terminal.console import console, progress_console
 from kinespace.tools.terminal.output_path import require_place_for
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 #: Milliseconds of the longest sleep: how soon Ctrl-C is heard.
 _LONGEST_SLEEP = 100
 
-_Receivers = list[tuple[str, osc.OscReceiver | zeromq.ZmqReceiver]]
+_Receivers = list[osc.OscReceiver | zeromq.ZmqReceiver]
 
 
 def run(output: Path, *, osc_in: str | None, zmq_in: str | None, seconds: float | None, overwrite: bool) -> int:
@@ -44,14 +44,15 @@ def run(output: Path, *, osc_in: str | None, zmq_in: str | None, seconds: float 
     with ExitStack() as opened:
         receivers = _open(opened, osc_in, zmq_in)
         output.unlink(missing_ok=True)
-        writer = opened.enter_context(RawWriter(output, [name for name, _ in receivers]))
+        names = list(map(source_name, receivers))
+        writer = opened.enter_context(RawWriter(output, names))
         recording = _Recording(receivers, writer)
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, lambda *_: recording.stop())
-        console.print(f"recording {', '.join(name for name, _ in receivers)} to {output}; Ctrl-C ends", soft_wrap=True)
+        console.print(f"recording {', '.join(names)} to {output}; Ctrl-C ends", soft_wrap=True)
         with Status("nothing has come yet", console=progress_console) as shown:
             recording.run(seconds, shown)
-    lost = sum(receiver.kernel_drops for _, receiver in receivers if isinstance(receiver, osc.OscReceiver))
+    lost = sum(receiver.kernel_drops for receiver in receivers)
     console.print(
         f"{output}: {writer.written} packets, {output.stat().st_size / 1e6:.2f} MB; "
         f"{writer.failed} could not be written, {lost} were lost by the system before they came here"
@@ -66,14 +67,11 @@ def _open(opened: ExitStack, osc_in: str | None, zmq_in: str | None) -> _Receive
         raise ValueError("record: expected --osc-in or --zmq-in, got neither")
     receivers: _Receivers = []
     if osc_in:
-        datagrams = osc.OscReceiver(*host_and_port(osc_in))
-        opened.callback(datagrams.close)
-        host, port = datagrams.address
-        receivers.append((f"osc {host}:{port}", datagrams))
+        receivers.append(osc.OscReceiver(*host_and_port(osc_in)))
+        opened.callback(receivers[-1].close)
     if zmq_in:
-        messages = zeromq.ZmqReceiver(Endpoint.parse(zmq_in, bind=True))
-        opened.callback(messages.close)
-        receivers.append((f"zmq {messages.address}", messages))
+        receivers.append(zeromq.ZmqReceiver(Endpoint.parse(zmq_in, bind=True)))
+        opened.callback(receivers[-1].close)
     return receivers
 
 
@@ -87,7 +85,8 @@ class _Recording:
     """
 
     def __init__(self, receivers: _Receivers, writer: RawWriter) -> None:
-        self._receivers = [receiver for _, receiver in receivers]
+        self._receivers = receivers
+        self._recorders = [Recorder(writer, index) for index in range(len(receivers))]
         self._writer = writer
         self.broken = 0
         self._stopped = False
@@ -113,11 +112,8 @@ class _Recording:
         self._keep()
 
     def _keep(self) -> None:
-        for index, receiver in enumerate(self._receivers):
+        for receiver, recorder in zip(self._receivers, self._recorders, strict=True):
             while (packet := receiver.receive()) is not None:
-                parts = (packet,) if isinstance(packet, bytes) else tuple(packet)
-                known = receiver.sender if isinstance(receiver, osc.OscReceiver) else None
-                sender = f"{known[0]}:{known[1]}" if known else ""
-                self._writer.write(RawPacket(time.monotonic(), index, sender, parts))
+                recorder.keep(packet, time.monotonic(), receiver.sender)
                 if self._stopped:
                     return

@@ -17,9 +17,9 @@ from rich.table import Table
 from kinespace.library import Clip, MotionLibrary, Reading, find_recordings
 from kinespace.library.recordings import RecordingReader, labelled
 from kinespace.stream import osc, zeromq
-from kinespace.stream.connections import Endpoint
 from kinespace.stream.frame import Announcement
-from kinespace.stream.rawfile import ENDING
+from kinespace.stream.recording.kinerec import ENDING
+from kinespace.stream.zeromq import Endpoint
 from kinespace.tools.cli.address import host_and_port
 from kinespace.tools.feeding.feed import (
     ANNOUNCE_EVERY,

@@ -9,8 +9,8 @@ from contextlib import ExitStack, suppress
 from typing import TYPE_CHECKING
 
 from kinespace.stream import osc, zeromq
-from kinespace.stream.connections import Endpoint
-from kinespace.stream.rawfile import RawFile
+from kinespace.stream.recording.kinerec import RawFile
+from kinespace.stream.zeromq import Endpoint
 from kinespace.tools.cli.address import host_and_port
 from kinespace.tools.feeding.feed import Pace
 from kinespace.tools.terminal.console import console, progress
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
-    from kinespace.stream.rawfile import RawPacket
+    from kinespace.stream.recording.kinerec import RawPacket
 
 #: Seconds ZeroMQ peers get to meet before the first message.
 _MEETING = 0.5

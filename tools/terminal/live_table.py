@@ -6,7 +6,9 @@ from typing import TYPE_CHECKING
 
 from rich.text import Text
 
+from kinespace.stream.outputs.sink import Sink
 from kinespace.stream.recognition import EventKind, Outcome
+from kinespace.stream.teaching.wire import as_line
 from kinespace.tools.terminal.console import console, printable
 from kinespace.tools.terminal.tables import narrow_table
 
@@ -17,12 +19,15 @@ if TYPE_CHECKING:
 
     from kinespace.stream.recognition import Event, Recognition
     from kinespace.stream.status import Status
+    from kinespace.stream.teaching.notices import Notice
 
 #: Characters of a full score bar, and of a terminal wide enough to have one.
 _BAR = 20
 _WIDE = 110
 #: Characters between two columns.
 _BETWEEN = 2
+#: Notices of teaching that are shown.
+_NOTICES = 3
 
 
 def score_shown(score: float, width: int) -> Text:
@@ -34,11 +39,10 @@ def score_shown(score: float, width: int) -> Text:
     return Text("█" * filled, style="green") + Text("░" * (_BAR - filled) + " ", style="dim") + number
 
 
-class PlainLines:
+class PlainLines(Sink):
     """A sink that prints a line whenever a performer's label changes."""
 
     def __init__(self) -> None:
-        self.failed = 0
         self._labels: dict[str, str] = {}
         self._refused: dict[str, str] = {}
 
@@ -58,9 +62,6 @@ class PlainLines:
             f"{event.time:10.3f} s  {printable(event.performer)}  {event.kind}: {event.label}", soft_wrap=True
         )
 
-    def publish_classes(self, classes: Sequence[str]) -> None:
-        """Say nothing."""
-
     def publish_status(self, status: Status) -> None:
         """Forget performers who have left, so that their return is news."""
         self._labels = {name: label for name, label in self._labels.items() if name in status.performers}
@@ -69,19 +70,28 @@ class PlainLines:
                 console.print(refused_frames(name, why), soft_wrap=True)
         self._refused = status.refused
 
-    def close(self) -> None:
-        """Nothing to close."""
+    def publish_notice(self, notice: Notice) -> None:
+        """Print it."""
+        if line := as_line(notice):
+            console.print(printable(line), soft_wrap=True, markup=False)
 
 
-class LiveTable:
+class LiveTable(Sink):
     """A sink that remembers what to draw: the last recognition of each performer, the last status."""
 
     def __init__(self, classes: Sequence[str]) -> None:
-        self.failed = 0
         self._classes = classes
         self._latest: dict[str, Recognition] = {}
         self._going_on: dict[str, str] = {}
         self._status: Status | None = None
+        #: What is said below the table while somebody may be taught.
+        self.hint = ""
+        self._notices: list[str] = []
+
+    def publish_notice(self, notice: Notice) -> None:
+        """Remember the last ones."""
+        if line := as_line(notice):
+            self._notices = [*self._notices, printable(line)][-_NOTICES:]
 
     def publish(self, recognition: Recognition) -> None:
         """Remember it."""
@@ -100,9 +110,6 @@ class LiveTable:
         self._status = status
         self._latest = {name: last for name, last in self._latest.items() if name in status.performers}
         self._going_on = {name: label for name, label in self._going_on.items() if name in status.performers}
-
-    def close(self) -> None:
-        """Nothing to close."""
 
     def drawn(self) -> Table:
         """Draw the table as it is now; from any thread."""
@@ -142,6 +149,7 @@ class LiveTable:
         if status is None:
             return f"{len(self._classes)} classes"
         told = "".join(f"\n{refused_frames(name, why)}" for name, why in status.refused.items())
+        told += "".join(f"\n{line}" for line in (*self._notices, *([self.hint] if self.hint else ())))
         return f"{len(self._classes)} classes · {counts(status)}{told}"
 
 

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from kinespace.stream.feeds.frame_assembler import FORGET_AFTER, FrameAssembler
 from kinespace.stream.feeds.preset import parse_preset
 from kinespace.stream.frame import Announcement, Frame
-from kinespace.stream.oscpacket import decode_packet
+from kinespace.stream.osc.packet import decode_packet
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

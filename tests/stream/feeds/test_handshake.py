@@ -10,13 +10,14 @@ import pytest
 from golden import message
 
 from kinespace.stream.feeds import builtin_preset
+from kinespace.stream.feeds.decoder import MAX_SENDERS, SenderNumbers
 from kinespace.stream.feeds.frame_assembler import FORGET_AFTER
 from kinespace.stream.feeds.handshake import NEVER, SILENCE, farewells, is_due, questions
 from kinespace.stream.feeds.preset import parse_preset
-from kinespace.stream.feeds.source import MOST_SENDERS, FeedSource, SenderNumbers
+from kinespace.stream.feeds.source import FeedSource
 from kinespace.stream.frame import Frame
 from kinespace.stream.osc import OscReceiver
-from kinespace.stream.oscpacket import Message, decode_packet
+from kinespace.stream.osc.packet import Message, decode_packet
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -164,7 +165,7 @@ def test_hosts_are_numbered() -> None:
     assert [numbers.number(host, 0.0) for host in ("a", "b", "a")] == [1, 2, 1]
     numbers.number("b", FORGET_AFTER)
     assert numbers.number("c", FORGET_AFTER + 1.0) == 1
-    assert [numbers.number(f"h{index}", FORGET_AFTER) for index in range(20)][-1] == MOST_SENDERS
+    assert [numbers.number(f"h{index}", FORGET_AFTER) for index in range(20)][-1] == MAX_SENDERS
     assert numbers.number("b", FORGET_AFTER) == 2
 
 

@@ -6,9 +6,9 @@ import pytest
 from golden import message
 
 from kinespace.stream.feeds import Mapper, builtin_preset
-from kinespace.stream.feeds.message_reader import LONGEST_PERFORMER, MessageError, Reading
+from kinespace.stream.feeds.message_reader import MAX_PERFORMER_LENGTH, MessageError, Reading
 from kinespace.stream.feeds.preset import Means, parse_preset
-from kinespace.stream.oscpacket import Message, decode_packet
+from kinespace.stream.osc.packet import Message, decode_packet
 
 JOINTS = '[joints]\nhand = "lhand"\nhead = "head"\nneck = ""\n'
 
@@ -74,7 +74,7 @@ def test_numbers_are_names_too(performer: object) -> None:
         ["pos", "hand", True, 1.0, 2.0, 3.0],
         ["pos", "hand", 1.5, 1.0, 2.0, 3.0],
         ["pos", "hand", "", 1.0, 2.0, 3.0],
-        ["pos", "hand", "p" * (LONGEST_PERFORMER + 1), 1.0, 2.0, 3.0],
+        ["pos", "hand", "p" * (MAX_PERFORMER_LENGTH + 1), 1.0, 2.0, 3.0],
         ["pos", None, "p", 1.0, 2.0, 3.0],
         ["pos", "hand", "p", "1.0", 2.0, 3.0],
         ["pos", "hand", "p", 1.0, True, 3.0],

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from kinespace.library.hdm05 import SKELETON
-from kinespace.stream.feeds import PresetError, builtin_names, builtin_preset, load_preset
+from kinespace.stream.feeds import PresetError, builtin_names, builtin_preset, builtin_text, load_preset
 from kinespace.stream.feeds.preset import Closing, Means, parse_preset, spelling
 
 if TYPE_CHECKING:
@@ -42,8 +42,9 @@ def test_presets_that_come_along_are_whole(name: str) -> None:
 
 
 def test_the_presets_are_those_that_lie_there() -> None:
-    """Every TOML file of the package is listed, and every listed preset is a file."""
-    files = {path.name for path in resources.files("kinespace.stream.feeds").iterdir() if path.name.endswith(".toml")}
+    """Every TOML file of the presets' folder is listed, and every listed preset is a file."""
+    folder = resources.files("kinespace.stream.feeds") / "presets"
+    files = {path.name for path in folder.iterdir() if path.name.endswith(".toml")}
     assert files == {f"{name}.toml" for name in builtin_names()}
 
 
@@ -51,9 +52,7 @@ def test_the_presets_are_those_that_lie_there() -> None:
 def test_a_copy_is_the_same_preset(name: str, tmp_path: Path) -> None:
     """Copied to a file of one's own, a preset means the same."""
     path = tmp_path / "mine.toml"
-    path.write_text(
-        (resources.files("kinespace.stream.feeds") / f"{name}.toml").read_text(encoding="utf-8"), encoding="utf-8"
-    )
+    path.write_text(builtin_text(name), encoding="utf-8")
     mine, theirs = load_preset(path), builtin_preset(name)
     assert mine.name == "mine"
     for field in ("port", "joints", "messages", "closings", "order", "bones", "axes", "metres", "asking", "seconds"):
@@ -167,7 +166,7 @@ def test_a_mistake_is_one_line(old: str, new: str, said: str) -> None:
 
 def test_what_is_not_there_is_said() -> None:
     """An unknown name says which there are; a file that is missing is the system's error."""
-    with pytest.raises(PresetError, match=r"feed: expected a .toml file or one of native, .*, got 'kinect'"):
+    with pytest.raises(PresetError, match=r"feed: expected a .toml file or one of captury, .*, got 'kinect'"):
         builtin_preset("kinect")
 
 

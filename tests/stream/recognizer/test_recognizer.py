@@ -15,7 +15,7 @@ from synthetic import STICK, STICK_CLASSES, stick_clip, stick_clips
 from kinespace.library.motion_library import MotionLibrary
 from kinespace.library.skeleton import Skeleton
 from kinespace.library.windows.index import opened
-from kinespace.stream.frame import FARTHEST, Frame
+from kinespace.stream.frame import MAX_DISTANCE, Frame
 from kinespace.stream.recognition import Outcome, Recognition
 from kinespace.stream.recognizer import LiveSignature, Recognizer, RecognizerCounts, Settings
 
@@ -321,7 +321,7 @@ def test_another_number_of_joints_is_refused(library: MotionLibrary, joints: int
     assert recognizer.counts.frames == len(frames)
 
 
-STRANGE = st.sampled_from([0.0, 1.0, -1.0, 1e-3, 1e-160, 5e-324, 1e7, -0.9 * FARTHEST / 5, 3.0])
+STRANGE = st.sampled_from([0.0, 1.0, -1.0, 1e-3, 1e-160, 5e-324, 1e7, -0.9 * MAX_DISTANCE / 5, 3.0])
 STEPS = st.sampled_from([0.0, 1e-9, 1 / 240, 0.01, 0.1, 0.4, 0.6, -0.01, -0.5, -3.0, 1e6, -1e6, 1e18])
 
 

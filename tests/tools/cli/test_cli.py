@@ -36,7 +36,7 @@ def asked(monkeypatch: pytest.MonkeyPatch) -> list[Call]:
         return lambda *arguments, **options: calls.append((name, arguments, options)) or 0
 
     for module in (demo, live, replay, latency, build, info):
-        monkeypatch.setattr(module, "run", stand_in(module.__name__.removeprefix("tools.")))
+        monkeypatch.setattr(module, "run", stand_in(module.__name__.rpartition(".")[2]))
     monkeypatch.setattr(evaluate_retrieval, "run_retrieval", stand_in("evaluate"))
     return calls
 

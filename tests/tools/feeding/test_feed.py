@@ -12,7 +12,7 @@ from programs import LOOPBACK
 from synthetic import STICK, stick_clip
 
 from kinespace.stream import Announcement, Frame, osc, zeromq
-from kinespace.stream.connections import Endpoint
+from kinespace.stream.zeromq import Endpoint
 from kinespace.tools.feeding.feed import (
     Cue,
     OscFrameSender,

@@ -12,7 +12,7 @@ from programs import LOOPBACK, PATIENCE
 
 from kinespace.stream import Outcome, Recognition, osc, zeromq
 from kinespace.stream.answer import Answer
-from kinespace.stream.connections import Endpoint
+from kinespace.stream.zeromq import Endpoint
 from kinespace.tools.loopback.answer_listener import Listener, answer_in
 
 if TYPE_CHECKING:

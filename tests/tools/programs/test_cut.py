@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from kinespace.library import MotionLibrary
-from kinespace.stream import osc
 from kinespace.stream.frame import Frame
-from kinespace.stream.rawfile import RawPacket, RawWriter
+from kinespace.stream.osc.frames import encode_frame
+from kinespace.stream.recording.kinerec import RawPacket, RawWriter
 from kinespace.tools.cli.main import main
 
 if TYPE_CHECKING:
@@ -33,7 +33,7 @@ def evening(tmp_path: Path) -> Path:
                 time += 1 / 60
     with RawWriter(tmp_path / "tonight.kinerec", ["osc 127.0.0.1:9310"]) as writer:
         for time, performer, positions in sorted(frames, key=lambda each: each[0]):
-            packet = osc.encode_frame(Frame(performer, time, positions))
+            packet = encode_frame(Frame(performer, time, positions))
             writer.write(RawPacket(time - 40 + generator.uniform(0, 0.005), 0, "127.0.0.1:5000", (packet,)))
     return tmp_path / "tonight.kinerec"
 

@@ -15,7 +15,7 @@ from recorded import write_takes
 
 from kinespace.library import MotionLibrary, read_recordings
 from kinespace.stream import Announcement, LiveSignature, Settings, osc, zeromq
-from kinespace.stream.connections import LARGEST_MESSAGE, Endpoint
+from kinespace.stream.zeromq import MAX_MESSAGE, Endpoint
 from kinespace.tools.cli.main import OSC_OUT, main
 from kinespace.tools.feeding.feed import clip_cues
 from kinespace.tools.loopback.expected_answers import expected_answers
@@ -241,7 +241,7 @@ def test_a_message_too_large_costs_that_message_alone() -> None:
     with live(transport="zmq") as stage:
         assert isinstance(stage.sender, Publisher)
         stage.play(cues[:10])
-        stage.sender.send([b"frame/ghost/", b"{}", bytes(2 * LARGEST_MESSAGE)])
+        stage.sender.send([b"frame/ghost/", b"{}", bytes(2 * MAX_MESSAGE)])
         # ZeroMQ gives such a publisher up; we come back to it.
         stage.sender.wait_for_change(b"\x00")
         stage.sender.wait_for_change(b"\x01")

@@ -21,8 +21,8 @@ from synthetic import amc_text
 from kinespace.library import read_recordings
 from kinespace.library.hdm05 import SKELETON
 from kinespace.stream import Announcement, Frame, osc, zeromq
-from kinespace.stream.connections import Endpoint
-from kinespace.stream.rawfile import RawFile, RawHeader, RawPacket, encode_header, encode_packet
+from kinespace.stream.recording.kinerec import RawFile, RawHeader, RawPacket, encode_header, encode_packet
+from kinespace.stream.zeromq import Endpoint
 from kinespace.tools.cli.main import main
 from kinespace.tools.programs.replay_packets import cut
 from kinespace.tools.terminal.console import console
@@ -450,7 +450,7 @@ def test_a_feeds_recording_says_what_it_is(tmp_path: Path, capsys: pytest.Captur
     assert "performer 1: 10 frames" in capsys.readouterr().out
     path, _ = an_osceleton(tmp_path / "b.kinerec", told="osc here feed mine")
     assert main(["info", str(path)]) == 2
-    assert "feed: expected a .toml file or one of native, " in capsys.readouterr().err
+    assert "feed: expected a .toml file or one of captury, " in capsys.readouterr().err
 
 
 def test_live_keeps_the_preset_it_reads_by(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

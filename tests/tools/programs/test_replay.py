@@ -19,8 +19,10 @@ from recorded import write_take, write_takes
 from kinespace.library import MotionLibrary, find_recordings, read_recordings
 from kinespace.library.recordings import RecordingReader
 from kinespace.stream import Announcement, Frame, Performers, Recognizer, osc, zeromq
-from kinespace.stream.connections import Endpoint
-from kinespace.stream.service import OscSink, OscSource, Service, ZmqSink, ZmqSource
+from kinespace.stream.inputs import OscDecoder, Source, ZmqDecoder
+from kinespace.stream.outputs import LayoutSink, NativeLayout, ZmqSink
+from kinespace.stream.service import Service
+from kinespace.stream.zeromq import Endpoint
 from kinespace.tools.cli.main import main
 from kinespace.tools.feeding.feed import Cue, clip_cues
 from kinespace.tools.programs.replay import Faults, Score
@@ -309,9 +311,9 @@ def test_osc_answers_to_any_performer_are_counted(
     take = write_take(tmp_path, "bd", "bendLeft", 1)
     clips = list(read_recordings(write_takes(tmp_path, takes=1)))
     library = MotionLibrary.of_clips(clips)
-    source = OscSource(osc.OscReceiver(LOOPBACK, 0))
+    source = Source(osc.OscReceiver(LOOPBACK, 0), OscDecoder())
     port = free_udp_port()
-    sink = OscSink(osc.OscSender(LOOPBACK, port))
+    sink = LayoutSink(NativeLayout(), osc.OscSender(LOOPBACK, port))
     to = target(source.receiver)
     with recognising(library, source, sink):
         arguments = (take, "--osc", to, "--listen", f"{LOOPBACK}:{port}", "--performer", performer, "--json")
@@ -330,7 +332,7 @@ def test_zmq_answers_are_counted(tmp_path: Path, capsys: pytest.CaptureFixture[s
     clips = list(read_recordings(takes))
     library = MotionLibrary.of_clips(clips)
     anywhere = Endpoint(f"tcp://{LOOPBACK}:*", bind=True)
-    source, sink = ZmqSource(zeromq.ZmqReceiver(anywhere)), ZmqSink(zeromq.ZmqSender(anywhere))
+    source, sink = Source(zeromq.ZmqReceiver(anywhere), ZmqDecoder()), ZmqSink(zeromq.ZmqSender(anywhere))
     arguments = (*takes, "--zmq", source.receiver.address, "--listen", sink.sender.address)
     with recognising(library, source, sink):
         assert replay(*arguments, "--speed", "2") == 0

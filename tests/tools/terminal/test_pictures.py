@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 import sys
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import matplotlib as mpl
@@ -57,7 +58,7 @@ def test_different_outcomes_are_different_pictures(tmp_path: Path) -> None:
     outcome = results()
     pictures.draw_confusions(same, outcome, Protocol.SPLIT)
     pictures.draw_confusions(again, outcome, Protocol.SPLIT)
-    turned = {space: Retrieval(each.motions, 0.5, 0.75, CLASSES, each.confusion.T) for space, each in outcome.items()}
+    turned = {space: replace(each, confusion=each.confusion.T) for space, each in outcome.items()}
     pictures.draw_confusions(other, turned, Protocol.SPLIT)
     assert same.read_bytes() == again.read_bytes()
     assert same.read_bytes() != other.read_bytes()

@@ -14,7 +14,7 @@ from pythonosc.osc_bundle_builder import IMMEDIATELY, OscBundleBuilder
 from pythonosc.osc_message_builder import OscMessageBuilder
 from pythonosc.osc_packet import OscPacket
 
-from kinespace.stream.oscpacket import DEEPEST_BUNDLE, Message, PacketError, decode_message, decode_packet
+from kinespace.stream.osc.packet import MAX_BUNDLE_DEPTH, Message, PacketError, decode_message, decode_packet
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -245,9 +245,9 @@ def test_bundles_nest_so_deep_and_no_deeper() -> None:
     for _ in range(3000):
         element = b"#bundle\0" + bytes(7) + b"\1" + struct.pack(">i", len(element)) + element
         packets.append(element)
-    assert decode_packet(packets[DEEPEST_BUNDLE]) == [Message("/deep", [])]
-    for packet in (packets[DEEPEST_BUNDLE + 1], packets[-1]):
-        with pytest.raises(PacketError, match=f"deeper than {DEEPEST_BUNDLE}"):
+    assert decode_packet(packets[MAX_BUNDLE_DEPTH]) == [Message("/deep", [])]
+    for packet in (packets[MAX_BUNDLE_DEPTH + 1], packets[-1]):
+        with pytest.raises(PacketError, match=f"deeper than {MAX_BUNDLE_DEPTH}"):
             decode_packet(packet)
 
 

@@ -9,7 +9,7 @@ import pytest
 from pythonosc.osc_packet import OscPacket
 
 from kinespace.stream import osc
-from kinespace.stream.layouts import LAYOUTS, LayoutSink, ReplySender
+from kinespace.stream.outputs import LAYOUTS, LayoutSink, NativeLayout, ReplySender
 from kinespace.stream.recognition import Event, EventKind, Outcome, Recognition
 from kinespace.stream.recognizer.performers import PerformerCounts
 from kinespace.stream.status import InputCounts, Status
@@ -46,12 +46,12 @@ def test_every_answer_is_osc_that_fits(name: str) -> None:
     for packet in told:
         if packet is not None:
             assert read(packet)
-            assert len(packet) <= osc.LARGEST_ANSWER
+            assert len(packet) <= osc.MAX_ANSWER
 
 
 def test_native_is_what_it_was() -> None:
     """The native layout is byte for byte what the OSC sink sends."""
-    layout = LAYOUTS["native"]()
+    layout = NativeLayout()
     assert layout.recognition(recognition()) == osc.encode_recognition(recognition())
     assert layout.event(START) == osc.encode_event(START)
     assert layout.classes(CLASSES) == osc.encode_classes(CLASSES)
@@ -109,7 +109,7 @@ def test_several_hear_at_once() -> None:
     """Sinks of different layouts send each to its own place."""
     receivers = [osc.OscReceiver(LOOPBACK, 0) for _ in LAYOUTS]
     sinks = [
-        LayoutSink(name, LAYOUTS[name](), osc.OscSender(LOOPBACK, receiver.address[1]))
+        LayoutSink(LAYOUTS[name](), osc.OscSender(LOOPBACK, receiver.address[1]))
         for name, receiver in zip(LAYOUTS, receivers, strict=True)
     ]
     for sink in sinks:
@@ -132,7 +132,7 @@ def test_the_sender_is_replied_to(back: bool) -> None:  # noqa: FBT001 - a param
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
         sender.bind((LOOPBACK, 0))
         sender.settimeout(5.0)
-        sink = LayoutSink("native", LAYOUTS["native"](), ReplySender(receiver, 0 if back else sender.getsockname()[1]))
+        sink = LayoutSink(NativeLayout(), ReplySender(receiver, 0 if back else sender.getsockname()[1]))
         sink.publish(recognition())
         sender.sendto(b"hello", receiver.address)
         receiver.socket.settimeout(5.0)

@@ -12,8 +12,8 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from kinespace.stream import rawfile
-from kinespace.stream.rawfile import (
+from kinespace.stream.recording import kinerec
+from kinespace.stream.recording.kinerec import (
     RawFile,
     RawFileError,
     RawHeader,
@@ -63,7 +63,7 @@ def test_presets_are_kept_and_older_headers_read(tmp_path: Path) -> None:
     assert RawFile(tmp_path / "a.kinerec").header.presets == presets
     assert RawFile(write(tmp_path / "b.kinerec", [])).header.presets == {}
     assert b"presets" not in (tmp_path / "b.kinerec").read_bytes()
-    told = {"format": rawfile.FORMAT, "version": rawfile.VERSION, "began": "", "sources": [], "presets": ["vmc"]}
+    told = {"format": kinerec.FORMAT, "version": kinerec.VERSION, "began": "", "sources": [], "presets": ["vmc"]}
     body = b"\0" + json.dumps(told).encode()
     (tmp_path / "c.kinerec").write_bytes(struct.pack("<II", len(body), zlib.crc32(body)) + body)
     with pytest.raises(RawFileError, match="byte 0: not a raw recording"):
@@ -136,8 +136,8 @@ def test_a_changed_byte_ends_what_is_read(tmp_path: Path) -> None:
         (b"", "byte 0: not a raw recording"),
         (b"PK\x03\x04" + b"\0" * 500, "byte 0: not a raw recording"),
         (encode_packet(PACKETS[0]), "byte 0: not a raw recording"),
-        (rawfile._record(b'\0{"format": "x"}'), "byte 0: not a raw recording"),  # noqa: SLF001 - a whole record
-        (rawfile._record(b"\0[]"), "byte 0: not a raw recording"),  # noqa: SLF001 - as above
+        (kinerec._record(b'\0{"format": "x"}'), "byte 0: not a raw recording"),  # noqa: SLF001 - a whole record
+        (kinerec._record(b"\0[]"), "byte 0: not a raw recording"),  # noqa: SLF001 - as above
         (encode_header(RawHeader("now", SOURCES))[:-3], "byte 0: not a raw recording"),
     ],
 )

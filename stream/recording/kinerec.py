@@ -1,4 +1,4 @@
-"""Raw recordings of feeds, `.kinerec`: every packet as it came, with when and from whom.
+"""Raw recordings of feeds, `.kinerec`: every packet as it came, when it came, and who sent it.
 
 The file is a row of records, each `u32 length, u32 CRC-32 of what follows, u8 kind, body`, little-endian. The first is
 the header (kind 0): JSON with `format`, `version`, `began` (UTC), `sources` and, where packets were read as another
@@ -31,7 +31,7 @@ VERSION = 1
 #: Seconds between two moments at which what has been written is surely on the disk.
 SYNC_EVERY = 1.0
 #: The largest record: a ZeroMQ message of the largest size taken, and room for its head.
-LARGEST = 1 << 21
+MAX_RECORD = 1 << 21
 
 _RECORD = struct.Struct("<II")
 _PACKET = struct.Struct("<BBdH")
@@ -67,7 +67,7 @@ class RawPacket:
 
 @dataclass(frozen=True, slots=True)
 class RawHeader:
-    """What a recording says of itself.
+    """What a recording says about itself.
 
     Attributes
     ----------
@@ -104,8 +104,8 @@ def encode_header(header: RawHeader) -> bytes:
     if header.presets:
         told["presets"] = dict(header.presets)
     body = bytes([_HEADER]) + json.dumps(told).encode()
-    if len(body) > LARGEST:
-        raise ValueError(f"presets: expected at most {LARGEST} bytes with what else a header has, got {len(body)}")
+    if len(body) > MAX_RECORD:
+        raise ValueError(f"presets: expected at most {MAX_RECORD} bytes with what else a header has, got {len(body)}")
     return _record(body)
 
 
@@ -295,7 +295,7 @@ def _next_body(file: BinaryIO) -> bytes | None:
     if len(head) < _RECORD.size:
         return None
     length, crc = _RECORD.unpack(head)
-    if not 0 < length <= LARGEST:
+    if not 0 < length <= MAX_RECORD:
         return None
     body = file.read(length)
     return body if len(body) == length and zlib.crc32(body) == crc else None

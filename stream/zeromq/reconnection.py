@@ -1,8 +1,8 @@
-"""ZeroMQ addresses, and the connections of a subscriber that break: counted, and made again.
+"""The connections of a subscriber that break: counted, and made again.
 
-ZeroMQ ends a connection over which a message above the size limit comes, and tells nobody but who asks. A sender that
-connected to us comes back by itself, less that message; one that we connected to does not, because ZeroMQ takes what it
-refused for another protocol and gives it up for good.
+ZeroMQ ends a connection over which a message above the size limit comes, and tells only its monitor. A sender that
+connected to us comes back by itself, less that message. A sender that we connected to does not: ZeroMQ takes the
+message that it refused for another protocol, and gives the connection up for good.
 """
 
 from __future__ import annotations
@@ -10,70 +10,18 @@ from __future__ import annotations
 import struct
 import time
 from contextlib import suppress
-from typing import NamedTuple
+from typing import TYPE_CHECKING
 
 import zmq
 
-#: Bytes of a message above which ZeroMQ refuses it.
-LARGEST_MESSAGE = 1 << 20
-#: Messages waiting in a socket: eight seconds of a 120 Hz feed, then ZeroMQ itself begins to throw away.
-_HIGH_WATER_MARK = 1000
-#: Seconds of silence after which the system asks whether the other machine is still there, seconds between two more
-#: questions, and how many go unanswered before the connection is made anew. A sender switched off or a cable pulled
-#: says nothing, and ZeroMQ would wait for it for hours. Not ZeroMQ's own heartbeats: older peers know nothing of them.
-_ASK_AFTER, _ASK_EVERY, _ASK_TIMES = 5, 1, 5
+if TYPE_CHECKING:
+    from kinespace.stream.zeromq.address import Endpoint
+
 #: Seconds after which ZeroMQ, which tries again after a tenth of one, has surely tried again if it ever does.
 _A_WHILE = 0.5
-#: What a message of a monitor begins with. pyzmq's own reader of them loads asyncio, which takes longer than the rest.
+#: The beginning of a monitor's message. pyzmq's own reader of them loads asyncio, which takes longer than the rest.
 _EVENT = struct.Struct("=H")
 _WATCHED = zmq.EVENT_ACCEPTED | zmq.EVENT_CONNECTED | zmq.EVENT_CONNECT_RETRIED | zmq.EVENT_DISCONNECTED
-
-
-class Endpoint(NamedTuple):
-    """A ZeroMQ address, and whether to bind or to connect to it."""
-
-    address: str
-    bind: bool
-
-    @classmethod
-    def parse(cls, text: str, *, bind: bool) -> Endpoint:
-        """Read an address; "@" before it says bind and ">" connect, as in CZMQ, else `bind` decides.
-
-        Raises
-        ------
-        ValueError
-            There is no transport in it, like `tcp://`.
-        """
-        address = text.lstrip("@>")
-        if "://" not in address:
-            raise ValueError(f"endpoint: expected an address like tcp://127.0.0.1:5556, got {text!r}")
-        return cls(address, text.startswith("@") or (bind and not text.startswith(">")))
-
-    def open(self, kind: int) -> zmq.Socket[bytes]:
-        """Make a socket and bind or connect it.
-
-        Raises
-        ------
-        OSError
-            The address is taken, or makes no sense; the message says which address.
-        """
-        opened: zmq.Socket[bytes] = zmq.Context.instance().socket(kind)
-        opened.linger = 0
-        opened.set_hwm(_HIGH_WATER_MARK)
-        opened.setsockopt(zmq.MAXMSGSIZE, LARGEST_MESSAGE)
-        opened.setsockopt(zmq.TCP_KEEPALIVE, 1)
-        opened.setsockopt(zmq.TCP_KEEPALIVE_IDLE, _ASK_AFTER)
-        opened.setsockopt(zmq.TCP_KEEPALIVE_INTVL, _ASK_EVERY)
-        opened.setsockopt(zmq.TCP_KEEPALIVE_CNT, _ASK_TIMES)
-        try:
-            if self.bind:
-                opened.bind(self.address)
-            else:
-                opened.connect(self.address)
-        except zmq.ZMQError as error:
-            opened.close()
-            raise OSError(error.errno, f"{self.address}: {error.strerror}") from error
-        return opened
 
 
 class Connections:

@@ -23,6 +23,8 @@ from kinespace.library.motion_library import MotionLibrary
 from kinespace.stream import osc
 from kinespace.stream.answer import Answer
 from kinespace.stream.frame import Announcement, Frame
+from kinespace.stream.osc import frames
+from kinespace.stream.osc.udp import RECEIVE_BUFFER
 from kinespace.stream.recognition import Event, EventKind, Outcome, Recognition
 from kinespace.stream.recognizer.performers import PerformerCounts
 from kinespace.stream.status import InputCounts, Status
@@ -247,8 +249,8 @@ def test_made_up_names_do_not_pile_up() -> None:
         _assert_frame(
             osc.decode(_frame_message(f"{number}", 1.0, [0.5] * 6), 9.0), f"{number}", 1.0, np.full((2, 3), 0.5)
         )
-    assert len(osc._layouts.known) <= 1024  # noqa: SLF001 - what nobody sees from outside
-    assert len(osc._layouts.places) <= 1024  # noqa: SLF001 - as above
+    assert len(frames._layouts.known) <= 1024  # noqa: SLF001 - what nobody sees from outside
+    assert len(frames._layouts.places) <= 1024  # noqa: SLF001 - as above
 
 
 @given(data=st.data())
@@ -327,7 +329,7 @@ def test_an_answer_is_byte_for_byte_python_oscs(
     numbers = (("i", answer.guess_index), ("f", answer.score), ("f", answer.margin))
     messages = [_message(f"{start}/class", *numbers), _message(f"{start}/label", ("s", answer.label))]
     expected = _bundle(*messages, _message(f"{start}/scores", *[("f", score) for score in scores.tolist()]))
-    if len(expected) > osc.LARGEST_ANSWER:
+    if len(expected) > osc.MAX_ANSWER:
         expected = _bundle(*messages)
     assert osc.encode_recognition(answer) == expected
 
@@ -376,7 +378,7 @@ def test_an_answer_fits_one_packet(count: int) -> None:
     scores = np.linspace(0.0, 1.0, count, dtype=np.float32)
     answer = dataclasses.replace(NAMED, performer="p" * 64, classes=classes, scores=scores)
     packet = osc.encode_recognition(answer)
-    assert len(packet) <= osc.LARGEST_ANSWER == 1200
+    assert len(packet) <= osc.MAX_ANSWER == 1200
     params = _params(packet)
     assert params[f"/motion/{'p' * 64}/class"][0] == count - 1
     assert params[f"/motion/{'p' * 64}/label"] == [classes[-1]]
@@ -511,7 +513,7 @@ def test_the_system_is_asked_for_room(receiver: osc.OscReceiver) -> None:
     """The receive buffer is larger than what a socket gets without asking, as far as the system allows."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as plain:
         usual = plain.getsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF)
-        plain.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, osc.RECEIVE_BUFFER)
+        plain.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER)
         possible = plain.getsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF)
     assert receiver.socket.getsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF) == possible >= usual
 
@@ -519,7 +521,7 @@ def test_the_system_is_asked_for_room(receiver: osc.OscReceiver) -> None:
 @pytest.mark.skipif(sys.platform != "linux", reason="only Linux tells how many datagrams it threw away")
 def test_what_the_system_throws_away_is_counted(receiver: osc.OscReceiver, sender: osc.OscSender) -> None:
     """When more comes than the buffer holds, the counter says exactly how many never came."""
-    sent = 4 * osc.RECEIVE_BUFFER // 60_000
+    sent = 4 * RECEIVE_BUFFER // 60_000
     for _ in range(sent):
         sender.send(bytes(60_000))
     came = 0

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 import socket
 import time
 from contextlib import ExitStack
@@ -18,29 +19,29 @@ from synthetic import STICK, STICK_CLASSES, stick_clip, stick_clips
 from kinespace.library import MotionLibrary
 from kinespace.library.hdm05 import SKELETON
 from kinespace.stream import Announcement, Frame, Performers, Settings, osc, zeromq
-from kinespace.stream.connections import Endpoint
 from kinespace.stream.feeds import builtin_preset
 from kinespace.stream.feeds.source import FeedSource
-from kinespace.stream.rawfile import RawFile, RawHeader, RawPacket, RawWriter
+from kinespace.stream.inputs import OscDecoder, Source, ZmqDecoder
+from kinespace.stream.outputs import Sink
 from kinespace.stream.recognizer import LiveSignature
-from kinespace.stream.rerun import decoded, recognitions
-from kinespace.stream.service import OscSource, Service, ZmqSource
-from kinespace.stream.tap import Tap, TappedMessages, TappedPackets, TappedSource, described
+from kinespace.stream.recording import Recorder, decoded, source_name
+from kinespace.stream.recording.kinerec import RawFile, RawHeader, RawPacket, RawWriter
+from kinespace.stream.service import STATUS_EVERY, Service
+from kinespace.stream.zeromq import Endpoint
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator
     from pathlib import Path
 
-    from kinespace.stream.recognition import Event, Recognition
-    from kinespace.stream.status import Status
+    from kinespace.stream.recognition import Recognition
+    from kinespace.stream.recording import Decoded
 
 LOOPBACK = "127.0.0.1"
 PATIENCE = 20.0
 
 
-class Kept:
+class Kept(Sink):
     """A sink that keeps recognitions."""
-
-    failed = 0
 
     def __init__(self) -> None:
         self.recognitions: list[Recognition] = []
@@ -49,17 +50,15 @@ class Kept:
         """Keep one."""
         self.recognitions.append(recognition)
 
-    def publish_event(self, event: Event) -> None:
-        """Pass over."""
 
-    def publish_classes(self, classes: tuple[str, ...]) -> None:
-        """Pass over."""
-
-    def publish_status(self, status: Status) -> None:
-        """Pass over."""
-
-    def close(self) -> None:
-        """Nothing to give back."""
+def recognitions(performers: Performers, stream: Iterable[Decoded]) -> Iterator[Recognition]:
+    """Push what was recorded through recognisers, with its own times; give every answer."""
+    look = -math.inf
+    for arrival, events in stream:
+        if arrival >= look:
+            look = arrival + STATUS_EVERY
+            performers.drop_silent(arrival)
+        yield from (answer for answer in performers.push_all(events, arrival) if answer)
 
 
 def assert_same(first: list[Recognition], second: list[Recognition]) -> None:
@@ -91,12 +90,13 @@ def test_a_recording_is_answered_as_the_feed_was(tmp_path: Path, signature: Live
     with ExitStack() as opened:
         datagrams = osc.OscReceiver(LOOPBACK, 0)
         messages = zeromq.ZmqReceiver(Endpoint(f"tcp://{LOOPBACK}:*", bind=True))
-        writer = RawWriter(path, [described(datagrams), described(messages)])
+        writer = RawWriter(path, [source_name(datagrams), source_name(messages)])
         opened.callback(writer.close)
-        first, second = Tap(writer, 0), Tap(writer, 1)
-        sources = OscSource(TappedPackets(datagrams, first)), ZmqSource(TappedMessages(messages, second))
-        taps = [TappedSource(sources[0], first), TappedSource(sources[1], second)]
-        service = opened.enter_context(Service(Performers(library, settings), taps, [sink]))
+        sources = [
+            Source(datagrams, OscDecoder(), Recorder(writer, 0)),
+            Source(messages, ZmqDecoder(), Recorder(writer, 1)),
+        ]
+        service = opened.enter_context(Service(Performers(library, settings), sources, [sink]))
         sender = osc.OscSender(*datagrams.address)
         opened.callback(sender.close)
         publisher = zmq.Context.instance().socket(zmq.XPUB)
@@ -149,10 +149,9 @@ def test_a_recorded_feed_is_answered_as_it_was(tmp_path: Path, name: str) -> Non
     performers = Performers(library, Settings(hop=1 / 15))
     with ExitStack() as opened:
         receiver = osc.OscReceiver(LOOPBACK, 0)
-        writer = opened.enter_context(RawWriter(path, [described(receiver, preset)]))
-        tap = Tap(writer, 0)
-        source = FeedSource(TappedPackets(receiver, tap), preset)
-        service = opened.enter_context(Service(performers, [TappedSource(source, tap)], [sink], clock=lambda: now[0]))
+        writer = opened.enter_context(RawWriter(path, [source_name(receiver, preset)]))
+        source = FeedSource(receiver, preset, recorder=Recorder(writer, 0))
+        service = opened.enter_context(Service(performers, [source], [sink], clock=lambda: now[0]))
         sender = opened.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM))
         for datagram, arrival in packets_of(name):
             now[0], received = arrival, source.counts.received
@@ -162,7 +161,7 @@ def test_a_recorded_feed_is_answered_as_it_was(tmp_path: Path, name: str) -> Non
                 service.step(0.05)
         now[0] += 0.5
         service.step(0.0)
-        made, port = source.assembler.counts.frames, source.receiver.address[1]
+        made, port = source.decoder.assembler.counts.frames, source.receiver.address[1]
     recording = RawFile(path)
     assert recording.header.sources == (f"osc {LOOPBACK}:{port} feed {name}",)
     again = Performers(library, Settings(hop=1 / 15))
@@ -224,19 +223,16 @@ def test_the_sender_and_the_source_are_kept(tmp_path: Path) -> None:
     """Each packet is kept under its source with its sender's address, before anybody makes sense of it."""
     datagrams, sender = osc.OscReceiver(LOOPBACK, 0), osc.OscSender(LOOPBACK, 1)
     sender.target = datagrams.address
-    with RawWriter(tmp_path / "a.kinerec", [described(datagrams)]) as writer:
-        kept = Tap(writer, 0)
-        source = OscSource(TappedPackets(datagrams, kept))
-        tap = TappedSource(source, kept)
+    with RawWriter(tmp_path / "a.kinerec", [source_name(datagrams)]) as writer:
+        source = Source(datagrams, OscDecoder(), Recorder(writer, 0))
         assert datagrams.sender is None
         sender.send(b"rubbish")
         until = time.monotonic() + PATIENCE
-        while tap.take(4.5) is None and time.monotonic() < until:
+        while source.take(4.5) is None and time.monotonic() < until:
             time.sleep(0.001)
-        assert (tap.counts.received, tap.counts.malformed) == (1, 1)
-        assert str(tap) == str(source)
+        assert (source.counts.received, source.counts.malformed) == (1, 1)
     host, port = sender.socket.getsockname()
-    tap.close()
+    source.close()
     sender.close()
     (packet,) = RawFile(tmp_path / "a.kinerec").packets()
     assert packet == RawPacket(4.5, 0, packet.sender, (b"rubbish",))

@@ -15,30 +15,29 @@ from hypothesis import strategies as st
 from programs import LOOPBACK, PATIENCE, ghost_cues
 
 from kinespace.library.hdm05 import SKELETON
-from kinespace.stream import onepart, osc, zeromq
-from kinespace.stream.connections import Endpoint
+from kinespace.stream import osc, zeromq
 from kinespace.stream.feeds import builtin_preset
 from kinespace.stream.feeds.source import FeedSource
 from kinespace.stream.frame import Announcement, Frame
-from kinespace.stream.service import ZmqSource
-from kinespace.stream.zeromq import FormatError, ZmqReceiver
+from kinespace.stream.inputs import Source, ZmqDecoder
+from kinespace.stream.zeromq import Endpoint, FormatError, ZmqReceiver, single_part
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
 POSITIONS = np.random.default_rng(5).normal(size=(3, 3))
-GOOD = msgpack.unpackb(onepart.encode(Frame("p", 1.5, POSITIONS), 7))
+GOOD = msgpack.unpackb(single_part.encode(Frame("p", 1.5, POSITIONS), 7))
 
 
 @given(
     performer=st.text(st.characters(codec="utf-8"), min_size=1, max_size=64),
     moment=st.floats(allow_nan=False, allow_infinity=False).filter(bool),
-    seq=st.integers(0, 2**63),
+    seq=st.integers(0, 2**63 - 1),
     joints=st.none() | st.lists(st.text(min_size=1), min_size=1, max_size=5, unique=True),
 )
 def test_a_frame_is_read_as_it_was_sent(performer: str, moment: float, seq: int, joints: list[str] | None) -> None:
     """Performer, time, number, joint names and positions in single precision come back."""
-    numbered = onepart.decode(onepart.encode(Frame(performer, moment, POSITIONS), seq, joints), 77.0)
+    numbered = single_part.decode(single_part.encode(Frame(performer, moment, POSITIONS), seq, joints), 77.0)
     assert (numbered.frame.performer, numbered.frame.time, numbered.seq) == (performer, moment, seq)
     assert np.array_equal(numbered.frame.positions, POSITIONS.astype(np.float32))
     assert numbered.announcement == (None if joints is None else Announcement(performer, tuple(joints)))
@@ -72,14 +71,14 @@ def test_a_frame_is_read_as_it_was_sent(performer: str, moment: float, seq: int,
 def test_a_map_that_is_wrong_is_refused(changes: dict[str, object]) -> None:
     """Every field is checked before the positions are looked at."""
     with pytest.raises(FormatError):
-        onepart.decode(msgpack.packb(GOOD | changes), 0.0)
+        single_part.decode(msgpack.packb(GOOD | changes), 0.0)
 
 
 @given(st.one_of(st.binary(max_size=200), st.binary(max_size=40).map(lambda end: msgpack.packb(GOOD)[:-20] + end)))
 def test_any_bytes_are_refused_alike(payload: bytes) -> None:
     """Whatever comes is a frame or a FormatError."""
     try:
-        onepart.decode(payload, 0.0)
+        single_part.decode(payload, 0.0)
     except FormatError as error:
         said = str(error)
     else:
@@ -102,7 +101,7 @@ def opened() -> Iterator[tuple[ZmqReceiver, Callable[[list[bytes]], None]]]:
     receiver.close()
 
 
-def taken(source: ZmqSource | FeedSource, count: int) -> list[Frame | Announcement]:
+def taken(source: Source, count: int) -> list[Frame | Announcement]:
     """Take so many messages, waiting for them."""
     events: list[Frame | Announcement] = []
     until = time.monotonic() + PATIENCE
@@ -122,10 +121,10 @@ def test_msgpack_and_osc_come_in_beside_three_parts(
 ) -> None:
     """One source reads all three; gaps in the numbers are counted over them, and what is none of them is counted."""
     receiver, send = opened
-    source = ZmqSource(receiver)
+    source = Source(receiver, ZmqDecoder())
     frames = [Frame("p", 1.0 + number, POSITIONS.astype(np.float32)) for number in range(3)]
     send(zeromq.encode_frame(frames[0], 0))
-    send([onepart.encode(frames[1], 3, ("a", "b", "c"))])
+    send([single_part.encode(frames[1], 3, ("a", "b", "c"))])
     send([osc.encode_frame(frames[2])])
     send([b"junk"])
     send([b"/junk"])
@@ -142,7 +141,7 @@ def test_msgpack_and_osc_come_in_beside_three_parts(
 def test_a_feed_may_come_by_zeromq(opened: tuple[ZmqReceiver, Callable[[list[bytes]], None]]) -> None:
     """Another product's OSC packets in ZeroMQ messages, with a topic or without, make its frames."""
     receiver, send = opened
-    source = FeedSource(onepart.ZmqPackets(receiver), builtin_preset("vmc"))
+    source = FeedSource(receiver, builtin_preset("vmc"))
     (cue,) = ghost_cues("squat1Reps", 0.5)[:1]
     packets = LAYOUTS["vmc"][1](Moment(dict(zip(SKELETON.joints, cue.frame.positions, strict=True)), 1.0, 0))
     for packet in packets:
@@ -163,12 +162,12 @@ def test_the_newest_of_one_part_survives_conflation() -> None:
     sender.linger = 0
     sender.connect(receiver.getsockopt_string(zmq.LAST_ENDPOINT))
     for number in range(20):
-        sender.send(onepart.encode(Frame("p", 1.0 + number, POSITIONS), number))
+        sender.send(single_part.encode(Frame("p", 1.0 + number, POSITIONS), number))
     until = time.monotonic() + PATIENCE
     seq = -1
     while seq != 19 and time.monotonic() < until:
         if receiver.poll(50):
-            seq = onepart.decode(receiver.recv(), 0.0).seq or 0
+            seq = single_part.decode(receiver.recv(), 0.0).seq or 0
     sender.close()
     receiver.close()
     assert seq == 19

@@ -1,0 +1,95 @@
+"""The decoder of another product's OSC packets, and the source that also tells its sender to send."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from kinespace.stream.feeds.frame_assembler import FORGET_AFTER, FrameAssembler
+from kinespace.stream.inputs.receiver import datagram_of
+from kinespace.stream.osc.packet import PacketError, decode_packet
+from kinespace.stream.status import InputCounts
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from kinespace.stream.feeds.preset import Preset
+    from kinespace.stream.frame import Input
+    from kinespace.stream.inputs.receiver import Packet, Sender
+
+#: Hosts that send to one port at once.
+MAX_SENDERS = 16
+
+
+class FeedDecoder:
+    """Reads OSC packets of another product: datagrams, or the last parts of ZeroMQ messages.
+
+    Parameters
+    ----------
+    preset
+        What they mean.
+
+    Attributes
+    ----------
+    assembler
+        Makes frames of the joints.
+    """
+
+    expires = True
+
+    def __init__(self, preset: Preset) -> None:
+        self.assembler = FrameAssembler(preset)
+        self._received = self._undecodable = 0
+        self._senders = SenderNumbers()
+
+    @property
+    def counts(self) -> InputCounts:
+        """What was read so far, and what could not be."""
+        made = self.assembler.counts
+        return InputCounts(
+            received=self._received,
+            malformed=self._undecodable + made.malformed,
+            foreign=made.foreign,
+            incomplete=made.incomplete + made.absurd,
+        )
+
+    def decode(self, packet: Packet, arrival: float, sender: Sender) -> Sequence[Input]:
+        """Decode one packet; frames that it completed."""
+        self._received += 1
+        datagram = datagram_of(packet)
+        try:
+            messages = decode_packet(datagram)
+        except PacketError:
+            self._undecodable += 1
+            return ()
+        number = self._senders.number(sender[0] if sender else "", arrival)
+        return self.assembler.push(messages, arrival, bundle=datagram[:1] == b"#", sender=number)
+
+    def expire(self, now: float) -> Sequence[Input]:
+        """Close frames that nothing more comes for."""
+        return self.assembler.expire(now)
+
+
+class SenderNumbers:
+    """Tells hosts that send to one port apart; a number is free again when its host has been silent.
+
+    Programs on one host are not told apart: many send each packet from another port.
+    """
+
+    def __init__(self) -> None:
+        self._numbers: dict[str, tuple[int, float]] = {}
+
+    def number(self, host: str, now: float) -> int:
+        """Give a host's number, from 1; beyond `MAX_SENDERS` they share the last."""
+        if host in self._numbers:
+            number = self._numbers[host][0]
+        else:
+            self._numbers = {
+                name: (number, heard) for name, (number, heard) in self._numbers.items() if now - heard <= FORGET_AFTER
+            }
+            taken = {number for number, _ in self._numbers.values()}
+            free = [number for number in range(1, MAX_SENDERS + 1) if number not in taken]
+            if not free:
+                return MAX_SENDERS
+            number = free[0]
+        self._numbers[host] = (number, now)
+        return number

@@ -1,0 +1,47 @@
+"""OSC over UDP: packets, frames and answers as bytes, and the two endpoints.
+
+`packet`, `frames` and `answers` know neither sockets nor clocks; `udp` is the endpoints.
+"""
+
+from kinespace.stream.osc.answers import (
+    MAX_ANSWER,
+    address_part,
+    decode_answer,
+    encode_classes,
+    encode_event,
+    encode_recognition,
+    encode_status,
+)
+from kinespace.stream.osc.frames import SKELETON, Received, decode, encode_announcement, encode_frame
+from kinespace.stream.osc.packet import (
+    Message,
+    PacketError,
+    decode_message,
+    decode_packet,
+    encode_bundle,
+    encode_message,
+)
+from kinespace.stream.osc.udp import OscReceiver, OscSender
+
+__all__ = [
+    "MAX_ANSWER",
+    "SKELETON",
+    "Message",
+    "OscReceiver",
+    "OscSender",
+    "PacketError",
+    "Received",
+    "address_part",
+    "decode",
+    "decode_answer",
+    "decode_message",
+    "decode_packet",
+    "encode_announcement",
+    "encode_bundle",
+    "encode_classes",
+    "encode_event",
+    "encode_frame",
+    "encode_message",
+    "encode_recognition",
+    "encode_status",
+]

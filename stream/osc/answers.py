@@ -1,0 +1,101 @@
+"""Answers as OSC messages.
+
+`/motion/<performer>/class i index f score f margin`, `/motion/<performer>/label s` and `/motion/<performer>/scores f*K`
+in one bundle for each recognition; `/motion/<performer>/event s start or end s label i index f score d time` when a
+motion starts or ends; `/motion/classes s*K`; `/motion/status`.
+
+The class message holds numbers only, because TouchDesigner's OSC In CHOP takes nothing else. Its index is the moment's
+best guess, in the order of `/motion/classes`, and -1 where there is nothing to guess from. The label is "unknown" when
+the guess is not near enough to the library.
+"""
+
+from __future__ import annotations
+
+import re
+import struct
+from functools import lru_cache
+from typing import TYPE_CHECKING
+
+from kinespace.stream.answer import Answer
+from kinespace.stream.osc.packet import BUNDLE_START, PacketError, decode_packet, encode_message, padded
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from kinespace.stream.recognition import Event, Recognition
+    from kinespace.stream.status import Status
+
+#: Bytes of an answer. Most networks cut larger datagrams into fragments, and one lost fragment loses the datagram.
+MAX_ANSWER = 1200
+_SIZE, _CLASS, _EVENT = struct.Struct(">i"), struct.Struct(">iff"), struct.Struct(">ifd")
+_MAX_INTEGER = 2**31 - 1
+#: Characters that OSC 1.0 reserves in addresses, and those that do not print.
+_NOT_IN_ADDRESS = re.compile(r"[^!-~]|[#*,/?\[\]{}]")
+
+
+def encode_recognition(recognition: Recognition) -> bytes:
+    """Encode an answer as one bundle of at most 1200 bytes.
+
+    The scores of a library with too many classes for that (some 200) are left out; class and label never are.
+    """
+    class_head, label_head, scores_head = _answer_heads(recognition.performer, len(recognition.scores))
+    label = padded(recognition.label)
+    parts = [
+        BUNDLE_START,
+        _SIZE.pack(len(class_head) + _CLASS.size),
+        class_head,
+        _CLASS.pack(recognition.guess_index, recognition.score, recognition.margin),
+        _SIZE.pack(len(label_head) + len(label)),
+        label_head,
+        label,
+    ]
+    scores = recognition.scores.astype(">f4").tobytes()
+    size = sum(map(len, parts)) + _SIZE.size + len(scores_head) + len(scores)
+    if size <= MAX_ANSWER:
+        parts += [_SIZE.pack(len(scores_head) + len(scores)), scores_head, scores]
+    return b"".join(parts)
+
+
+@lru_cache(maxsize=1024)
+def _answer_heads(performer: str, classes: int) -> tuple[bytes, bytes, bytes]:
+    """Give what stands before the arguments of class, label and scores: the same in each of a performer's answers."""
+    start = f"/motion/{address_part(performer)}"
+    layouts = {"class": ",iff", "label": ",s", "scores": "," + "f" * classes}
+    heads = [padded(f"{start}/{last}") + padded(types) for last, types in layouts.items()]
+    return heads[0], heads[1], heads[2]
+
+
+def encode_event(event: Event) -> bytes:
+    """Encode `/motion/<performer>/event s start or end, s label, i index, f score, d time`."""
+    address = f"/motion/{address_part(event.performer)}/event"
+    numbers = _EVENT.pack(event.index, event.score, event.time)
+    return b"".join([padded(address), b",ssifd\0\0", padded(event.kind), padded(event.label), numbers])
+
+
+def encode_classes(classes: Sequence[str]) -> bytes:
+    """Encode the class names in the order their indices count, as `/motion/classes`."""
+    return encode_message("/motion/classes", *classes)
+
+
+def encode_status(status: Status) -> bytes:
+    """Encode `/motion/status i alive f frames per second i performers i lost`, numbers only."""
+    # A sender's sequence numbers may skip more than an OSC integer holds.
+    lost = min(status.lost, _MAX_INTEGER)
+    return encode_message("/motion/status", 1, status.frames_per_second, len(status.performers), lost)
+
+
+def address_part(performer: str) -> str:
+    """Give a performer's name as it stands in addresses: what OSC keeps for itself becomes an underscore."""
+    return _NOT_IN_ADDRESS.sub("_", performer)
+
+
+def decode_answer(datagram: bytes) -> Answer | None:
+    """Decode a recognition's bundle, for programs that listen to the answers; None for any other packet."""
+    try:
+        found = {message.address.rpartition("/")[2]: message for message in decode_packet(datagram)}
+        index, score, margin = found["class"].arguments
+        (label,) = found["label"].arguments
+        performer = found["class"].address.split("/")[2]
+        return Answer(performer, int(index), float(score), float(margin), str(label))  # type: ignore[call-overload, arg-type]
+    except (PacketError, KeyError, TypeError, ValueError, IndexError, OverflowError, RecursionError):
+        return None

@@ -1,0 +1,152 @@
+"""UDP: where datagrams come in, and where they go out."""
+
+from __future__ import annotations
+
+import socket
+import sys
+from typing import Any
+
+#: Bytes that the system keeps of datagrams that wait; the usual default holds 0.2 s of a busy feed.
+RECEIVE_BUFFER = 4 << 20
+#: Linux tells with each datagram how many were thrown away before it; Python has no name for the option.
+_SO_RXQ_OVFL = 40
+_COUNTS_DROPS = sys.platform == "linux"
+
+
+def _resolved(host: str, port: int) -> tuple[int, int, tuple[Any, ...]]:
+    """Look a host up: address family, socket kind and socket address; raises OSError naming the host."""
+    try:
+        family, kind, _, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_DGRAM)[0]
+    except OSError as error:
+        raise OSError(error.errno, f"{host}:{port}: {error.strerror}") from error
+    return family, kind, address
+
+
+class OscReceiver:
+    """A UDP socket that frames come in on.
+
+    Parameters
+    ----------
+    host, port
+        Where to listen; port 0 lets the system choose (`address` tells).
+
+    Attributes
+    ----------
+    kernel_drops
+        Datagrams the system threw away because they came faster than they were received (known on Linux only).
+    sender
+        Host and port the last datagram came from; None before the first.
+
+    Raises
+    ------
+    OSError
+        The port is taken, or the host is not this machine's.
+    """
+
+    def __init__(self, host: str, port: int) -> None:
+        family, kind, address = _resolved(host, port)
+        self.socket = socket.socket(family, kind)
+        try:
+            self.socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER)
+            if _COUNTS_DROPS:
+                self.socket.setsockopt(socket.SOL_SOCKET, _SO_RXQ_OVFL, 1)
+            self.socket.settimeout(0.0)
+            self.socket.bind(address)
+        except OSError as error:
+            self.socket.close()
+            raise OSError(error.errno, f"{host}:{port}: {error.strerror}") from error
+        self.kernel_drops = 0
+        self.sender: tuple[str, int] | None = None
+
+    def __str__(self) -> str:
+        host, port = self.address
+        return f"OSC {host}:{port}"
+
+    @property
+    def place(self) -> str:
+        """The address as recordings name it: `osc`, a blank, host and port."""
+        host, port = self.address
+        return f"osc {host}:{port}"
+
+    @property
+    def address(self) -> tuple[str, int]:
+        """Host and port it listens on."""
+        host, port = self.socket.getsockname()[:2]
+        return host, port
+
+    def broken(self) -> int:
+        """Count nothing: UDP has no connections."""
+        return 0
+
+    def receive(self) -> bytes | None:
+        """Take the next datagram; None when there is none now."""
+        try:
+            if not _COUNTS_DROPS:
+                datagram, sender = self.socket.recvfrom(65535)
+                self.sender = sender[:2]
+                return datagram
+            datagram, ancillary, _, sender = self.socket.recvmsg(65535, 64)
+        except (BlockingIOError, InterruptedError):
+            return None
+        except ConnectionError:
+            return b""  # Windows reports here that an earlier answer found nobody: counted as a bad packet.
+        for _, kind, value in ancillary:
+            if kind == _SO_RXQ_OVFL:
+                self.kernel_drops = int.from_bytes(value[:4], sys.byteorder)
+        self.sender = sender[:2]
+        return datagram
+
+    def send_to(self, datagram: bytes, target: tuple[str, int]) -> bool:
+        """Send from the port listened on, as a sender expects that is to answer here; False when it cannot be."""
+        try:
+            _, _, address = _resolved(*target)
+            self.socket.sendto(datagram, address)
+        except OSError:
+            return False
+        return True
+
+    def close(self) -> None:
+        """Give the port back."""
+        self.socket.close()
+
+
+class OscSender:
+    """A UDP socket that sends to one place.
+
+    Parameters
+    ----------
+    host, port
+        Where to.
+
+    Attributes
+    ----------
+    failed
+        Datagrams the system would not take (nobody there, buffer full).
+
+    Raises
+    ------
+    OSError
+        The host's name cannot be resolved.
+    """
+
+    def __init__(self, host: str, port: int) -> None:
+        family, kind, address = _resolved(host, port)
+        self.target: tuple[Any, ...] = address
+        self.socket = socket.socket(family, kind)
+        self.socket.settimeout(0.0)
+        self.failed = 0
+
+    def __str__(self) -> str:
+        host, port = self.target[:2]
+        return f"{host}:{port}"
+
+    def send(self, datagram: bytes) -> None:
+        """Send one datagram; a failure is counted, never raised: the next one may succeed."""
+        try:
+            self.socket.sendto(datagram, self.target)
+        except OSError:
+            self.failed += 1
+
+    def close(self) -> None:
+        """Give the socket back."""
+        self.socket.close()

@@ -1,0 +1,41 @@
+"""A sink: what the service tells of its answers, its frames and its state. Each kind of sink overrides what it uses."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from kinespace.stream.frame import Frame
+    from kinespace.stream.recognition import Event, Recognition
+    from kinespace.stream.status import Status
+    from kinespace.stream.teaching.notices import Notice
+
+
+class Sink:
+    """Hears everything and passes nothing on. None of a sink's methods may raise, and none may wait."""
+
+    #: Answers that could not be sent.
+    failed = 0
+
+    def publish(self, recognition: Recognition) -> None:
+        """Pass on one recognition."""
+
+    def publish_event(self, event: Event) -> None:
+        """Pass on that a motion started or ended."""
+
+    def publish_frame(self, frame: Frame) -> None:
+        """Pass on a frame, before it is recognised; the service calls this only where a sink overrides it."""
+
+    def publish_classes(self, classes: Sequence[str]) -> None:
+        """Pass on which classes there are."""
+
+    def publish_status(self, status: Status) -> None:
+        """Pass on the service's counters."""
+
+    def publish_notice(self, notice: Notice) -> None:
+        """Pass on what teaching tells."""
+
+    def close(self) -> None:
+        """Give sockets back."""

@@ -1,0 +1,18 @@
+"""Raw recordings: the file, what writes it while a feed is received, and what decodes it again."""
+
+from kinespace.stream.recording.kinerec import ENDING, RawFile, RawFileError, RawHeader, RawPacket, RawWriter
+from kinespace.stream.recording.playback import Decoded, decoded
+from kinespace.stream.recording.recorder import Recorder, source_name
+
+__all__ = [
+    "ENDING",
+    "Decoded",
+    "RawFile",
+    "RawFileError",
+    "RawHeader",
+    "RawPacket",
+    "RawWriter",
+    "Recorder",
+    "decoded",
+    "source_name",
+]

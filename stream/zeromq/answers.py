@@ -1,0 +1,105 @@
+"""Answers as ZeroMQ messages: a topic and a JSON object.
+
+`[b"class/<performer>/"][JSON]`, `[b"event/<performer>/"][JSON]`, `[b"classes/"][JSON]`, `[b"status/"][JSON]`. A number
+that is not finite is null, because JSON knows neither NaN nor infinity.
+"""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from typing import TYPE_CHECKING
+
+import msgspec
+
+from kinespace.stream.answer import Answer
+from kinespace.stream.zeromq.frames import VERSION
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from kinespace.stream.recognition import Event, Recognition
+    from kinespace.stream.status import Status
+
+#: Digits of a class's score.
+_SCORE_DIGITS = 6
+_encode = msgspec.json.Encoder().encode
+
+
+class _Received(msgspec.Struct, rename={"label": "class"}):
+    """The fields of an answer that a listener reads."""
+
+    performer: str
+    label: str | None
+    index: int
+    outcome: str
+    score: float
+    margin: float
+
+
+_read = msgspec.json.Decoder(_Received).decode
+
+
+def encode_recognition(recognition: Recognition) -> list[bytes]:
+    """Encode an answer: its class, its scores, and what the leading eigenvector says.
+
+    `class` is the named class or null, `guess` the best guess or null.
+    """
+    scores = [round(score, _SCORE_DIGITS) for score in recognition.scores.tolist()]
+    names, second = (*recognition.classes, None), recognition.second_index
+    answer = {
+        "v": VERSION,
+        "performer": recognition.performer,
+        "t": float(recognition.time),
+        "class": names[recognition.class_index],
+        "guess": names[recognition.guess_index],
+        "index": recognition.guess_index,
+        "outcome": recognition.outcome.value,
+        "score": recognition.score,
+        "runner_up": names[second],
+        "margin": recognition.margin,
+        "scores": dict(zip(recognition.classes, scores, strict=True)),
+        "movement": float(recognition.movement),
+        "share": float(recognition.share),
+        "gap": float(recognition.gap),
+        "eigenvector_class": recognition.eigenvector_class,
+        "eigenvector_score": float(recognition.eigenvector_score),
+    }
+    return [f"class/{recognition.performer}/".encode(), _encode(answer)]
+
+
+def encode_event(event: Event) -> list[bytes]:
+    """Encode that a motion started or ended."""
+    described = {
+        "v": VERSION,
+        "performer": event.performer,
+        "event": event.kind.value,
+        "class": event.label,
+        "index": event.index,
+        "score": float(event.score),
+        "t": float(event.time),
+    }
+    return [f"event/{event.performer}/".encode(), _encode(described)]
+
+
+def decode_answer(parts: Sequence[bytes]) -> Answer | None:
+    """Decode a recognition, for programs that listen to the answers; None for any other message."""
+    try:
+        topic, encoded = parts
+        if not topic.startswith(b"class/"):
+            return None
+        answer = _read(encoded)
+    except (ValueError, RecursionError):
+        return None
+    return Answer(answer.performer, answer.index, answer.score, answer.margin, answer.label or answer.outcome)
+
+
+def encode_classes(classes: Sequence[str]) -> list[bytes]:
+    """Encode the class names in the order their indices count."""
+    return [b"classes/", _encode({"v": VERSION, "classes": list(classes)})]
+
+
+def encode_status(status: Status) -> list[bytes]:
+    """Encode every counter."""
+    described = {"v": VERSION, "alive": True, **asdict(status)}
+    described |= {"frames_per_second": status.frames_per_second, "lost": status.lost}
+    return [b"status/", _encode(described)]

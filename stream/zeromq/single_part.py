@@ -1,0 +1,83 @@
+"""ZeroMQ messages of one part: a msgpack map or an OSC packet, for senders that cannot send several parts.
+
+Sockets that keep only the newest message (CONFLATE) lose all parts but the last; Bonsai and others send OSC packets as
+they are. The map has the fields of a frame's header (`kinespace.stream.zeromq.frames`), `performer`, and the positions
+as `data`.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import msgspec
+import numpy as np
+
+from kinespace.stream.zeromq.frames import VERSION, FormatError, Header, NumberedFrame, numbered
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from kinespace.stream.frame import Frame
+
+
+#: First bytes of msgpack maps: of up to 15 fields, and of more.
+_MAPS = frozenset([*(bytes([0x80 + fields]) for fields in range(16)), b"\xde", b"\xdf"])
+
+
+class _Packed(Header, kw_only=True):
+    """A header with what the parts before and after it hold."""
+
+    performer: str
+    data: bytes
+
+
+_unpack = msgspec.msgpack.Decoder(_Packed).decode
+
+
+def is_osc(payload: bytes) -> bool:
+    """Say whether a payload is an OSC packet: a map begins with another byte."""
+    return payload.startswith((b"/", b"#bundle\0"))
+
+
+def is_map(payload: bytes) -> bool:
+    """Say whether a payload begins as a msgpack map does."""
+    return payload[:1] in _MAPS
+
+
+def decode(payload: bytes, arrival: float) -> NumberedFrame:
+    """Decode a frame in one msgpack map.
+
+    Parameters
+    ----------
+    payload
+        The message's only part.
+    arrival
+        When, seconds: the time of frames whose `t` is missing or 0.
+
+    Raises
+    ------
+    FormatError
+        It is no msgpack, or not a frame of ours.
+    """
+    try:
+        packed = _unpack(payload)
+        return numbered(packed.performer, packed, packed.data, arrival)
+    except (ValueError, RecursionError) as error:
+        raise FormatError(f"msgpack: {error}") from error
+
+
+def encode(frame: Frame, seq: int, joints: Sequence[str] | None = None) -> bytes:
+    """Encode a frame as one msgpack map, positions as float32; with the joint names when they are to be told."""
+    positions = np.ascontiguousarray(frame.positions, dtype="<f4")
+    described: dict[str, object] = {
+        "v": VERSION,
+        "performer": frame.performer,
+        "seq": seq,
+        "t": frame.time,
+        "shape": list(positions.shape),
+        "dtype": "<f4",
+        "data": positions.tobytes(),
+    }
+    if joints is not None:
+        described["joints"] = list(joints)
+    return msgspec.msgpack.encode(described)

@@ -1,0 +1,95 @@
+"""ZeroMQ's two endpoints: a SUB socket that frames come in on, and a PUB socket that answers go out on."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import zmq
+
+from kinespace.stream.zeromq.reconnection import Connections
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from kinespace.stream.zeromq.address import Endpoint
+
+#: As plain integers: pyzmq's own flags cost more to combine and to pass on than a message to send.
+_NOW, _MORE_TO_COME = int(zmq.NOBLOCK), int(zmq.NOBLOCK | zmq.SNDMORE)
+
+
+class ZmqReceiver:
+    """A SUB socket that frames come in on. Poll it continuously: a bound SUB lets new peers in only when polled."""
+
+    #: ZeroMQ says neither who sent a message nor which it threw away.
+    sender = None
+    kernel_drops = 0
+
+    def __init__(self, endpoint: Endpoint, topic: bytes = b"") -> None:
+        self.socket = endpoint.open(zmq.SUB)
+        self.socket.subscribe(topic)
+        self._connections = Connections(self.socket, endpoint)
+
+    def __str__(self) -> str:
+        return f"ZeroMQ {self.address}"
+
+    @property
+    def place(self) -> str:
+        """The address as recordings name it: `zmq`, a blank and the endpoint."""
+        return f"zmq {self.address}"
+
+    @property
+    def address(self) -> str:
+        """The endpoint as bound or connected, its port resolved."""
+        return str(self.socket.getsockopt_string(zmq.LAST_ENDPOINT))
+
+    def broken(self) -> int:
+        """Count the connections that broke while the sender was there; to be asked about once a second."""
+        return self._connections.look()
+
+    def receive(self) -> list[bytes] | None:
+        """Take the next message; None when there is none now."""
+        # The parts come together. Each says whether it is the last; to ask the socket would cost more than to receive.
+        try:
+            part = self.socket.recv(_NOW, copy=False)
+        except zmq.Again:
+            return None
+        parts = [part.bytes]
+        while part.more:
+            part = self.socket.recv(_NOW, copy=False)
+            parts.append(part.bytes)
+        return parts
+
+    def close(self) -> None:
+        """Give the address back."""
+        self._connections.close()
+        self.socket.close()
+
+
+class ZmqSender:
+    """A PUB socket. It is no error if nobody listens; a listener that is too slow loses the newest answers."""
+
+    def __init__(self, endpoint: Endpoint) -> None:
+        self.socket = endpoint.open(zmq.PUB)
+        self.failed = 0
+
+    def __str__(self) -> str:
+        return f"ZeroMQ {self.address}"
+
+    @property
+    def address(self) -> str:
+        """The endpoint as bound or connected, its port resolved."""
+        return str(self.socket.getsockopt_string(zmq.LAST_ENDPOINT))
+
+    def send(self, parts: Sequence[bytes]) -> None:
+        """Send one message; a failure is counted, never raised."""
+        *first, last = parts
+        try:
+            for part in first:
+                self.socket.send(part, _MORE_TO_COME)
+            self.socket.send(last, _NOW)
+        except zmq.ZMQError:
+            self.failed += 1
+
+    def close(self) -> None:
+        """Give the address back."""
+        self.socket.close()

@@ -193,9 +193,9 @@ class TaughtWindows:
         if self._beside:
             wanted |= {id(motion) for motion in self._base.library.motions if motion.class_name not in roster.disabled}
         places = [place for place, motion in enumerate(self._everything.library.motions) if id(motion) in wanted]
-        kept = self._everything.of_some(places)
-        if not len(kept):
+        if not np.isin(self._everything.motions, places).any():
             return None
+        kept = self._everything.of_some(places)
         # What is unknown a base tells that was taught by strangers; else the examples themselves do.
         index = kept if self._beside else replace(kept, judged_by=None)
         index = replace(index, judged_by=index.rejection)

@@ -89,7 +89,7 @@ class Lesson:
         if self.step is Step.WAITING:
             return self._waited(time)
         if found:
-            return self._recorded(found, time)
+            return self._recorded(found, time, by_hand=False)
         return self.stop() if time - self._began >= MAX_RECORDING else None
 
     def _waited(self, time: float) -> State | None:
@@ -106,18 +106,18 @@ class Lesson:
         if self.step is not Step.RECORDING:
             return State(self.performer, Step.REFUSED, 0.0, "nothing was recorded")
         found = self._finder.end()
-        return self._recorded(found or Stretch(self._began, self._newest), self._newest)
+        return self._recorded(found or Stretch(self._began, self._newest), self._newest, by_hand=True)
 
-    def _recorded(self, found: Stretch, time: float) -> State | Recorded:
+    def _recorded(self, found: Stretch, time: float, *, by_hand: bool) -> State | Recorded:
         begin = max(found.start, self._armed)
         kept = Stretch(begin, min(found.end, time, begin + MAX_RECORDING))
         whole = Stretch(max(begin - BEFORE, self._armed - BEFORE), min(kept.end + ENDS_AFTER, time))
         self._armed = math.nan
         self._finder.clear()
-        if kept.duration < MIN_SECONDS:
-            return State(
-                self.performer, Step.REFUSED, kept.duration, f"expected {MIN_SECONDS:g} s of movement at least"
-            )
-        self.left -= 1
         self.step = Step.WAITING
+        if kept.duration < MIN_SECONDS:
+            told = f"expected {MIN_SECONDS:g} s of movement at least"
+            # Who takes up their place moves for a moment: that is not meant.
+            return State(self.performer, Step.REFUSED if by_hand else Step.WAITING, kept.duration, told)
+        self.left -= 1
         return Recorded(whole, kept)

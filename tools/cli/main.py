@@ -469,6 +469,7 @@ def _add_evaluate(programs: Programs[argparse.ArgumentParser]) -> None:
     _add_evaluate_retrieval(kinds)
     _add_evaluate_stream(kinds)
     _add_evaluate_noise(kinds)
+    _add_evaluate_teach(kinds)
 
 
 def _add_evaluate_retrieval(kinds: Programs[argparse.ArgumentParser]) -> None:
@@ -644,6 +645,54 @@ def _run_evaluate_noise(parsed: argparse.Namespace) -> int:
         groups=parsed.groups,
         seed=parsed.seed,
         skeleton=parsed.skeleton,
+        settings=settings_of(parsed),
+        as_json=parsed.json,
+    )
+
+
+def _add_evaluate_teach(kinds: Programs[argparse.ArgumentParser]) -> None:
+    teach = kinds.add_parser(
+        "teach",
+        help="what a few examples of one person teach",
+        description="Draws examples of one person's motions, makes a library of them, and replays what was recorded "
+        "apart from them, of the same person and of others, through the live recogniser.",
+    )
+    teach.add_argument(
+        "takes",
+        nargs="*",
+        type=Path,
+        metavar="TAKE",
+        help="labelled takes, clips named as HDM05's, or folders of them (default: the built-in library's motions)",
+    )
+    add_labels(teach, "for each TAKE, in order (default: beside the take, ending in .csv)")
+    teach.add_argument("--clips", action="store_true", help="a recording without labels is one motion, of its folder")
+    add_reading(teach)
+    add_actor_in(teach)
+    teach.add_argument(
+        "--person", default="", help="who performs in all takes, where nothing else says it (default: as they say)"
+    )
+    teach.add_argument(
+        "--examples", nargs="+", type=count, default=[1, 2, 3], metavar="N", help="of each class (default: 1 2 3)"
+    )
+    teach.add_argument("--draws", type=count, default=20, help="of each person's examples (default %(default)s)")
+    teach.add_argument("--seed", type=int, default=0, help="of the draws (default %(default)s)")
+    teach.add_argument("--beside", action="store_true", help="teach beside the built-in library, which must give way")
+    add_settings(teach)
+    add_json(teach)
+    teach.set_defaults(run=_run_evaluate_teach)
+
+
+def _run_evaluate_teach(parsed: argparse.Namespace) -> int:
+    from kinespace.tools.evaluation import evaluate_teach, takes  # noqa: PLC0415 - as above
+
+    return evaluate_teach.run(
+        takes.Sources(parsed.takes, parsed.labels, clips=parsed.clips),
+        reading=reading_of(parsed),
+        person=parsed.person,
+        examples=parsed.examples,
+        draws=parsed.draws,
+        seed=parsed.seed,
+        beside=parsed.beside,
         settings=settings_of(parsed),
         as_json=parsed.json,
     )

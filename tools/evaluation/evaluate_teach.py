@@ -5,13 +5,12 @@ from __future__ import annotations
 import json
 import math
 from collections import defaultdict
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from kinespace.library import MotionLibrary
-from kinespace.library.skeleton import SkeletonMismatchError
 from kinespace.library.windows.index import WindowIndex, teacher_of
 from kinespace.stream.frame import Frame
 from kinespace.stream.recognition import EventKind
@@ -27,8 +26,10 @@ if TYPE_CHECKING:
     from kinespace.library import Clip, Reading
     from kinespace.stream.recognizer import Settings
 
-#: Motions of a class that are asked in one draw, at most, of the same person and of all others.
-_ASKED = 4
+#: Motions of a class that are asked in one draw, at most: of the same person, and of all others.
+_ASKED_OWN, _ASKED_OTHERS = 4, 2
+#: Seconds between two windows of a motion that is taught.
+_EVERY = 0.1
 
 
 @dataclass(frozen=True, slots=True)
@@ -140,6 +141,7 @@ def run(
     sources: Sources,
     *,
     reading: Reading,
+    person: str,
     examples: Sequence[int],
     draws: int,
     seed: int,
@@ -155,6 +157,8 @@ def run(
         Labelled takes or clips; with none the built-in library's motions.
     reading
         How they are read.
+    person
+        Who performs in takes that do not say so.
     examples
         How many of each class are taught.
     draws
@@ -162,24 +166,33 @@ def run(
     seed
         Of the draws.
     beside
-        Teach beside the built-in library instead of alone. Its persons who are asked are left out of it, and its
-        classes are other classes than the taught ones, even where they are called alike.
+        Teach beside the built-in library instead of alone. The person who teaches is left out of it, and the taught
+        classes are called `my ...`: they must win over the built-in ones, even over those of the same motion.
     settings
         Of the recogniser.
     as_json
         Print one JSON object and nothing else.
     """
     takes = read_takes(sources, reading) if sources else takes_of(MotionLibrary.builtin().motions)
-    motions = [(take.clip.name, clip) for take in takes for clip in take.motions()]
+    builtin = MotionLibrary.builtin()
+    mine = "my {}" if beside else "{}"
+    motions = [
+        (take.clip.name, replace(clip, class_name=mine.format(clip.class_name), actor=clip.actor or person))
+        for take in takes
+        for clip in take.motions()
+    ]
     by_person: dict[str, list[tuple[str, Clip]]] = defaultdict(list)
     for name, clip in motions:
         by_person[clip.actor].append((name, clip))
     score = TeachScore(list(examples), persons=len(by_person), draws=draws)
     same: dict[int, list[Asked]] = {count: [] for count in examples}
     other: dict[int, list[Asked]] = {count: [] for count in examples}
-    for place, (person, own) in enumerate(progress(sorted(by_person.items()), "Teaching", len(by_person))):
-        taught = _person(own, {clip.actor for _, clip in motions}, beside=beside)
-        others = [clip for name, each in by_person.items() if name != person for _, clip in each]
+    for place, (teaching, own) in enumerate(progress(sorted(by_person.items()), "Teaching", len(by_person))):
+        taught = _person(own, beside=beside)
+        others = [clip for name, each in by_person.items() if name != teaching for _, clip in each]
+        if beside:
+            # The built-in library's persons are known to it, and not asked.
+            others = [clip for clip in others if clip.actor not in builtin.actors]
         for draw in range(draws):
             for count in examples:
                 generator = np.random.default_rng([seed, place, draw, count])
@@ -188,8 +201,8 @@ def run(
                     continue
                 index = taught.index.of_some([*taught.beside, *chosen])
                 known = {taught.index.library.motions[motion].class_name for motion in chosen}
-                same[count] += _ask(asked, index, known, settings, generator)
-                other[count] += _ask(others, index, known, settings, generator)
+                same[count] += _ask(asked, index, known, _ASKED_OWN, settings=settings, generator=generator)
+                other[count] += _ask(others, index, known, _ASKED_OTHERS, settings=settings, generator=generator)
     for count in examples:
         score.add(same[count], other[count])
     if as_json:
@@ -241,35 +254,45 @@ def drawn(
     return examples, [clip for take, clip in own if take not in used] if examples else []
 
 
-def _person(own: Sequence[tuple[str, Clip]], asking: set[str], *, beside: bool) -> _Person:
-    """Measure the windows of all that one person may teach, in metrics that know none of the persons who are asked."""
-    clips = [clip for _, clip in own]
-    library = MotionLibrary.of_clips(clips)
-    builtin = MotionLibrary.builtin()
-    strangers = set(builtin.actors) - ({own[0][1].actor} if not beside else asking)
-    if beside:
-        raise NotImplementedError
-    try:
-        teacher = teacher_of(library)
-    except SkeletonMismatchError:
-        teacher = library
-    known = set(teacher.actors) - strangers
-    if teacher is not library and known:
-        teacher = teacher.without(actors=known)
-    index = WindowIndex.of(library, teacher)
+def _person(own: Sequence[tuple[str, Clip]], *, beside: bool) -> _Person:
+    """Measure the windows of all that one person may teach, in metrics that do not know the person."""
+    library = MotionLibrary.of_clips([clip for _, clip in own])
+    person = own[0][1].actor
+    builtin = MotionLibrary.builtin().restricted_to(library.skeleton.joints)
+    strangers = builtin.without(actors=[person]) if person in builtin.actors else builtin
     # A library's motions are sorted, and stay in their order within a class and person.
-    names = [name for name, _ in sorted(own, key=lambda each: (each[1].class_name, each[1].actor))]
-    return _Person(index, tuple(names))
+    names = [name for name, _ in sorted(own, key=lambda each: each[1].class_name)]
+    if not beside:
+        teacher = teacher_of(library)
+        if teacher is not library:
+            teacher = replace(strangers, learned=None).restricted_to(library.skeleton.joints)
+            library = replace(
+                library,
+                skeleton=teacher.skeleton,
+                motions=tuple(each.as_of(teacher.skeleton) for each in library.motions),
+            )
+        return _Person(WindowIndex.of(library, teacher), tuple(names))
+    taught = [replace(motion, actor="").as_of(strangers.skeleton) for motion in library.motions]
+    index = WindowIndex.of(strangers).with_motions(taught, every=_EVERY)
+    own_names = iter(names)
+    takes = tuple("" if motion.actor else next(own_names) for motion in index.library.motions)
+    return _Person(index, takes, tuple(place for place, take in enumerate(takes) if not take))
 
 
 def _ask(
-    clips: Sequence[Clip], index: WindowIndex, known: set[str], settings: Settings, generator: np.random.Generator
+    clips: Sequence[Clip],
+    index: WindowIndex,
+    known: set[str],
+    most: int,
+    *,
+    settings: Settings,
+    generator: np.random.Generator,
 ) -> list[Asked]:
     """Ask some motions of each class that is known, drawn at random."""
     asked = []
     for class_name in sorted(known):
         mine = [clip for clip in clips if clip.class_name == class_name]
-        places = generator.permutation(len(mine))[:_ASKED]
+        places = generator.permutation(len(mine))[:most]
         asked += [asked_of(mine[place], index, settings) for place in places.tolist()]
     return asked
 

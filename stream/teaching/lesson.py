@@ -14,6 +14,8 @@ if TYPE_CHECKING:
 
 #: Seconds that a recording lasts at most, and that a performer may stand still before it.
 MAX_RECORDING, MAX_WAITING = 15.0, 15.0
+#: Seconds that rounding may add to a countdown.
+_TIE = 1e-6
 #: Seconds kept before the movement, to be seen when the trimming is undone.
 BEFORE = 0.3
 
@@ -64,7 +66,7 @@ class Lesson:
         if now >= self._go:
             self.step = Step.WAITING
             return State(self.performer, Step.WAITING)
-        seconds = math.ceil(self._go - now)
+        seconds = max(math.ceil(self._go - now - _TIE), 1)
         if seconds == self._told:
             return None
         self._told = seconds

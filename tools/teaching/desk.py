@@ -227,6 +227,7 @@ class Desk:
 
     def _work(self) -> None:
         """Open, save, check and try, one change after the other, until told to end."""
+        unsaved: Roster | None = None
         while (job := self._jobs.get()) is not None:
             try:
                 index = self._windows.index_of(job.roster)
@@ -234,10 +235,14 @@ class Desk:
                 self._results.put(_Failed(job.number, " ".join(str(error).split())))
                 continue
             self._results.put(_Opened(job, index))
+            unsaved = job.roster
             if self._jobs.empty():
-                self._save(job.roster)
+                self._save(unsaved)
+                unsaved = None
             if job.number and index is not None:
                 self._results.put(_Found(job.number, checked(index, job.number), self._starts(job, index)))
+        if unsaved is not None:
+            self._save(unsaved)
 
     def _save(self, roster: Roster) -> None:
         try:

@@ -144,8 +144,7 @@ class Rejection:
         return float(np.interp(np.log(rate), np.log(RATES), self.thresholds))
 
 
-#: For a library with too few motions to learn from: as the built-in library's motions teach with joint metrics. With
-#: one example of a class another person's way is far from it, so the default rate answers more than they teach.
+#: For a library with too few motions to learn from: as the built-in library's motions teach with joint metrics.
 _TOO_FEW = Rejection(
     weights=np.array([-2.0, 2.0, 0.0, 0.0, 0.0]),
     offset=0.0,

@@ -4,11 +4,11 @@ VENV := .venv
 BIN := $(VENV)/bin
 MADE := $(VENV)/.made
 
-# Small matrices: threads of the linear algebra would only fight each other for the cores.
+# The matrices are small: threads of the linear algebra would only take the cores from each other.
 export OPENBLAS_NUM_THREADS := 1
 export OMP_NUM_THREADS := 1
 
-.PHONY: setup demo test lint types pytest fuzz wheel-check clean
+.PHONY: setup demo test quick lint types pytest sanitize fuzz wheel-check clean
 
 setup: $(MADE)
 
@@ -25,6 +25,10 @@ demo: setup
 
 test: lint types pytest
 
+# For trying a change while it is made: leaves out tests that play in real time or read many takes.
+quick: lint types
+	$(BIN)/python -m pytest -n auto --dist worksteal -m "not slow"
+
 lint: setup
 	$(BIN)/ruff check
 	$(BIN)/ruff format --check
@@ -35,14 +39,18 @@ types: setup
 	@mkdir -p $(PACKAGES) && cd $(PACKAGES) && ln -sfn ../../../library library && ln -sfn ../../../stream stream && ln -sfn ../../../tools tools
 	$(BIN)/mypy
 
-# On every core, each file's tests together: what a file prepares, it prepares once.
+# On every core; a core that has finished takes tests from another, because a few of them take a minute.
 pytest: setup
-	$(BIN)/python -m pytest -n auto --dist loadfile
+	$(BIN)/python -m pytest -n auto --dist worksteal
+
+# The compiled loops under AddressSanitizer and UBSan.
+sanitize: setup
+	.ci/sanitize
 
 # Some two minutes of packets made to break a feed; `make test` sends ten thousand of them.
 PACKETS ?= 1000000
 fuzz: setup
-	$(BIN)/python tests/fuzzfeeds.py --packets $(PACKETS)
+	PYTHONPATH=tests:tests/reference:tests/support $(BIN)/python tests/support/fuzzfeeds.py --packets $(PACKETS)
 
 # A wheel, installed in an environment of its own, away from the sources, does the main job.
 wheel-check: setup

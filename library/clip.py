@@ -1,4 +1,4 @@
-"""A recorded motion: joint positions over time, and what its source says of it."""
+"""A recorded motion: joint positions over time, with its class, actor and source."""
 
 from __future__ import annotations
 
@@ -24,23 +24,26 @@ class Clip:
     Attributes
     ----------
     skeleton
-        Whose joints the positions are.
+        The skeleton whose joints the positions belong to.
     positions
         Joint positions, shape (frames, joints, 3), metres.
     frame_rate
         Frames per second.
     name
-        What the clip is called, usually its file's name without the ending.
+        The clip's name, usually its file's name without the ending.
     class_name, actor, take
         Which movement it shows, by whom, which repetition; empty where the source does not say.
     source, licence, attribution
-        The file or database that the clip comes from, the terms it may be passed on under, and whom to name; empty
-        where nobody has said.
+        The file or database that the clip comes from, the terms under which it may be passed on, and the authors to
+        name; empty where they are not known.
     rotations
         Joint rotations as recorded, shape (frames, angles), radians; (frames, 0) when the source has none. Only
         the comparison of spaces (`library.retrieval.experiment`) looks at them.
+    naming
+        Whose names its joints had where it was recorded, as a person says it (`library.naming`); empty where they had
+        these.
     filled
-        How many of the frames × joints positions the source lacks and straight lines stand for.
+        How many of the frames × joints positions were missing in the source and were interpolated linearly.
     gaps
         From when to when nothing was seen for longer than straight lines may stand for, seconds from the clip's start:
         the body stands there where it was last seen. Motions are not cut across them.
@@ -63,6 +66,7 @@ class Clip:
     licence: str = ""
     attribution: str = ""
     rotations: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 0)), repr=False)
+    naming: str = ""
     filled: int = 0
     gaps: tuple[tuple[float, float], ...] = ()
 
@@ -95,7 +99,7 @@ class Clip:
         return replace(self, positions=positions)
 
     def as_of(self, skeleton: Skeleton) -> Clip:
-        """Give the same clip as one of another skeleton that has the same joints, in whatever order.
+        """Give the same clip on another skeleton that has the same joints in any order.
 
         Raises
         ------
@@ -113,7 +117,7 @@ class Clip:
         return replace(self, skeleton=skeleton, positions=self.positions[:, skeleton.order_from(self.skeleton.joints)])
 
     def restricted_to(self, joints: Collection[str]) -> Clip:
-        """Give the clip as fewer joints show it, in this skeleton's order; rotations, which are not theirs, left out.
+        """Give the clip with some of its joints, in this skeleton's order, without rotations.
 
         Raises
         ------

@@ -264,7 +264,8 @@ def checked(index: WindowIndex, number: int) -> Check | None:
     others[:, own] = np.inf
     nearest = others.argmin(axis=1)
     alone = not np.isfinite(distances[:, own]).any()
-    limit = np.full(len(distances), float(index.rejection.typical[0])) if alone else distances[:, own]
+    typical = float(index.rejection.typical[: len(index.comparison.weighing.groups)].mean())
+    limit = np.full(len(distances), typical) if alone else distances[:, own]
     risky = others.min(axis=1) < limit
     votes = np.bincount(nearest[risky] if risky.any() else nearest, minlength=len(index.classes))
     known = np.isfinite(others.min(axis=1)).any()
@@ -293,8 +294,8 @@ def _left_out(index: WindowIndex, place: int) -> NDArray[np.float64]:
     mine = index.motions == place
     windows = np.flatnonzero(mine)
     windows = windows[:: max(-(-len(windows) // _WINDOWS), 1)]
-    naming = index.comparison.weighing.naming
-    return np.array([index.own_distances(window, mine)[:naming].min(axis=0) for window in windows.tolist()])
+    named = index.comparison.weighing.named
+    return np.array([named(index.own_distances(window, mine)) for window in windows.tolist()])
 
 
 def _is_example(motion: Clip, number: int) -> bool:

@@ -1,4 +1,4 @@
-"""What the names of HDM05's files mean, and the body its recordings share with CMU's."""
+"""The names of HDM05's files, its licence, and its skeleton, which CMU's recordings share."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from kinespace.library.skeleton import Skeleton
 if TYPE_CHECKING:
     from pathlib import Path
 
-#: What a motion's source is called.
+#: The name of a motion's source.
 SOURCE = "HDM05"
 ATTRIBUTION = (
     "Joint positions computed from the HDM05 motion capture database: M. Mueller, T. Roeder, M. Clausen, B. Eberhardt, "
@@ -44,7 +44,7 @@ _NAME = re.compile(
 
 
 class ClipName(NamedTuple):
-    """What a file's name says: who performs which class, which take, at how many frames per second.
+    """The parts of a file's name: actor, class, take, frames per second.
 
     An uncut take shows many motions one after the other: its class is empty.
     """
@@ -60,7 +60,7 @@ def read_clip_name(path: Path) -> ClipName | None:
 
     Returns
     -------
-    What the name says; None when the file is not named as HDM05's are.
+    The parts of the name; None when the file is not named like a file of HDM05.
     """
     named = _NAME.fullmatch(path.stem)
     if named is None or int(named["rate"]) == 0:

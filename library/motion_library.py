@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
     from kinespace.library.clip import Clip
     from kinespace.library.learned import Learned
+    from kinespace.library.naming import Naming
 
 #: The class of motions that compete as any other does, and are answered "unknown".
 NOTHING = "nothing"
@@ -209,6 +210,15 @@ class MotionLibrary:
         _require_known(names, {motion.class_name for motion in self.motions}, "classes")
         changed = (replace(each, class_name=names.get(each.class_name, each.class_name)) for each in self.motions)
         return replace(self, motions=tuple(changed))
+
+    def in_our_names(self, naming: Naming) -> MotionLibrary:
+        """Give the same motions with the joints called as other libraries call them, where a convention is known."""
+        named = naming.read(self.skeleton.joints).joints
+        if named == self.skeleton.joints:
+            return self
+        skeleton = _in_canonical_order(replace(self.skeleton, joints=named))
+        motions = (replace(clip, skeleton=replace(clip.skeleton, joints=named)) for clip in self.motions)
+        return replace(self, skeleton=skeleton, motions=_over(skeleton, tuple(motions)))
 
     def restricted_to(self, joints: Collection[str]) -> MotionLibrary:
         """Give the same motions as a body with fewer joints shows them.

@@ -6,8 +6,6 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.sparse import csr_array
-from scipy.sparse.csgraph import breadth_first_order, minimum_spanning_tree
 
 from kinespace.library.distances import distance_rows
 from kinespace.library.skeleton import Skeleton
@@ -37,6 +35,10 @@ def most_rigid_parents(clips: Sequence[Clip]) -> tuple[int, ...]:
     -------
     Parents as `Skeleton` takes them.
     """
+    # Slow to load, and a live feed does without.
+    from scipy.sparse import csr_array  # noqa: PLC0415
+    from scipy.sparse.csgraph import breadth_first_order, minimum_spanning_tree  # noqa: PLC0415
+
     skeleton = clips[0].skeleton
     weights = np.zeros(len(skeleton.pairs))
     for clip in clips:

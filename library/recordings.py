@@ -1,4 +1,4 @@
-"""Recorded files of any format we read, found in folders and opened by name."""
+"""Recorded files of every format that we read, found in folders and opened by their ending."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from kinespace.library.formats.c3d_process import C3dProcess
 from kinespace.library.formats.errors import RecordingError
 from kinespace.library.formats.joint_choice import chosen
 from kinespace.library.formats.units import metres_of
+from kinespace.library.naming import Naming
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
@@ -40,7 +41,7 @@ _TABLES = (".csv", ".npz")
 
 
 class ActorIn(StrEnum):
-    """Where a recording's place says who performs, if its name is not HDM05's."""
+    """Where the actor's name stands in a recording's path, if the file is not named like a file of HDM05."""
 
     NOWHERE = "nowhere"
     #: `class/ann_3.bvh`: the file's name up to its first underscore.
@@ -56,15 +57,19 @@ class Reading:
     Attributes
     ----------
     asf
-        The skeleton of all AMC files; each one's own, found by name, when not given.
+        The skeleton of all AMC files; when not given, the skeleton of each file is found by name.
     frame_rate
-        Frames per second of all of them; what each says of itself when not given.
+        Frames per second of all recordings; when not given, each recording's own.
     unit
-        Of length of all BVH, C3D and TRC files, by name or in metres; what each says, or its size tells, when empty.
+        Unit of length of all BVH, C3D and TRC files, by name or in metres; when empty, the file's own, or a guess from
+        the body's size.
     joints
-        Which joints or markers, by names and patterns (`library.formats.joint_choice.chosen`); all when there are none.
+        Which joints or markers, by patterns of the file's own names (`library.formats.joint_choice.chosen`); all when
+        there are none.
+    naming
+        How the files' joint names are read: ours are found for them when nothing else is said.
     actor_in
-        Where `labelled` finds who performs.
+        Where `labelled` finds the actor.
     raw
         Reads a raw recording: one clip for each performer, each from the recording's beginning. None: such a file is
         refused.
@@ -79,6 +84,7 @@ class Reading:
     frame_rate: float | None = None
     unit: str = ""
     joints: tuple[str, ...] = ()
+    naming: Naming = field(default_factory=Naming)
     actor_in: ActorIn = ActorIn.NOWHERE
     raw: Callable[[Path], Sequence[Clip]] | None = field(default=None, compare=False)
     metres_per_unit: float | None = field(init=False)
@@ -140,7 +146,7 @@ def read_recordings(paths: Sequence[Path], reading: Reading | None = None) -> It
 
 
 class RecordingReader:
-    """Reads recordings of any format, with what several of them share; a context manager.
+    """Reads recordings of any format; keeps skeletons and the C3D process for the next recording. A context manager.
 
     Parameters
     ----------
@@ -173,7 +179,7 @@ class RecordingReader:
             return [self.clip(path)]
         if self._reading.raw is None:
             raise RecordingError(f"{path}: expected a motion file, got a raw recording: kinespace convert makes one")
-        return [self._chosen(clip, path) if self._reading.joints else clip for clip in self._reading.raw(path)]
+        return [self._named(self._chosen(clip, path)) for clip in self._reading.raw(path)]
 
     def clip(self, path: Path) -> Clip:
         """Read one of a single performer.
@@ -192,15 +198,16 @@ class RecordingReader:
                 raise RecordingError(f"{path}: several performers are in it ({', '.join(c.actor for c in clips)})")
             return clips[0]
         if path.suffix.lower() in _TABLES:
-            return joint_table.read_clip(path, **self._options(path))
+            return self._named(joint_table.read_clip(path, **self._options(path)))
         if reader := utkinect.read_clip if utkinect.is_take(path) else _READERS.get(path.suffix.lower()):
-            return reader(path, **self._options(path))
-        return self._chosen(acclaim.read_clip(path, self._body(path), frame_rate=self._reading.frame_rate), path)
+            return self._named(reader(path, **self._options(path)))
+        clip = acclaim.read_clip(path, self._body(path), frame_rate=self._reading.frame_rate)
+        return self._named(self._chosen(clip, path))
 
     def pieces(self, path: Path) -> Iterator[Clip]:
-        """Read one as clips that follow each other: AMC and BVH some seconds at a time, so that none is held whole.
+        """Read one recording as consecutive clips: AMC and BVH some seconds at a time, so that it is never held whole.
 
-        Where single markers may be missing, the whole must be seen: C3D and TRC come in one piece.
+        C3D and TRC come in one piece, because missing markers are interpolated over the whole recording.
 
         Raises
         ------
@@ -209,10 +216,10 @@ class RecordingReader:
         """
         ending = path.suffix.lower()
         if ending == _BVH:
-            yield from bvh.read_pieces(path, **self._options(path))
+            yield from map(self._named, bvh.read_pieces(path, **self._options(path)))
         elif ending == _AMC:
             for piece in acclaim.read_pieces(path, self._body(path), frame_rate=self._reading.frame_rate):
-                yield self._chosen(piece, path)
+                yield self._named(self._chosen(piece, path))
         else:
             yield self.clip(path)
 
@@ -237,19 +244,26 @@ class RecordingReader:
             self._bodies[file] = acclaim.read_asf(file)
         return self._bodies[file]
 
+    def _named(self, clip: Clip) -> Clip:
+        """Give a clip's joints our names."""
+        named = self._reading.naming.read(clip.skeleton.joints)
+        if named.joints == clip.skeleton.joints:
+            return clip
+        return replace(clip, skeleton=replace(clip.skeleton, joints=named.joints), naming=named.title)
+
     def _chosen(self, clip: Clip, path: Path) -> Clip:
         return _with_joints(clip, self._reading.joints, path) if self._reading.joints else clip
 
 
 def labelled(clip: Clip, path: Path, actor_in: ActorIn = ActorIn.NOWHERE) -> Clip:
-    """Give a clip whose name tells no class (as HDM05's do) its folder's name as class, its own as take, its actor."""
+    """Complete a clip whose name tells no class: class from the folder's name, take from its own, actor from path."""
     if clip.class_name:
         return clip
     return replace(performed(clip, path, actor_in), class_name=path.absolute().parent.name, take=clip.name)
 
 
 def performed(clip: Clip, path: Path, actor_in: ActorIn) -> Clip:
-    """Give a clip the actor that its place tells; the one it has where no place does."""
+    """Give a clip the actor that its path tells; where the path tells none, the clip keeps its own."""
     match actor_in:
         case ActorIn.NOWHERE:
             return clip

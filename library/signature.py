@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.linalg import eigh
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -17,12 +16,12 @@ def signature_of(rows: NDArray[np.float64]) -> NDArray[np.float64]:
     Parameters
     ----------
     rows
-        Distance rows of a motion, shape (frames, pairs), at least two frames; or any other numbers of each frame.
+        Distance rows of a motion, shape (frames, pairs), at least two frames; or other numbers of each frame.
 
     Returns
     -------
-    Unit vector, shape (pairs,). It has no sign: `similarity` compares two whatever theirs. Any unit vector where
-    nothing moves.
+    Unit vector, shape (pairs,). Its sign is arbitrary; `similarity` ignores signs. Where nothing moves, some unit
+    vector.
 
     Raises
     ------
@@ -35,7 +34,7 @@ def signature_of(rows: NDArray[np.float64]) -> NDArray[np.float64]:
     frames, pairs = centred.shape
     if pairs <= frames:
         return _leading(centred.T @ centred)
-    # With X = UΣVᵀ, the leading row of Vᵀ is that of UᵀX but for its length; X Xᵀ is the smaller matrix.
+    # X = UΣVᵀ: the leading row of Vᵀ is uᵀX up to its length, and X Xᵀ, whose eigenvector u is, is the smaller matrix.
     axis: NDArray[np.float64] = _leading(centred @ centred.T) @ centred
     length = float(np.linalg.norm(axis))
     return axis / length if length > 0 else np.full(pairs, pairs**-0.5)
@@ -63,6 +62,8 @@ def similarity(axes: NDArray[np.floating], axis: NDArray[np.floating]) -> NDArra
 
 def _leading(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
     """Find the eigenvector of a symmetric matrix's largest eigenvalue."""
+    from scipy.linalg import eigh  # noqa: PLC0415 - slow to load, and a live feed does without
+
     last = len(matrix) - 1
     _, vectors = eigh(matrix, subset_by_index=[last, last])
     vector: NDArray[np.float64] = vectors[:, 0]

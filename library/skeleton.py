@@ -60,7 +60,7 @@ class Skeleton:
             pairs = pairs[np.array(kept)]
             if not len(pairs):
                 raise ValueError("with_segments: False leaves no pair to measure")
-        # Column by column in memory, because all the first joints are looked up at once, and all the second.
+        # Column by column in memory: `pairs[:, 0]` and `pairs[:, 1]` are then contiguous.
         pairs = np.asfortranarray(pairs)
         pairs.setflags(write=False)
         object.__setattr__(self, "pairs", pairs)
@@ -88,9 +88,9 @@ class Skeleton:
         return Skeleton(self.joints, self.parents, with_segments=False)
 
     def restricted_to(self, kept: Sequence[int]) -> Skeleton:
-        """Give a skeleton of some of the joints, each hanging on the nearest kept joint above it.
+        """Give a skeleton of some of the joints; the parent of each is the nearest kept joint above it.
 
-        Joints with none above them hang on the first such joint, so that one tree stays one tree.
+        Of several joints without a kept joint above them, the first becomes the root and the parent of the others.
 
         Parameters
         ----------
@@ -110,18 +110,18 @@ class Skeleton:
         return Skeleton(names, tuple(parents) if self.parents else (), self.with_segments)
 
     def places_of(self, fewer: Skeleton) -> NDArray[np.intp]:
-        """Say where each pair of a skeleton of fewer of these joints, in this order, stands among these pairs."""
+        """Give the index, among these pairs, of each pair of a skeleton with some of these joints in the same order."""
         places = {(int(first), int(second)): place for place, (first, second) in enumerate(self.pairs)}
         joints = [self.joints.index(name) for name in fewer.joints]
         return np.array([places[joints[first], joints[second]] for first, second in fewer.pairs.tolist()])
 
     def order_from(self, joints: Sequence[str]) -> NDArray[np.intp]:
-        """Say where each of this skeleton's joints stands in another list of joints.
+        """Give the index of each of this skeleton's joints in another list of joints.
 
         Parameters
         ----------
         joints
-            The other list, in any order; further joints in it are passed over.
+            The other list, in any order; joints that this skeleton has not are skipped.
 
         Returns
         -------
@@ -142,7 +142,7 @@ class Skeleton:
         return np.array([place[name] for name in self.joints], dtype=np.intp)
 
     def require_same(self, other: Skeleton) -> None:
-        """Refuse to go on with another skeleton than this one.
+        """Refuse another skeleton than this one.
 
         Raises
         ------

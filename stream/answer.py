@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+#: The label of a performer who has left.
+GONE = "gone"
+
 
 @dataclass(frozen=True, slots=True)
 class Answer:

@@ -59,6 +59,37 @@ class Event:
     time: float
 
 
+@dataclass(frozen=True, slots=True)
+class Progress:
+    """How far in a motion a performer is.
+
+    Attributes
+    ----------
+    class_name
+        The motion.
+    phase
+        0 at the motion's start, 1 at its end.
+    scrub
+        A phase for scrubbing a recording: never back unless the motion is well behind it.
+    speed
+        1 as fast as the library's mean recording, 2 twice as fast.
+    amplitude
+        1 as large as the library's recordings at this phase.
+    sure
+        How probable it is that the phase is right within 0.1, 0 to 1: low where a motion's start and end look alike.
+    cycles
+        Whole rounds of a cyclic motion since it was named.
+    """
+
+    class_name: str
+    phase: float
+    scrub: float
+    speed: float
+    amplitude: float
+    sure: float
+    cycles: int
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Recognition:
     """What one window of one performer was recognised as.
@@ -92,6 +123,8 @@ class Recognition:
         change of motion the one before, until the new one has led for long enough. None: the highest score's.
     evidence
         What speaks for the guess being known; None with the paper's signature, which knows no unknown motion.
+    progress
+        How far the performer is in the motion that is named or goes on; None without one, or when nobody asked for it.
     events
         What this recognition made happen: a motion's end, a motion's start, or nothing.
     """
@@ -109,6 +142,7 @@ class Recognition:
     gap: float = 0.0
     guess: int | None = None
     evidence: Evidence | None = field(default=None, repr=False)
+    progress: Progress | None = None
     events: tuple[Event, ...] = ()
 
     @property
@@ -130,6 +164,11 @@ class Recognition:
     def label(self) -> str:
         """The named class, or in its place the word for the outcome: never empty, so it can be shown as it is."""
         return self.class_name or str(self.outcome)
+
+    @property
+    def progress_index(self) -> int:
+        """Index of the class whose progress is told; -1 where none is."""
+        return self.classes.index(self.progress.class_name) if self.progress else -1
 
     @property
     def guess_index(self) -> int:

@@ -30,6 +30,10 @@ _AT_ONCE = 256
 _MAX_SLEEP = 0.1
 #: Steps after being stopped: more than any socket holds, and so few that a feed that goes on ends all the same.
 _LAST_STEPS = 32
+#: Seconds after being stopped in which what has arrived is still answered, however much it is.
+_MAX_ENDING = 0.3
+#: Seconds of one source's turn: packets may be few and each cost much.
+_MAX_TURN = 0.05
 #: Seconds between two turns of sources that have something to do even when nothing comes.
 _TENDING = 0.02
 
@@ -48,6 +52,10 @@ class Source(Protocol):
     @property
     def counts(self) -> InputCounts:
         """What came in so far."""
+
+    @property
+    def notes(self) -> Sequence[str]:
+        """What a person should know of it now, a line each."""
 
     def take(self, arrival: float) -> Sequence[Input] | None:
         """Take in one packet; what it held, in order, or None when nothing is waiting. Never raises."""
@@ -115,14 +123,20 @@ class Service:
         self._stopped = True
 
     def run(self) -> None:
-        """Go on until stopped; what has arrived by then is still answered, and every motion going on is ended."""
-        while not self._stopped:
-            self.step(_MAX_SLEEP)
-        for _ in range(_LAST_STEPS):
-            self.step(0.0)
-        for ended in self.performers.end():
+        """Go on until stopped; what has arrived by then is still answered, motions are ended, all leave."""
+        try:
+            while not self._stopped:
+                self.step(_MAX_SLEEP)
+            until = time.perf_counter() + _MAX_ENDING
+            for _ in range(_LAST_STEPS):
+                if time.perf_counter() < until:
+                    self.step(0.0)
+        finally:
+            ended = self.performers.end()
             for sink in self.sinks:
-                sink.publish_event(ended)
+                for event in ended:
+                    sink.publish_event(event)
+            self._tell_gone(self.performers.names)
 
     def step(self, longest: float) -> None:
         """Wait at most `longest` seconds for something to come, and deal with all that has."""
@@ -135,8 +149,8 @@ class Service:
             return
         # Every source is asked: one poll is cheaper than finding out which of them it was.
         for source in self.sources:
-            left = _AT_ONCE
-            while left and (taken := self._deal_with_waiting(source, left)):
+            left, until = _AT_ONCE, time.perf_counter() + _MAX_TURN
+            while left and time.perf_counter() < until and (taken := self._deal_with_waiting(source, left)):
                 left -= taken
 
     def _deal_with_waiting(self, source: Source, most: int) -> int:
@@ -182,6 +196,11 @@ class Service:
                     sink.publish_event(happened)
             self._hop_times.add(time.perf_counter() - started)
 
+    def _tell_gone(self, performers: Sequence[str]) -> None:
+        for performer in performers:
+            for sink in self.sinks:
+                sink.publish_gone(performer)
+
     def _tell_time(self) -> None:
         now = self._clock()
         if now >= self._next_classes:
@@ -193,6 +212,7 @@ class Service:
             for ended in self.performers.drop_silent(now):
                 for sink in self.sinks:
                     sink.publish_event(ended)
+            self._tell_gone(self.performers.take_gone())
             self._latest_rates = self._rates.read(now)
             status = self.status()
             for sink in self.sinks:
@@ -208,4 +228,6 @@ class Service:
             hop_p50=self._hop_times.percentile(50),
             hop_p99=self._hop_times.percentile(99),
             refused=self.performers.refused,
+            compared=self.performers.compared,
+            notes=tuple(dict.fromkeys(note for source in self.sources for note in source.notes)),
         )

@@ -56,6 +56,10 @@ class Status:
         Seconds from taking a frame's packet to its recognition, over the last hops; 0 before the first.
     refused
         Performers whose frames are refused for their joints, and why.
+    compared
+        Performers whose joints are not simply the library's: whose names they are, and how many are compared.
+    notes
+        What a person should know now, a line each: trouble with a recording, the last reason why packets were refused.
     """
 
     inputs: InputCounts
@@ -65,6 +69,8 @@ class Status:
     hop_p50: float
     hop_p99: float
     refused: dict[str, str] = field(default_factory=dict)
+    compared: dict[str, str] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
 
     @property
     def frames_per_second(self) -> float:

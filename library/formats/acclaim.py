@@ -14,7 +14,6 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Literal, NoReturn
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from kinespace.library import hdm05
 from kinespace.library.clip import Clip
@@ -212,6 +211,8 @@ class _AsfReader:
         return Bone(name, offset, axis, order, channels)
 
     def _axis_frame(self, order: str, angles: list[float]) -> NDArray[np.float64]:
+        from scipy.spatial.transform import Rotation  # noqa: PLC0415 - slow to load, and a live feed does without
+
         return Rotation.from_euler(order, angles, degrees=self.angle == "deg").as_matrix()
 
     @staticmethod

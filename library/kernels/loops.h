@@ -508,28 +508,21 @@ HELPER void KIND(distances_between)(const Group *group, Py_ssize_t lane, const f
 
 /* For each view and class the mean of the two least numbers that different people's windows have in it. */
 HELPER void KIND(agree)(const Table *table, double *restrict agreed) {
-    const Py_ssize_t apart = table->lanes * LANE;
-    for (Py_ssize_t c = 0; c < table->classes; c++) {
-        float first[MOST_VIEWS], second[MOST_VIEWS];
-        for (int v = 0; v < MOST_VIEWS; v++) {
-            first[v] = second[v] = INFINITY;
-        }
-        for (Py_ssize_t b = table->class_starts[c]; b < table->class_starts[c + 1]; b++) {
-            float least[MOST_VIEWS] = {INFINITY, INFINITY, INFINITY, INFINITY};
-            for (Py_ssize_t w = table->block_starts[b]; w < table->block_starts[b + 1]; w++) {
-                for (int v = 0; v < MOST_VIEWS; v++) {
-                    const float number = table->products[v * apart + w];
-                    least[v] = number < least[v] ? number : least[v];
+    for (Py_ssize_t v = 0; v < table->views; v++) {
+        const float *restrict numbers = table->products + v * table->lanes * LANE;
+        for (Py_ssize_t c = 0; c < table->classes; c++) {
+            const Py_ssize_t begin = table->class_starts[c], end = table->class_starts[c + 1];
+            float first = INFINITY, second = INFINITY;
+            for (Py_ssize_t b = begin; b < end; b++) {
+                float least = INFINITY;
+#pragma omp simd reduction(min : least)
+                for (Py_ssize_t w = table->block_starts[b]; w < table->block_starts[b + 1]; w++) {
+                    least = numbers[w] < least ? numbers[w] : least;
                 }
+                second = least < first ? first : least < second ? least : second;
+                first = least < first ? least : first;
             }
-            for (int v = 0; v < MOST_VIEWS; v++) {
-                second[v] = least[v] < first[v] ? first[v] : least[v] < second[v] ? least[v] : second[v];
-                first[v] = least[v] < first[v] ? least[v] : first[v];
-            }
-        }
-        const int alone = table->class_starts[c + 1] - table->class_starts[c] < 2;
-        for (int v = 0; v < table->views; v++) {
-            agreed[v * table->classes + c] = ((double)first[v] + (double)(alone ? first[v] : second[v])) / 2.0;
+            agreed[v * table->classes + c] = ((double)first + (double)(end - begin < 2 ? first : second)) / 2.0;
         }
     }
 }

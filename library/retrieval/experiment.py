@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 
 class Space(StrEnum):
-    """What the numbers of a frame are."""
+    """Which numbers describe a frame."""
 
     DISTANCES = "distances"
     POSITIONS = "positions"
@@ -35,7 +35,7 @@ class Space(StrEnum):
 
 
 class SignatureKind(StrEnum):
-    """By what of their signatures two motions are compared."""
+    """Which signature of two motions is compared."""
 
     #: The paper's: the absolute inner product of the leading eigenvectors.
     EIGENVECTOR = "eigenvector"
@@ -130,7 +130,7 @@ def _rows(clip: Clip, space: Space) -> NDArray[np.float64]:
 
 
 def turned(clip: Clip, generator: np.random.Generator) -> Clip:
-    """Give the same motion with a random heading (about the vertical, y) and a random place within a metre or so."""
+    """Turn a motion to a random heading (about the vertical, y) and move it to a random place within a metre or so."""
     angle = generator.uniform(0, 2 * np.pi)
     cosine, sine = np.cos(angle), np.sin(angle)
     turn = np.array([[cosine, 0, sine], [0, 1, 0], [-sine, 0, cosine]])
@@ -153,9 +153,9 @@ def candidates(
     labels
         Class and actor of each.
     protocol
-        Who may be compared with whom.
+        Which motions may be compared with which.
     library_actors
-        Whose motions the library of `Protocol.SPLIT` is made of.
+        The actors whose motions make the library of `Protocol.SPLIT`.
     """
     different = ~np.eye(len(labels.actors), dtype=bool)
     match protocol:
@@ -181,12 +181,12 @@ def retrieve(
     scores
         Similarity of every motion with every other, shape (motions, motions); more is nearer.
     labels, protocol, library_actors
-        Who may be compared with whom, as `candidates` takes them.
+        The protocol, as `candidates` takes it.
 
     Raises
     ------
     ValueError
-        Nobody has anybody to be compared with (one actor alone, say), or scores and labels do not fit.
+        No motion has another to be compared with (with one actor alone, say), or scores and labels do not fit.
     """
     count = len(labels.classes)
     if scores.shape != (count, count):
@@ -226,14 +226,14 @@ def compare_spreads(
 ) -> NDArray[np.float64]:
     """Score every motion against every other by the spread, nothing of the asking motion known to the metric.
 
-    For each motion the metric is learned from those alone that the protocol lets it find.
+    For each motion the metric is learned only from the motions that the protocol lets it find.
 
     Parameters
     ----------
     spreads
         Shape (motions, pairs).
     labels, protocol, library_actors
-        Who may be compared with whom, as `candidates` takes them.
+        The protocol, as `candidates` takes it.
 
     Returns
     -------

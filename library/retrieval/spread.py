@@ -2,7 +2,7 @@
 
 The standard deviations of the distances are the covariance's diagonal. Their logarithms, relative to the body's size
 and centred, say which joints move against which and by what factor more than others; they need no sign, and a motion
-done larger changes all of them alike. Two people doing the same differ in some of these numbers more than in others.
+done larger changes all of them alike. Two people who perform the same class differ more in some of these numbers.
 The metric learns that from motions of known classes: it divides by the scatter within classes (within-class
 covariance normalisation, Hatch, Kajarekar and Stolcke 2006), shrunk towards equal scatter everywhere (Ledoit and Wolf
 2004), since there are fewer motions than distances.
@@ -21,9 +21,9 @@ if TYPE_CHECKING:
 #: Added to each standard deviation before the logarithm, relative to the body's size: about a millimetre, a marker's
 #: noise. Without it a distance that does not move at all would weigh more than everything that does.
 FLOOR = 0.0015
-#: Share of equal scatter in the metric. Figures stay within half a point from 0.1 to 0.3.
+#: Share of equal scatter in the metric.
 SHRINKAGE = 0.1
-#: Share of the largest scatter below which there is none but for rounding.
+#: Share of the largest scatter below which a scatter is only rounding.
 _NOTHING = 1e-12
 
 
@@ -91,7 +91,7 @@ class SpreadMetric:
         within = np.concatenate(
             [_about_mean(spreads[classes == name]) / np.sqrt((classes == name).sum() * len(names)) for name in names]
         )
-        # Motions by motions is the smaller matrix; what it cannot tell from nothing weighs as nothing does.
+        # The matrix of motions by motions is the smaller one. Directions whose scatter is only rounding count as none.
         scatter, vectors = np.linalg.eigh(within @ within.T)
         equal = shrinkage * np.square(within).sum() / spreads.shape[1]
         if not equal > 0:

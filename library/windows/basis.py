@@ -10,7 +10,7 @@ import numpy as np
 from kinespace.library.windows.eigenvectors import leading_eigenvectors
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Iterable
 
     from numpy.typing import NDArray
 
@@ -51,7 +51,7 @@ class Basis:
 
     @classmethod
     def learned(
-        cls, rows_by_class: Mapping[str, Sequence[NDArray[np.float64]]], body: Body, *, weighted: bool = True
+        cls, rows_by_class: Iterable[Iterable[NDArray[np.float64]]], body: Body, *, weighted: bool = True
     ) -> Basis:
         """Learn the directions in which the distances of many motions swing.
 
@@ -61,13 +61,13 @@ class Basis:
         Parameters
         ----------
         rows_by_class
-            For each class the distance rows of its motions, each (frames, pairs), metres.
+            For each class the distance rows of its motions, each (frames, pairs), metres; gone through once.
         body
             Tells the size of the body that performs each motion.
         weighted
             Whether all pairs weigh alike; if not, each pair weighs as much as it swings.
         """
-        covariance = np.mean([_mean_covariance(motions, body) for motions in rows_by_class.values()], axis=0)
+        covariance = np.mean([_mean_covariance(motions, body) for motions in rows_by_class], axis=0)
         variances = covariance.diagonal()
         moving = variances > _RIGID * variances.mean()
         if not weighted:
@@ -81,12 +81,12 @@ class Basis:
         return cls(kept * weights[:, None], weights, (kept * inverse[:, None]).T.copy(), share)
 
 
-def _mean_covariance(motions: Sequence[NDArray[np.float64]], body: Body) -> NDArray[np.float64]:
+def _mean_covariance(motions: Iterable[NDArray[np.float64]], body: Body) -> NDArray[np.float64]:
     """Average the covariances of motions relative to the body's size, shape (pairs, pairs)."""
     scatter = []
     for rows in motions:
         mean = rows.mean(axis=0)
         scatter.append(((rows - mean) / (body.size(mean) * np.sqrt(len(rows)))).astype(np.float32))
     stacked = np.concatenate(scatter)
-    covariance: NDArray[np.float64] = (stacked.T @ stacked).astype(np.float64) / len(motions)
+    covariance: NDArray[np.float64] = (stacked.T @ stacked).astype(np.float64) / len(scatter)
     return covariance

@@ -54,8 +54,6 @@ class Weighing:
         The parts of each vector.
     views
         For each view the weight of each group; a view's weights add up to 1.
-    naming
-        How many of the views name the class: the first ones. The last view is evidence for a known motion.
     first
         Seconds from a motion's start to the end of its first window in the library.
     lead
@@ -69,7 +67,6 @@ class Weighing:
 
     groups: tuple[Group, ...]
     views: tuple[tuple[float, ...], ...]
-    naming: int
     first: float
     lead: float
 
@@ -89,13 +86,25 @@ class Weighing:
         groups = [tuple(part for part in group if part.kind is not kind) for group in self.groups]
         left = [place for place, group in enumerate(groups) if group]
         views = [tuple(view[place] for place in left) for view in self.views]
-        naming = sum(sum(view) > 0 for view in views[: self.naming])
-        if not naming:
+        scaled = tuple(tuple(weight / sum(view) for weight in view) for view in views if sum(view) > 0)
+        if not scaled:
             raise ValueError(f"kind: expected some parts beside {kind}, got none")
-        # A view without weight is left out, but the last one: it is evidence, for which the first then stands in.
-        kept = [view for view in views if sum(view) > 0]
-        scaled = tuple(tuple(weight / sum(view) for weight in view) for view in kept)
-        return replace(self, groups=tuple(groups[place] for place in left), views=scaled, naming=naming)
+        return replace(self, groups=tuple(groups[place] for place in left), views=scaled)
+
+    @property
+    def weights(self) -> tuple[tuple[float, ...], ...]:
+        """The weight of each group in all that is compared: the views, and below them each group alone."""
+        alone = np.eye(len(self.groups)).tolist()
+        return (*self.views, *map(tuple, alone))
+
+    def named(self, logs: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Give the log distance of each class by which it is named, of distances by all `weights` (..., classes)."""
+        nearest: NDArray[np.float64] = logs[: len(self.views)].min(axis=0)
+        return nearest
+
+    def alone(self, logs: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Give the log distances by each group alone, of distances by all `weights`."""
+        return logs[len(self.views) :]
 
     @property
     def parts(self) -> tuple[Part, ...]:
@@ -107,13 +116,12 @@ class Weighing:
 #: others. Trend and the joint metric fit one laboratory and mislead in another (tests/TRIED.md).
 ACROSS_LABORATORIES = Weighing(
     groups=((EIGEN_LONG,), (EIGEN_SHORT,), (SPREAD_LONG,), (SPREAD_SHORT,), (POSTURE,)),
-    views=((2 / 9, 2 / 9, 2 / 9, 2 / 9, 1 / 9), (0.0, 1 / 3, 0.0, 1 / 3, 1 / 3), (1.0, 0.0, 0.0, 0.0, 0.0)),
-    naming=2,
+    views=((2 / 9, 2 / 9, 2 / 9, 2 / 9, 1 / 9), (0.0, 1 / 3, 0.0, 1 / 3, 1 / 3)),
     first=0.5,
     lead=0.6,
 )
 #: Within a laboratory one metric over all parts knows how they vary together between people.
-WITHIN_LABORATORY = Weighing(groups=(PARTS, SHORT_PARTS), views=((0.5, 0.5),), naming=1, first=FIRST_WINDOW, lead=0.3)
+WITHIN_LABORATORY = Weighing(groups=(PARTS, SHORT_PARTS), views=((0.5, 0.5),), first=FIRST_WINDOW, lead=0.3)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

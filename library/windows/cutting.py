@@ -75,43 +75,45 @@ class CutWindows:
     def __init__(self, clips: Sequence[Clip], ends: Sequence[NDArray[np.intp]], body: Body, basis: Basis) -> None:
         self._body = body
         moments: list[list[Moments]] = []
-        covariances: list[list[NDArray[np.float64]]] = []
+        eigenpairs: list[list[Eigenpairs]] = []
         for clip, end in zip(clips, ends, strict=True):
             rows = distance_rows(clip.positions, clip.skeleton)
             moments.append(_moments(rows, clip.frame_rate, end))
             points = rows @ basis.directions
-            covariances.append([window_covariances(points, clip, end, seconds) for seconds in BASIS_LENGTHS])
+            covariances = (window_covariances(points, clip, end, seconds) for seconds in BASIS_LENGTHS)
+            eigenpairs.append([eigenpairs_of(each) for each in covariances])
         self._moments = {
-            seconds: _joined(each) for seconds, each in zip(DISTANCE_LENGTHS, zip(*moments, strict=True), strict=True)
+            seconds: Moments(*_joined(each, ("mean", "deviation", "trend")))
+            for seconds, each in zip(DISTANCE_LENGTHS, zip(*moments, strict=True), strict=True)
         }
         self.eigenpairs = {
-            seconds: eigenpairs_of(np.concatenate(each))
-            for seconds, each in zip(BASIS_LENGTHS, zip(*covariances, strict=True), strict=True)
+            seconds: Eigenpairs(*_joined(each, ("values", "vectors")))
+            for seconds, each in zip(BASIS_LENGTHS, zip(*eigenpairs, strict=True), strict=True)
         }
 
     def moments(self, seconds: float) -> Moments:
         """Give the moments over one of `DISTANCE_LENGTHS`."""
         return self._moments[seconds]
 
-    def numbers(self) -> dict[Part, NDArray[np.float64]]:
-        """Give the numbers of every part, each (windows, numbers)."""
-        return numbers_of(self._moments, self.eigenpairs, self._body)
+    def numbers(self, parts: Sequence[Part] = PARTS) -> dict[Part, NDArray[np.float64]]:
+        """Give the numbers of some parts, each (windows, numbers)."""
+        return numbers_of(parts, self._moments, self.eigenpairs, self._body)
 
 
 def numbers_of(
-    moments: Mapping[float, Moments], eigenpairs: Mapping[float, Eigenpairs], body: Body
+    parts: Sequence[Part], moments: Mapping[float, Moments], eigenpairs: Mapping[float, Eigenpairs], body: Body
 ) -> dict[Part, NDArray[np.float64]]:
-    """Read all parts of some windows off their moments and eigenpairs, by length in seconds.
+    """Read parts of some windows off their moments and eigenpairs, by length in seconds.
 
     Returns
     -------
-    For each of `PARTS` its numbers, (windows, numbers).
+    For each part its numbers, (windows, numbers).
     """
     return {
         part: eigen(eigenpairs[part.seconds])
         if part.kind is Kind.EIGEN
         else OF_DISTANCES[part.kind](moments[part.seconds], body)
-        for part in PARTS
+        for part in parts
     }
 
 
@@ -185,8 +187,6 @@ def _starts(ends: NDArray[np.intp], frame_rate: float, seconds: float) -> NDArra
     return np.maximum(ends - round(seconds * frame_rate), 0)
 
 
-def _joined(several: Sequence[Moments]) -> Moments:
-    """Put the windows of several motions one after another."""
-    return Moments(
-        *(np.concatenate([getattr(each, name) for each in several]) for name in ("mean", "deviation", "trend"))
-    )
+def _joined(several: Sequence[Moments | Eigenpairs], names: Sequence[str]) -> list[NDArray[np.float64]]:
+    """Put the numbers of several motions' windows one after another."""
+    return [np.concatenate([getattr(each, name) for each in several]) for name in names]

@@ -5,8 +5,6 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
-from scipy.linalg import eigh
-from scipy.linalg.lapack import dsyevr
 
 from kinespace.library.kernels import compiled
 
@@ -33,7 +31,7 @@ def leading_eigenvectors(matrix: NDArray[_Number], most: int) -> tuple[NDArray[_
     size = len(matrix)
     if most < 1:
         return matrix[0, :0], matrix[:, :0]
-    values, vectors = eigh(matrix, subset_by_index=(max(size - most, 0), size - 1), check_finite=False)
+    values, vectors = (each[..., max(size - most, 0) :] for each in np.linalg.eigh(matrix))
     return values[::-1].astype(matrix.dtype), vectors[:, ::-1].astype(matrix.dtype)
 
 
@@ -56,7 +54,9 @@ def eigenpairs(matrices: NDArray[np.float64], most: int) -> tuple[NDArray[np.flo
     values, vectors = np.empty((count, found)), np.empty((count, found, size))
     if loops and size <= loops.MOST_DIRECTIONS and loops.eigenpairs(matrices, values, vectors):
         return values, vectors
+    from scipy.linalg.lapack import dsyevr  # noqa: PLC0415 - slow to load, and the compiled loops do without
+
     for matrix, own_values, own_vectors in zip(matrices, values, vectors, strict=True):
-        few, columns, *_ = dsyevr(matrix, range="I", il=size - found + 1, iu=size)
+        few, columns, *_ = dsyevr(matrix, range="I", il=size - found + 1, iu=size, lower=1)
         own_values[:], own_vectors[:] = few[found - 1 :: -1], columns.T[::-1]
     return values, vectors

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
-from typing import TYPE_CHECKING, Self
+from itertools import groupby
+from typing import TYPE_CHECKING, NamedTuple, Self
 
 import numpy as np
 
 from kinespace.library.distances import distance_rows
+from kinespace.library.kernels.aligned import give_back_memory
 from kinespace.library.motion_library import MotionLibrary
 from kinespace.library.windows.basis import Basis
 from kinespace.library.windows.body import Body
@@ -34,6 +36,8 @@ _EVERY_ONE, _EVERY_SEVERAL = 0.1, 0.4
 _MEASURED_AT = 30.0
 #: Frames per second at which the basis is learned.
 _BASIS_AT = 10.0
+#: Windows from which metrics are learned, at most, and windows of which all numbers are kept at once, about.
+_MAX_LESSONS, _PIECE = 10_000, 4_000
 #: People from whom metrics can be learned: with fewer the built-in library's people teach.
 _TEACHERS = 3
 
@@ -107,19 +111,18 @@ class WindowIndex:
         weighing = weighing or usual_weighing(library)
         teacher = teacher or teacher_of(library)
         body, basis = Body.of(teacher.skeleton), learned_basis(teacher)
-        cut, motions = _cut(teacher, body, basis, _EVERY_SEVERAL, weighing.first)
-        comparison = Comparison.learned(weighing, cut.numbers(), _lessons(teacher, motions))
-        if library is not teacher or _every(library) < _EVERY_SEVERAL:
-            cut, motions = _cut(library, body, basis, _every(library), weighing.first)
-        return cls(
-            library,
-            body,
-            basis,
-            comparison,
-            vectors=tuple(rounded(each) for each in comparison.place(cut.numbers())),
-            eigenvectors=_leading(cut),
-            motions=motions,
-        )
+        taught = _Measured.of(teacher, _EVERY_SEVERAL, weighing.first)
+        lessons = taught.thinned(_MAX_LESSONS)
+        cut = CutWindows(lessons.clips, lessons.ends, body, basis)
+        numbers = cut.numbers(weighing.parts)
+        comparison = Comparison.learned(weighing, numbers, _lessons(teacher, lessons.motions))
+        again = library is teacher and _every(library) == _EVERY_SEVERAL
+        if again and lessons is taught:
+            placed = Placed.of(comparison, cut, numbers)
+        else:
+            taught = taught if again else _Measured.of(library, _every(library), weighing.first)
+            placed = taught.placed(comparison, body, basis)
+        return cls(library, body, basis, comparison, placed.vectors, placed.eigenvectors, taught.motions)
 
     def __len__(self) -> int:
         return len(self.motions)
@@ -151,15 +154,15 @@ class WindowIndex:
         is_new = np.array([id(motion) not in known for motion in library.motions])
         before, added = np.flatnonzero(~is_new), np.flatnonzero(is_new)
         taught = replace(library, motions=tuple(library.motions[place] for place in added))
-        cut, motions = _cut(taught, self.body, self.basis, every or _every(library), self.comparison.weighing.first)
-        motions = np.concatenate([before[self.motions], added[motions]])
+        measured = _Measured.of(taught, every or _every(library), self.comparison.weighing.first)
+        placed = measured.placed(self.comparison, self.body, self.basis)
+        motions = np.concatenate([before[self.motions], added[measured.motions]])
         order = np.argsort(motions, kind="stable")
-        placed = [rounded(each) for each in self.comparison.place(cut.numbers())]
         index = replace(
             self,
             library=library,
-            vectors=tuple(np.concatenate(each)[order] for each in zip(self.vectors, placed, strict=True)),
-            eigenvectors=np.concatenate([self.eigenvectors, _leading(cut)])[order],
+            vectors=tuple(np.concatenate(each)[order] for each in zip(self.vectors, placed.vectors, strict=True)),
+            eigenvectors=np.concatenate([self.eigenvectors, placed.eigenvectors])[order],
             motions=motions[order],
             judged_by=self.rejection,
         )
@@ -192,8 +195,8 @@ class WindowIndex:
 
         Returns
         -------
-        For each view and class the log distance of the nearest window, mean over the two nearest people: shape
-        (views, classes).
+        For each of the weighing's `weights` and each class the log distance of the nearest window, mean over the two
+        nearest people: shape (weights, classes).
         """
         return self._windows.compared(numbers)
 
@@ -213,7 +216,8 @@ class WindowIndex:
 
         Returns
         -------
-        For each view the log distance of each class, shape (views, classes); infinite for a class without windows left.
+        For each of the weighing's `weights` the log distance of each class, shape (weights, classes); infinite for a
+        class without windows left.
         """
         views = self._windows.weighed([each[window] for each in self.vectors])
         views[:, left_out] = np.inf
@@ -239,7 +243,7 @@ def _rejection(index: WindowIndex) -> Rejection:
     learned = index.library.learned
     if learned is None:
         return learned_rejection(index)
-    rejection = Rejection.of_kept(learned)
+    rejection = Rejection.of_kept(learned, len(index.comparison.weighing.groups))
     fewer = len(index.library.skeleton.joints) < rejection.joints
     return rejection.moved_to(typical_evidence(index)) if fewer else rejection
 
@@ -247,7 +251,10 @@ def _rejection(index: WindowIndex) -> Rejection:
 @lru_cache(maxsize=4)
 def opened(library: MotionLibrary) -> WindowIndex:
     """Give a library's windows; several recognisers of one library share them."""
-    return WindowIndex.of(library)
+    index = WindowIndex.of(library)
+    index.prepare()
+    give_back_memory()
+    return index
 
 
 def usual_weighing(library: MotionLibrary) -> Weighing:
@@ -286,11 +293,10 @@ def _in_order(library: MotionLibrary, skeleton: Skeleton) -> MotionLibrary:
 
 def learned_basis(library: MotionLibrary, *, weighted: bool = True) -> Basis:
     """Learn the basis from a library's motions."""
-    rows: dict[str, list[NDArray[np.float64]]] = {}
-    for clip in library.motions:
-        thinned = clip.positions[:: max(1, round(clip.frame_rate / _BASIS_AT))]
-        rows.setdefault(clip.class_name, []).append(distance_rows(thinned, clip.skeleton))
-    return Basis.learned(rows, Body.of(library.skeleton), weighted=weighted)
+    by_class = groupby(library.motions, key=lambda clip: clip.class_name)
+    rows = ((_thinned(clip, _BASIS_AT) for clip in clips) for _, clips in by_class)
+    measured = ((distance_rows(clip.positions, clip.skeleton) for clip in clips) for clips in rows)
+    return Basis.learned(measured, Body.of(library.skeleton), weighted=weighted)
 
 
 def measured_clips(
@@ -317,7 +323,7 @@ def measured_clips(
         No motion is long enough for a window.
     """
     every = every or _every(library)
-    clips = [_thinned(clip) for clip in library.motions]
+    clips = [_thinned(clip, _MEASURED_AT) for clip in library.motions]
     ends = [window_ends(clip, every, first) for clip in clips]
     motions = np.repeat(np.arange(len(clips)), [len(each) for each in ends])
     if not len(motions):
@@ -330,22 +336,55 @@ def _every(library: MotionLibrary) -> float:
     return _EVERY_SEVERAL if len(library.actors) > 1 else _EVERY_ONE
 
 
-def _cut(
-    library: MotionLibrary, body: Body, basis: Basis, every: float, first: float
-) -> tuple[CutWindows, NDArray[np.intp]]:
-    """Cut a library's motions into windows; give them, and for each the index of its motion."""
-    clips, ends, motions = measured_clips(library, every, first)
-    return CutWindows(clips, ends, body, basis), motions
+class Placed(NamedTuple):
+    """Windows as an index keeps them; fields are `WindowIndex`'s."""
+
+    vectors: tuple[NDArray[np.float32], ...]
+    eigenvectors: NDArray[np.float32]
+
+    @classmethod
+    def of(cls, comparison: Comparison, cut: CutWindows, numbers: Mapping[Part, NDArray[np.float64]]) -> Placed:
+        """Place windows of which these are the numbers."""
+        vectors = tuple(rounded(each) for each in comparison.place(numbers))
+        return cls(vectors, cut.eigenpairs[EIGEN_LONG.seconds].vectors[:, 0].astype(np.float32))
 
 
-def _leading(cut: CutWindows) -> NDArray[np.float32]:
-    """Give the leading eigenvector of each window over two seconds, shape (windows, directions)."""
-    leading: NDArray[np.float32] = cut.eigenpairs[EIGEN_LONG.seconds].vectors[:, 0].astype(np.float32)
-    return leading
+class _Measured(NamedTuple):
+    """Where to cut a library's motions into windows: what `measured_clips` gives."""
+
+    clips: list[Clip]
+    ends: list[NDArray[np.intp]]
+    motions: NDArray[np.intp]
+
+    @classmethod
+    def of(cls, library: MotionLibrary, every: float, first: float) -> _Measured:
+        return cls(*measured_clips(library, every, first))
+
+    def thinned(self, most: int) -> _Measured:
+        """Keep so many of the windows at most, evenly; all where there are no more."""
+        step = -(-len(self.motions) // most)
+        if step == 1:
+            return self
+        begins = np.cumsum([0, *map(len, self.ends)])
+        ends = [each[-int(begin) % step :: step] for begin, each in zip(begins, self.ends, strict=False)]
+        return _Measured(self.clips, ends, self.motions[::step])
+
+    def placed(self, comparison: Comparison, body: Body, basis: Basis) -> Placed:
+        """Cut and place the windows, some motions at a time: their numbers take much more memory than their vectors."""
+        pieces, begin = list[Placed](), 0
+        pieces_of = np.cumsum([0, *map(len, self.ends)]) // _PIECE
+        for end in [*(np.flatnonzero(np.diff(pieces_of)) + 1), len(self.clips)]:
+            cut = CutWindows(self.clips[begin:end], self.ends[begin:end], body, basis)
+            pieces.append(Placed.of(comparison, cut, cut.numbers(comparison.weighing.parts)))
+            begin = end
+        vectors = zip(*(piece.vectors for piece in pieces), strict=True)
+        return Placed(
+            tuple(np.concatenate(each) for each in vectors), np.concatenate([piece.eigenvectors for piece in pieces])
+        )
 
 
-def _thinned(clip: Clip) -> Clip:
-    step = max(1, round(clip.frame_rate / _MEASURED_AT))
+def _thinned(clip: Clip, frame_rate: float) -> Clip:
+    step = max(1, round(clip.frame_rate / frame_rate))
     return replace(clip, positions=clip.positions[::step], frame_rate=clip.frame_rate / step)
 
 

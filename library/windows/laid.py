@@ -41,7 +41,7 @@ class Windows:
     ) -> None:
         self._comparison, self._blocks = comparison, blocks
         self._vectors, self._eigenvectors = vectors, eigenvectors
-        self._views = np.array(comparison.weighing.views, dtype=np.float32)
+        self._views = np.array(comparison.weighing.weights, dtype=np.float32)
         self._parts = comparison.weighing.parts
         self._shape = (len(self._views), len(blocks.class_starts))
         self._groups: tuple[_Group, ...] = ()

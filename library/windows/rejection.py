@@ -2,11 +2,13 @@
 
 A logistic function tells a rightly named window from a window of something else (Fisher's discriminant where a library
 has to learn it from its own motions: each person, else each recording, left out asks as known, each class left out asks
-as unknown). The lead of the guess tells more than its distance: an unknown motion is about as far from several classes.
+as unknown). Each group of parts is asked alone: a motion is known when all of them are near to the same class and far
+from the others, which tells more than the distance of all parts together.
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, NamedTuple, Self
 
@@ -23,17 +25,17 @@ if TYPE_CHECKING:
 
 #: Shares of unknown time that may be named, at which thresholds are kept.
 RATES = (0.01, 0.02, 0.05, 0.1, 0.2, 0.4)
-#: A lead counts no more than this, in log distance: beyond it a guess is as clear as can be.
+#: A lead counts no more than this, in log distance, either way: beyond it a guess is as clear as can be.
 MAX_LEAD = 2.0
 #: Windows that ask when a library learns from its own motions, at most.
 _ASKING = 600
 #: Windows of either kind below which nothing is learned.
 _MIN_WINDOWS = 10
-_BIAS = "bias "
-#: How many numbers of the evidence compare a window with the library: the first ones.
-_COMPARED = 3
+_BIAS, _SLOPE = "bias ", "slope "
 #: Added to a variance: evidence that hardly varies is not to be trusted without bound.
 _RIDGE = 0.02
+#: Noise of a distance, metres, from which it counts.
+_NOISE = 0.01
 
 
 class Evidence(NamedTuple):
@@ -41,21 +43,43 @@ class Evidence(NamedTuple):
 
     Attributes
     ----------
-    whole
-        Log distance of the guess by the first view, of all parts.
-    lead
-        Log distance by which the second class is further, at most `MAX_LEAD`.
-    eigen
-        Log distance of the guess by the last view.
-    swing, sway
-        Logarithms of the movement of a distance over half a second and over two.
+    distances
+        Log distance of the guess by each group of parts.
+    leads
+        Log distance by which the nearest other class is further, by each group: below 0 where it is nearer; between
+        -`MAX_LEAD` and `MAX_LEAD`.
+    noise
+        Standard deviation of the noise of a distance in the feed, metres.
     """
 
-    whole: float
-    lead: float
-    eigen: float
-    swing: float
-    sway: float
+    distances: tuple[float, ...]
+    leads: tuple[float, ...]
+    noise: float = 0.0
+
+    @classmethod
+    def of(cls, groups: NDArray[np.float64], guess: int, noise: float = 0.0) -> Self:
+        """Read the evidence for a guess off the log distances by each group, (groups, classes)."""
+        distances, leads = [], []
+        for each in groups.tolist():
+            distances.append(each[guess])
+            others = min(each[:guess] + each[guess + 1 :], default=math.inf)
+            leads.append(min(max(others - each[guess], -MAX_LEAD), MAX_LEAD))
+        return cls(tuple(distances), tuple(leads), noise)
+
+    @property
+    def compared(self) -> tuple[float, ...]:
+        """Distances and leads: what a comparison with the library tells."""
+        return self.distances + self.leads
+
+    @property
+    def lead(self) -> float:
+        """Mean lead over the groups."""
+        return sum(self.leads) / len(self.leads)
+
+    @property
+    def noisiness(self) -> float:
+        """How noisy the feed is: 0 without noise, and growing with its logarithm."""
+        return math.log1p(self.noise / _NOISE)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -65,35 +89,43 @@ class Rejection:
     Attributes
     ----------
     weights
-        Of each number of the evidence, shape (5,).
+        Of each distance, each lead, and the noise, shape (2 groups + 1,).
     offset
         Added to the weighed evidence.
-    biases
-        Added for a guess of some class.
+    biases, slopes
+        Added for a guess of some class, and added times the mean lead.
     thresholds
         For each of `RATES` the logit above which that share of unknown time lies.
     typical
-        Distance, lead and eigen distance that are typical of the library's own motions, each person (or else motion)
-        left out, shape (3,): with the joints for which the other numbers were learned.
+        Distances and leads that are typical of the library's own motions, each person (or else motion) left out, shape
+        (2 groups,): evidence is weighed relative to them. With other joints other ones are typical.
     joints
-        How many joints those are; 0 when the numbers were learned for the library as it is.
+        With how many joints the other numbers were learned; 0 when they were learned for the library as it is.
     """
 
     weights: NDArray[np.float64] = field(repr=False)
     offset: float
     biases: Mapping[str, float] = field(repr=False)
+    slopes: Mapping[str, float] = field(repr=False)
     thresholds: NDArray[np.float64] = field(repr=False)
     typical: NDArray[np.float64] = field(repr=False)
     joints: int = 0
     _listed: tuple[float, ...] = field(init=False, repr=False)
+    _constant: float = field(init=False, repr=False)
+    _lead: float = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
+        count = len(self.typical)
         object.__setattr__(self, "_listed", tuple(self.weights.tolist()))
+        object.__setattr__(self, "_constant", self.offset - float(self.weights[:count] @ self.typical))
+        object.__setattr__(self, "_lead", float(self.typical[count // 2 :].mean()))
 
     def logit(self, evidence: Evidence, class_name: str) -> float:
         """Say how likely a guess is right: log odds, up to a constant that the threshold decides."""
-        weighed = sum(weight * number for weight, number in zip(self._listed, evidence, strict=True))
-        return weighed + self.offset + self.biases.get(class_name, 0.0)
+        numbers = (*evidence.compared, evidence.noisiness)
+        weighed = sum(weight * number for weight, number in zip(self._listed, numbers, strict=True)) + self._constant
+        slope = self.slopes.get(class_name, 0.0)
+        return weighed + self.biases.get(class_name, 0.0) + slope * (evidence.lead - self._lead)
 
     def kept(self) -> Learned:
         """Give the numbers as a library's file keeps them."""
@@ -104,12 +136,14 @@ class Rejection:
             "typical": self.typical,
             "joints": np.array([self.joints]),
         }
-        biases = {f"{_BIAS}{name}": np.array([bias]) for name, bias in self.biases.items()}
-        return Learned({name: array.astype(np.float32) for name, array in (numbers | biases).items()})
+        by_class = {_BIAS + name: bias for name, bias in self.biases.items()}
+        by_class |= {_SLOPE + name: slope for name, slope in self.slopes.items()}
+        numbers |= {name: np.array([number]) for name, number in by_class.items()}
+        return Learned({name: array.astype(np.float32) for name, array in numbers.items()})
 
     @classmethod
-    def of_kept(cls, learned: Learned) -> Self:
-        """Take the numbers from a library's file.
+    def of_kept(cls, learned: Learned, groups: int) -> Self:
+        """Take the numbers from a library's file, for a comparison of so many groups of parts.
 
         Raises
         ------
@@ -117,26 +151,25 @@ class Rejection:
             A number is missing, not finite, or there are more or fewer than expected.
         """
         named = learned.arrays()
-        counts = {"weights": len(Evidence._fields), "thresholds": len(RATES), "typical": _COMPARED}
-        shapes = counts | {"offset": 1, "joints": 1}
+        shapes = {"weights": 2 * groups + 1, "thresholds": len(RATES), "typical": 2 * groups, "offset": 1, "joints": 1}
+        shapes |= {name: 1 for name in named if name.startswith((_BIAS, _SLOPE))}
         for name, count in shapes.items():
             if name not in named or named[name].shape != (count,) or not np.isfinite(named[name]).all():
                 raise ValueError(f"{name}: expected {count} finite numbers, got {named.get(name)}")
-        biases = {name.removeprefix(_BIAS): float(array[0]) for name, array in named.items() if name.startswith(_BIAS)}
-        numbers = {name: array.astype(np.float64) for name, array in named.items() if name in shapes}
+        numbers = {name: named[name].astype(np.float64) for name in shapes}
         return cls(
             weights=numbers["weights"],
             offset=float(numbers["offset"][0]),
-            biases=biases,
+            biases=_of_classes(_BIAS, numbers),
+            slopes=_of_classes(_SLOPE, numbers),
             thresholds=numbers["thresholds"],
             typical=numbers["typical"],
             joints=int(numbers["joints"][0]),
         )
 
     def moved_to(self, typical: NDArray[np.float64]) -> Rejection:
-        """Give the same judgement for other joints, with which other distances and leads are typical, (3,)."""
-        shift = float(self.weights[:_COMPARED] @ (typical - self.typical))
-        return replace(self, offset=self.offset - shift, typical=typical)
+        """Give the same judgement for other joints, with which other distances and leads are typical, (2 groups,)."""
+        return replace(self, typical=typical)
 
     def threshold_at(self, rate: float) -> float:
         """Give the logit above which a motion is known, when this share of unknown time may be named."""
@@ -144,37 +177,44 @@ class Rejection:
         return float(np.interp(np.log(rate), np.log(RATES), self.thresholds))
 
 
-#: For a library with too few motions to learn from: as the built-in library's motions teach with joint metrics.
-_TOO_FEW = Rejection(
-    weights=np.array([-2.0, 2.0, 0.0, 0.0, 0.0]),
-    offset=0.0,
-    biases={},
-    thresholds=np.array([1.5, 1.0, 0.5, 0.0, -0.5, -1.5]),
-    typical=np.zeros(_COMPARED),
-)
+def _of_classes(prefix: str, numbers: Mapping[str, NDArray[np.float64]]) -> dict[str, float]:
+    return {name.removeprefix(prefix): float(each[0]) for name, each in numbers.items() if name.startswith(prefix)}
+
+
+def stand_in(groups: int) -> Rejection:
+    """Give numbers for a library with too few motions to learn from: as the built-in library's motions teach."""
+    weights = np.repeat([-2.0 / groups, 2.0 / groups, 0.0], [groups, groups, 1])
+    thresholds = np.array([1.5, 1.0, 0.5, 0.0, -0.5, -1.5])
+    return Rejection(weights, 0.0, {}, {}, thresholds, np.zeros(2 * groups))
 
 
 def learned_rejection(index: WindowIndex) -> Rejection:
     """Learn from a library's own motions how near known ones are, and unknown ones."""
+    groups = len(index.comparison.weighing.groups)
     known, unknown, classes = _asked(index)
     if len(known) < _MIN_WINDOWS or len(unknown) < _MIN_WINDOWS:
-        return _TOO_FEW
-    near, far = known[:, :2], unknown[:, :2]
-    scatter = (np.cov(near.T) + np.cov(far.T)) / 2 + _RIDGE * np.eye(2)
-    slope = np.linalg.solve(scatter, near.mean(axis=0) - far.mean(axis=0))
+        return stand_in(groups)
+    scatter = (np.cov(known.T) + np.cov(unknown.T)) / 2 + _RIDGE * np.eye(2 * groups)
+    slope = np.linalg.solve(scatter, known.mean(axis=0) - unknown.mean(axis=0))
     # With few classes left the lead of an unknown motion is wide: a clear guess must not count against itself.
-    slope[1] = max(slope[1], 0.0)
-    offset = -float(slope @ (near.mean(axis=0) + far.mean(axis=0))) / 2
-    logits = far @ slope + offset
-    by_class = [np.quantile(logits[classes == each], 1 - np.array(RATES)) for each in np.unique(classes)]
-    weights = np.array([*slope, 0.0, 0.0, 0.0])
-    return Rejection(weights, offset, {}, np.mean(by_class, axis=0), np.median(known, axis=0))
+    slope[groups:] = np.maximum(slope[groups:], 0.0)
+    typical = np.median(known, axis=0)
+    thresholds = _thresholds((unknown - typical) @ slope, classes)
+    return Rejection(np.append(slope, 0.0), 0.0, {}, {}, thresholds, typical)
+
+
+def _thresholds(logits: NDArray[np.float64], classes: NDArray[np.intp]) -> NDArray[np.float64]:
+    """Find above which logits each of `RATES` of unknown windows lies, when every class counts alike."""
+    counts = np.bincount(classes)[classes]
+    order = np.argsort(-logits)
+    shares = np.cumsum(1 / counts[order])
+    return np.interp(RATES, shares / shares[-1], logits[order])
 
 
 def typical_evidence(index: WindowIndex) -> NDArray[np.float64]:
-    """Give the distance, lead and eigen distance that are typical of a library's own motions, shape (3,)."""
+    """Give the distances and leads that are typical of a library's own motions, shape (2 groups,)."""
     known, _, _ = _asked(index)
-    return np.median(known, axis=0) if len(known) else np.zeros(_COMPARED)
+    return np.median(known, axis=0) if len(known) else np.zeros(known.shape[1])
 
 
 def _asked(index: WindowIndex) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.intp]]:
@@ -182,35 +222,29 @@ def _asked(index: WindowIndex) -> tuple[NDArray[np.float64], NDArray[np.float64]
 
     Returns
     -------
-    Distance, lead and eigen distance of the windows named rightly, (known, 3), and of the windows without their class,
-    (unknown, 3); the classes of the windows without their class.
+    Distances and leads of the windows named rightly, (known, 2 groups), and of the windows without their class,
+    (unknown, 2 groups); the classes of the windows without their class.
     """
     motions = index.library.motions
     names = np.array([motions[each].class_name for each in index.motions])
     people = np.array([motions[each].actor for each in index.motions])
     classes = np.searchsorted(index.classes, names)
     several = len(set(people.tolist())) > 1
-    naming = index.comparison.weighing.naming
-    known: list[tuple[float, float, float]] = []
-    unknown: list[tuple[float, float, float]] = []
+    weighing = index.comparison.weighing
+    known: list[tuple[float, ...]] = []
+    unknown: list[tuple[float, ...]] = []
     asked: list[int] = []
     for asking in range(0, len(index), -(-len(index) // _ASKING)):
         own = people == people[asking] if several else index.motions == index.motions[asking]
-        views = index.own_distances(asking, own)
+        logs = index.own_distances(asking, own)
         performed = int(classes[asking])
-        if np.isfinite(views[0, performed]) and int(views[:naming].min(axis=0).argmin()) == performed:
-            known.append(_compared(views, naming))
-        views[:, performed] = np.inf
-        if np.isfinite(views[0]).any():
-            unknown.append(_compared(views, naming))
+        nearest = weighing.named(logs)
+        if np.isfinite(nearest[performed]) and int(nearest.argmin()) == performed:
+            known.append(Evidence.of(weighing.alone(logs), performed).compared)
+        logs[:, performed] = np.inf
+        nearest = weighing.named(logs)
+        if np.isfinite(nearest).any():
+            unknown.append(Evidence.of(weighing.alone(logs), int(nearest.argmin())).compared)
             asked.append(performed)
-    return np.array(known).reshape(-1, _COMPARED), np.array(unknown).reshape(-1, _COMPARED), np.array(asked)
-
-
-def _compared(views: NDArray[np.float64], naming: int) -> tuple[float, float, float]:
-    """Give the whole distance, the lead and the eigen distance of the nearest class, of views (views, classes)."""
-    distances = views[:naming].min(axis=0)
-    guess = int(distances.argmin())
-    first, *others = sorted(distances.tolist())
-    lead = min(others[0] - first, MAX_LEAD) if others else MAX_LEAD
-    return float(views[0, guess]), lead, float(views[-1, guess])
+    shape = (-1, 2 * len(weighing.groups))
+    return np.array(known).reshape(shape), np.array(unknown).reshape(shape), np.array(asked, dtype=np.intp)

@@ -5,8 +5,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from kinespace.stream.feeds.frame_assembler import FORGET_AFTER, FrameAssembler
+from kinespace.stream.feeds.unpackers import UNPACKERS
 from kinespace.stream.inputs.receiver import datagram_of
-from kinespace.stream.osc.packet import PacketError, decode_packet
+from kinespace.stream.osc.packet import PacketError
 from kinespace.stream.status import InputCounts
 
 if TYPE_CHECKING:
@@ -38,6 +39,8 @@ class FeedDecoder:
 
     def __init__(self, preset: Preset) -> None:
         self.assembler = FrameAssembler(preset)
+        self._unpack = UNPACKERS[preset.packing]()
+        self._whole = preset.packing != "osc"
         self._received = self._undecodable = 0
         self._senders = SenderNumbers()
 
@@ -57,12 +60,12 @@ class FeedDecoder:
         self._received += 1
         datagram = datagram_of(packet)
         try:
-            messages = decode_packet(datagram)
+            messages = self._unpack(datagram)
         except PacketError:
             self._undecodable += 1
             return ()
         number = self._senders.number(sender[0] if sender else "", arrival)
-        return self.assembler.push(messages, arrival, bundle=datagram[:1] == b"#", sender=number)
+        return self.assembler.push(messages, arrival, bundle=self._whole or datagram[:1] == b"#", sender=number)
 
     def expire(self, now: float) -> Sequence[Input]:
         """Close frames that nothing more comes for."""

@@ -6,16 +6,21 @@ import re
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, NamedTuple
 
+from kinespace.library.motion_library import MIN_JOINTS
+from kinespace.library.naming import Naming
 from kinespace.stream.feeds.frame_assembler import FrameAssembler
 from kinespace.stream.feeds.message_reader import Mapper, MessageError
 from kinespace.stream.feeds.preset import Means
+from kinespace.stream.feeds.unpackers import UNPACKERS
 from kinespace.stream.frame import Frame
-from kinespace.stream.osc.packet import PacketError, decode_packet
+from kinespace.stream.osc.frames import SKELETON, decode
+from kinespace.stream.osc.packet import PacketError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from kinespace.stream.feeds.preset import Preset
+    from kinespace.stream.feeds.unpackers import Unpacker
     from kinespace.stream.osc.packet import Message
 
 #: Kinds of messages told apart; only somebody who makes up addresses gets there.
@@ -23,6 +28,10 @@ MOST_KINDS = 200
 _MOST_SENDERS = 50
 #: Messages and packets kept to be looked at as each preset's.
 _MOST_KEPT = 20_000
+#: The preset of our own messages, and their addresses.
+NATIVE, OURS = "native", ("/motion/frame", SKELETON)
+#: Ways to pack that tell by themselves whether a packet is of theirs.
+_PACKINGS = ("osc", "rokoko", "zigsim", "xsens")
 #: Joints a message must bring, relative to those a preset has, to say that this is it.
 _LIKELY = 0.25
 _NUMBERED = re.compile(r"\d+")
@@ -94,6 +103,8 @@ class Survey:
         Datagrams by host and port they came from.
     kinds
         Messages by address and types.
+    announced
+        The joint names that a sender of our own messages said last.
     """
 
     packets: int = 0
@@ -102,7 +113,10 @@ class Survey:
     largest: int = 0
     senders: dict[str, int] = field(default_factory=dict)
     kinds: dict[tuple[str, str], Kind] = field(default_factory=dict)
-    _kept: list[tuple[list[Message], float, bool]] = field(default_factory=list)
+    announced: tuple[str, ...] = ()
+    _kept: list[tuple[bytes, float]] = field(default_factory=list)
+    #: What was kept as each packing reads it; with how much there was then.
+    _read: dict[str, tuple[int, list[tuple[list[Message], float, bool]]]] = field(default_factory=dict)
 
     def see(self, datagram: bytes, sender: str, arrival: float) -> None:
         """Take in one datagram, from `host:port`, at a moment in seconds."""
@@ -110,17 +124,18 @@ class Survey:
         self.largest = max(self.largest, len(datagram))
         if sender in self.senders or len(self.senders) < _MOST_SENDERS:
             self.senders[sender] = self.senders.get(sender, 0) + 1
-        try:
-            messages = decode_packet(datagram)
-        except PacketError:
+        read = (_unpacked(UNPACKERS[packing](), datagram) for packing in _PACKINGS)
+        messages = next((each for each in read if each is not None), None)
+        if messages is None:
             self.undecodable += 1
             return
-        bundle = datagram[:1] == b"#"
-        self.bundles += bundle
+        self.bundles += datagram[:1] == b"#"
         for message in messages:
             self._count(message, arrival)
+            if message.address == SKELETON and all(isinstance(each, str) for each in message.arguments):
+                self.announced = tuple(map(str, message.arguments[1:]))
         if len(self._kept) < _MOST_KEPT:
-            self._kept.append((messages, arrival, bundle))
+            self._kept.append((datagram, arrival))
 
     def _count(self, message: Message, arrival: float) -> None:
         types = shortened("".join(_TAGS.get(type(argument), "?") for argument in message.arguments))
@@ -137,11 +152,13 @@ class Survey:
 
     def looked_at_as(self, preset: Preset) -> Guess:
         """Say what a preset makes of everything that came."""
+        if preset.name == NATIVE and self.announced:
+            return self._as_our_own(preset)
         mapper, assembler = Mapper(preset), FrameAssembler(preset)
         understood = total = 0
         joints = dict[str, None]()
         times: dict[str, list[float]] = {}
-        for messages, arrival, bundle in self._kept:
+        for messages, arrival, bundle in self._unpacked_as(preset.packing):
             for message in messages:
                 total += 1
                 joints_here = _joints_in(mapper, message)
@@ -169,6 +186,42 @@ class Survey:
             refused=assembler.counts.incomplete,
         )
 
+    def _as_our_own(self, preset: Preset) -> Guess:
+        """Read our own messages, whose senders name their joints, as the recogniser does: by our names for them."""
+        named = set(Naming().read(self.announced).joints)
+        frames, times = 0, dict[str, list[float]]()
+        for datagram, arrival in self._kept:
+            for event in decode(datagram, arrival).events:
+                if isinstance(event, Frame) and len(event.positions) == len(self.announced):
+                    times.setdefault(event.performer, []).append(arrival)
+                frames += isinstance(event, Frame)
+        whole, joints = sum(map(len, times.values())), tuple(each for each in preset.joints if each in named)
+        longest = max(times.values(), key=len, default=[])
+        span = longest[-1] - longest[0] if longest else 0.0
+        ours = sum(kind.count for kind in self.kinds.values() if kind.address in OURS)
+        return Guess(
+            preset=preset,
+            understood=ours / max(sum(kind.count for kind in self.kinds.values()), 1),
+            joints=joints,
+            missing=tuple(each for each in preset.joints if each not in named),
+            frames=whole if len(joints) >= MIN_JOINTS else 0,
+            rate=(len(longest) - 1) / span if span > 0 else 0.0,
+            performers=tuple(times),
+            unknown=(),
+            refused=frames - whole,
+        )
+
+    def _unpacked_as(self, packing: str) -> list[tuple[list[Message], float, bool]]:
+        """Give what was kept as messages, by one way to pack; packets of other ways hold none."""
+        if packing not in self._read or self._read[packing][0] != len(self._kept):
+            unpack = UNPACKERS[packing]()
+            read = [
+                (_unpacked(unpack, datagram) or [], arrival, packing != "osc" or datagram[:1] == b"#")
+                for datagram, arrival in self._kept
+            ]
+            self._read[packing] = len(self._kept), read
+        return self._read[packing][1]
+
     def guess(self, presets: Sequence[Preset]) -> Guess | None:
         """Give the preset that explains most of what came, None when none explains anything.
 
@@ -177,6 +230,14 @@ class Survey:
         guesses = [self.looked_at_as(preset) for preset in presets]
         likely = [each for each in guesses if len(each.joints) >= _LIKELY * len(each.preset.joints)]
         return max(likely, key=_likelihood, default=None)
+
+
+def _unpacked(unpack: Unpacker, datagram: bytes) -> list[Message] | None:
+    """Give a packet's messages, None where it is packed otherwise."""
+    try:
+        return unpack(datagram)
+    except PacketError:
+        return None
 
 
 def _likelihood(guess: Guess) -> tuple[bool, float, int]:

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 
 from kinespace.stream.feeds.checked_table import CheckedTable, PresetError
 from kinespace.stream.feeds.kinematics import Bone
+from kinespace.stream.feeds.unpackers import UNPACKERS
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -175,6 +176,8 @@ class Preset:
         Metres of one unit along each of the sender's axes.
     axes
         For our x (right of the picture), y (up) and z (towards us): which of the sender's axes, and its sign.
+    packing
+        How its messages are packed (`stream.feeds.unpackers`).
     sender_clock
         Whether a frame's time is the sender's, when it sends one; else it is the arrival's.
     seconds
@@ -203,6 +206,7 @@ class Preset:
     performer: str
     metres: tuple[float, ...]
     axes: tuple[tuple[int, float], ...]
+    packing: str
     sender_clock: bool
     seconds: float
     closings: Closings
@@ -298,6 +302,8 @@ def parse_preset(text: str, name: str, file: str) -> Preset:
         table = CheckedTable(file, "", tomllib.loads(text))
     except tomllib.TOMLDecodeError as error:
         raise PresetError(f"{file}: expected TOML, got a mistake: {error}") from error
+    except RecursionError as error:
+        raise PresetError(f"{file}: expected TOML, got tables or lists nested too deep") from error
     order = table.texts("order")
     if len(set(map(spelling, order))) != len(order):
         raise table.fail("order", "distinct names")
@@ -310,6 +316,7 @@ def parse_preset(text: str, name: str, file: str) -> Preset:
         performer=_performer(table, name),
         metres=_metres(table),
         axes=_axes(table),
+        packing=table.choice("packing", list(UNPACKERS), "osc"),
         sender_clock=table.choice("clock", ("arrival", "sender"), "arrival") == "sender",
         seconds=table.number("seconds", 1.0, 1e-9),
         closings=_closings(table.table("frame")),

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from kinespace.stream.feeds.decoder import FeedDecoder
 from kinespace.stream.feeds.handshake import NEVER, farewells, is_due, questions
 from kinespace.stream.inputs.source import Source
-from kinespace.stream.osc.udp import OscReceiver
+from kinespace.stream.osc.udp import LookedUp, OscReceiver
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -47,7 +47,7 @@ class FeedSource(Source):
         self.preset = preset
         self.unasked = 0
         self._asked = self._heard = NEVER
-        self._sender = sender
+        self._sender = LookedUp(sender, preset.asking.port) if preset.asking else None
 
     def __str__(self) -> str:
         return f"{self.preset.name} {str(self.receiver).partition(' ')[2]}"
@@ -68,10 +68,11 @@ class FeedSource(Source):
         return super().tend(now)
 
     def _tell(self, encoded: Callable[[Preset, int], list[bytes]]) -> None:
-        if self.preset.asking and isinstance(self.receiver, OscReceiver):
-            target = self._sender, self.preset.asking.port
-            packets = encoded(self.preset, self.receiver.address[1])
-            self.unasked += sum(not self.receiver.send_to(packet, target) for packet in packets)
+        if self._sender is None or not isinstance(self.receiver, OscReceiver):
+            return
+        target = self._sender.address
+        packets = encoded(self.preset, self.receiver.address[1])
+        self.unasked += sum(target is None or not self.receiver.send_to(packet, target) for packet in packets)
 
     def close(self) -> None:
         """Tell the sender to stop and close the socket."""

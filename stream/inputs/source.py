@@ -52,6 +52,11 @@ class Source:
         receiver = self.receiver
         return replace(self.decoder.counts, overrun=receiver.kernel_drops, broken=receiver.broken())
 
+    @property
+    def notes(self) -> list[str]:
+        """What a person should know of this source now, a line each."""
+        return [self._recorder.note] if self._recorder and self._recorder.note else []
+
     def take(self, arrival: float) -> Sequence[Input] | None:
         """Take in one packet; what it held, in order, or None when nothing is waiting. Never raises."""
         packet = self.receiver.receive()

@@ -9,6 +9,8 @@ from kinespace.stream.osc.answers import (
     decode_answer,
     encode_classes,
     encode_event,
+    encode_gone,
+    encode_progress,
     encode_recognition,
     encode_status,
 )
@@ -41,7 +43,9 @@ __all__ = [
     "encode_classes",
     "encode_event",
     "encode_frame",
+    "encode_gone",
     "encode_message",
+    "encode_progress",
     "encode_recognition",
     "encode_status",
 ]

@@ -1,12 +1,16 @@
 """Answers as OSC messages.
 
-`/motion/<performer>/class i index f score f margin`, `/motion/<performer>/label s` and `/motion/<performer>/scores f*K`
-in one bundle for each recognition; `/motion/<performer>/event s start or end s label i index f score d time` when a
-motion starts or ends; `/motion/classes s*K`; `/motion/status`.
+`/motion/<performer>/class i index f score f margin`, `/motion/<performer>/guess i index`, `/motion/<performer>/label s`
+and `/motion/<performer>/scores f*K` in one bundle for each recognition, and with them, while a motion is followed,
+`/motion/<performer>/progress i index of its class f phase f speed f amplitude f sure f scrub i cycles`;
+`/motion/<performer>/event s start or end s label i index f score f time` when a motion starts or ends;
+`/motion/classes s*K`; `/motion/status`.
 
-The class message holds numbers only, because TouchDesigner's OSC In CHOP takes nothing else. Its index is the moment's
-best guess, in the order of `/motion/classes`, and -1 where there is nothing to guess from. The label is "unknown" when
-the guess is not near enough to the library.
+The class message holds numbers only, because TouchDesigner's OSC In CHOP takes nothing else. Its index is the named
+class, in the order of `/motion/classes`, and -1 where none is named. The label then says why: "unknown" when the guess
+is not near enough to the library, "gone" once when the performer has left. The guess is the moment's best, -1 where
+there is nothing to guess from. Score and margin are the guess's. Nothing is larger than a float, because Pure Data and
+many libraries know no double.
 """
 
 from __future__ import annotations
@@ -16,8 +20,8 @@ import struct
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
-from kinespace.stream.answer import Answer
-from kinespace.stream.osc.packet import BUNDLE_START, PacketError, decode_packet, encode_message, padded
+from kinespace.stream.answer import GONE, Answer
+from kinespace.stream.osc.packet import BUNDLE_START, PacketError, decode_packet, encode_bundle, encode_message, padded
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -27,8 +31,11 @@ if TYPE_CHECKING:
 
 #: Bytes of an answer. Most networks cut larger datagrams into fragments, and one lost fragment loses the datagram.
 MAX_ANSWER = 1200
-_SIZE, _CLASS, _EVENT = struct.Struct(">i"), struct.Struct(">iff"), struct.Struct(">ifd")
+_SIZE, _CLASS, _EVENT = struct.Struct(">i"), struct.Struct(">iff"), struct.Struct(">iff")
+_PROGRESS = struct.Struct(">ifffffi")
 _MAX_INTEGER = 2**31 - 1
+#: The largest number that OSC holds as a float.
+_MAX_FLOAT = (2 - 2**-23) * 2.0**127
 #: Characters that OSC 1.0 reserves in addresses, and those that do not print.
 _NOT_IN_ADDRESS = re.compile(r"[^!-~]|[#*,/?\[\]{}]")
 
@@ -38,17 +45,24 @@ def encode_recognition(recognition: Recognition) -> bytes:
 
     The scores of a library with too many classes for that (some 200) are left out; class and label never are.
     """
-    class_head, label_head, scores_head = _answer_heads(recognition.performer, len(recognition.scores))
+    class_head, guess_head, label_head, scores_head, progress_head = _answer_heads(
+        recognition.performer, len(recognition.scores)
+    )
     label = padded(recognition.label)
     parts = [
         BUNDLE_START,
         _SIZE.pack(len(class_head) + _CLASS.size),
         class_head,
-        _CLASS.pack(recognition.guess_index, recognition.score, recognition.margin),
+        _CLASS.pack(recognition.class_index, recognition.score, recognition.margin),
+        _SIZE.pack(len(guess_head) + _SIZE.size),
+        guess_head,
+        _SIZE.pack(recognition.guess_index),
         _SIZE.pack(len(label_head) + len(label)),
         label_head,
         label,
     ]
+    if recognition.progress:
+        parts += [_SIZE.pack(len(progress_head) + _PROGRESS.size), progress_head, _progress(recognition)]
     scores = recognition.scores.astype(">f4").tobytes()
     size = sum(map(len, parts)) + _SIZE.size + len(scores_head) + len(scores)
     if size <= MAX_ANSWER:
@@ -57,19 +71,54 @@ def encode_recognition(recognition: Recognition) -> bytes:
 
 
 @lru_cache(maxsize=1024)
-def _answer_heads(performer: str, classes: int) -> tuple[bytes, bytes, bytes]:
-    """Give what stands before the arguments of class, label and scores: the same in each of a performer's answers."""
+def _answer_heads(performer: str, classes: int) -> tuple[bytes, bytes, bytes, bytes, bytes]:
+    """Give what stands before the arguments of an answer's messages: the same in each of a performer's answers."""
     start = f"/motion/{address_part(performer)}"
-    layouts = {"class": ",iff", "label": ",s", "scores": "," + "f" * classes}
+    layouts = {"class": ",iff", "guess": ",i", "label": ",s", "scores": "," + "f" * classes, "progress": ",ifffffi"}
     heads = [padded(f"{start}/{last}") + padded(types) for last, types in layouts.items()]
-    return heads[0], heads[1], heads[2]
+    return heads[0], heads[1], heads[2], heads[3], heads[4]
 
 
-def encode_event(event: Event) -> bytes:
-    """Encode `/motion/<performer>/event s start or end, s label, i index, f score, d time`."""
+def _progress(recognition: Recognition) -> bytes:
+    """Pack the arguments of the progress message; nothing when no motion is followed."""
+    told = recognition.progress
+    if told is None:
+        return b""
+    numbers = (told.phase, told.speed, told.amplitude, told.sure, told.scrub)
+    return _PROGRESS.pack(recognition.progress_index, *numbers, told.cycles)
+
+
+def encode_progress(recognition: Recognition) -> bytes:
+    """Encode `/motion/<performer>/progress` by itself; empty when no motion is followed."""
+    head = _answer_heads(recognition.performer, len(recognition.scores))[4]
+    return head + _progress(recognition) if recognition.progress else b""
+
+
+def encode_gone(performer: str) -> bytes:
+    """Encode that a performer has left: an answer without a class, without scores."""
+    start = f"/motion/{address_part(performer)}"
+    return encode_bundle(
+        encode_message(f"{start}/class", -1, 0.0, 0.0),
+        encode_message(f"{start}/guess", -1),
+        encode_message(f"{start}/label", GONE),
+    )
+
+
+def encode_event(event: Event, since: float = 0.0) -> bytes:
+    """Encode `/motion/<performer>/event s start or end, s label, i index, f score, f time`.
+
+    Parameters
+    ----------
+    event
+        What happened.
+    since
+        The moment from which the time is counted, seconds, on the clock of the frames: a float tells the milliseconds
+        of some hours, not of a clock that began in 1970.
+    """
     address = f"/motion/{address_part(event.performer)}/event"
-    numbers = _EVENT.pack(event.index, event.score, event.time)
-    return b"".join([padded(address), b",ssifd\0\0", padded(event.kind), padded(event.label), numbers])
+    elapsed = min(max(event.time - since, -_MAX_FLOAT), _MAX_FLOAT)
+    numbers = _EVENT.pack(event.index, event.score, elapsed)
+    return b"".join([padded(address), b",ssiff\0\0", padded(event.kind), padded(event.label), numbers])
 
 
 def encode_classes(classes: Sequence[str]) -> bytes:

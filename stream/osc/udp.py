@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import socket
 import sys
+import threading
+import time
 from typing import Any
 
 #: Bytes that the system keeps of datagrams that wait; the usual default holds 0.2 s of a busy feed.
@@ -11,6 +13,8 @@ RECEIVE_BUFFER = 4 << 20
 #: Linux tells with each datagram how many were thrown away before it; Python has no name for the option.
 _SO_RXQ_OVFL = 40
 _COUNTS_DROPS = sys.platform == "linux"
+#: Seconds between two attempts to look a host up.
+_LOOK_UP_EVERY = 5.0
 
 
 def _resolved(host: str, port: int) -> tuple[int, int, tuple[Any, ...]]:
@@ -20,6 +24,31 @@ def _resolved(host: str, port: int) -> tuple[int, int, tuple[Any, ...]]:
     except OSError as error:
         raise OSError(error.errno, f"{host}:{port}: {error.strerror}") from error
     return family, kind, address
+
+
+class LookedUp:
+    """A host that is looked up in a thread of its own: a name server may take half a minute, and the feed may not.
+
+    Parameters
+    ----------
+    host, port
+        As typed.
+    """
+
+    def __init__(self, host: str, port: int) -> None:
+        #: The address in numbers; None as long as it is not known.
+        self.address: tuple[Any, ...] | None = None
+        try:
+            self.address = socket.getaddrinfo(host, port, type=socket.SOCK_DGRAM, flags=socket.AI_NUMERICHOST)[0][4]
+        except OSError:
+            threading.Thread(target=self._look_up, args=(host, port), name="kinespace look-up", daemon=True).start()
+
+    def _look_up(self, host: str, port: int) -> None:
+        while self.address is None:
+            try:
+                self.address = _resolved(host, port)[2]
+            except OSError:
+                time.sleep(_LOOK_UP_EVERY)
 
 
 class OscReceiver:
@@ -96,11 +125,10 @@ class OscReceiver:
         self.sender = sender[:2]
         return datagram
 
-    def send_to(self, datagram: bytes, target: tuple[str, int]) -> bool:
-        """Send from the port listened on, as a sender expects that is to answer here; False when it cannot be."""
+    def send_to(self, datagram: bytes, target: tuple[Any, ...]) -> bool:
+        """Send from the port listened on to an address in numbers; False when the system does not take it."""
         try:
-            _, _, address = _resolved(*target)
-            self.socket.sendto(datagram, address)
+            self.socket.sendto(datagram, target)
         except OSError:
             return False
         return True

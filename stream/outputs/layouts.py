@@ -1,19 +1,22 @@
 """Answers in the layouts that other programs understand, as OSC packets.
 
-native         as `stream.osc.answers` has it: class, label, scores and events
+native         as `stream.osc.answers` has it: class, guess, label, scores and events
+max, puredata, supercollider
+               the same on the ports on which these usually listen
 touchdesigner  numbers only, because the OSC In CHOP takes nothing else
-max            as native, but nothing larger than a float
 wekinator      `/wek/outputs`, a number for each performer, and `/output_<n>` when a motion starts
 vmc-thru       `/VMC/Thru/motion/class s i`, which VMC programs pass on
 vrchat         avatar parameters `Motion` and `MotionScore`
 
-Where 0 has to mean "nothing", as in Wekinator and in VRChat's parameters, classes count from 1.
+Where 0 has to mean "nothing", as in Wekinator and in VRChat's parameters, classes count from 1. A class that is not
+named is none in all of them, and so is, once, the class of a performer who has left.
 """
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, TypeVar
 
+from kinespace.stream.answer import GONE
 from kinespace.stream.osc import answers
 from kinespace.stream.osc.packet import encode_bundle, encode_message
 from kinespace.stream.recognition import EventKind
@@ -47,6 +50,9 @@ class Layout:
     def event(self, event: Event) -> bytes | None:
         """Encode that a motion started or ended."""
 
+    def gone(self, performer: str) -> bytes | None:
+        """Encode that a performer has left."""
+
     def classes(self, classes: Sequence[str]) -> bytes | None:
         """Encode which classes there are."""
 
@@ -63,13 +69,24 @@ class NativeLayout(Layout):
     name = "native"
     port = 9311
 
+    def __init__(self) -> None:
+        #: The time of each performer's first answer: events are told in seconds since then.
+        self._since: dict[str, float] = {}
+
     def recognition(self, recognition: Recognition) -> bytes | None:
-        """Class, label and scores in one bundle."""
+        """Class, guess, label and scores in one bundle."""
+        if recognition.performer not in self._since:
+            _remember(self._since, recognition.performer, recognition.time)
         return answers.encode_recognition(recognition)
 
     def event(self, event: Event) -> bytes | None:
-        """`/motion/<performer>/event s s i f d`."""
-        return answers.encode_event(event)
+        """`/motion/<performer>/event s s i f f`, the time in seconds since the performer's first answer."""
+        return answers.encode_event(event, self._since.get(event.performer, event.time))
+
+    def gone(self, performer: str) -> bytes | None:
+        """Class -1, guess -1 and label "gone"."""
+        self._since.pop(performer, None)
+        return answers.encode_gone(performer)
 
     def classes(self, classes: Sequence[str]) -> bytes | None:
         """`/motion/classes s*K`."""
@@ -85,15 +102,24 @@ class NativeLayout(Layout):
 
 
 class MaxLayout(NativeLayout):
-    """As native; Max has no double, so an event comes without its time."""
+    """As native."""
 
     name = "max"
     port = 7400
 
-    def event(self, event: Event) -> bytes | None:
-        """`/motion/<performer>/event s start or end, s label, i index, f score`."""
-        address = f"/motion/{answers.address_part(event.performer)}/event"
-        return encode_message(address, str(event.kind), event.label, event.index, event.score)
+
+class PureDataLayout(NativeLayout):
+    """As native."""
+
+    name = "puredata"
+    port = 9312
+
+
+class SuperColliderLayout(NativeLayout):
+    """As native, to sclang's own port."""
+
+    name = "supercollider"
+    port = 57120
 
 
 class TouchDesignerLayout(NativeLayout):
@@ -103,10 +129,11 @@ class TouchDesignerLayout(NativeLayout):
     port = 10000
 
     def __init__(self) -> None:
+        super().__init__()
         self._last: dict[str, int] = {}
 
     def recognition(self, recognition: Recognition) -> bytes | None:
-        """`/motion/<performer>/class i index f score f margin i changed` and `/motion/<performer>/scores f*K`.
+        """`/motion/<performer>/class i index f score f margin i changed`, `.../scores f*K`, `.../progress`.
 
         The index is that of the named class, -1 for none; changed is 1 in the one message in which it is another.
         """
@@ -116,13 +143,21 @@ class TouchDesignerLayout(NativeLayout):
         told = encode_message(
             f"{start}/class", recognition.class_index, recognition.score, recognition.margin, int(changed)
         )
-        whole = encode_bundle(told, encode_message(f"{start}/scores", *map(float, recognition.scores)))
-        return whole if len(whole) <= answers.MAX_ANSWER else told
+        followed = (answers.encode_progress(recognition),) if recognition.progress else ()
+        whole = encode_bundle(told, *followed, encode_message(f"{start}/scores", *map(float, recognition.scores)))
+        return whole if len(whole) <= answers.MAX_ANSWER else encode_bundle(told, *followed)
 
     def event(self, event: Event) -> bytes | None:
         """`/motion/<performer>/going i index`, -1 when a motion ended."""
         index = event.index if event.kind is EventKind.START else -1
         return encode_message(f"/motion/{answers.address_part(event.performer)}/going", index)
+
+    def gone(self, performer: str) -> bytes | None:
+        """Class -1, and -1 going on."""
+        changed = self._last.pop(performer, -1) != -1
+        start = f"/motion/{answers.address_part(performer)}"
+        told = encode_message(f"{start}/class", -1, 0.0, 0.0, int(changed))
+        return encode_bundle(told, encode_message(f"{start}/going", -1))
 
     def classes(self, classes: Sequence[str]) -> bytes | None:
         """Nothing: names are no numbers."""
@@ -135,21 +170,40 @@ class WekinatorLayout(Layout):
     port = 12000
 
     def __init__(self) -> None:
-        self._last: dict[str, float] = {}
+        #: Each performer's last class from 1; 0 in the place of one who has left, which the next newcomer takes.
+        self._outputs: list[float] = []
+        self._places: dict[str, int] = {}
 
     def recognition(self, recognition: Recognition) -> bytes | None:
-        """`/wek/outputs f*performers`, class counted from 1, 0 for none, performers in the order they came."""
-        _remember(self._last, recognition.performer, float(recognition.class_index + 1))
-        return encode_message("/wek/outputs", *self._last.values())
+        """`/wek/outputs f*performers`, class counted from 1, 0 for none; each performer keeps a place."""
+        place = self._places.get(recognition.performer)
+        if place is None:
+            place = self._place_for(recognition.performer)
+        self._outputs[place] = float(recognition.class_index + 1)
+        return encode_message("/wek/outputs", *self._outputs)
+
+    def _place_for(self, performer: str) -> int:
+        taken = set(self._places.values())
+        if len(taken) >= _MAX_PERFORMERS:
+            self._places.clear()
+            self._outputs.clear()
+            taken = set()
+        place = next(place for place in range(len(self._outputs) + 1) if place not in taken)
+        if place == len(self._outputs):
+            self._outputs.append(0.0)
+        self._places[performer] = place
+        return place
 
     def event(self, event: Event) -> bytes | None:
         """`/output_<class from 1>` when a motion starts, as gestures are told."""
         return encode_message(f"/output_{event.index + 1}") if event.kind is EventKind.START else None
 
-    def status(self, status: Status) -> bytes | None:
-        """Nothing; but forget performers who have left."""
-        self._last = {name: last for name, last in self._last.items() if name in status.performers}
-        return None
+    def gone(self, performer: str) -> bytes | None:
+        """`/wek/outputs` with 0 in the performer's place; the others keep theirs."""
+        if performer not in self._places:
+            return None
+        self._outputs[self._places.pop(performer)] = 0.0
+        return encode_message("/wek/outputs", *self._outputs)
 
 
 class VmcThruLayout(Layout):
@@ -166,6 +220,10 @@ class VmcThruLayout(Layout):
         """`/VMC/Thru/motion/start s label i index`, or `end`."""
         return encode_message(f"/VMC/Thru/motion/{event.kind}", event.label, event.index)
 
+    def gone(self, performer: str) -> bytes | None:  # noqa: ARG002 - the message names none
+        """Label "gone" and index -1."""
+        return encode_message("/VMC/Thru/motion/class", GONE, -1)
+
 
 class VrchatLayout(Layout):
     """Parameters of an avatar; they keep their value, so that events need no message."""
@@ -181,11 +239,26 @@ class VrchatLayout(Layout):
             encode_message("/avatar/parameters/MotionScore", recognition.score),
         )
 
+    def gone(self, performer: str) -> bytes | None:  # noqa: ARG002 - an avatar has one performer
+        """No motion, and no score."""
+        return encode_bundle(
+            encode_message("/avatar/parameters/Motion", 0), encode_message("/avatar/parameters/MotionScore", 0.0)
+        )
+
 
 #: Layouts by the name they are asked for.
 LAYOUTS: dict[str, type[Layout]] = {
     layout.name: layout
-    for layout in (NativeLayout, TouchDesignerLayout, MaxLayout, WekinatorLayout, VmcThruLayout, VrchatLayout)
+    for layout in (
+        NativeLayout,
+        TouchDesignerLayout,
+        MaxLayout,
+        PureDataLayout,
+        SuperColliderLayout,
+        WekinatorLayout,
+        VmcThruLayout,
+        VrchatLayout,
+    )
 }
 
 

@@ -89,6 +89,10 @@ class LayoutSink(Sink):
         """Send one event."""
         self._send(self.layout.event(event))
 
+    def publish_gone(self, performer: str) -> None:
+        """Send that a performer has left."""
+        self._send(self.layout.gone(performer))
+
     def publish_classes(self, classes: Sequence[str]) -> None:
         """Send the class names."""
         self._send(self.layout.classes(classes))

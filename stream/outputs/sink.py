@@ -25,6 +25,9 @@ class Sink:
     def publish_event(self, event: Event) -> None:
         """Pass on that a motion started or ended."""
 
+    def publish_gone(self, performer: str) -> None:
+        """Pass on that a performer has left: nothing more is answered."""
+
     def publish_frame(self, frame: Frame) -> None:
         """Pass on a frame, before it is recognised; the service calls this only where a sink overrides it."""
 

@@ -46,6 +46,10 @@ class ZmqSink(Sink):
         """Send one event."""
         self.sender.send(answers.encode_event(event))
 
+    def publish_gone(self, performer: str) -> None:
+        """Send that a performer has left."""
+        self.sender.send(answers.encode_gone(performer))
+
     def publish_classes(self, classes: Sequence[str]) -> None:
         """Send the class names."""
         self.sender.send(answers.encode_classes(classes))

@@ -53,6 +53,11 @@ class EventDetector:
         self._active: Event | None = None
         self._last = math.nan
 
+    @property
+    def going_on(self) -> Event | None:
+        """The start of the motion that goes on; None when none does."""
+        return self._active
+
     def push(self, recognition: Recognition) -> tuple[Event, ...]:
         """Take in the next recognition; give what it made happen: nothing, an end, a start, or an end and a start."""
         elapsed = recognition.time - self._last

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -43,9 +42,6 @@ class LiveSignature(NamedTuple):
         Of each part, (numbers,).
     movement
         Movement (`library.windows.parts.movement`) over the longest window of distances.
-    swing, sway
-        Root of the total variance in the basis, relative to the body's size, over the shortest and the longest window
-        there.
     eigenvector
         The leading eigenvector over the longest window in the basis, unit length, shape (directions,).
     share
@@ -56,8 +52,6 @@ class LiveSignature(NamedTuple):
 
     numbers: Mapping[Part, NDArray[np.float64]]
     movement: float
-    swing: float
-    sway: float
     eigenvector: NDArray[np.float64]
     share: float
     gap: float
@@ -133,7 +127,12 @@ class LiveWindows:
     def _settle(self) -> None:
         for each in self._rolling:
             each.update()
-        self._distances.take_change()
+        self._distances.pass_over()
+
+    def place(self) -> NDArray[np.float64]:
+        """Give the newest row's point in the basis, relative to the body's size, shape (directions,); needs a row."""
+        point: NDArray[np.float64] = self._points.rows[-1] / self._body.size(self._distances.rows[-1])
+        return point
 
     def read(self) -> LiveSignature:
         """Read the signature of the windows that end with the newest row; needs a row."""
@@ -149,10 +148,8 @@ class LiveWindows:
         numbers = {
             part: scaled[place[0]] if kind is None else distances[kind][place[0]] for part, kind, place in _PLACES
         }
-        size = float(self._body.size(moments.mean[-1]))
-        totals = np.trace(covariances, axis1=1, axis2=2).tolist()
-        moved = float(movement(moments)[-1])
-        return _signature(numbers, moved, size, totals, pairs.values[-1], pairs.vectors[-1, 0])
+        leading = Leading.of(float(np.trace(covariances[-1])), pairs.values[-1], pairs.vectors[-1, 0])
+        return LiveSignature(numbers, float(movement(moments)[-1]), *leading)
 
     def _read_compiled(self, loops: compiled.Loops) -> LiveSignature:
         pairs, directions = self._directions.shape
@@ -160,10 +157,10 @@ class LiveWindows:
         # Of each window the eigenvectors as they are, and scaled.
         eigenvectors = np.empty((len(self._covariances), 2, self._pairs_found, directions))
         values = np.empty(self._pairs_found)
-        moved = size = 0.0
+        moved = 0.0
         body = self._body
         for moments, parts in zip(self._moments, distances, strict=True):
-            moved, size = loops.read_parts(
+            moved, _ = loops.read_parts(
                 moments.sums,
                 moments.clock,
                 moments.count,
@@ -179,7 +176,7 @@ class LiveWindows:
             for each, vectors in zip(self._covariances, eigenvectors, strict=True)
         ]
         numbers = {part: (eigenvectors if kind is None else distances)[place] for part, kind, place in _PLACES}
-        return _signature(numbers, moved, size, totals, values, eigenvectors[-1, 0, 0])
+        return LiveSignature(numbers, moved, *Leading.of(totals[-1], values, eigenvectors[-1, 0, 0]))
 
 
 #: The kinds of parts of distances, as the compiled loops write them.
@@ -199,20 +196,6 @@ def _batches(window: SlidingWindow) -> Iterator[tuple[list[float], NDArray[np.fl
     for begin in range(0, len(window), MAX_PENDING):
         some = slice(begin, begin + MAX_PENDING)
         yield window.times[some].tolist(), window.rows[some]
-
-
-def _signature(  # noqa: PLR0913, PLR0917 - what is read of the windows
-    numbers: Mapping[Part, NDArray[np.float64]],
-    moved: float,
-    size: float,
-    totals: Sequence[float],
-    values: NDArray[np.float64],
-    eigenvector: NDArray[np.float64],
-) -> LiveSignature:
-    """Put together what was read: total variances of the windows in the basis, and eigenvalues of the longest."""
-    swing, sway = (math.sqrt(max(each, 0.0)) / size if size > 0 else 0.0 for each in (totals[0], totals[-1]))
-    leading = Leading.of(totals[-1], values, eigenvector)
-    return LiveSignature(numbers, moved, swing, sway, *leading)
 
 
 class Leading(NamedTuple):

@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 import numpy as np
 
 from kinespace.library.motion_library import NOTHING, MotionLibrary
+from kinespace.library.progress.phase_table import phase_table
 from kinespace.library.windows.cutting import FIRST_WINDOW
 from kinespace.library.windows.index import opened
 from kinespace.library.windows.paper import opened_by_paper
-from kinespace.library.windows.rejection import MAX_LEAD, Evidence
+from kinespace.library.windows.rejection import Evidence
 from kinespace.stream.recognition import Outcome
 from kinespace.stream.recognizer.hysteresis import Hysteresis, Judgement
 from kinespace.stream.recognizer.live_windows import LiveWindows, PaperWindow
+from kinespace.stream.recognizer.progress import ProgressFollower
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
 
     from kinespace.library.windows.index import WindowIndex
     from kinespace.library.windows.paper import PaperIndex
+    from kinespace.stream.recognition import Progress
 
 #: Frames without which there is no window to speak of.
 _MIN_FRAMES = 3
@@ -32,15 +34,12 @@ _TIE = 1e-6
 #: Seconds that the first reading counts for.
 _FIRST_HOP = 1 / 30
 #: Share of unknown time that may be named, where strangers taught what is unknown and where the library's own people.
-_SENSITIVITY_LEARNED, _SENSITIVITY_OWN = 0.1, 0.2
+_SENSITIVITY_LEARNED, _SENSITIVITY_OWN = 0.05, 0.2
 #: Added to 1 − |inner product|² before the logarithm.
 _NEAREST = 1e-3
-#: Added to movement before its logarithm.
-_NO_MOVEMENT = 1e-3
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Reading:
+class Reading(NamedTuple):
     """What the windows that end now say.
 
     Attributes
@@ -58,7 +57,7 @@ class Reading:
     """
 
     outcome: Outcome
-    distances: NDArray[np.float64] = field(repr=False)
+    distances: NDArray[np.float64]
     guess: int
     lead: float
     movement: float
@@ -89,8 +88,17 @@ class Matcher(Protocol):
     def clear(self) -> None:
         """Forget all rows."""
 
-    def read(self) -> Reading | None:
-        """Compare the windows that end with the newest row, once a hop; None while there is too little to compare."""
+    def read(self, noise: float = 0.0) -> Reading | None:
+        """Compare the windows that end with the newest row, once a hop; None while there is too little to compare.
+
+        Parameters
+        ----------
+        noise
+            Standard deviation of a distance's noise, metres.
+        """
+
+    def follow(self, time: float, class_name: str | None) -> Progress | None:
+        """Say how far the body is, with the newest row, in the motion of a class; None when nobody asked for it."""
 
     def exchange(self, library: MotionLibrary | WindowIndex) -> None:
         """Compare the same windows with another library of the same joints from now on."""
@@ -145,17 +153,20 @@ class WindowMatcher:
     ----------
     index
         The library's windows.
-    stillness, sensitivity
+    stillness, sensitivity, progress
         As `stream.recognizer.settings.Settings` has them.
     """
 
-    def __init__(self, index: WindowIndex, *, stillness: float, sensitivity: float | None) -> None:
+    def __init__(
+        self, index: WindowIndex, *, stillness: float, sensitivity: float | None, progress: bool = False
+    ) -> None:
         self._windows = LiveWindows(index.body, index.basis)
         self.longest = self._windows.longest
         self._stillness, self._sensitivity = stillness, sensitivity
         self._judgement = Judgement(self._threshold(index))
         self._hysteresis = Hysteresis(index.comparison.weighing.lead)
         self._feed = _Feed()
+        self._progress = ProgressFollower(phase_table(index)) if progress else None
         self._compare_with(index)
 
     def _threshold(self, index: WindowIndex) -> float:
@@ -164,9 +175,8 @@ class WindowMatcher:
 
     def _compare_with(self, index: WindowIndex) -> None:
         self._index, self.classes = index, index.classes
-        # Movement per moving pair: a body with fewer joints has fewer of them.
-        self._per_pair = 1 / math.sqrt(max(index.basis.moving, 1))
-        self._naming = index.comparison.weighing.naming
+        self._weighing = index.comparison.weighing
+        self._rejection = index.rejection
         self._nothing = index.classes.index(NOTHING) if NOTHING in index.classes else -1
 
     def exchange(self, library: MotionLibrary | WindowIndex) -> None:
@@ -175,6 +185,8 @@ class WindowMatcher:
         self._windows.exchange(index.body, index.basis)
         self._hysteresis.exchange(index.comparison.weighing.lead, places_in(self.classes, index.classes))
         self._judgement.exchange(self._threshold(index))
+        if self._progress:
+            self._progress.exchange(phase_table(index))
         self._compare_with(index)
 
     def clear(self) -> None:
@@ -183,6 +195,12 @@ class WindowMatcher:
         self._hysteresis.clear()
         self._feed.clear()
         self._judgement.clear()
+        if self._progress:
+            self._progress.clear()
+
+    def follow(self, time: float, class_name: str | None) -> Progress | None:
+        """Say how far the body is, with the newest row, in the motion of a class; None when nobody asked for it."""
+        return self._progress.push(time, self._windows.place(), class_name) if self._progress else None
 
     def push(self, times: Sequence[float], rows: NDArray[np.float64]) -> None:
         """Take in distance rows."""
@@ -190,23 +208,17 @@ class WindowMatcher:
             self._feed.push(times)
             self._windows.push(times, rows)
 
-    def read(self) -> Reading | None:
+    def read(self, noise: float = 0.0) -> Reading | None:
         """Compare the windows that end with the newest row."""
         if not self._feed.ready:
             return None
         signature = self._windows.read()
         views = self._index.log_distances(signature.numbers)
-        distances = views[: self._naming].min(axis=0)
+        distances = self._weighing.named(views)
         elapsed = self._feed.elapsed()
         guess, lead = followed(self._hysteresis, distances, elapsed)
-        evidence = Evidence(
-            whole=float(views[0, guess]),
-            lead=min(lead, MAX_LEAD),
-            eigen=float(views[-1, guess]),
-            swing=math.log(signature.swing * self._per_pair + _NO_MOVEMENT),
-            sway=math.log(signature.sway * self._per_pair + _NO_MOVEMENT),
-        )
-        known = self._judgement.push(self._index.rejection.logit(evidence, self._index.classes[guess]), elapsed)
+        evidence = Evidence.of(self._weighing.alone(views), guess, noise)
+        known = self._judgement.push(self._rejection.logit(evidence, self.classes[guess]), elapsed)
         outcome = Outcome.NAMED if known and guess != self._nothing else Outcome.UNKNOWN
         scores = self._index.eigenvector_scores(signature.eigenvector)
         best = int(scores.argmax())
@@ -263,13 +275,17 @@ class PaperMatcher:
         self._hysteresis.clear()
         self._feed.clear()
 
+    def follow(self, time: float, class_name: str | None) -> Progress | None:  # noqa: ARG002 - it has no basis of moments
+        """Say nothing: the paper's signature has no order in time."""
+        return None
+
     def push(self, times: Sequence[float], rows: NDArray[np.float64]) -> None:
         """Take in distance rows."""
         if len(times):
             self._feed.push(times)
             self._window.push(times, rows)
 
-    def read(self) -> Reading | None:
+    def read(self, noise: float = 0.0) -> Reading | None:  # noqa: ARG002 - the paper does not ask
         """Compare the window that ends with the newest row."""
         if not self._feed.ready:
             return None
@@ -302,7 +318,8 @@ def followed(hysteresis: Hysteresis, distances: NDArray[np.float64], elapsed: fl
     listed = distances.tolist()
     nearest = min(listed)
     leader = listed.index(nearest)
-    ahead = min((each for index, each in enumerate(listed) if index != leader), default=math.inf) - nearest
+    others = listed[:leader] + listed[leader + 1 :]
+    ahead = min(others) - nearest if others else math.inf
     hysteresis.push(leader, min(ahead, _MAX_PACE), elapsed)
     if hysteresis.current is None:
         hysteresis.current = leader

@@ -6,8 +6,8 @@ import math
 from dataclasses import dataclass, field, fields, replace
 from typing import TYPE_CHECKING
 
-from kinespace.library.skeleton import SkeletonMismatchError
 from kinespace.stream.frame import Announcement
+from kinespace.stream.recognizer.fewer_joints import RestrictedAtOnce, SentJoints
 from kinespace.stream.recognizer.matcher import library_of
 from kinespace.stream.recognizer.recognizer import Recognizer, RecognizerCounts
 from kinespace.stream.recognizer.settings import Settings
@@ -26,8 +26,6 @@ if TYPE_CHECKING:
 
 #: How many times as many performers' joint names are remembered as there may be performers.
 _REMEMBERED = 4
-#: Joints that are named where some are lacking.
-_NAMED = 5
 
 
 @dataclass(slots=True)
@@ -36,7 +34,7 @@ class PerformerCounts:
 
     #: Frames of a performer for whom there was no room.
     no_room: int = 0
-    #: Frames whose joints do not cover the library's skeleton.
+    #: Frames whose joints are too few of the library's, or not as many as were named.
     other_joints: int = 0
     #: Performers dropped after silence.
     dropped: int = 0
@@ -47,13 +45,17 @@ class PerformerCounts:
 @dataclass(slots=True)
 class _Performer:
     recognizer: Recognizer
+    #: What the recogniser compares with: the library, or the library restricted to the joints that there are.
+    library: MotionLibrary
     heard: float
     #: What the sender's frames hold: what is assumed until it says otherwise.
     joints: tuple[str, ...]
-    #: Where the skeleton's joints stand in them; None for the skeleton's own order.
+    #: Where the library's joints stand in them; None for the library's own order.
     order: NDArray[np.intp] | None = None
-    #: Whether the announced joints cover the skeleton's.
-    known_joints: bool = True
+    #: Why frames of the announced joints cannot be used; empty when they can.
+    unusable: str = ""
+    #: Whether the library is being restricted to the announced joints.
+    is_waiting: bool = False
     #: Joints of the last frame that was refused for its joints; 0 when none was since the joints were last named.
     refused_size: int = 0
 
@@ -70,7 +72,7 @@ class Performers:
     silence
         Seconds without a frame after which a performer is dropped.
     joints
-        What frames hold whose sender has not said so, in their order; the library's joints when not given.
+        What is known of senders' joints.
     classes
         The classes to answer with, in this order (`Recognizer.exchange`); as the library has them when not given.
 
@@ -79,7 +81,7 @@ class Performers:
     ValueError
         Fewer than one performer, or no time of silence.
     SkeletonMismatchError
-        A joint of the library is not among `joints`.
+        A joint of the library is not among those that are assumed.
     """
 
     def __init__(  # noqa: PLR0913 - all but two by keyword
@@ -89,7 +91,7 @@ class Performers:
         *,
         most: int = 32,
         silence: float = 5.0,
-        joints: Sequence[str] = (),
+        joints: SentJoints | None = None,
         classes: Sequence[str] = (),
     ) -> None:
         if most < 1:
@@ -101,15 +103,19 @@ class Performers:
         self.most = most
         self.silence = silence
         #: Said of every performer who has said nothing else.
-        skeleton = self.library.skeleton
-        self._assumed = tuple(joints) or skeleton.joints
-        self._assumed_order = skeleton.order_from(joints) if joints else None
+        skeleton, joints = self.library.skeleton, joints or SentJoints()
+        self._assumed = joints.assumed or skeleton.joints
+        self._assumed_order = skeleton.order_from(joints.assumed) if joints.assumed else None
+        self._naming = joints.naming
+        self._fewer = joints.fewer or RestrictedAtOnce(self.library)
         #: Why frames are refused for their joints, by performer.
         self._refused: dict[str, str] = {}
         self._counts = PerformerCounts()
         self._performers: dict[str, _Performer] = {}
         #: Ends of what performers did who were dropped to make room, not yet given to anybody.
         self._ended: list[Event] = []
+        #: Performers who were dropped, not yet given to anybody.
+        self._gone: list[str] = []
         # Said once and then only on change, so it outlives a silence.
         self._announced: dict[str, Announcement] = {}
 
@@ -135,8 +141,22 @@ class Performers:
             The library has other joints; nothing is exchanged.
         """
         self.library.skeleton.require_same(library_of(library).skeleton)
+        before = self.library
         self._compare_with(library, order)
-        return [event for each in self._performers.values() if (event := each.recognizer.exchange(library, order))]
+        self._fewer.exchange(self.library)
+        for performer in self._performers.values():
+            if performer.library is before:
+                self._exchange_for(performer, library)
+            elif not performer.unusable:
+                self._fit(performer)
+        ended, self._ended = self._ended, []
+        return ended
+
+    def _exchange_for(self, performer: _Performer, library: MotionLibrary | WindowIndex) -> None:
+        """Compare a performer with another library over the same joints."""
+        performer.library = library_of(library)
+        if ended := performer.recognizer.exchange(library, self._order):
+            self._ended.append(ended)
 
     def __len__(self) -> int:
         return len(self._performers)
@@ -158,6 +178,18 @@ class Performers:
     def refused(self) -> dict[str, str]:
         """Performers whose frames are refused for their joints, and why; of those who left, the last time."""
         return dict(self._refused)
+
+    @property
+    def compared(self) -> dict[str, str]:
+        """Performers whose joints are not simply the library's: whose names they are, and how many are compared."""
+        return {name: each for name, performer in self._performers.items() if (each := self._told(performer))}
+
+    def _told(self, performer: _Performer) -> str:
+        used, wanted = len(performer.library.skeleton.joints), len(self.library.skeleton.joints)
+        title = self._naming.met(performer.joints, self.library.skeleton.joints).title
+        if performer.unusable or not (title or used < wanted):
+            return ""
+        return f"{f'{title} names: ' if title else ''}{used} of {wanted} joints"
 
     def announce(self, announcement: Announcement, arrival: float) -> None:
         """Take in which joints a performer's frames hold, in which order.
@@ -187,14 +219,42 @@ class Performers:
             return
         performer.joints = announcement.joints
         performer.recognizer.reset()
+        self._fit(performer)
+
+    def _fit(self, performer: _Performer) -> None:
+        """Compare a performer by the joints that the sender and the library share, where they are enough."""
+        wanted = self.library.skeleton.joints
+        joints = self._naming.met(performer.joints, wanted).joints
+        shared = frozenset(joints).intersection(wanted)
+        as_before = shared == frozenset(performer.library.skeleton.joints)
+        performer.is_waiting, performer.unusable = False, ""
         try:
-            performer.order = self.library.skeleton.order_from(announcement.joints)
-        except SkeletonMismatchError:
-            performer.known_joints = False
+            library = self.library if len(shared) == len(wanted) else self._fewer(shared)
+        except ValueError as error:
+            performer.unusable = str(error)
+            return
+        if library is None:
+            performer.is_waiting = True
+            # After an exchange the library before it serves until the new one is ready.
+            performer.unusable = "" if as_before else f"the library is being restricted to {len(shared)} of them"
+        if library is None and not as_before:
+            return
+        library = library or performer.library
+        performer.order = None if joints == library.skeleton.joints else library.skeleton.order_from(joints)
+        if performer.library is library:
+            return
+        if as_before:
+            self._exchange_for(performer, library)
         else:
-            performer.known_joints = True
-            if announcement.joints == self.library.skeleton.joints:
-                performer.order = None
+            self._retire(performer.recognizer)
+            performer.recognizer = Recognizer(library, self.settings, self._order)
+            performer.library = library
+
+    def _retire(self, recognizer: Recognizer) -> None:
+        """Keep what a recogniser counted, and the end of what it saw going on, when it is not needed any more."""
+        _add(self._counts.recognizers, recognizer.counts)
+        if ended := recognizer.end():
+            self._ended.append(ended)
 
     def push_all(self, events: Sequence[Frame | Announcement], arrival: float) -> list[Recognition | None]:
         """Take in frames and announcements that came together, in their order.
@@ -233,7 +293,11 @@ class Performers:
         if performer is None:
             self._counts.no_room += 1
             return None
-        if not performer.known_joints or len(frame.positions) != len(performer.joints):
+        if performer.is_waiting:
+            self._fit(performer)
+            if not performer.unusable:
+                self._refused.pop(frame.performer, None)
+        if performer.unusable or len(frame.positions) != len(performer.joints):
             self._counts.other_joints += 1
             if performer.refused_size != len(frame.positions):
                 performer.refused_size = len(frame.positions)
@@ -244,7 +308,10 @@ class Performers:
     def ordered(self, frame: Frame) -> Frame | None:
         """Give a frame that was pushed in the order of the library's joints; None for one that was refused."""
         performer = self._performers.get(frame.performer)
-        if performer is None or not performer.known_joints or len(frame.positions) != len(performer.joints):
+        if performer is None or performer.unusable or len(frame.positions) != len(performer.joints):
+            return None
+        # Who has fewer joints is compared with another library.
+        if performer.library.skeleton.joints != self.library.skeleton.joints:
             return None
         return _in_order(frame, performer)
 
@@ -252,27 +319,29 @@ class Performers:
         """Note why a performer's frames are refused."""
         if len(self._refused) >= _REMEMBERED * self.most:
             del self._refused[next(iter(self._refused))]
-        size, wanted = performer.refused_size, self.library.skeleton.joints
-        lacking = [joint for joint in wanted if joint not in performer.joints]
+        size, named = performer.refused_size, len(performer.joints)
         if name not in self._announced:
-            why = f"{size} joints whose names were never sent, expected {len(performer.joints)}"
-        elif lacking:
-            named = ", ".join(lacking[:_NAMED]) + (" ..." if len(lacking) > _NAMED else "")
-            why = f"{len(performer.joints)} joints without {named} of the {len(wanted)} compared"
+            why = f"{size} joints whose names were never sent, expected {named}"
+        elif performer.unusable:
+            why = f"{named} joints, {performer.unusable}"
         else:
-            why = f"{size} joints, but {len(performer.joints)} names were sent"
+            why = f"{size} joints, but {named} names were sent"
         self._refused[name] = why
 
     def drop_silent(self, now: float) -> list[Event]:
         """Forget performers of whom nothing came for `silence` seconds; give the ends of what they were doing."""
         silent = [name for name, performer in self._performers.items() if now - performer.heard > self.silence]
-        gone = [self._performers.pop(name).recognizer for name in silent]
-        for recognizer in gone:
-            _add(self._counts.recognizers, recognizer.counts)
+        for name in silent:
+            self._retire(self._performers.pop(name).recognizer)
+            self._gone = [*self._gone[-_REMEMBERED * self.most :], name]
             self._counts.dropped += 1
-        ended = [*self._ended, *(event for recognizer in gone if (event := recognizer.end()))]
-        self._ended = []
+        ended, self._ended = self._ended, []
         return ended
+
+    def take_gone(self) -> list[str]:
+        """Give the performers who were dropped since this was last asked."""
+        gone, self._gone = self._gone, []
+        return gone
 
     def end(self) -> list[Event]:
         """Give the ends of all motions going on, because nothing more will come."""
@@ -287,7 +356,9 @@ class Performers:
             if len(self._performers) >= self.most:
                 return None
             recognizer = Recognizer(self._compared, self.settings, self._order)
-            performer = self._performers[name] = _Performer(recognizer, arrival, self._assumed, self._assumed_order)
+            performer = _Performer(recognizer, self.library, arrival, self._assumed, self._assumed_order)
+            self._performers[name] = performer
+            self._gone = [each for each in self._gone if each != name]
             self._refused.pop(name, None)
             if name in self._announced:
                 self._learn_joints(performer, self._announced[name])

@@ -203,7 +203,7 @@ class Recognizer:
         due = time >= self._due - self._early
         if due or len(self._times) == _MAX_WAITING:
             self._measure()
-        reading = self._matcher.read() if due else None
+        reading = self._matcher.read(self._smoother.noise) if due else None
         if reading is None:
             return None
         self._set_due(time)
@@ -265,7 +265,13 @@ class Recognizer:
             evidence=reading.evidence,
         )
         events = self._detector.push(recognition)
-        return replace(recognition, events=events) if events else recognition
+        progress = self._matcher.follow(frame.time, self._motion_of(recognition)) if self.settings.progress else None
+        return replace(recognition, events=events, progress=progress) if events or progress else recognition
+
+    def _motion_of(self, recognition: Recognition) -> str | None:
+        """Name the motion that is followed: the class named now, else the motion that goes on."""
+        going_on = self._detector.going_on
+        return recognition.class_name or (going_on.label if going_on else None)
 
     def end(self) -> Event | None:
         """End the motion that is going on, because nothing more will come; None when none is."""
@@ -279,4 +285,9 @@ def _matcher(library: MotionLibrary | WindowIndex, settings: Settings) -> Matche
         gap = _SMALLEST_GAP if settings.smallest_gap is None else settings.smallest_gap
         paper = opened_by_paper(library_of(library), window)
         return PaperMatcher(paper, stillness=settings.stillness, smallest_gap=gap)
-    return WindowMatcher(index_of(library), stillness=settings.stillness, sensitivity=settings.sensitivity)
+    return WindowMatcher(
+        index_of(library),
+        stillness=settings.stillness,
+        sensitivity=settings.sensitivity,
+        progress=settings.progress,
+    )

@@ -29,7 +29,7 @@ class Settings:
         of a second to two.
     sensitivity
         Share of the time of unknown motions that may be answered with a class, as far as the motions can tell from
-        which the library learned what is unknown; None is 0.1 where strangers' motions taught it (`kinespace learn`),
+        which the library learned what is unknown; None is 0.05 where strangers' motions taught it (`kinespace learn`),
         and 0.2 where its own classes did, each left out: they are harder to tell. More answers more, of known and of
         unknown motions. WINDOWS only.
     hop
@@ -45,6 +45,8 @@ class Settings:
         adult: a tenth of the quietest motion of the built-in library, twenty times a marker's noise.
     smallest_gap
         (λ₁ − λ₂) / λ₁ below which the leading eigenvector is too arbitrary to be compared; None is 0.02. PAPER only.
+    progress
+        Whether to say with each answer how far in its motion the performer is, how fast and how large. WINDOWS only.
     patience
         How many frames in a row may be older than the newest before the sender is taken to have started anew. One
         older than the longest window says so at once.
@@ -65,6 +67,7 @@ class Settings:
     stillness: float = 0.01
     smallest_gap: float | None = None
     patience: int = 10
+    progress: bool = False
 
     def __post_init__(self) -> None:
         others = ("window", "smallest_gap") if self.signature is LiveSignature.WINDOWS else ("sensitivity",)
@@ -72,6 +75,8 @@ class Settings:
             value = getattr(self, name)
             if value is not None:
                 raise ValueError(f"{name}: expected none with the signature {self.signature}, got {value}")
+        if self.progress and self.signature is not LiveSignature.WINDOWS:
+            raise ValueError(f"progress: expected False with the signature {self.signature}, got True")
         for name in ("window", "longest_gap"):
             value = getattr(self, name)
             if value is not None and not (math.isfinite(value) and value > 0):

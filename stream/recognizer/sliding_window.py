@@ -182,8 +182,12 @@ class SlidingWindow:
         """Say what entered and what left since the last call; a row that did both is in neither."""
         fresh = max(self._fresh, self._start)
         came, went = slice(fresh, self.end), slice(self._kept, min(self._start, self._fresh))
-        self._kept, self._fresh = self._start, self.end
+        self.pass_over()
         return Change(self._rows[came], self._rows[went], self._times[came], self._times[went])
+
+    def pass_over(self) -> None:
+        """Pass over the changes: nobody follows this window."""
+        self._kept, self._fresh = self._start, self.end
 
     @property
     def rows(self) -> NDArray[np.float64]:

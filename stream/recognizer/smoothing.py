@@ -6,6 +6,7 @@ while a motion hardly bends between three frames; segments between a joint and i
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -45,44 +46,58 @@ class RowSmoother:
 
     def __init__(self, segments: NDArray[np.intp], width: int) -> None:
         self._segments = segments if len(segments) else np.arange(width)
-        self._rows = np.empty((_MAX_ROWS, width))
-        self._times = np.empty(_MAX_ROWS)
+        # Twice the rows that are kept: they move back when there is no room left, not at every hop.
+        self._rows = np.empty((2 * _MAX_ROWS, width))
+        self._times = np.empty(2 * _MAX_ROWS)
         self.clear()
 
     def clear(self) -> None:
         """Forget all rows, and the noise."""
-        self._count = 0
+        self._end = 0
         self._variance = np.zeros(len(self._segments))
         self._known = 0.0
         self.noise = 0.0
 
     def smooth(self, times: Sequence[float], rows: NDArray[np.float64]) -> None:
         """Average rows (frames, pairs), metres, in place, with the rows of the tenth of a second before each."""
-        new = len(times)
-        kept = min(self._count, _MAX_ROWS - new)
-        self._rows[:kept] = self._rows[self._count - kept : self._count]
-        self._times[:kept] = self._times[self._count - kept : self._count]
-        self._count = kept + new
-        self._rows[kept : self._count] = rows
-        self._times[kept : self._count] = times
-        self._estimate(max(kept - 2, 0))
+        begin = self._begin(len(times))
+        self._end = begin + len(times)
+        self._rows[begin : self._end] = rows
+        self._times[begin : self._end] = times
+        self._estimate(max(begin - 2, 0))
         if self.noise < NOISY:
             return
-        starts = np.searchsorted(self._times[: self._count], np.asarray(times) - (_AVERAGED - _TIE), side="right")
+        first = max(self._end - _MAX_ROWS, 0)
+        too_old = np.asarray(times) - (_AVERAGED - _TIE)
+        starts = np.searchsorted(self._times[first : self._end], too_old, side="right") + first
         for index, start in enumerate(starts.tolist()):
-            np.mean(self._rows[start : kept + index + 1], axis=0, out=rows[index])
+            np.mean(self._rows[start : begin + index + 1], axis=0, out=rows[index])
+
+    def _begin(self, new: int) -> int:
+        """Say where new rows begin, and move back those before them where there is no room."""
+        if self._end + new <= len(self._rows):
+            return self._end
+        kept = _MAX_ROWS - new
+        self._rows[:kept] = self._rows[self._end - kept : self._end]
+        self._times[:kept] = self._times[self._end - kept : self._end]
+        return kept
 
     def _estimate(self, first: int) -> None:
         """Let the estimate follow the second differences from one kept row on."""
-        if self._count - first < 3:
+        if self._end - first < 3:
             return
-        raw = self._rows[first : self._count].take(self._segments, axis=1)
+        raw = self._rows[first : self._end].take(self._segments, axis=1)
         bends = raw[2:] - raw[1:-1]
         bends -= raw[1:-1]
         bends += raw[:-2]
-        seconds = float(self._times[self._count - 1] - self._times[first + 1])
+        bends *= bends
+        square = np.add.reduce(bends)
+        seconds = self._times.item(self._end - 1) - self._times.item(first + 1)
         # The first second is averaged evenly, so that one row does not decide.
         self._known = min(self._known + seconds, _ESTIMATED)
-        square = np.einsum("ij,ij->j", bends, bends) / (len(bends) * _SECOND_DIFFERENCE)
-        self._variance += min(seconds / self._known, 1.0) * (square - self._variance)
-        self.noise = float(np.sqrt(np.partition(self._variance, len(square) // 4)[len(square) // 4]))
+        newest = min(seconds / self._known, 1.0)
+        square *= newest / (len(bends) * _SECOND_DIFFERENCE)
+        self._variance *= 1 - newest
+        self._variance += square
+        quarter = len(square) // 4
+        self.noise = math.sqrt(np.partition(self._variance, quarter).item(quarter))

@@ -33,6 +33,11 @@ SYNC_EVERY = 1.0
 #: The largest record: a ZeroMQ message of the largest size taken, and room for its head.
 MAX_RECORD = 1 << 21
 
+#: Bytes that wait in memory when the disk takes nothing: a minute of a large feed.
+MAX_WAITING = 16 << 20
+#: Seconds that no clock shows: a hundred years and more.
+_MAX_ARRIVAL = 1e10
+
 _RECORD = struct.Struct("<II")
 _PACKET = struct.Struct("<BBdH")
 _PART = struct.Struct("<I")
@@ -118,6 +123,8 @@ def _decode_packet(body: bytes) -> RawPacket:
     kind, source, arrival, size = _PACKET.unpack_from(body)
     if kind != _ARRIVED:
         raise ValueError(f"kind {kind}")
+    if not abs(arrival) < _MAX_ARRIVAL:
+        raise ValueError(f"arrival {arrival}")
     place = _PACKET.size + size
     sender = body[_PACKET.size : place].decode()
     parts = []
@@ -134,8 +141,9 @@ def _decode_packet(body: bytes) -> RawPacket:
 class RawWriter:
     """Appends packets to a new file.
 
-    Writing costs a copy into memory. A thread hands what has been written to the disk every second, so that neither a
-    crash nor a power cut costs more, and no packet waits for a disk.
+    `write` copies the packet into memory. A thread writes what is there to the disk every second, so that neither a
+    crash nor a power cut costs more, and no packet waits for a disk. What the disk does not take stays in memory, up to
+    `MAX_WAITING` bytes, and is tried again every second; the file never holds a part of a record in its middle.
 
     Parameters
     ----------
@@ -149,9 +157,11 @@ class RawWriter:
     Attributes
     ----------
     written
-        Packets so far.
+        Packets so far, those that still wait in memory among them.
     failed
         Packets that could not be written (the disk is full); they are lost, the feed goes on.
+    trouble
+        Why the disk takes nothing now; empty when it does.
 
     Raises
     ------
@@ -164,12 +174,20 @@ class RawWriter:
     def __init__(self, path: Path, sources: Sequence[str], presets: Mapping[str, str] | None = None) -> None:
         self.written = 0
         self.failed = 0
+        self.trouble = ""
         header = encode_header(RawHeader(datetime.now(UTC).isoformat(), tuple(sources), presets or {}))
-        self._file = path.open("xb")
+        self._file = path.open("xb", buffering=0)
+        #: Bytes of the file up to the end of its last whole record.
+        self._whole = 0
         self._lock = threading.Lock()
+        self._waiting = [header]
+        self._waiting_bytes = 0
         self._ended = threading.Event()
-        self._file.write(header)
-        self._sync()
+        try:
+            self._sync()
+        except OSError:
+            self._file.close()
+            raise
         self._syncing = threading.Thread(target=self._sync_every_second, name="kinespace recording", daemon=True)
         self._syncing.start()
 
@@ -180,37 +198,57 @@ class RawWriter:
         self.close()
 
     def write(self, packet: RawPacket) -> None:
-        """Append one packet; a failure is counted, never raised."""
-        try:
-            with self._lock:
-                self._file.write(encode_packet(packet))
-        except OSError:
-            self.failed += 1
-        else:
+        """Append one packet; one for which there is no room is counted, and nothing is raised."""
+        record = encode_packet(packet)
+        with self._lock:
+            if self._waiting_bytes + len(record) > MAX_WAITING:
+                self.failed += 1
+                return
+            self._waiting.append(record)
+            self._waiting_bytes += len(record)
             self.written += 1
 
     def close(self) -> None:
-        """Put everything on the disk and give the file back; a failure is the last one counted."""
+        """Put everything on the disk and give the file back; what the disk does not take now is lost and counted."""
         self._ended.set()
         self._syncing.join()
-        try:
-            self._sync()
-            self._file.close()
-        except OSError:
-            self.failed += 1
+        self._try_to_sync()
+        self.failed += len(self._waiting)
+        self.written -= len(self._waiting)
+        self._waiting.clear()
+        self._file.close()
 
     def _sync_every_second(self) -> None:
         while not self._ended.wait(SYNC_EVERY):
-            try:
-                self._sync()
-            except OSError:
-                self.failed += 1
+            self._try_to_sync()
+
+    def _try_to_sync(self) -> None:
+        try:
+            self._sync()
+        except OSError as error:
+            self.trouble = error.strerror or str(error)
+        else:
+            self.trouble = ""
 
     def _sync(self) -> None:
+        """Write what waits; after a failure nothing of it is in the file, and all of it waits again."""
         with self._lock:
-            self._file.flush()
+            batch, self._waiting, self._waiting_bytes = self._waiting, [], 0
+        rest = memoryview(b"".join(batch))
+        size = len(rest)
         # Outside the lock: this may take as long as the disk likes.
-        os.fsync(self._file.fileno())
+        try:
+            while rest:
+                rest = rest[self._file.write(rest) :]
+            os.fsync(self._file.fileno())
+        except OSError:
+            with self._lock:
+                self._waiting = batch + self._waiting
+                self._waiting_bytes += size
+            self._file.truncate(self._whole)
+            self._file.seek(self._whole)
+            raise
+        self._whole += size
 
 
 class RawFile:

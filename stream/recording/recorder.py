@@ -31,6 +31,12 @@ class Recorder:
         self._writer = writer
         self._index = index
 
+    @property
+    def note(self) -> str:
+        """What a person should know of the recording now; empty when all is well."""
+        writer = self._writer
+        return f"recording: {writer.trouble}; {writer.failed} packets lost" if writer.trouble or writer.failed else ""
+
     def keep(self, packet: Packet, arrival: float, sender: Sender) -> None:
         """Write one packet, as it came at a moment, seconds; a failure is counted by the writer."""
         named = f"{sender[0]}:{sender[1]}" if sender else ""

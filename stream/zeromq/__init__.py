@@ -9,15 +9,17 @@ from kinespace.stream.zeromq.answers import (
     decode_answer,
     encode_classes,
     encode_event,
+    encode_gone,
     encode_recognition,
     encode_status,
 )
 from kinespace.stream.zeromq.frames import MAX_HEADER, FormatError, NumberedFrame, SequenceGaps, decode, encode_frame
-from kinespace.stream.zeromq.sockets import ZmqReceiver, ZmqSender
+from kinespace.stream.zeromq.sockets import MAX_PARTS, ZmqReceiver, ZmqSender
 
 __all__ = [
     "MAX_HEADER",
     "MAX_MESSAGE",
+    "MAX_PARTS",
     "Endpoint",
     "FormatError",
     "NumberedFrame",
@@ -29,6 +31,7 @@ __all__ = [
     "encode_classes",
     "encode_event",
     "encode_frame",
+    "encode_gone",
     "encode_recognition",
     "encode_status",
 ]

@@ -11,13 +11,13 @@ from typing import TYPE_CHECKING
 
 import msgspec
 
-from kinespace.stream.answer import Answer
+from kinespace.stream.answer import GONE, Answer
 from kinespace.stream.zeromq.frames import VERSION
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from kinespace.stream.recognition import Event, Recognition
+    from kinespace.stream.recognition import Event, Progress, Recognition
     from kinespace.stream.status import Status
 
 #: Digits of a class's score.
@@ -42,7 +42,8 @@ _read = msgspec.json.Decoder(_Received).decode
 def encode_recognition(recognition: Recognition) -> list[bytes]:
     """Encode an answer: its class, its scores, and what the leading eigenvector says.
 
-    `class` is the named class or null, `guess` the best guess or null.
+    `class` is the named class or null and `index` its index or -1, `guess` the best guess or null and `guess_index` its
+    index or -1.
     """
     scores = [round(score, _SCORE_DIGITS) for score in recognition.scores.tolist()]
     names, second = (*recognition.classes, None), recognition.second_index
@@ -52,7 +53,8 @@ def encode_recognition(recognition: Recognition) -> list[bytes]:
         "t": float(recognition.time),
         "class": names[recognition.class_index],
         "guess": names[recognition.guess_index],
-        "index": recognition.guess_index,
+        "index": recognition.class_index,
+        "guess_index": recognition.guess_index,
         "outcome": recognition.outcome.value,
         "score": recognition.score,
         "runner_up": names[second],
@@ -63,8 +65,34 @@ def encode_recognition(recognition: Recognition) -> list[bytes]:
         "gap": float(recognition.gap),
         "eigenvector_class": recognition.eigenvector_class,
         "eigenvector_score": float(recognition.eigenvector_score),
+        "progress": _progress(recognition.progress),
     }
     return [f"class/{recognition.performer}/".encode(), _encode(answer)]
+
+
+def encode_gone(performer: str) -> list[bytes]:
+    """Encode that a performer has left: an answer without a class."""
+    answer = {
+        "v": VERSION,
+        "performer": performer,
+        "class": None,
+        "guess": None,
+        "index": -1,
+        "guess_index": -1,
+        "outcome": GONE,
+        "score": 0.0,
+        "margin": 0.0,
+    }
+    return [f"class/{performer}/".encode(), _encode(answer)]
+
+
+def _progress(progress: Progress | None) -> dict[str, str | float] | None:
+    """Describe how far a motion is; null where none is followed."""
+    if progress is None:
+        return None
+    described: dict[str, str | float] = asdict(progress)
+    described["class"] = described.pop("class_name")
+    return described
 
 
 def encode_event(event: Event) -> list[bytes]:

@@ -15,6 +15,9 @@ if TYPE_CHECKING:
 
 #: As plain integers: pyzmq's own flags cost more to combine and to pass on than a message to send.
 _NOW, _MORE_TO_COME = int(zmq.NOBLOCK), int(zmq.NOBLOCK | zmq.SNDMORE)
+#: Parts of a message: ours have three. Of a message with more, so many are thrown away at a time.
+MAX_PARTS = 8
+_MAX_PASSED = 256
 
 
 class ZmqReceiver:
@@ -28,6 +31,7 @@ class ZmqReceiver:
         self.socket = endpoint.open(zmq.SUB)
         self.socket.subscribe(topic)
         self._connections = Connections(self.socket, endpoint)
+        self._passing = False
 
     def __str__(self) -> str:
         return f"ZeroMQ {self.address}"
@@ -47,17 +51,32 @@ class ZmqReceiver:
         return self._connections.look()
 
     def receive(self) -> list[bytes] | None:
-        """Take the next message; None when there is none now."""
+        """Take the next message; None when there is none now.
+
+        Of a message of more than `MAX_PARTS` parts only the first are given, which no decoder understands.
+        """
         # The parts come together. Each says whether it is the last; to ask the socket would cost more than to receive.
+        parts = list[bytes]()
         try:
-            part = self.socket.recv(_NOW, copy=False)
+            if self._passing and not self._pass_over():
+                return None
+            while len(parts) < MAX_PARTS:
+                part = self.socket.recv(_NOW, copy=False)
+                parts.append(part.bytes)
+                if not part.more:
+                    return parts
         except zmq.Again:
             return None
-        parts = [part.bytes]
-        while part.more:
-            part = self.socket.recv(_NOW, copy=False)
-            parts.append(part.bytes)
+        self._passing = True
         return parts
+
+    def _pass_over(self) -> bool:
+        """Throw some parts of a message away that has too many; say whether that was the last of them."""
+        for _ in range(_MAX_PASSED):
+            if not self.socket.recv(_NOW, copy=False).more:
+                self._passing = False
+                return True
+        return False
 
     def close(self) -> None:
         """Give the address back."""

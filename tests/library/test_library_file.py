@@ -252,6 +252,7 @@ def test_a_library_is_as_readable_as_any_other_file(
 # --- damaged files -----------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_a_file_cut_short_anywhere_is_refused(content: bytes, tmp_path: Path) -> None:
     """Cut at any of several hundred places, the first byte and the last among them, the file is refused by name."""
     for length in [*range(0, len(content), 11), 1, 2, 3, 4, len(content) - 1]:
@@ -280,6 +281,7 @@ def _assert_refused_or_equal(path: Path, content: bytes, expected: MotionLibrary
 END = 22
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("mask", [0x01, 0x10, 0xFF])
 def test_flipped_bytes_are_refused_or_do_not_matter(
     content: bytes, small_library: MotionLibrary, tmp_path: Path, mask: int
@@ -305,6 +307,7 @@ def test_a_flipped_end_of_the_file_is_refused(content: bytes, small_library: Mot
             _assert_refused_or_equal(tmp_path / "flipped.npz", flipped, small_library)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("filling", [b"\x00", b"\xff", b"A"])
 def test_overwritten_stretches_are_refused(content: bytes, tmp_path: Path, filling: bytes) -> None:
     """A stretch of the file overwritten with one byte is refused, wherever it begins."""

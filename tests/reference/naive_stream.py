@@ -10,13 +10,12 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
-import naive_windows
 import numpy as np
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from naive_windows import Matrix, NaiveBody
+    from naive_windows import Matrix
 
 #: Spans of time are compared to the microsecond: frame times are rounded.
 MICROSECOND = 1e-6
@@ -135,6 +134,7 @@ class NaiveHop:
     times: Matrix
     rows: Matrix
     restarts: int
+    noise: float
 
     def last(self, seconds: float) -> tuple[Matrix, Matrix]:
         """Give times and rows of the last seconds."""
@@ -180,7 +180,8 @@ class NaiveFeed:
             return None
         # Hops lie on a grid from the first answer on; a feed that misses a whole hop begins a new grid.
         self.due = self.due + self.hop if self.due + self.hop > time else time + self.hop
-        return NaiveHop(time, np.array([t for t, _ in self.rows]), np.array([r for _, r in self.rows]), self.restarts)
+        times, rows = (np.array(each) for each in zip(*self.rows, strict=True))
+        return NaiveHop(time, times, rows, self.restarts, self.smoother.noise)
 
     def _is_late(self, time: float) -> bool:
         """Say whether to refuse a frame; begin anew after a gap, or when the sender's clock began again."""
@@ -201,25 +202,6 @@ class NaiveFeed:
         self.rows, self.waiting, self.due = [], [], -math.inf
         self.smoother = NaiveSmoother(self.segments)
         self.restarts += 1
-
-
-@dataclass(frozen=True)
-class NaiveEvidence:
-    """How much a body moves: over its longest window of distances, and over half a second and two in the basis."""
-
-    movement: float
-    swing: float
-    sway: float
-
-    @classmethod
-    def of(cls, hop: NaiveHop, directions: Matrix, body: NaiveBody, moving: int) -> NaiveEvidence:
-        """Measure the movement of the windows that end with a hop; in the basis for each of the moving pairs."""
-        of = naive_windows.moments(*hop.last(1.0))
-        size = body.size(of.mean)
-        windows = [hop.last(seconds)[1] @ directions for seconds in (0.5, 2.0)]
-        totals = [float(np.trace(naive_windows.covariance(points))) / moving for points in windows]
-        swings = [math.log((math.sqrt(total) / size if size > 0 else 0.0) + 1e-3) for total in totals]
-        return cls(naive_windows.moved(of), swings[0], swings[1])
 
 
 # --- guess and judgement -----------------------------------------------------------------------------------------

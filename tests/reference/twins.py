@@ -5,21 +5,15 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from naive_windows import NaiveBody, NaiveComparison, NaiveMetric, nearest, numbers_of
+from naive_windows import NaiveComparison, NaiveMetric, body_of, nearest, numbers_of
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from naive_windows import Matrix
 
-    from kinespace.library.skeleton import Skeleton
     from kinespace.library.windows.index import WindowIndex
     from kinespace.library.windows.metric import Metric
-
-
-def body_of(skeleton: Skeleton) -> NaiveBody:
-    """Give a skeleton's body."""
-    return NaiveBody([(int(first), int(second)) for first, second in skeleton.pairs], skeleton.parents)
 
 
 def _metric(metric: Metric | None) -> NaiveMetric | None:
@@ -34,7 +28,7 @@ def comparison_of(index: WindowIndex) -> NaiveComparison:
         groups=[[(str(part.kind), part.seconds) for part in group] for group in weighing.groups],
         parts={(str(part.kind), part.seconds): _metric(metric) for part, metric in comparison.parts.items()},
         joint=[_metric(metric) for metric in comparison.groups],
-        views=weighing.views,
+        views=weighing.weights,
     )
 
 

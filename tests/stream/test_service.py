@@ -73,6 +73,7 @@ class FakeSource:
     """Packets from a list; each is the events it holds. Something seems always to be waiting on its socket."""
 
     tended = False
+    notes = ()
 
     def __init__(self, packets: Sequence[Sequence[Frame | Announcement]] = ()) -> None:
         self.waiting = deque(packets)
@@ -410,7 +411,7 @@ def test_over_osc_frames_go_in_and_answers_come_out(library: MotionLibrary, open
             receive()
     assert service.status().inputs == InputCounts(received=len(frames) + 2, malformed=1)
     assert addresses == {
-        *("/motion/p/class", "/motion/p/label", "/motion/p/scores", "/motion/p/event"),
+        *(f"/motion/p/{each}" for each in ("class", "guess", "label", "scores", "event")),
         *("/motion/classes", "/motion/status"),
     }
 

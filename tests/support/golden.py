@@ -6,6 +6,7 @@ product's units, axes, names and messages, and gives the datagrams of one frame 
 
 from __future__ import annotations
 
+import json
 import struct
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -327,6 +328,69 @@ def vmc_loose(moment: Moment) -> list[bytes]:
     return [message("/VMC/Ext/Bone/Pos", "s" + "f" * 7, name, *place, *turn) for name, (place, turn) in sent.items()]
 
 
+def rokoko(moment: Moment) -> list[bytes]:
+    """One JSON object a frame (Rokoko's example of version 3), here of two actors, one of whom has no body."""
+    body = {
+        name: {
+            "position": dict(zip("xyz", place.tolist(), strict=True)),
+            "rotation": {"x": 0.0, "y": 0.0, "z": 0.0, "w": 1.0},
+        }
+        for name, place in named("rokoko", moment.places).items()
+    }
+    meta = {"hasGloves": False, "hasLeftGlove": False, "hasRightGlove": False, "hasBody": True, "hasFace": False}
+    actors = [{"name": "Dimitris", "color": [1, 2, 3], "meta": meta, "body": body}, {"name": "Face", "face": {}}]
+    scene = {"timestamp": moment.time, "actors": actors, "props": []}
+    return [json.dumps({"version": 3, "fps": 60, "scene": scene}).encode()]
+
+
+def xsens(moment: Moment) -> list[bytes]:
+    """One MXTP02 datagram: 24 bytes of header, 23 segments of 32 bytes, z up."""
+    joints = named("xsens", moment.places)
+    segments = b""
+    for number, name in enumerate(builtin_preset("xsens").order, start=1):
+        x, y, z = joints.get(name, np.zeros(3))
+        segments += struct.pack(">i7f", number, z, x, y, 1.0, 0.0, 0.0, 0.0)
+    header = struct.pack(
+        ">6sIBBIBBBBHH", b"MXTP02", moment.number, 0x80, 23, round(moment.time * 1000), 0, 23, 0, 0, 0, 736
+    )
+    return [header + segments]
+
+
+def zigsim(moment: Moment) -> list[bytes]:
+    """As JSON: x, y, z of each joint in a list, beside the phone's own place."""
+    body = {name: place.tolist() for name, place in named("zigsim", moment.places).items()}
+    sensors = {"bodyTracking": body, "arkit": {"position": {"x": 0.0, "y": 1.0, "z": 2.0}}}
+    device = {"name": "iPhone", "uuid": "B8-27", "os": "ios", "osversion": "17", "displaywidth": 1, "displayheight": 2}
+    return [json.dumps({"device": device, "timestamp": "2026_11_22_07_00_00", "sensordata": sensors}).encode()]
+
+
+def zigsim_osc(moment: Moment) -> list[bytes]:
+    """As OSC: device and joint in the address."""
+    joints = named("zigsim", moment.places)
+    return [bundle(*(message(f"/B8-27/{name}", "fff", *place) for name, place in joints.items()))]
+
+
+def touchdesigner(moment: Moment) -> list[bytes]:
+    """Send a bundle of one float for each channel, stamped with a real time."""
+    joints = named("touchdesigner", moment.places)
+    channels = [
+        (f"/p1/{name}:t{axis}", number)
+        for name, place in joints.items()
+        for axis, number in zip("xyz", place, strict=True)
+    ]
+    return [bundle(*(message(address, "f", number) for address, number in channels), tag=struct.pack(">Q", 1 << 40))]
+
+
+def touchdesigner_loose(moment: Moment) -> list[bytes]:
+    """Send the same as loose messages."""
+    joints = named("touchdesigner", moment.places)
+    return [
+        message(f"/p1/{name}:t{axis}", "f", number)
+        for name, place in joints.items()
+        for axis, number in zip("xyz", place, strict=True)
+    ]
+
+
 #: Every layout, with the preset that reads it.
 LAYOUTS: dict[str, tuple[str, Callable[[Moment], list[bytes]]]] = {
     "native": ("native", native),
@@ -354,6 +418,12 @@ LAYOUTS: dict[str, tuple[str, Callable[[Moment], list[bytes]]]] = {
     "mediapipe pose2art": ("mediapipe", mediapipe_loose),
     "captury": ("captury", captury),
     "wekinator": ("wekinator", wekinator),
+    "rokoko": ("rokoko", rokoko),
+    "xsens": ("xsens", xsens),
+    "zigsim": ("zigsim", zigsim),
+    "zigsim osc": ("zigsim", zigsim_osc),
+    "touchdesigner": ("touchdesigner", touchdesigner),
+    "touchdesigner loose": ("touchdesigner", touchdesigner_loose),
 }
 
 
@@ -380,6 +450,41 @@ _HIPS = "48 69 70 73 00 00 00 00"
 
 #: Written out by hand from the layouts, so that no encoder, ours or the tests', stands between them and the bytes.
 PACKETS: dict[str, Packet] = {
+    "rokoko": Packet(
+        b'{"version":3,"fps":60,"scene":{"timestamp":0,"actors":[{"name":"Dimitris","body":{"hip":'
+        b'{"position":{"x":0.5,"y":0.25,"z":1.5},"rotation":{"x":0,"y":0,"z":0,"w":1}}}}],"props":[]}}',
+        "hip",
+        (0.5, 0.25, 1.5),
+        "Dimitris",
+    ),
+    "xsens": Packet(
+        _hex(
+            "4d 58 54 50 30 32 00 00 00 2a 80 01 00 00 04 d2 00 01 00 00 00 00 00 20",
+            "00 00 00 01",
+            _SMALL,
+            "3f800000 00000000 00000000 00000000",
+        ),
+        "Pelvis",
+        (0.25, 1.5, 0.5),
+        "0",
+    ),
+    "zigsim": Packet(
+        b'{"device":{"name":"iPhone","uuid":"B8"},"timestamp":"2026","sensordata":'
+        b'{"bodyTracking":{"hips_joint":[0.5,0.25,1.5]},"arkit":{"position":{"x":0,"y":0,"z":0}}}}',
+        "hips_joint",
+        (0.5, 0.25, 1.5),
+        "iPhone",
+    ),
+    "touchdesigner": Packet(
+        _hex("23 62 75 6e 64 6c 65 00 00 00 00 00 00 00 00 01")
+        + b"".join(
+            bytes.fromhex("00 00 00 18") + _hex(f"/p1/wrist_l:t{axis}\0\0", ",f\0\0", number)
+            for axis, number in zip("xyz", _SMALL.split(), strict=True)
+        ),
+        "wrist_l",
+        (0.5, 0.25, 1.5),
+        "p1",
+    ),
     "osceleton": Packet(
         _hex("/joint\0\0", ",sifff\0\0", _R_HAND, "00000001", _SMALL), "r_hand", (-1.28, -0.48, 1.92), "1"
     ),

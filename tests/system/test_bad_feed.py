@@ -31,6 +31,8 @@ if TYPE_CHECKING:
     from kinespace.stream.recognition import Event, Recognition
     from kinespace.stream.status import Status
 
+pytestmark = pytest.mark.slow
+
 LOOPBACK = "127.0.0.1"
 #: Seconds a test waits for a packet that was sent, before it gives up.
 PATIENCE = 20.0
@@ -225,7 +227,7 @@ _RANDOM = np.random.default_rng(17)
 _POSE = _RANDOM.normal(size=93).tolist()
 _LAST_IS_NAN, _ONE_IS_INFINITE = [*_POSE[:92], float("nan")], [float("-inf"), *_POSE[1:]]
 _BOTH_INFINITIES = [float("inf"), float("-inf"), *_POSE[2:]]
-_LARGEST_FRAME = np.zeros(13_080)
+_MAX_FRAME = np.zeros(13_080)
 
 OSC_PACKETS: dict[str, tuple[str, bytes]] = {
     "empty": ("malformed", b""),
@@ -233,7 +235,7 @@ OSC_PACKETS: dict[str, tuple[str, bytes]] = {
     "random bytes of 64 kB": ("malformed", _RANDOM.bytes(65_507)),
     "a message of 64 kB": ("malformed", b"/motion/frame\0\0\0,sd" + b"f" * 65_488),
     "arrays in arrays of 64 kB": ("malformed", b"/motion/skeleton\0\0\0\0,%b\0\0\0" % (b"[" * 32_000 + b"]" * 32_000)),
-    "a frame of 64 kB": ("other_joints", _osc_frame(_LARGEST_FRAME)),
+    "a frame of 64 kB": ("other_joints", _osc_frame(_MAX_FRAME)),
     "bundles in bundles": ("malformed", b"#bundle\0\0\0\0\0\0\0\0\1\0\0\0\x10" * 100),
     "cut off": ("malformed", _osc_frame(_POSE)[:-3]),
     "a float too many": ("malformed", _osc_frame([*_POSE, 1.0])),

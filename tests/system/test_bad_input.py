@@ -28,6 +28,8 @@ if TYPE_CHECKING:
     from kinespace.tools.feeding.feed import Cue, Packet
     from kinespace.tools.loopback.service_process import Transport
 
+pytestmark = pytest.mark.slow
+
 # --- Commands ---------------------------------------------------------------------------------------------------------
 
 

@@ -8,6 +8,8 @@ import figures
 import pytest
 from figures import Figure, Run
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.mark.timeout(900)
 @pytest.mark.parametrize("name", figures.RUNS)

@@ -15,13 +15,13 @@ from liblotools import DUMPED_TO
 from programs import LOOPBACK, PATIENCE, builtin_library, ghost_cues, started
 
 from kinespace.library.hdm05 import SKELETON
-from kinespace.stream import layouts, osc
+from kinespace.stream import osc
 from kinespace.stream.feeds import builtin_preset
 from kinespace.stream.feeds.source import FeedSource
 from kinespace.stream.frame import Announcement, Frame
 from kinespace.stream.inputs import OscDecoder, Source
 from kinespace.stream.osc.packet import decode_packet
-from kinespace.stream.outputs import LayoutSink, NativeLayout
+from kinespace.stream.outputs import LayoutSink, NativeLayout, layouts
 from kinespace.stream.recognition import Event, EventKind
 from kinespace.stream.recognizer import Recognizer
 from kinespace.stream.recognizer.performers import PerformerCounts
@@ -34,6 +34,8 @@ if TYPE_CHECKING:
     from liblotools import Dumped, LibloTools
 
     from kinespace.stream.recognition import Recognition
+
+pytestmark = pytest.mark.slow
 
 #: What a float is off by when it was printed.
 PRINTED = 0.6 * 10.0**-DUMPED_TO

@@ -22,6 +22,8 @@ from kinespace.tools.programs.live import fitted
 if TYPE_CHECKING:
     from pathlib import Path
 
+pytestmark = pytest.mark.slow
+
 
 def play(layout: str, port: int, seconds: float = 2.5) -> None:
     """Send a ghost in a product's layout at 30 Hz in real time: most feeds are timed by their arrival."""

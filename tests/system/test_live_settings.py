@@ -20,6 +20,8 @@ if TYPE_CHECKING:
     from kinespace.library.windows.index import WindowIndex
     from kinespace.stream.recognition import Recognition
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def frames(some_clips: tuple[Clip, ...]) -> list[Frame]:

@@ -27,6 +27,8 @@ if TYPE_CHECKING:
     from kinespace.tools.feeding.feed import Cue
     from kinespace.tools.loopback.service_process import Transport
 
+pytestmark = pytest.mark.slow
+
 SPEED = 4.0
 TRANSPORTS: tuple[Transport, ...] = ("osc", "zmq")
 

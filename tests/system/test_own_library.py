@@ -19,6 +19,8 @@ if TYPE_CHECKING:
     from kinespace.library.clip import Clip
     from kinespace.stream.recognition import Recognition
 
+pytestmark = pytest.mark.slow
+
 BOTH = pytest.mark.parametrize("signature", LiveSignature)
 
 

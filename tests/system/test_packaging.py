@@ -31,8 +31,8 @@ FOLDERS = {"tools/front": "kinespace"} | {
 }
 RECORDINGS = (".amc", ".asf", ".c3d", ".bvh", ".trc", ".fbx")
 #: Bytes above which a recording is data, not a test's example.
-LARGEST_EXAMPLE = 20_000
-LARGEST_LIBRARY = 3_000_000
+MAX_EXAMPLE = 20_000
+MAX_LIBRARY = 3_000_000
 
 
 def project() -> dict[str, dict[str, object]]:
@@ -47,6 +47,11 @@ def tracked_files() -> list[Path]:
         pytest.skip("not a git checkout")
     listed = subprocess.run([git, "ls-files", "-z"], cwd=ROOT, capture_output=True, text=True, check=True, timeout=60)
     return [ROOT / name for name in listed.stdout.split("\0") if name]
+
+
+def package_folder(path: Path) -> Path:
+    """Find the folder of the package that a file belongs to, as its module or as its data."""
+    return next(folder for folder in path.parents if (folder / "__init__.py").exists())
 
 
 def test_exactly_the_packages_there_are_are_shipped() -> None:
@@ -84,8 +89,7 @@ def test_whatever_lies_in_a_package_is_declared() -> None:
         globs = setuptools["package-data"].get(package, [])
         declared = {path for each in globs for path in (ROOT / folder).glob(each)}
         within = [path for path in (ROOT / folder).rglob("*") if path.is_file() and "__pycache__" not in path.parts]
-        packages = {ROOT / other for other in FOLDERS}
-        own = {path for path in within if next(above for above in path.parents if above in packages) == ROOT / folder}
+        own = {path for path in within if package_folder(path) == ROOT / folder}
         others = {path for path in own if path.suffix not in (".py", ".so", ".pyd")}
         assert {path for path in others if path.relative_to(ROOT).as_posix() not in sources} == declared
 
@@ -119,7 +123,7 @@ def test_the_librarys_terms_stand_beside_it() -> None:
 
 def test_the_built_in_library_is_small() -> None:
     """The built-in library takes at most 3 MB."""
-    assert 0 < len((resources.files("kinespace.library") / "hdm05.npz").read_bytes()) <= LARGEST_LIBRARY
+    assert 0 < len((resources.files("kinespace.library") / "hdm05.npz").read_bytes()) <= MAX_LIBRARY
 
 
 def test_the_built_in_library_is_the_one_the_recordings_give(hdm05_clips: tuple[Clip, ...]) -> None:
@@ -139,7 +143,7 @@ def test_no_recording_is_tracked() -> None:
     large = [
         path.name
         for path in tracked_files()
-        if path.suffix.lower() in RECORDINGS and path.exists() and path.stat().st_size > LARGEST_EXAMPLE
+        if path.suffix.lower() in RECORDINGS and path.exists() and path.stat().st_size > MAX_EXAMPLE
     ]
     assert large == []
 

@@ -23,6 +23,8 @@ if TYPE_CHECKING:
     from kinespace.library.clip import Clip
     from kinespace.library.motion_library import MotionLibrary
 
+pytestmark = pytest.mark.slow
+
 #: Everything holds of the compiled loops and of numpy.
 pytestmark = pytest.mark.usefixtures("arithmetic")
 

@@ -116,6 +116,19 @@ def test_the_rules_have_something_to_rule() -> None:
     assert len(SOURCES) > 30
 
 
+def test_the_drawing_shows_the_rooms() -> None:
+    """CONTRIBUTING's drawing names every folder of the packages and the tests, and nothing that is not there."""
+    page = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
+    (drawing,) = re.findall(r"## The rooms\n\n```text\n(.*?)```", page, re.DOTALL)
+    paths = [path for top in (*PACKAGES, "tests") for path in (ROOT / top, *(ROOT / top).rglob("*"))]
+    folders = {path.name for path in paths if path.is_dir() and any(path.glob("*.[pt][yo]*"))} - {"__pycache__"}
+    mirrored = {path.name for path in paths if path.is_relative_to(ROOT / "tests") and path.is_dir()}
+    drawn = set(re.findall(r"(\w+)/(?=\s)", drawing))
+    assert drawn <= folders
+    assert folders - mirrored <= drawn
+    assert set(re.findall(r"\w+\.py(?=\s)", drawing)) <= {path.name for path in paths}
+
+
 @pytest.mark.parametrize("path", SOURCES, ids=name_of)
 def test_imports_go_one_way(path: Path) -> None:
     """Tools know stream and library, stream knows library, library knows neither."""
@@ -140,8 +153,8 @@ def test_the_core_does_no_input_or_output(path: Path) -> None:
 
 
 def test_the_core_is_loaded_without_transports() -> None:
-    """Importing the recogniser and the library, as the README does, loads neither ZeroMQ nor python-osc nor rich."""
-    others = "{'zmq', 'pythonosc', 'rich', 'matplotlib'}"
+    """Importing the recogniser and the library, as the README does, loads no transport, no terminal and no scipy."""
+    others = "{'zmq', 'pythonosc', 'rich', 'matplotlib', 'scipy'}"
     code = f"import sys, kinespace.library, kinespace.stream; print(sorted({others} & set(sys.modules)))"
     command = [sys.executable, "-c", code]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True, timeout=60)

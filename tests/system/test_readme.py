@@ -1,4 +1,4 @@
-"""README: what it shows runs, what it names exists."""
+"""README and the pages behind it: what they show runs, what they name exists."""
 
 from __future__ import annotations
 
@@ -10,22 +10,28 @@ from typing import TYPE_CHECKING
 import pytest
 from programs import ROOT
 
-from kinespace.tools.cli.main import main
+from kinespace.tools.cli.main import EXPERIMENTS, PROGRAMS, main
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-README = (ROOT / "README.md").read_text(encoding="utf-8")
-FENCED = re.findall(r"^```(\w*)\n(.*?)^```", README, re.MULTILINE | re.DOTALL)
-PYTHON = [code for language, code in FENCED if language == "python"]
-PROGRAMS = {
-    *("demo", "live", "replay", "record", "convert", "feeds", "listen"),
-    *("latency", "build", "learn", "info", "evaluate", "bench"),
+#: The text of each page, by its path.
+PAGES = {
+    path: path.read_text(encoding="utf-8")
+    for path in (ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / ".github" / "docs").glob("*.md")))
 }
-#: Code spans and fenced blocks: where commands stand.
-PROSE = re.sub(r"^```.*?^```", "", README, flags=re.MULTILINE | re.DOTALL)
-CODE = [code for _, code in FENCED] + re.findall(r"`([^`\n]+)`", PROSE)
-COMMANDS = [line for code in CODE for line in code.splitlines() if re.search(r"(^|[ /])kinespace +[a-z]", line)]
+README = PAGES[ROOT / "README.md"]
+ALL = "\n".join(PAGES.values())
+_FENCE = re.compile(r"^```(\w*)\n(.*?)^```", re.MULTILINE | re.DOTALL)
+FENCED = _FENCE.findall(ALL)
+PYTHON = [code for language, code in FENCED if language == "python"]
+#: Lines of fenced blocks, and code spans: where commands stand. Docker's options are Docker's.
+CODE = [line for _, code in FENCED for line in code.splitlines() if not line.startswith("docker")]
+CODE += re.findall(r"`([^`\n]+)`", _FENCE.sub("", ALL))
+#: Each command of ours, without the name of the program that it begins with.
+COMMANDS = re.findall(r"(?:^|[ /])kinespace +([a-z][^#&|>\n]*)", "\n".join(CODE), re.MULTILINE)
+#: A page of this many lines is no first page any more.
+MAX_README_LINES = 150
 
 
 def options_of(program: str, capsys: pytest.CaptureFixture[str]) -> set[str]:
@@ -36,7 +42,7 @@ def options_of(program: str, capsys: pytest.CaptureFixture[str]) -> set[str]:
 
 
 def test_there_is_something_to_run() -> None:
-    """README shows at least one example in Python and one command."""
+    """The pages show at least one example in Python and one command."""
     assert PYTHON
     assert COMMANDS
 
@@ -52,8 +58,8 @@ def test_every_python_example_runs(code: str, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("line", COMMANDS)
 def test_every_command_shown_exists(line: str, capsys: pytest.CaptureFixture[str]) -> None:
-    """Each command in README names a program there is, with options it has."""
-    command = line.partition("#")[0].partition("kinespace")[2].split()
+    """Each command on a page names a program there is, with options it has."""
+    command = line.split()
     program = " ".join(command[:2]) if command[0] == "evaluate" else command[0]
     assert command[0] in PROGRAMS
     used = {word.partition("=")[0] for word in command if re.match(r"--?[a-z]", word)}
@@ -61,34 +67,54 @@ def test_every_command_shown_exists(line: str, capsys: pytest.CaptureFixture[str
 
 
 def test_every_option_named_alone_exists(capsys: pytest.CaptureFixture[str]) -> None:
-    """Each option that stands in README without its command belongs to some program."""
-    programs = [*PROGRAMS, "evaluate retrieval", "evaluate stream", "evaluate noise"]
+    """Each option that stands on a page without its command belongs to some program."""
+    programs = [*PROGRAMS, *(f"evaluate {name}" for name in EXPERIMENTS)]
     known = set().union(*(options_of(program, capsys) for program in programs))
     mentioned = {option for code in CODE for option in re.findall(r"(?<![\w-])--[a-z][a-z-]*", code)}
     assert mentioned <= known | {"--version", "--help"}
 
 
 def test_every_make_target_named_exists() -> None:
-    """Each `make` target that README names is one of the Makefile's."""
+    """Each `make` target that a page names is one of the Makefile's."""
     targets = set(re.findall(r"^([a-z-]+):", (ROOT / "Makefile").read_text(encoding="utf-8"), re.MULTILINE))
     named = {word for code in CODE for word in re.findall(r"(?:^|\s)make ([a-z-]+)", code)}
     assert named
     assert named <= targets
 
 
-def test_every_link_within_the_project_leads_somewhere() -> None:
-    """Each relative link or picture is a file of the project, each anchor one of README's headings."""
-    links = re.findall(r"\]\(([^)\s]+)\)", README)
-    headings = {
-        re.sub(r"[^\w -]", "", heading).strip().lower().replace(" ", "-")
-        for heading in re.findall(r"^#+ (.+)$", README, re.MULTILINE)
-    }
-    assert links
+def anchors(text: str) -> set[str]:
+    """Give the anchors of a page's headings, as they are made where it is shown."""
+    headings = re.findall(r"^#+ (.+)$", _FENCE.sub("", text), re.MULTILINE)
+    return {re.sub(r"[^\w -]", "", heading).strip().lower().replace(" ", "-") for heading in headings}
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda path: path.name)
+def test_every_link_within_the_project_leads_somewhere(page: Path) -> None:
+    """Each relative link or picture is a file of the project, each anchor one of that page's headings."""
+    links = re.findall(r"\]\(([^)\s]+)\)", _FENCE.sub("", PAGES[page]))
     for link in links:
-        if link.startswith("#"):
-            assert link[1:] in headings
-        elif "://" not in link and not link.startswith("mailto:"):
-            assert (ROOT / link.partition("#")[0]).exists()
+        if "://" in link or link.startswith("mailto:"):
+            continue
+        name, _, anchor = link.partition("#")
+        target = (page.parent / name).resolve() if name else page
+        assert target.exists(), link
+        assert not anchor or anchor in anchors(PAGES[target]), link
+
+
+def test_every_page_is_linked() -> None:
+    """A reader of README comes to every page: it is linked from README or from a page."""
+    linked = {
+        (page.parent / link.partition("#")[0]).resolve()
+        for page, text in PAGES.items()
+        for link in re.findall(r"\]\(([^)\s]+\.md[^)\s]*)\)", text)
+        if "://" not in link
+    }
+    assert set(PAGES) - {ROOT / "README.md"} <= linked
+
+
+def test_readme_is_a_first_page() -> None:
+    """README is short enough to be read: the rest stands behind links."""
+    assert len(README.splitlines()) <= MAX_README_LINES
 
 
 def test_the_first_screen_runs() -> None:
@@ -98,6 +124,7 @@ def test_the_first_screen_runs() -> None:
     assert "make demo" in first
 
 
-def test_nothing_is_left_to_fill_in() -> None:
-    """No word in capitals with underscores, and no TODO, waits in README for somebody to replace it."""
-    assert re.findall(r"^[A-Z]+_[A-Z_]+$|TODO|FIXME|XXX", README, re.MULTILINE) == []
+@pytest.mark.parametrize("page", PAGES, ids=lambda path: path.name)
+def test_nothing_is_left_to_fill_in(page: Path) -> None:
+    """No word in capitals with underscores, and no TODO, waits on a page for somebody to replace it."""
+    assert re.findall(r"^[A-Z]+_[A-Z_]+$|TODO|FIXME|XXX", PAGES[page], re.MULTILINE) == []

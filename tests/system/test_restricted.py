@@ -21,6 +21,8 @@ if TYPE_CHECKING:
     from kinespace.library.clip import Clip
     from kinespace.stream.recognition import Recognition
 
+pytestmark = pytest.mark.slow
+
 #: Sets of 20, 15 and 9 joints.
 SETS = ("kinect20", "osceleton", "vrchat")
 

@@ -9,9 +9,11 @@ from typing import TYPE_CHECKING
 
 import naive
 import naive_stream
+import naive_windows
 import numpy as np
 import pytest
-from naive_stream import NaiveEvidence, NaiveFeed
+from naive_stream import NaiveFeed
+from naive_windows import evidence, logit
 from twins import Twin
 
 from kinespace.stream.frame import Frame
@@ -29,13 +31,15 @@ if TYPE_CHECKING:
     from kinespace.library.windows.index import WindowIndex
     from kinespace.stream.recognition import Recognition
 
+pytestmark = pytest.mark.slow
+
 #: Everything holds of the compiled loops and of numpy.
 pytestmark = pytest.mark.usefixtures("arithmetic")
 
 #: How far a log distance may be from the twin's: library and window are compared in single precision.
 SAME = 1e-3
-#: The same for the logarithm of a movement, and for a movement relative to it.
-SAME_SWING, SAME_MOVEMENT = 1e-6, 1e-8
+#: The same for a movement, relative to it.
+SAME_MOVEMENT = 1e-8
 HOP = 1 / 30
 #: Share of unknown time that may be named.
 SENSITIVITY = 0.1
@@ -84,15 +88,15 @@ def _assert_alike(answer: Recognition, hop: NaiveHop, twin: Twin) -> None:
     index = twin.index
     assert answer.time == hop.time
     views = twin.log_distances(twin.numbers(hop.time, hop.times, hop.rows))
-    expected = views[: index.comparison.weighing.naming].min(axis=0)
+    expected = views[: len(index.comparison.weighing.views)].min(axis=0)
     assert np.abs(_distances(answer) - expected).max() <= SAME
     assert answer.evidence is not None
-    assert answer.evidence.whole == pytest.approx(views[0, answer.best], abs=SAME)
-    assert answer.evidence.eigen == pytest.approx(views[-1, answer.best], abs=SAME)
-    movement = NaiveEvidence.of(hop, index.basis.directions, twin.body, int((index.basis.weights > 0).sum()))
-    assert answer.movement == pytest.approx(movement.movement, rel=SAME_MOVEMENT, abs=1e-9)
-    assert answer.evidence.swing == pytest.approx(movement.swing, abs=SAME_SWING)
-    assert answer.evidence.sway == pytest.approx(movement.sway, abs=SAME_SWING)
+    distances, leads = evidence(views[len(index.comparison.weighing.views) :], answer.best)
+    assert answer.evidence.distances == pytest.approx(distances, abs=SAME)
+    assert answer.evidence.leads == pytest.approx(leads, abs=2 * SAME)
+    assert answer.evidence.noise == pytest.approx(hop.noise, rel=1e-6, abs=1e-9)
+    movement = naive_windows.moved(naive_windows.moments(*hop.last(1.0)))
+    assert answer.movement == pytest.approx(movement, rel=SAME_MOVEMENT, abs=1e-9)
 
 
 def _compare(twin: Twin, frames: Sequence[Frame], settings: Settings | None = None) -> list[Course]:
@@ -128,9 +132,15 @@ def _assert_decided_alike(course: Course, twin: Twin, settings: Settings) -> Non
     assert [answer.best for answer in course.answers] == guesses
     rejection = index.rejection
     logits = [
-        float(rejection.weights @ np.array(answer.evidence))
-        + rejection.offset
-        + rejection.biases.get(answer.classes[answer.best], 0.0)
+        logit(
+            rejection.weights.tolist(),
+            answer.evidence.compared,
+            rejection.typical.tolist(),
+            answer.evidence.noise,
+            offset=rejection.offset,
+            bias=rejection.biases.get(answer.classes[answer.best], 0.0),
+            slope=rejection.slopes.get(answer.classes[answer.best], 0.0),
+        )
         for answer in course.answers
     ]
     known = naive_stream.known(course.times, logits, rejection.threshold_at(SENSITIVITY))
@@ -231,7 +241,7 @@ def test_another_library_and_its_weights(clips: list[Clip], builtin_index: Windo
     motions = builtin_index.library.motions
     kept = [place for place, motion in enumerate(motions) if motion.actor in ("bd", "tr") and motion.take < "004"]
     twin = Twin(builtin_index.of_some(kept))
-    assert len(twin.index.comparison.weighing.views) == 3
+    assert len(twin.index.comparison.weighing.views) == 2
     assert _count(_compare(twin, _frames(clips[0], range(0, clips[0].frames, 4)))) > 15
 
 

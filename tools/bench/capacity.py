@@ -54,7 +54,7 @@ _LOOKS = 3
 #: How many times as many are tried then.
 _ABOVE = 1.25
 #: Seconds in which the sender's process must have everything encoded.
-_LONGEST_START = 120.0
+_MAX_START = 120.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -182,7 +182,7 @@ def _run(
     heard: list[Heard] = []
     resident: list[float] = []
     try:
-        if not ours.poll(_LONGEST_START):
+        if not ours.poll(_MAX_START):
             raise TimeoutError("the sender's process did not start")
         ours.recv()
         sampled, before, begun = 0.0, core_seconds(process_id), time.perf_counter()

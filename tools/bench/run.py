@@ -6,6 +6,7 @@ import json
 import os
 import platform
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Literal, get_args
 
 from kinespace.library import MotionLibrary
@@ -14,11 +15,12 @@ from kinespace.stream.recognizer import LiveSignature, Settings
 from kinespace.tools.bench import peers, recorded, scaling, soak, sockets, stages
 from kinespace.tools.bench.report import Report
 from kinespace.tools.bench.timing import one_thread
+from kinespace.tools.cli.arguments import add_json, count, not_negative, positive
 from kinespace.tools.terminal.console import console
 
 if TYPE_CHECKING:
+    import argparse
     from collections.abc import Callable, Sequence
-    from pathlib import Path
 
     import numpy as np
     from numpy.typing import NDArray
@@ -64,7 +66,47 @@ class Effort:
     starts: int = 5
 
 
-def run(
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the program's options."""
+    parser.description = (
+        "Times every step, the alternatives, growth, sockets and a long run, on real motions and one core. pip install "
+        "kinespace[bench] lets it keep linear algebra to one thread. Everything takes an hour."
+    )
+    parser.add_argument("part", nargs="?", choices=(*PARTS, "all"), default="all", help="default: %(default)s")
+    parser.add_argument(
+        "--data",
+        type=Path,
+        metavar="FOLDER",
+        help="play two minutes of these recordings (default: motions of the built-in library)",
+    )
+    parser.add_argument(
+        "--signature",
+        choices=[str(signature) for signature in LiveSignature],
+        help="of which the figures of --json, growth and sockets tell (default: the recogniser's own)",
+    )
+    parser.add_argument("--rounds", type=count, default=9, help="medians are of so many (default %(default)s)")
+    parser.add_argument("--seconds", type=positive, default=20.0, help="of a latency run (default %(default)s)")
+    parser.add_argument("--frames", type=count, default=soak.DAY, help="of soak (default: a day, %(default)s)")
+    parser.add_argument(
+        "--minutes", type=not_negative, default=10.0, help="of soak over sockets, 0 for none (default %(default)s)"
+    )
+    parser.add_argument("--picture", type=Path, metavar="FILE", help="draw what was found")
+    add_json(parser)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Run the program with these options; return the exit status."""
+    return bench(
+        PARTS if options.part == "all" else (options.part,),
+        data=options.data,
+        signature=LiveSignature(options.signature) if options.signature else None,
+        effort=Effort(rounds=options.rounds, seconds=options.seconds, frames=options.frames, minutes=options.minutes),
+        picture=options.picture,
+        as_json=options.json,
+    )
+
+
+def bench(
     parts: Sequence[Part],
     *,
     data: Path | None,

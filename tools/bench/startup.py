@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from kinespace.stream.recognizer import LiveSignature
 
 #: Seconds a start may take before it is given up.
-_LONGEST_START = 60.0
+_MAX_START = 60.0
 #: Frames sent before the answers are looked at.
 _AT_ONCE = 10
 #: Frames after which every window is full and has moved through all its memory.
@@ -109,7 +109,7 @@ class _Live:
     def _end(self) -> None:
         self.process.terminate()
         try:
-            self.process.communicate(timeout=_LONGEST_START)
+            self.process.communicate(timeout=_MAX_START)
         except subprocess.TimeoutExpired:
             self.process.kill()
             self.process.communicate()
@@ -119,7 +119,7 @@ class _Live:
 def _startup(positions: NDArray[np.float32], signature: LiveSignature) -> float:
     feed = Feed(positions)
     with _Live(signature, 1) as live:
-        while time.perf_counter() < live.started + _LONGEST_START:
+        while time.perf_counter() < live.started + _MAX_START:
             for frame in feed.take(_AT_ONCE):
                 live.sender.send(live.sender.encode(Cue(0.0, frame, 0)))
             answers = [each for each in live.listener.listen_until(time.perf_counter()) if answer_in(each.packet)]

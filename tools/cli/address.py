@@ -1,4 +1,4 @@
-"""Addresses as a person types them."""
+"""Addresses as the user types them."""
 
 from __future__ import annotations
 

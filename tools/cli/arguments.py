@@ -1,4 +1,4 @@
-"""What the programs' arguments have in common: numbers and names as they are typed, and groups that several take."""
+"""Arguments that several programs share: groups of options, and numbers and names as they are typed."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from kinespace.library.naming import AS_THEY_ARE, AUTO, Naming, conventions
 from kinespace.library.recordings import ActorIn, Reading
 from kinespace.stream.recognizer import LiveSignature, Settings
 
@@ -16,52 +17,101 @@ if TYPE_CHECKING:
     from kinespace.library import Clip
 
 _DEFAULTS = Settings()
-#: Where a feed is expected when nothing else is said: a port that none of the usual senders uses.
+#: Where frames come in unless the user says otherwise: a port that none of the usual senders uses.
 OSC_IN = "127.0.0.1:9310"
 
 
 def add_reading(parser: argparse.ArgumentParser) -> None:
-    """Let recordings be read as a person says."""
+    """Add the options for reading recordings."""
     parser.add_argument("--asf", type=Path, help="skeleton of AMC files (default: found by name)")
-    parser.add_argument("--frame-rate", type=positive, metavar="HZ", help="of all recordings (default: as they say)")
     parser.add_argument(
-        "--unit", default="", help="of BVH, C3D and TRC: m, cm, mm, in, ft or metres (default: as they say, or by size)"
+        "--frame-rate", type=positive, metavar="HZ", help="of all recordings (default: each file's own)"
+    )
+    parser.add_argument(
+        "--unit",
+        default="",
+        help="of BVH, C3D and TRC files: m, cm, mm, in, ft or metres (default: the file's own, or by size)",
     )
     parser.add_argument(
         "--joints", type=names, default=(), metavar="A,B,...", help="only these joints or markers; * and ? fit any"
     )
+    add_names(parser, "files")
+
+
+def add_names(parser: argparse.ArgumentParser, whose: str) -> None:
+    """Let a person say whose names joints have."""
+    known = ", ".join(each.name for each in conventions())
+    parser.add_argument(
+        "--names",
+        dest="naming",
+        default=AUTO,
+        metavar="NAME",
+        help=f"what the {whose} call their joints: {AUTO}, {AS_THEY_ARE}, {known}, or FILE.toml (default %(default)s)",
+    )
 
 
 def add_inputs(parser: argparse.ArgumentParser) -> None:
-    """Let a person say where packets come in."""
+    """Add the options for the addresses that packets come in on."""
     parser.add_argument("--osc-in", metavar="HOST:PORT", help=f"listen for OSC here (default {OSC_IN})")
     parser.add_argument("--zmq-in", metavar="ENDPOINT", help="subscribe to ZeroMQ, like tcp://127.0.0.1:9320")
 
 
 def add_sender(parser: argparse.ArgumentParser) -> None:
-    """Let a person say which host is to be asked for frames."""
-    parser.add_argument("--sender", metavar="HOST", default="127.0.0.1", help="whom to ask, where a feed asks")
+    """Add the option for the host that is asked for frames."""
+    parser.add_argument(
+        "--sender", metavar="HOST", default="127.0.0.1", help="host to ask for frames, if the feed must ask"
+    )
 
 
 def add_library(parser: argparse.ArgumentParser) -> None:
-    """Let a person choose the motion library."""
+    """Add the option for the motion library."""
     parser.add_argument("--library", type=Path, metavar="FILE", help="a motion library (default: the built-in one)")
 
 
 def add_labels(parser: argparse.ArgumentParser, told: str) -> None:
-    """Let a person say what is performed when in takes."""
+    """Add the option for files of labels; `told` says which takes they belong to."""
     parser.add_argument(
         "--labels", nargs="+", action="extend", type=Path, default=[], metavar="CSV", help=f"start_s,end_s,label {told}"
     )
 
 
+def add_takes(parser: argparse.ArgumentParser, *, required: bool = False) -> None:
+    """Add the option for tables of takes."""
+    parser.add_argument(
+        "--takes",
+        dest="tables",
+        nargs="+",
+        action="extend",
+        type=Path,
+        default=[],
+        required=required,
+        metavar="CSV",
+        help="file,subject,contains,perhaps for each take; one with neither of the last shows nothing known",
+    )
+
+
+def add_subjects(parser: argparse.ArgumentParser) -> None:
+    """Add the options that choose takes by person."""
+    for option, told in (("--subjects", "of these persons only"), ("--without-subjects", "not of these persons")):
+        parser.add_argument(option, nargs="+", action="extend", default=[], metavar="NAME", help=f"takes {told}")
+
+
+def add_recorded_feed(parser: argparse.ArgumentParser) -> None:
+    """Add the option for the product that a raw recording's packets came from."""
+    parser.add_argument(
+        "--feed",
+        metavar="NAME",
+        help="read a .kinerec as this product's packets, see kinespace feeds; or FILE.toml (default: as recorded)",
+    )
+
+
 def add_changes(parser: argparse.ArgumentParser) -> None:
-    """Let a person say which motions a library is to hold, and what their classes are called."""
+    """Add the options that leave motions out of a library and rename its classes."""
     parser.add_argument(
         "--without", action="append", default=[], metavar="CLASS|PERSON", help="leave this class or person out"
     )
     parser.add_argument(
-        "--rename", action="append", type=mapping, default=[], metavar="OLD=NEW", help="call this class so"
+        "--rename", action="append", type=mapping, default=[], metavar="OLD=NEW", help="rename this class"
     )
     parser.add_argument(
         "--nothing",
@@ -74,32 +124,33 @@ def add_changes(parser: argparse.ArgumentParser) -> None:
 
 
 def add_json(parser: argparse.ArgumentParser) -> None:
-    """Let a program be heard by another."""
+    """Add `--json`, with which a program prints for another program."""
     parser.add_argument("--json", action="store_true", help="print one JSON object and nothing else")
 
 
 def add_overwrite(parser: argparse.ArgumentParser) -> None:
-    """Let a file be written over."""
-    parser.add_argument("--overwrite", action="store_true", help="write over a file that is there (default: refuse)")
+    """Add `--overwrite`."""
+    parser.add_argument("--overwrite", action="store_true", help="write over an existing file (default: refuse)")
 
 
 def add_actor_in(parser: argparse.ArgumentParser) -> None:
-    """Let a person say where it stands who performs."""
+    """Add the option for the place of the actor's name."""
     parser.add_argument(
         "--actor-in",
         choices=[each.value for each in ActorIn],
         default=ActorIn.NOWHERE.value,
-        help="who performs: the file's name up to the first underscore, or the folder above its class's",
+        help="where the actor's name stands: in the file's name up to the first _, or the folder above the class's",
     )
 
 
 def reading_of(parsed: argparse.Namespace) -> Reading:
-    """Give how recordings are to be read."""
+    """Make the reading options of what was typed."""
     return Reading(
         asf=parsed.asf,
         frame_rate=parsed.frame_rate,
         unit=parsed.unit,
         joints=parsed.joints,
+        naming=Naming.asked(parsed.naming),
         actor_in=ActorIn(getattr(parsed, "actor_in", ActorIn.NOWHERE)),
         raw=partial(_raw, feed=getattr(parsed, "feed", None)),
     )
@@ -113,7 +164,7 @@ def _raw(path: Path, feed: str | None) -> Sequence[Clip]:
 
 
 def add_settings(parser: argparse.ArgumentParser) -> None:
-    """Let a person set how a feed is recognised."""
+    """Add the options for the recogniser's settings."""
     parser.add_argument(
         "--signature",
         choices=[str(signature) for signature in LiveSignature],
@@ -124,7 +175,8 @@ def add_settings(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--sensitivity",
         type=share,
-        help="share of unknown motions that may be answered, as the library can tell (default 0.05); windows only",
+        help="share of unknown motions that may be answered, as the library can tell (default: 0.1 with the built-in "
+        "library, 0.2 with your own); windows only",
     )
     parser.add_argument(
         "--window", type=positive, help="seconds that the paper's window looks back (default 0.5); paper only"
@@ -132,15 +184,21 @@ def add_settings(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--hop", type=not_negative, default=_DEFAULTS.hop, help="seconds between answers (default 1/30)"
     )
+    parser.add_argument(
+        "--progress",
+        action="store_true",
+        help="say with each answer how far the motion is, how fast, how large; windows only",
+    )
 
 
 def settings_of(parsed: argparse.Namespace) -> Settings:
-    """Give how a feed is to be recognised; what does not apply to the signature asked for is refused."""
+    """Make settings of the options; an option that does not belong to the signature is refused."""
     return Settings(
         signature=LiveSignature(parsed.signature),
         window=parsed.window,
         hop=parsed.hop,
         sensitivity=parsed.sensitivity,
+        progress=parsed.progress,
     )
 
 

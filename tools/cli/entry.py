@@ -1,23 +1,26 @@
-"""Where `kinespace` starts: before numpy is loaded, so that Ctrl-C ends it without a word then too."""
+"""Where `kinespace` starts: before numpy is loaded, so that Ctrl-C ends it silently while it loads."""
 
 from __future__ import annotations
 
 import os
 
-#: A window's matrices are small: threads of the linear algebra would only fight with the feed for the cores.
+#: A window's matrices are small: threads of the linear algebra would only take the cores from the feed.
 _THREADS = ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS")
 
 
 def main() -> int:
-    """Run the program; the exit status.
+    """Run the program; return the exit status.
 
-    Linear algebra is kept to one thread, unless the environment says otherwise. numpy reads that when it is loaded, so
-    the program sets it here: importing kinespace sets nothing.
+    Linear algebra keeps to one thread, unless the environment says otherwise. numpy reads the variables when it is
+    loaded, so the program sets them here. Importing kinespace sets nothing.
     """
     for name in _THREADS:
         os.environ.setdefault(name, "1")
     try:
-        from kinespace.tools.cli.main import main as run  # noqa: PLC0415 - loading it takes time, in which Ctrl-C is heard
+        from kinespace.tools.cli.interruption import interrupt_on_signals  # noqa: PLC0415 - as below
+
+        interrupt_on_signals()
+        from kinespace.tools.cli.main import main as run  # noqa: PLC0415 - Ctrl-C must end the program while this loads
 
         return run()
     except KeyboardInterrupt:

@@ -5,23 +5,35 @@ from __future__ import annotations
 import json
 import math
 from dataclasses import asdict, dataclass, replace
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kinespace.library import MotionLibrary, find_recordings, read_recordings
+from kinespace.library import MotionLibrary, find_recordings
 from kinespace.library.recordings import labelled
 from kinespace.stream.frame import Frame
 from kinespace.stream.recognizer import Recognizer, Settings
+from kinespace.tools.cli.arguments import (
+    add_actor_in,
+    add_json,
+    add_reading,
+    add_settings,
+    count,
+    not_negative,
+    reading_of,
+    settings_of,
+)
 from kinespace.tools.evaluation.bootstrap import Interval, Ratio
 from kinespace.tools.evaluation.stream_tables import interval, percent
 from kinespace.tools.feeding.joint_sets import joints_of
 from kinespace.tools.terminal.console import console, progress
+from kinespace.tools.terminal.named_joints import read_and_tell
 from kinespace.tools.terminal.tables import narrow_table
 
 if TYPE_CHECKING:
+    import argparse
     from collections.abc import Sequence
-    from pathlib import Path
 
     from kinespace.library import Clip, Reading
     from kinespace.stream.recognition import Recognition
@@ -72,7 +84,51 @@ class NoiseScore:
     intervals: dict[str, Interval | None]
 
 
-def run(
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the program's options."""
+    parser.description = (
+        "Plays motions at 30 frames per second with white noise on every coordinate into the live recogniser. Motions "
+        "are left out of the library in groups, so that none is named by itself."
+    )
+    parser.add_argument(
+        "folder",
+        nargs="*",
+        type=Path,
+        metavar="FOLDER",
+        help="clips, or folders of them (default: the built-in library's motions)",
+    )
+    add_reading(parser)
+    add_actor_in(parser)
+    parser.add_argument(
+        "--noise",
+        nargs="+",
+        type=not_negative,
+        default=[0.0, 10.0, 20.0, 30.0],
+        metavar="MM",
+        help="standard deviations on each coordinate (default: 0 10 20 30)",
+    )
+    parser.add_argument("--groups", type=count, default=12, help="how many, at least two (default %(default)s)")
+    parser.add_argument("--seed", type=int, default=0, help="of the noise (default %(default)s)")
+    parser.add_argument("--skeleton", metavar="NAME", help="with the joints of this product alone, like kinectv2")
+    add_settings(parser)
+    add_json(parser)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Run the program with these options; return the exit status."""
+    return evaluate(
+        options.folder,
+        reading=reading_of(options),
+        noises=options.noise,
+        groups=options.groups,
+        seed=options.seed,
+        skeleton=options.skeleton,
+        settings=settings_of(options),
+        as_json=options.json,
+    )
+
+
+def evaluate(
     places: Sequence[Path],
     *,
     reading: Reading,
@@ -127,7 +183,7 @@ def _library(places: Sequence[Path], reading: Reading) -> MotionLibrary:
     if not places:
         return MotionLibrary.builtin()
     paths = find_recordings(places)
-    read = progress(read_recordings(paths, reading), "Reading", len(paths))
+    read = read_and_tell(paths, reading)
     return MotionLibrary.of_clips(
         [labelled(clip, path, reading.actor_in) for clip, path in zip(read, paths, strict=True)]
     )
@@ -144,11 +200,9 @@ def _heard(
     motion: Clip, library: MotionLibrary, settings: Settings, noise: float, generator: np.random.Generator
 ) -> Heard:
     """Play a motion with noise in metres, and count its answers."""
-    every = max(round(motion.frame_rate / FRAME_RATE), 1)
-    seen = replace(motion, positions=motion.positions[::every], frame_rate=motion.frame_rate / every)
-    positions = seen.positions + noise * generator.standard_normal(seen.positions.shape)
+    seen = seen_with(motion, noise, generator)
     recognizer = Recognizer(library, settings)
-    pushed = (recognizer.push(Frame("clip", *each)) for each in zip(seen.times.tolist(), positions, strict=True))
+    pushed = (recognizer.push(Frame("clip", *each)) for each in zip(seen.times.tolist(), seen.positions, strict=True))
     answers = [answer for answer in pushed if answer is not None]
     named = [answer.class_name == motion.class_name for answer in answers]
     guessed = [_guess(answer) == motion.class_name for answer in answers]
@@ -161,6 +215,14 @@ def _heard(
         last_named=bool(named and named[-1]),
         last_guessed=bool(guessed and guessed[-1]),
     )
+
+
+def seen_with(motion: Clip, noise: float, generator: np.random.Generator) -> Clip:
+    """Give a motion as a sensor of `FRAME_RATE` sees it, with white noise in metres on every coordinate."""
+    every = max(round(motion.frame_rate / FRAME_RATE), 1)
+    positions = motion.positions[::every]
+    positions = positions + noise * generator.standard_normal(positions.shape)
+    return replace(motion, positions=positions, frame_rate=motion.frame_rate / every)
 
 
 def _guess(answer: Recognition) -> str | None:

@@ -5,12 +5,13 @@ from __future__ import annotations
 import csv
 import json
 from dataclasses import asdict, dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from rich.table import Table
 
-from kinespace.library import Clip, MotionLibrary, find_recordings, read_recordings
+from kinespace.library import Clip, MotionLibrary, find_recordings
 from kinespace.library.recordings import labelled
 from kinespace.library.retrieval.experiment import (
     SPLIT_LIBRARY_ACTORS,
@@ -27,16 +28,18 @@ from kinespace.library.retrieval.experiment import (
     splits,
     turned,
 )
+from kinespace.tools.cli.arguments import add_actor_in, add_reading, reading_of
 from kinespace.tools.evaluation.bootstrap import Ratio
 from kinespace.tools.evaluation.stream_tables import interval, percent
 from kinespace.tools.feeding.joint_sets import joints_of
 from kinespace.tools.terminal.console import console, progress
+from kinespace.tools.terminal.named_joints import read_and_tell
 from kinespace.tools.terminal.output_path import require_place_for
 from kinespace.tools.terminal.tables import add_names, narrow_table
 
 if TYPE_CHECKING:
+    import argparse
     from collections.abc import Mapping, Sequence
-    from pathlib import Path
 
     from numpy.typing import NDArray
 
@@ -78,7 +81,62 @@ class _Outcome(NamedTuple):
     splits: Splits | None
 
 
-def run_retrieval(
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the program's options."""
+    parser.description = (
+        "For every motion, counts whether its nearest other motion is of its class, and whether one of the two nearest "
+        "is, in the spaces of joint distances, joint positions and joint rotations."
+    )
+    parser.add_argument(
+        "folder",
+        nargs="*",
+        type=Path,
+        metavar="FOLDER",
+        help="recordings, or folders of them (default: the built-in library's motions, which have no rotations)",
+    )
+    add_reading(parser)
+    add_actor_in(parser)
+    parser.add_argument("--space", choices=("distances", "positions", "rotations"), help="default: all")
+    parser.add_argument("--signature", choices=("eigenvector", "spread"), help="default: both, for distances")
+    parser.add_argument("--protocol", choices=("leave-one-out", "actor-held-out", "split"), help="default: all")
+    parser.add_argument(
+        "--skeleton",
+        nargs="+",
+        default=[],
+        metavar="NAME",
+        help="what these products' joints keep of it, like kinectv2",
+    )
+    parser.add_argument("--turned", action="store_true", help="first turn and shift every clip by chance")
+    parser.add_argument("--seed", type=int, default=0, help="of --turned (default %(default)s)")
+    parser.add_argument(
+        "--picture",
+        type=Path,
+        metavar="FILE",
+        help="draw the confusion matrices; their numbers go beside it as CSV",
+    )
+    parser.add_argument(
+        "--json",
+        action="store_true",
+        help="print one JSON object and nothing else (default: distances, eigenvector, leave-one-out)",
+    )
+
+
+def run(options: argparse.Namespace) -> int:
+    """Run the program with these options; return the exit status."""
+    return evaluate(
+        options.folder,
+        reading=reading_of(options),
+        space=options.space,
+        signature=options.signature,
+        protocol=options.protocol,
+        skeletons=options.skeleton,
+        turned_by=options.seed if options.turned else None,
+        picture=options.picture,
+        as_json=options.json,
+    )
+
+
+def evaluate(
     places: Sequence[Path],
     *,
     reading: Reading,
@@ -172,7 +230,7 @@ def _clips(places: Sequence[Path], reading: Reading, turned_by: int | None) -> l
 
 def _recorded(places: Sequence[Path], reading: Reading) -> list[Clip]:
     paths = find_recordings(places)
-    read = progress(read_recordings(paths, reading), "Reading", len(paths))
+    read = read_and_tell(paths, reading)
     clips = [labelled(clip, path, reading.actor_in) for clip, path in zip(read, paths, strict=True)]
     short = [clip.name for clip in clips if clip.frames < 2]
     if short:

@@ -5,14 +5,29 @@ from __future__ import annotations
 import json
 from dataclasses import asdict, dataclass
 from functools import lru_cache
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from kinespace.library import MotionLibrary
 from kinespace.library.windows.index import WindowIndex, usual_weighing
+from kinespace.library.windows.parts import Kind
 from kinespace.stream.frame import Frame
 from kinespace.stream.recognizer import Recognizer, Settings
+from kinespace.tools.cli.arguments import (
+    add_actor_in,
+    add_json,
+    add_labels,
+    add_library,
+    add_reading,
+    add_settings,
+    add_subjects,
+    add_takes,
+    mapping,
+    reading_of,
+    settings_of,
+)
 from kinespace.tools.evaluation.protocols import Fold, Protocol, folds_of
 from kinespace.tools.evaluation.stream_score import LOWER_IS_BETTER, StreamScore, score_courses
 from kinespace.tools.evaluation.stream_tables import print_persons, print_score
@@ -22,12 +37,11 @@ from kinespace.tools.feeding.joint_sets import joints_of
 from kinespace.tools.terminal.console import progress
 
 if TYPE_CHECKING:
+    import argparse
     from collections.abc import Sequence
-    from pathlib import Path
 
     from kinespace.library import Clip, Reading
     from kinespace.library.formats.labels import Segment
-    from kinespace.library.windows.parts import Kind
 
 #: Seconds that must lie in a segment for a moment to count as inside it, whatever the recogniser looks at.
 _INSIDE = 1.0
@@ -60,7 +74,82 @@ class Pictures:
             pictures.draw_time_confusion(self.confusion, *confusion(courses, classes))
 
 
-def run(
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the program's options."""
+    parser.description = (
+        "Replays takes through the very recogniser that runs live, at full speed and without sockets, and compares "
+        "what was published at each moment with what was performed at that moment."
+    )
+    parser.add_argument(
+        "takes",
+        nargs="*",
+        type=Path,
+        metavar="TAKE",
+        help="labelled takes, clips named as HDM05's, or folders of them (default: the library's own motions)",
+    )
+    add_takes(parser)
+    parser.add_argument(
+        "--unknown",
+        nargs="+",
+        action="extend",
+        type=Path,
+        default=[],
+        metavar="TAKE",
+        help="recordings in which nothing known happens, or folders of them",
+    )
+    parser.add_argument("--clips", action="store_true", help="a recording without labels is one motion, of its folder")
+    add_reading(parser)
+    add_actor_in(parser)
+    add_labels(parser, "for each TAKE, in order (default: beside the take, ending in .csv)")
+    add_library(parser)
+    parser.add_argument(
+        "--protocol",
+        choices=[str(protocol) for protocol in Protocol],
+        default=str(Protocol.LIBRARY),
+        help="recognise with the library; with what is cut from the other takes, or from the other persons' takes; or "
+        "with what is cut from one person's, for each person in turn",
+    )
+    add_subjects(parser)
+    parser.add_argument(
+        "--map", nargs="+", action="extend", type=mapping, default=[], metavar="LABEL=CLASS", help="rename labels"
+    )
+    parser.add_argument("--skeleton", metavar="NAME", help="with the joints of this product alone, like kinectv2")
+    add_settings(parser)
+    parser.add_argument(
+        "--without-part",
+        choices=[str(kind) for kind in Kind],
+        help="leave these parts of the signature out, to see what they are worth",
+    )
+    parser.add_argument("--timeline", type=Path, metavar="FILE", help="draw what was performed and answered over time")
+    parser.add_argument("--confusion", type=Path, metavar="FILE", help="draw what was answered to what")
+    add_json(parser)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Run the program with these options; return the exit status."""
+    return evaluate(
+        Sources(
+            options.takes,
+            options.labels,
+            clips=options.clips,
+            unknown=options.unknown,
+            tables=options.tables,
+            names=dict(options.map),
+            persons=options.subjects,
+            without_persons=options.without_subjects,
+            skeleton=options.skeleton,
+        ),
+        reading=reading_of(options),
+        library=options.library,
+        protocol=Protocol(options.protocol),
+        settings=settings_of(options),
+        without=Kind(options.without_part) if options.without_part else None,
+        drawn=Pictures(options.timeline, options.confusion),
+        as_json=options.json,
+    )
+
+
+def evaluate(
     sources: Sources,
     *,
     reading: Reading,

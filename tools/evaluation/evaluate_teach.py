@@ -6,6 +6,7 @@ import json
 import math
 from collections import defaultdict
 from dataclasses import asdict, dataclass, field, replace
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -15,12 +16,23 @@ from kinespace.library.windows.index import WindowIndex, teacher_of
 from kinespace.stream.frame import Frame
 from kinespace.stream.recognition import EventKind
 from kinespace.stream.recognizer import Recognizer
+from kinespace.tools.cli.arguments import (
+    add_actor_in,
+    add_json,
+    add_labels,
+    add_reading,
+    add_settings,
+    reading_of,
+    settings_of,
+)
+from kinespace.tools.cli.arguments import count as above_zero
 from kinespace.tools.evaluation.bootstrap import Percentile, Ratio
 from kinespace.tools.evaluation.takes import Sources, read_takes, takes_of
 from kinespace.tools.terminal.console import console, progress
 from kinespace.tools.terminal.tables import narrow_table
 
 if TYPE_CHECKING:
+    import argparse
     from collections.abc import Sequence
 
     from kinespace.library import Clip, Reading
@@ -137,7 +149,52 @@ class _Person:
     beside: tuple[int, ...] = ()
 
 
-def run(
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the program's options."""
+    parser.description = (
+        "Draws examples of one person's motions, makes a library of them, and replays what was recorded apart from "
+        "them, of the same person and of others, through the live recogniser."
+    )
+    parser.add_argument(
+        "takes",
+        nargs="*",
+        type=Path,
+        metavar="TAKE",
+        help="labelled takes, clips named as HDM05's, or folders of them (default: the built-in library's motions)",
+    )
+    add_labels(parser, "for each TAKE, in order (default: beside the take, ending in .csv)")
+    parser.add_argument("--clips", action="store_true", help="a recording without labels is one motion, of its folder")
+    add_reading(parser)
+    add_actor_in(parser)
+    parser.add_argument(
+        "--person", default="", help="who performs in all takes, where nothing else says it (default: as they say)"
+    )
+    parser.add_argument(
+        "--examples", nargs="+", type=above_zero, default=[1, 2, 3], metavar="N", help="of each class (default: 1 2 3)"
+    )
+    parser.add_argument("--draws", type=above_zero, default=20, help="of each person's examples (default %(default)s)")
+    parser.add_argument("--seed", type=int, default=0, help="of the draws (default %(default)s)")
+    parser.add_argument("--beside", action="store_true", help="teach beside the built-in library, which must give way")
+    add_settings(parser)
+    add_json(parser)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Run the program with these options; return the exit status."""
+    return evaluate(
+        Sources(options.takes, options.labels, clips=options.clips),
+        reading=reading_of(options),
+        person=options.person,
+        examples=options.examples,
+        draws=options.draws,
+        seed=options.seed,
+        beside=options.beside,
+        settings=settings_of(options),
+        as_json=options.json,
+    )
+
+
+def evaluate(
     sources: Sources,
     *,
     reading: Reading,

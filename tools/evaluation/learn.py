@@ -9,9 +9,10 @@ from __future__ import annotations
 
 import json
 import math
-from collections import Counter
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from itertools import product
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from rich.table import Table
@@ -21,42 +22,66 @@ from scipy.special import expit
 from kinespace.library import NOTHING, MotionLibrary
 from kinespace.library.windows.comparison import ACROSS_LABORATORIES
 from kinespace.library.windows.index import WindowIndex
-from kinespace.library.windows.rejection import RATES, Evidence, Rejection, typical_evidence
+from kinespace.library.windows.rejection import RATES, Evidence, Rejection, stand_in, typical_evidence
 from kinespace.stream.frame import Frame
 from kinespace.stream.recognizer import Recognizer, Settings
 from kinespace.stream.recognizer.hysteresis import Judgement
-from kinespace.tools.evaluation.takes import read_takes
+from kinespace.tools.cli.arguments import add_json, add_overwrite, add_reading, add_subjects, add_takes, reading_of
+from kinespace.tools.evaluation.evaluate_noise import seen_with
+from kinespace.tools.evaluation.takes import Sources, read_takes
 from kinespace.tools.terminal.console import console, progress
 from kinespace.tools.terminal.output_path import require_place_for
 
 if TYPE_CHECKING:
+    import argparse
     from collections.abc import Sequence
-    from pathlib import Path
 
     from numpy.typing import NDArray
 
     from kinespace.library import Clip, Reading
-    from kinespace.tools.evaluation.takes import Sources, Take
+    from kinespace.tools.evaluation.takes import Take
 
 #: Seconds between two windows that are learned from.
 _HOP = 0.1
 #: Windows of a motion of the library before it counts as known: a beginning looks like many motions.
 _BEGUN = 2
+#: Noises with which the library's own motions are asked, metres on every coordinate.
+_NOISES = (0.0, 0.01, 0.02)
 #: Sensitivity at which every class must be named, and the share of its own motions that then are at some time.
-_USUAL, _NAMED_AT_LEAST = 0.1, 0.6
+_USUAL, _NAMED_AT_LEAST = 0.05, 0.5
 #: A logit that no evidence reaches.
 _FAR = 20.0
-#: How much more a window counts in which strangers perform a known motion: there are few of them.
-_STRANGERS_COUNT = 8.0
+#: How much the library's own motions count as unknown, their class left out, and strangers' as known: other motions are
+#: more like everyday movement, and nobody has said when strangers perform the known motion.
+_LEFT_OUT_COUNT, _STRANGERS_COUNT = 0.5, 0.5
 #: Subjects are left out of the fitting in this many groups.
 _FOLDS = 4
 #: How much weights of either sign cost: they must earn it on many windows.
-_SHRINKING = 0.01
+_SHRINKING = 0.005
 
 #: The evidence and the guess of some windows.
 Evidenced = list[tuple[Evidence, str]]
-#: A motion of the library, recognised by the other persons' motions: its class, and its windows.
-_Own = tuple[str, Evidenced]
+
+
+class Lesson(NamedTuple):
+    """Windows that are known, or are not, and how much all of them count together."""
+
+    windows: Evidenced
+    is_known: bool
+    weight: float
+
+
+class _Own(NamedTuple):
+    """A motion of the library, recognised by the other persons' motions, and by those without its class."""
+
+    class_name: str
+    noise: float
+    windows: Evidenced
+    left_out: Evidenced
+
+    def right(self) -> Evidenced:
+        """Give the windows that are named rightly, once it has begun."""
+        return [each for each in self.windows[_BEGUN:] if each[1] == self.class_name]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -75,7 +100,34 @@ class _Course:
         return [window for window in self.windows if window[1] in self.take.contains]
 
 
-def run(source: Path, output: Path, sources: Sources, *, reading: Reading, overwrite: bool, as_json: bool) -> int:
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the program's options."""
+    parser.description = (
+        "Fits the numbers that tell known motion from unknown, by takes in which nothing known happens and takes that "
+        "contain a known motion, and keeps them in the library's file."
+    )
+    parser.add_argument("library", type=Path, metavar="LIBRARY", help="a library file")
+    parser.add_argument("-o", "--output", type=Path, required=True, metavar="FILE", help="the library to write")
+    add_overwrite(parser)
+    add_takes(parser, required=True)
+    add_subjects(parser)
+    add_reading(parser)
+    add_json(parser)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Run the program with these options; return the exit status."""
+    return learn(
+        options.library,
+        options.output,
+        Sources(tables=options.tables, persons=options.subjects, without_persons=options.without_subjects),
+        reading=reading_of(options),
+        overwrite=options.overwrite,
+        as_json=options.json,
+    )
+
+
+def learn(source: Path, output: Path, sources: Sources, *, reading: Reading, overwrite: bool, as_json: bool) -> int:
     """Learn, save the library with what was learned, and print what it is worth.
 
     Parameters
@@ -93,21 +145,23 @@ def run(source: Path, output: Path, sources: Sources, *, reading: Reading, overw
     library = MotionLibrary.load(source)
     takes = read_takes(sources, reading)
     own = _own_courses(library)
-    index = WindowIndex.of(library, weighing=ACROSS_LABORATORIES)
+    index = _index(library)
     courses = [_Course(take, _windows(index, take.clip)) for take in progress(takes, "Strangers", len(takes))]
+    typical = typical_evidence(index)
+    lessons = _own_lessons(own)
+
+    def fit(courses: Sequence[_Course]) -> Rejection:
+        return fitted([*lessons, *_lessons(courses)], library.classes, typical)
+
     folds = _folds(courses)
-    fits = [_fit(own, [each for each in courses if each.take.person not in fold], library.classes) for fold in folds]
-    whole = _fit(own, courses, library.classes)
-    usual = _threshold(own, _judged(folds, fits, courses), _USUAL)
+    fits = [fit([each for each in courses if each.take.person not in fold]) for fold in folds]
+    clean = [each for each in own if not each.noise]
+    usual = _threshold(clean, _judged(folds, fits, courses), _USUAL)
     # Every class is named at the usual sensitivity, also one that strangers' everyday movement resembles.
-    judged = _judged(folds, [_raised(fit, own, usual) for fit in fits], courses)
+    judged = _judged(folds, [_raised(each, clean, usual) for each in fits], courses)
     thresholds = [_threshold([], judged, rate) for rate in RATES]
-    rejection = replace(
-        _raised(whole, own, usual),
-        thresholds=np.array(thresholds),
-        typical=typical_evidence(index),
-        joints=len(library.skeleton.joints),
-    )
+    raised = _raised(fit(courses), clean, usual)
+    rejection = replace(raised, thresholds=np.array(thresholds), joints=len(library.skeleton.joints))
     replace(library, learned=rejection.kept()).save(output)
     rows = [_figures(judged, threshold) for threshold in thresholds]
     if as_json:
@@ -117,14 +171,25 @@ def run(source: Path, output: Path, sources: Sources, *, reading: Reading, overw
     return 0
 
 
+def _index(library: MotionLibrary) -> WindowIndex:
+    """Open a library to be asked; nobody asks yet what is known."""
+    index = WindowIndex.of(library, weighing=ACROSS_LABORATORIES)
+    return replace(index, judged_by=stand_in(len(ACROSS_LABORATORIES.groups)))
+
+
 def _own_courses(library: MotionLibrary) -> list[_Own]:
-    """Let each person's motions be recognised by the others'."""
+    """Let each person's motions be recognised by the others', with noise and without."""
     found = list[_Own]()
     for actor in progress(library.actors, "Motions", len(library.actors)):
-        index = WindowIndex.of(library.without(actors=[actor]), weighing=ACROSS_LABORATORIES)
-        for clip in library.motions:
-            if clip.actor == actor and clip.class_name in index.classes and clip.class_name != NOTHING:
-                found.append((clip.class_name, _windows(index, clip)))
+        index = _index(library.without(actors=[actor]))
+        others = index.library.motions
+        own = [(place, each) for place, each in enumerate(library.motions) if each.actor == actor]
+        for name in set(index.classes) - {NOTHING}:
+            left = index.without([place for place, each in enumerate(others) if each.class_name == name])
+            asking = [place for place, each in own if each.class_name == name]
+            for place, noise in product(asking, _NOISES):
+                seen = seen_with(library.motions[place], noise, np.random.default_rng(place))
+                found.append(_Own(name, noise, _windows(index, seen), _windows(left, seen) if len(left) else []))
     return found
 
 
@@ -146,27 +211,33 @@ def _folds(courses: Sequence[_Course]) -> list[set[str]]:
     return [set(people[place::_FOLDS]) for place in range(min(_FOLDS, len(people)))]
 
 
-def _fit(own: Sequence[_Own], courses: Sequence[_Course], class_names: Sequence[str]) -> Rejection:
-    """Fit on the library's own motions, each class counting alike, and on some strangers' takes."""
-    begun = [(name, [each for each in windows[_BEGUN:] if each[1] == name]) for name, windows in own]
-    counts = Counter[str]()
-    for name, windows in begun:
-        counts[name] += len(windows)
-    strangers = [window for each in courses for window in each.known()]
+def _own_lessons(own: Sequence[_Own]) -> list[Lesson]:
+    """Take the library's own motions as known and, their class left out, as unknown; each class counts alike."""
+    lessons = list[Lesson]()
+    for noise, name in product(_NOISES, sorted({each.class_name for each in own})):
+        motions = [each for each in own if (each.noise, each.class_name) == (noise, name)]
+        lessons.append(Lesson([window for each in motions for window in each.right()], is_known=True, weight=1.0))
+        lessons.append(
+            Lesson([window for each in motions for window in each.left_out], is_known=False, weight=_LEFT_OUT_COUNT)
+        )
+    classes = len(lessons) / (2 * len(_NOISES))
+    return [lesson._replace(weight=lesson.weight / classes) for lesson in lessons]
+
+
+def _lessons(courses: Sequence[_Course]) -> list[Lesson]:
+    """Take strangers' takes as known and as unknown."""
     unknown = [window for each in courses if each.is_unknown for window in each.windows]
     if not unknown:
         raise ValueError("takes: expected some in which nothing known happens, got none")
-    known = [window for _, windows in begun for window in windows]
-    even = counts.total() / len(counts)
-    weights = [even / counts[name] for name, windows in begun for _ in windows]
-    return fitted([*known, *strangers], unknown, class_names, np.array(weights + [_STRANGERS_COUNT] * len(strangers)))
+    known = [window for each in courses for window in each.known()]
+    return [Lesson(known, is_known=True, weight=_STRANGERS_COUNT), Lesson(unknown, is_known=False, weight=1.0)]
 
 
 def _raised(rejection: Rejection, own: Sequence[_Own], threshold: float) -> Rejection:
     """Raise the biases of classes until enough of each class's own motions are named at some time."""
     biases = dict(rejection.biases)
     for name in biases:
-        highest = [_highest(rejection, name, windows) for performed, windows in own if performed == name]
+        highest = [_highest(rejection, name, windows) for performed, _, windows, _ in own if performed == name]
         if highest:
             biases[name] += max(threshold - float(np.quantile(highest, 1 - _NAMED_AT_LEAST)), 0.0)
     return replace(rejection, biases=biases)
@@ -190,23 +261,26 @@ def _judged(
     return [(each, fit) for fold, fit in zip(folds, fits, strict=True) for each in courses if each.take.person in fold]
 
 
-def fitted(known: Evidenced, unknown: Evidenced, class_names: Sequence[str], weights: NDArray[np.float64]) -> Rejection:
+def fitted(lessons: Sequence[Lesson], class_names: Sequence[str], typical: NDArray[np.float64]) -> Rejection:
     """Fit a logistic function that tells known windows from unknown ones; thresholds are not set yet.
 
     Parameters
     ----------
-    known, unknown
-        Windows of either kind.
+    lessons
+        Windows of both kinds; within each they count alike.
     class_names
         The classes that may be guessed.
-    weights
-        How much each known window counts, shape (known,); unknown ones count alike, both kinds as much together.
+    typical
+        Distances and leads that the evidence is relative to, shape (2 groups,).
     """
-    rows = np.vstack([_with_classes(known, class_names), _with_classes(unknown, class_names)])
+    taught = [lesson for lesson in lessons if lesson.windows]
+    rows = np.vstack([_numbers(lesson.windows, class_names, typical) for lesson in taught])
+    lengths = [len(lesson.windows) for lesson in taught]
+    signs = np.repeat([1.0 if lesson.is_known else -1.0 for lesson in taught], lengths)
+    counts = np.repeat([lesson.weight / len(lesson.windows) for lesson in taught], lengths)
+    counts /= counts.sum()
     middle, scale = rows.mean(axis=0), rows.std(axis=0) + 1e-6
     scaled = np.column_stack([(rows - middle) / scale, np.ones(len(rows))])
-    signs = np.repeat((1.0, -1.0), (len(known), len(unknown)))
-    counts = np.concatenate([weights / weights.sum(), np.full(len(unknown), 1 / len(unknown))]) / 2
 
     def loss(slope: NDArray[np.float64]) -> tuple[float, NDArray[np.float64]]:
         margins = signs * (scaled @ slope)
@@ -216,16 +290,19 @@ def fitted(known: Evidenced, unknown: Evidenced, class_names: Sequence[str], wei
 
     slope = minimize(loss, np.zeros(scaled.shape[1]), jac=True, method="L-BFGS-B").x
     plain = slope[:-1] / scale
-    numbers = len(Evidence._fields)
-    biases = dict(zip(class_names, plain[numbers:].tolist(), strict=True))
     offset = float(slope[-1] - plain @ middle)
-    return Rejection(plain[:numbers], offset, biases, np.zeros(len(RATES)), np.zeros(3))
+    weights, biases, slopes = np.split(plain, [len(typical) + 1, len(typical) + 1 + len(class_names)])
+    by_class = [dict(zip(class_names, each.tolist(), strict=True)) for each in (biases, slopes)]
+    return Rejection(weights, offset, by_class[0], by_class[1], np.zeros(len(RATES)), typical)
 
 
-def _with_classes(windows: Evidenced, class_names: Sequence[str]) -> NDArray[np.float64]:
-    """Write windows' evidence and, as 0 or 1, their guesses: shape (windows, 5 + classes)."""
+def _numbers(windows: Evidenced, class_names: Sequence[str], typical: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Write what `Rejection` weighs of windows, for every class its bias and its lead: (windows, numbers)."""
+    compared = np.array([evidence.compared for evidence, _ in windows]) - typical
+    leads = compared[:, len(typical) // 2 :].mean(axis=1)
+    noise = [evidence.noisiness for evidence, _ in windows]
     guesses = np.array([[float(guess == name) for name in class_names] for _, guess in windows])
-    return np.column_stack([np.array([evidence for evidence, _ in windows]), guesses])
+    return np.column_stack([compared, noise, guesses, guesses * leads[:, None]])
 
 
 def _threshold(own: Sequence[_Own], judged: Sequence[tuple[_Course, Rejection]], rate: float) -> float:

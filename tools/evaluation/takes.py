@@ -8,12 +8,12 @@ from collections import Counter
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
-from kinespace.library import NOTHING, find_recordings, hdm05, read_recordings
+from kinespace.library import NOTHING, find_recordings, hdm05
 from kinespace.library.formats import utkinect
 from kinespace.library.formats.labels import LabelError, Segment, cut, read_labels, renamed
 from kinespace.library.recordings import labelled, performed
 from kinespace.tools.feeding.joint_sets import joints_of
-from kinespace.tools.terminal.console import progress
+from kinespace.tools.terminal.named_joints import read_and_tell
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -136,7 +136,7 @@ def read_takes(sources: Sources, reading: Reading) -> list[Take]:
     """
     entries = [*_labelled(sources), *_unknown(sources), *(each for table in sources.tables for each in _listed(table))]
     wanted = [each for each in entries if each.person is None or sources.wants(each.person)]
-    read = progress(read_recordings([each.path for each in wanted], reading), "Reading", len(wanted))
+    read = read_and_tell([each.path for each in wanted], reading)
     takes = [_take(clip, entry, reading) for clip, entry in zip(read, wanted, strict=True)]
     takes = [take for take in takes if sources.wants(take.person)]
     if not takes:

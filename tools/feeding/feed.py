@@ -1,4 +1,4 @@
-"""A fake live feed: recorded or made-up frames, when each is to be sent, and faults to order."""
+"""A fake live feed: frames with the time at which each is sent, and faults on request."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ import numpy as np
 
 from kinespace.stream import osc, zeromq
 from kinespace.stream.frame import Announcement, Frame
+from kinespace.tools.cli.interruption import check_interrupted
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
@@ -22,6 +23,9 @@ if TYPE_CHECKING:
 
 #: Seconds between two announcements of the skeleton, as a live sender repeats it for receivers that start later.
 ANNOUNCE_EVERY = 1.0
+
+#: Seconds of the longest sleep: how soon an end that was asked for is noticed.
+_MAX_SLEEP = 0.1
 
 #: A datagram, or the parts of a ZeroMQ message.
 Packet = bytes | list[bytes]
@@ -36,11 +40,11 @@ class Cue:
     due
         Seconds from the feed's start.
     frame
-        What to send.
+        The frame to send.
     seq
         The sender's count.
     class_name
-        What is being performed, empty when nobody knows.
+        The class that is being performed; empty when it is not known.
     """
 
     due: float
@@ -50,7 +54,7 @@ class Cue:
 
 
 class Piece(NamedTuple):
-    """Some frames of a recording, and the index of the first of them in it."""
+    """Some frames of a recording, and the index of the first frame in the recording."""
 
     start: int
     clip: Clip
@@ -59,14 +63,14 @@ class Piece(NamedTuple):
 def clip_cues(clips: Iterable[Clip], performer: str, *, speed: float = 1.0, pause: float = 1.0) -> Iterator[Cue]:
     """Cue clips one after the other.
 
-    Frames carry the recordings' own time, so that a feed sent at another speed is answered the same.
+    Frames carry the recordings' own time, so that a feed at another speed gets the same answers.
 
     Parameters
     ----------
     clips
         In their order.
     performer
-        Who performs all of them.
+        The performer's name in all frames.
     speed
         How many times as fast as recorded they are sent.
     pause
@@ -76,14 +80,14 @@ def clip_cues(clips: Iterable[Clip], performer: str, *, speed: float = 1.0, paus
 
 
 def piece_cues(pieces: Iterable[Piece], performer: str, *, speed: float = 1.0, pause: float = 1.0) -> Iterator[Cue]:
-    """Cue recordings one after the other, of which each comes in pieces that follow each other.
+    """Cue recordings one after the other; each recording comes in consecutive pieces.
 
     Parameters
     ----------
     pieces
-        In their order; one that starts at 0 begins another recording.
+        In their order; a piece that starts at 0 begins another recording.
     performer, speed, pause
-        As `clip_cues` has them.
+        As in `clip_cues`.
     """
     begin, ended, seq = 0.0, 0.0, 0
     for start, clip in pieces:
@@ -139,14 +143,14 @@ def without_pause(clips: Iterable[Clip], frame_rate: float, seconds: float = mat
 
 
 def with_drops(cues: Iterable[Cue], share: float, generator: np.random.Generator) -> Iterator[Cue]:
-    """Lose a share of the frames, 0 to 1, each by chance."""
+    """Drop a share of the frames, 0 to 1, at random."""
     for cue in cues:
         if generator.random() >= share:
             yield cue
 
 
 def with_jitter(cues: Iterable[Cue], seconds: float, generator: np.random.Generator) -> Iterator[Cue]:
-    """Send each frame late by up to some seconds, by chance, in the same order."""
+    """Delay each frame by a random time of up to some seconds; keep the order."""
     latest = 0.0
     for cue in cues:
         latest = max(latest, cue.due + generator.uniform(0.0, seconds))
@@ -170,7 +174,7 @@ def with_reordering(cues: Iterable[Cue], share: float, generator: np.random.Gene
 
 
 class FrameSender(Protocol):
-    """Where a fake feed goes."""
+    """Sends a fake feed's frames."""
 
     @property
     def failed(self) -> int:
@@ -183,7 +187,7 @@ class FrameSender(Protocol):
         """Make the packet of a frame."""
 
     def send(self, packet: Packet) -> None:
-        """Send a packet so made."""
+        """Send a packet that `encode` made."""
 
     def close(self) -> None:
         """Give sockets back."""
@@ -230,7 +234,7 @@ class ZmqFrameSender:
         return self._sender.failed
 
     def greet(self) -> None:
-        """Send something that says nothing, to see whether it arrives."""
+        """Send an empty message, to see whether it arrives."""
         self._sender.send([b"hello/", b""])
 
     def announce(self, announcement: Announcement) -> None:
@@ -253,22 +257,29 @@ class ZmqFrameSender:
 
 
 class Pace:
-    """An absolute schedule: what is due is measured from one start, so that lateness never adds up."""
+    """An absolute schedule: all times are measured from one start, so that delays never add up."""
 
     def __init__(self) -> None:
         self._start = time.perf_counter()
 
     def moment(self, due: float) -> float:
-        """Give the `time.perf_counter` reading at which something due so many seconds from the start is due."""
+        """Give the `time.perf_counter` reading so many seconds after the start."""
         return self._start + due
 
     def put_off(self, seconds: float) -> float:
-        """Let all that is not yet due be due so much later; give the seconds."""
+        """Shift the rest of the schedule by so many seconds; give the seconds."""
         self._start += seconds
         return seconds
 
     def wait_for(self, due: float) -> None:
-        """Sleep until it is due; return at once when it is late."""
-        remaining = self.moment(due) - time.perf_counter()
-        if remaining > 0:
-            time.sleep(remaining)
+        """Sleep until so many seconds after the start; return at once when that is past.
+
+        Raises
+        ------
+        KeyboardInterrupt
+            The program's end was asked for.
+        """
+        check_interrupted()
+        while (remaining := self.moment(due) - time.perf_counter()) > 0:
+            time.sleep(min(remaining, _MAX_SLEEP))
+            check_interrupted()

@@ -7,7 +7,7 @@ from kinespace.stream.feeds import builtin_names, builtin_preset
 from kinespace.stream.feeds.preset import spelling
 from kinespace.tools.programs.feeds import preset_named
 
-#: Bodies without a feed of their own: what Kinect 1's own tools track.
+#: Joint sets that no preset has: the joints of Kinect 1's own tools.
 _FURTHER = {"kinect20": utkinect.SKELETON.joints}
 
 
@@ -17,7 +17,7 @@ def names() -> tuple[str, ...]:
 
 
 def joints_in_order(text: str) -> tuple[str, ...]:
-    """Read which joints a sender's frames hold, in their order, as a person says it.
+    """Read the joints of a sender's frames, in order, from what the user typed.
 
     Parameters
     ----------

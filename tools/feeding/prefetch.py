@@ -1,4 +1,4 @@
-"""Work done ahead in a thread: while one recording is played, the next is read, and no more than that."""
+"""Work done ahead in a thread: while one recording is played, the next one is read, and no more."""
 
 from __future__ import annotations
 
@@ -23,25 +23,25 @@ _Item = TypeVar("_Item")
 
 
 class ReadAhead(Generic[_Item]):
-    """Passes on what an iterator gives, which a thread asks for it beforehand; a context manager and an iterator.
+    """Passes on an iterator's items, which a thread fetches beforehand; a context manager and an iterator.
 
     Parameters
     ----------
     source
-        What to go through. What it raises is raised here, when its turn has come.
+        The iterator. An error that it raises is raised here, after the items before it.
     most
-        How many are kept ready.
+        How many items are kept ready.
 
     Attributes
     ----------
     waited
-        Seconds that whoever took from here had to wait, so far.
+        Seconds that the consumer has had to wait so far.
     """
 
     def __init__(self, source: Iterator[_Item], *, most: int = 1) -> None:
         self.waited = 0.0
         self._source = source
-        # What comes, or how it ended: StopIteration among the errors.
+        # Items, each in a tuple, or the error that ended the iterator, which may be StopIteration.
         self._ready: queue.Queue[tuple[_Item] | BaseException] = queue.Queue(most)
         self._unwanted = threading.Event()
         self._thread = threading.Thread(target=self._read, name="kinespace reading", daemon=True)
@@ -70,7 +70,7 @@ class ReadAhead(Generic[_Item]):
 
     def _get(self) -> tuple[_Item] | BaseException:
         while True:
-            # Not for ever: on Windows nothing else ends such a wait, Ctrl-C neither.
+            # With a timeout, because on Windows not even Ctrl-C ends a wait without one.
             with suppress(queue.Empty):
                 return self._ready.get(timeout=_LOOK_EVERY)
 
@@ -85,7 +85,7 @@ class ReadAhead(Generic[_Item]):
             self._put(StopIteration())
 
     def _put(self, ready: tuple[_Item] | BaseException) -> bool:
-        """Put something where it is taken from; False when nobody will take it any more."""
+        """Hand something to the consumer; False when the consumer has left."""
         while not self._unwanted.is_set():
             try:
                 self._ready.put(ready, timeout=_LOOK_EVERY)

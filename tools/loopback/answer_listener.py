@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import zmq
 
 from kinespace.stream import osc, zeromq
+from kinespace.tools.cli.interruption import check_interrupted
 
 if TYPE_CHECKING:
     from kinespace.stream.answer import Answer
@@ -15,6 +16,8 @@ if TYPE_CHECKING:
 
 #: The poller counts milliseconds; what is left of one is slept in pieces this long, seconds.
 _SHORT_SLEEP = 5e-5
+#: Milliseconds of the longest wait: how soon an end that was asked for is noticed.
+_MAX_WAIT = 100
 
 Receiver = osc.OscReceiver | zeromq.ZmqReceiver
 
@@ -46,8 +49,9 @@ class Listener:
         """Collect packets until a `time.perf_counter` reading; at least once, however late it is."""
         heard = list[Heard]()
         while True:
+            check_interrupted()
             remaining = moment - time.perf_counter()
-            if self._poller.poll(max(0, int(remaining * 1000))):
+            if self._poller.poll(min(_MAX_WAIT, max(0, int(remaining * 1000)))):
                 for receiver in self._receivers:
                     while (packet := receiver.receive()) is not None:
                         heard.append(Heard(receiver, packet, time.perf_counter()))

@@ -35,7 +35,7 @@ Transport = Literal["osc", "zmq"]
 LOOPBACK = "127.0.0.1"
 ANY_ENDPOINT = Endpoint(f"tcp://{LOOPBACK}:*", bind=True)
 #: Seconds a new process may take before it is given up.
-_LONGEST_START = 60.0
+_MAX_START = 60.0
 #: Seconds between two looks of a stand-in at whether the parent wants it to stop.
 _CHECK_EVERY = 0.1
 _GREET_EVERY_MS = 50
@@ -124,7 +124,7 @@ class BackgroundService:
         return self
 
     def _started(self) -> tuple[Any, Any]:
-        if not self._connection.poll(_LONGEST_START):
+        if not self._connection.poll(_MAX_START):
             raise TimeoutError("the recogniser's process did not start")
         try:
             answer = self._connection.recv()
@@ -139,13 +139,13 @@ class BackgroundService:
         # A child that died has nothing to say; whoever waited for its answers has seen that they stopped.
         with suppress(EOFError, OSError):
             self._connection.send(None)
-            if self._connection.poll(_LONGEST_START):
+            if self._connection.poll(_MAX_START):
                 self.status = self._connection.recv()
         self._release()
 
     def _release(self) -> None:
         if self._process.pid is not None:
-            self._process.join(_LONGEST_START)
+            self._process.join(_MAX_START)
         self._connection.close()
         if self._receiver:
             self._receiver.close()
@@ -175,7 +175,7 @@ class BackgroundService:
             return OscFrameSender(*self._frames_to), self._receiver
         sender = ZmqFrameSender(Endpoint(self._frames_to, bind=False))
         receiver = zeromq.ZmqReceiver(Endpoint(self._answers_at, bind=False))
-        until = time.monotonic() + _LONGEST_START
+        until = time.monotonic() + _MAX_START
         while time.monotonic() < until:
             sender.greet()
             receiver.socket.poll(_GREET_EVERY_MS)
@@ -193,8 +193,16 @@ class BackgroundService:
 
 def _serve(connection: Connection, request: _Request) -> None:
     """Run in the child: open sockets, say where, go on until told to stop, say how it went."""
-    # Ctrl-C reaches every process of a terminal; this one ends when its parent says so.
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    # Ctrl-C and a closed terminal reach every process of it; this one ends when its parent says so, or is gone.
+    for name in ("SIGINT", "SIGHUP", "SIGBREAK"):
+        if hasattr(signal, name):
+            signal.signal(getattr(signal, name), signal.SIG_IGN)
+    # A parent that is gone wants to know nothing.
+    with suppress(BrokenPipeError, ConnectionError):
+        _serve_parent(connection, request)
+
+
+def _serve_parent(connection: Connection, request: _Request) -> None:
     try:
         source, sink, addresses = _osc_ends(request) if request.transport == "osc" else _zmq_ends()
         performers = None if request.stand_in else _performers(request)

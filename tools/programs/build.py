@@ -4,17 +4,28 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from functools import reduce
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from kinespace.library import NOTHING, Clip, MotionLibrary, find_recordings, hdm05
 from kinespace.library.formats.labels import LabelError, cut, read_labels
 from kinespace.library.recordings import RecordingReader, is_recording, labelled, performed
+from kinespace.tools.cli.arguments import (
+    add_actor_in,
+    add_changes,
+    add_labels,
+    add_overwrite,
+    add_reading,
+    add_recorded_feed,
+    reading_of,
+)
 from kinespace.tools.terminal.console import console, progress
+from kinespace.tools.terminal.named_joints import NameTeller
 from kinespace.tools.terminal.output_path import require_place_for
 
 if TYPE_CHECKING:
+    import argparse
     from collections.abc import Iterable, Iterator, Mapping, Sequence
-    from pathlib import Path
 
     from kinespace.library import Reading
 
@@ -70,7 +81,39 @@ class Terms:
         )
 
 
-def run(
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the program's options."""
+    parser.description = (
+        "Puts the motions of recordings and library files together, over the joints that all of them have. A "
+        "recording's class is in its name (HDM05) or is its folder's name."
+    )
+    parser.add_argument("sources", nargs="+", type=Path, metavar="SOURCE", help="folders, recordings or libraries")
+    parser.add_argument("-o", "--output", type=Path, required=True, metavar="FILE", help="the library to write")
+    add_overwrite(parser)
+    add_changes(parser)
+    add_labels(parser, "for each recording, in order: cut it into these motions")
+    add_recorded_feed(parser)
+    add_reading(parser)
+    add_actor_in(parser)
+    parser.add_argument("--licence", help="terms of the recordings (default: HDM05's, if they are named like HDM05's)")
+    parser.add_argument("--attribution", help="the authors to name (default: HDM05's, if they are named like HDM05's)")
+
+
+def run(options: argparse.Namespace) -> int:
+    """Run the program with these options; return the exit status."""
+    return build(
+        options.sources,
+        options.output,
+        nothing=options.nothing,
+        labels=options.labels,
+        reading=reading_of(options),
+        terms=Terms(options.licence, options.attribution),
+        changes=Changes(options.without, dict(options.rename)),
+        overwrite=options.overwrite,
+    )
+
+
+def build(
     sources: Sequence[Path],
     output: Path,
     *,
@@ -132,9 +175,10 @@ def _labelled(places: Sequence[Path], reading: Reading, terms: Terms, labels: Se
     paths = find_recordings(places)
     if labels and len(labels) != len(paths):
         raise ValueError(f"--labels: expected one for each of {len(paths)} recordings, got {len(labels)}")
+    tell = NameTeller()
     with RecordingReader(reading) as reader:
         for place, path in enumerate(progress(paths, "Reading", len(paths))):
-            clips = [terms.put_on(clip, path) for clip in reader.clips(path)]
+            clips = [terms.put_on(tell(clip), path) for clip in reader.clips(path)]
             if labels:
                 yield from _cut([performed(clip, path, reading.actor_in) for clip in clips], labels[place])
             else:

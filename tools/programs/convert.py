@@ -18,12 +18,15 @@ from kinespace.library import find_recordings
 from kinespace.library.recordings import RecordingReader
 from kinespace.stream.frame import Announcement
 from kinespace.stream.recording.kinerec import ENDING, RawFile
+from kinespace.tools.cli.arguments import add_overwrite, add_reading, add_recorded_feed, reading_of
 from kinespace.tools.feeding.raw_takes import JointOrder, events_of, seen_in
 from kinespace.tools.programs.feeds import preset_named
 from kinespace.tools.terminal.console import console, printable, progress
+from kinespace.tools.terminal.named_joints import NameTeller
 from kinespace.tools.terminal.output_path import require_place_for
 
 if TYPE_CHECKING:
+    import argparse
     from collections.abc import Iterable, Iterator
 
     from numpy.typing import NDArray
@@ -46,7 +49,32 @@ class _Motion:
     postures: Iterator[_Posture]
 
 
-def run(
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the program's options."""
+    parser.description = (
+        "Writes times and joint positions (seconds, metres) as .npz, or as CSV with a line for each frame."
+    )
+    parser.add_argument("source", type=Path, metavar="FILE", help="a .kinerec or a motion file")
+    parser.add_argument("-o", "--output", type=Path, required=True, metavar="FILE", help="ending in .npz or .csv")
+    parser.add_argument("--performer", help="whose frames, where there are several performers")
+    add_overwrite(parser)
+    add_recorded_feed(parser)
+    add_reading(parser)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Run the program with these options; return the exit status."""
+    return convert(
+        options.source,
+        options.output,
+        performer=options.performer,
+        feed=options.feed,
+        reading=reading_of(options),
+        overwrite=options.overwrite,
+    )
+
+
+def convert(
     source: Path, output: Path, *, performer: str | None, feed: str | None, reading: Reading, overwrite: bool
 ) -> int:
     """Convert one file, frame by frame.
@@ -100,7 +128,7 @@ def _of_file(source: Path, reading: Reading) -> _Motion:
 
 def _clips(path: Path, reading: Reading) -> Iterator[Clip]:
     with RecordingReader(reading) as reader:
-        yield from reader.pieces(path)
+        yield from map(NameTeller(), reader.pieces(path))
 
 
 def _postures_of(clips: Iterable[Clip]) -> Iterator[_Posture]:

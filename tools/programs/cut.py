@@ -3,22 +3,51 @@
 from __future__ import annotations
 
 import csv
+from pathlib import Path
 from typing import TYPE_CHECKING
 
-from kinespace.library.movement import stretches_of
+from kinespace.library.movement import STILLNESS, stretches_of
 from kinespace.library.recordings import RecordingReader, find_recordings
+from kinespace.tools.cli.arguments import add_overwrite, add_reading, add_recorded_feed, positive, reading_of
 from kinespace.tools.terminal.console import console, printable, progress
 from kinespace.tools.terminal.output_path import require_place_for
 
 if TYPE_CHECKING:
-    from pathlib import Path
+    import argparse
 
     from kinespace.library import Reading
 
 COLUMNS = ("start_s", "end_s", "label", "performer")
 
 
-def run(source: Path, output: Path | None, *, reading: Reading, stillness: float, overwrite: bool) -> int:
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the program's options."""
+    parser.description = (
+        "Writes start_s,end_s,label,performer for each movement between two stillnesses, each label empty: fill in the "
+        "classes, and kinespace build --labels makes a library of them."
+    )
+    parser.add_argument("source", type=Path, metavar="FILE", help="a .kinerec or a motion file")
+    parser.add_argument("-o", "--output", type=Path, metavar="CSV", help="default: beside the recording, of its name")
+    parser.add_argument(
+        "--stillness", type=positive, default=STILLNESS, help="movement, relative to the body, at rest (0.01)"
+    )
+    add_overwrite(parser)
+    add_recorded_feed(parser)
+    add_reading(parser)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Run the program with these options; return the exit status."""
+    return propose(
+        options.source,
+        options.output,
+        reading=reading_of(options),
+        stillness=options.stillness,
+        overwrite=options.overwrite,
+    )
+
+
+def propose(source: Path, output: Path | None, *, reading: Reading, stillness: float, overwrite: bool) -> int:
     """Propose labels for a recording, every label empty.
 
     Parameters

@@ -3,16 +3,30 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from rich.text import Text
 
 from kinespace.stream.feeds import Preset, builtin_names, builtin_preset, builtin_text, load_preset
 from kinespace.tools.terminal.console import console
 
+if TYPE_CHECKING:
+    import argparse
+
 _ENDING = ".toml"
 
 
-def run(name: str | None) -> int:
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the program's options."""
+    parser.add_argument("name", nargs="?", metavar="NAME", help="print this preset, to be copied and edited")
+
+
+def run(options: argparse.Namespace) -> int:
+    """Run the program with these options; return the exit status."""
+    return tell(options.name)
+
+
+def tell(name: str | None) -> int:
     """List the presets, or print one as a file to be copied and edited."""
     if name is not None:
         print(builtin_text(name), end="")

@@ -4,35 +4,52 @@ from __future__ import annotations
 
 from collections import Counter
 from itertools import groupby
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 from rich.table import Table
 
-from kinespace.library import MotionLibrary, distance_rows, find_recordings, read_recordings
+from kinespace.library import MotionLibrary, distance_rows, find_recordings
 from kinespace.library.kernels import compiled
 from kinespace.library.recordings import is_recording
 from kinespace.stream.feeds import builtin_names, builtin_preset
 from kinespace.stream.frame import Frame
 from kinespace.stream.recording import decoded
 from kinespace.stream.recording.kinerec import ENDING, RawFile
+from kinespace.tools.cli.arguments import add_reading, add_recorded_feed, reading_of
 from kinespace.tools.programs.feeds import preset_named
 from kinespace.tools.terminal.console import console, printable, progress
+from kinespace.tools.terminal.named_joints import read_and_tell
 from kinespace.tools.terminal.tables import add_names, narrow_table
 
 #: Characters that the figures beside names of recordings, and of classes, need.
 _BESIDE_RECORDINGS, _BESIDE_CLASSES = 34, 52
 
 if TYPE_CHECKING:
+    import argparse
     from collections.abc import Iterator
-    from pathlib import Path
 
     from kinespace.library import Reading
     from kinespace.stream.feeds import Preset
     from kinespace.stream.recording.kinerec import RawPacket
 
 
-def run(file: Path | None, reading: Reading, *, feed: str | None = None) -> int:
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the program's options."""
+    parser.add_argument(
+        "file", nargs="?", type=Path, metavar="FILE", help="a library, a recording or a folder (default: built-in)"
+    )
+    add_recorded_feed(parser)
+    add_reading(parser)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Run the program with these options; return the exit status."""
+    return describe(options.file, reading_of(options), feed=options.feed)
+
+
+def describe(file: Path | None, reading: Reading, *, feed: str | None = None) -> int:
     """Say what a file holds, or a folder's recordings.
 
     Parameters
@@ -93,7 +110,7 @@ def _tell_recordings(place: Path, reading: Reading) -> int:
     add_names(table, "recording", names, beside=_BESIDE_RECORDINGS)
     for heading in ("seconds", "Hz", "joints", "metres across", "filled in"):
         table.add_column(heading, justify="right")
-    for name, clip in zip(names, progress(read_recordings(paths, reading), "Reading", len(paths)), strict=True):
+    for name, clip in zip(names, read_and_tell(paths, reading), strict=True):
         across = float(np.median(distance_rows(clip.positions, clip.skeleton).max(axis=1)))
         table.add_row(
             name,

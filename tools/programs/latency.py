@@ -13,6 +13,7 @@ from rich.table import Table
 
 from kinespace.library import MotionLibrary
 from kinespace.stream.frame import Announcement, Frame
+from kinespace.tools.cli.arguments import add_settings, positive, settings_of
 from kinespace.tools.feeding.feed import Cue, Pace, without_pause
 from kinespace.tools.loopback.answer_listener import Listener, answer_in
 from kinespace.tools.loopback.expected_answers import AnswerMatcher, expected_answers
@@ -20,6 +21,7 @@ from kinespace.tools.loopback.service_process import BackgroundService, Echo
 from kinespace.tools.terminal.console import console
 
 if TYPE_CHECKING:
+    import argparse
     from collections.abc import Sequence
 
     from numpy.typing import NDArray
@@ -192,7 +194,35 @@ def _cues(positions: NDArray[np.float32], rate_hz: float, seconds: float) -> lis
     ]
 
 
-def run(transports: Sequence[Transport], *, rate_hz: float, seconds: float, settings: Settings, as_json: bool) -> int:
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the program's options."""
+    parser.description = (
+        "Feeds a recogniser in another process over loopback and times its answers; the same packets go to a bare echo "
+        "in the same run."
+    )
+    parser.add_argument("--transport", choices=("osc", "zmq", "both"), default="both")
+    parser.add_argument("--rate", type=positive, default=120.0, help="frames per second (default %(default)s)")
+    parser.add_argument("--seconds", type=positive, default=20.0, help="of each run (default %(default)s)")
+    add_settings(parser)
+    parser.add_argument("--json", action="store_true", help="print one JSON object; needs one --transport")
+
+
+def run(options: argparse.Namespace) -> int:
+    """Run the program with these options; return the exit status."""
+    if options.json and options.transport == "both":
+        raise ValueError("--json: expected --transport osc or zmq with it, got both")
+    return compare_with_echo(
+        ("osc", "zmq") if options.transport == "both" else (options.transport,),
+        rate_hz=options.rate,
+        seconds=options.seconds,
+        settings=settings_of(options),
+        as_json=options.json,
+    )
+
+
+def compare_with_echo(
+    transports: Sequence[Transport], *, rate_hz: float, seconds: float, settings: Settings, as_json: bool
+) -> int:
     """Measure each transport and print a table, or one JSON object."""
     table = Table(title=f"Frame sent to answer received, milliseconds, at {rate_hz:g} Hz", title_justify="left")
     headings = ("p50", "p95", "p99", "p99.9", "max", "sent", "answered", "lost")

@@ -10,31 +10,62 @@ from typing import TYPE_CHECKING
 import zmq
 from rich.text import Text
 
-from kinespace.library import MotionLibrary
+from kinespace.library import MotionLibrary, hdm05
+from kinespace.library.motion_library import MIN_JOINTS
+from kinespace.library.naming import NamedJoints, Naming
+from kinespace.library.naming import told as names_told
 from kinespace.stream.feeds import builtin_names, builtin_preset
 from kinespace.stream.feeds.detection import MOST_KINDS, Guess, Survey
 from kinespace.stream.feeds.handshake import NEVER, farewells, is_due, questions
 from kinespace.stream.osc import SKELETON, OscReceiver
+from kinespace.stream.osc.udp import LookedUp
 from kinespace.tools.cli.address import host_and_port
+from kinespace.tools.cli.arguments import OSC_IN, add_json, add_sender, positive
 from kinespace.tools.programs.feeds import preset_named
 from kinespace.tools.terminal.console import console, printable
 from kinespace.tools.terminal.tables import add_names, narrow_table
 
 if TYPE_CHECKING:
+    import argparse
+
     from kinespace.stream.feeds import Preset
 
 #: The preset of our own messages, in which joints need not be named.
 _NATIVE = "native"
 #: Kinds of messages that are shown.
-_MOST_SHOWN = 40
+_MAX_SHOWN = 40
 #: Gaps that are worth a word, seconds, and in intervals of the message's own rate.
 _GAP_SECONDS, _GAP_INTERVALS = 0.2, 4.0
-_LONGEST_WAIT = 100
+_MAX_WAIT = 100
 #: Characters that what stands beside addresses needs.
 _BESIDE_ADDRESSES = 48
 
 
-def run(address: str | None, *, feed: str | None, sender: str, seconds: float, as_json: bool) -> int:
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the program's options."""
+    parser.description = (
+        "The first thing to try when nothing works: shows every kind of message that arrives, its types, rate, senders "
+        "and gaps, which feed it looks like, which joints came, and what recognition lacks."
+    )
+    parser.add_argument("port", nargs="?", metavar="[HOST:]PORT", help=f"default: the feed's port, else {OSC_IN}")
+    parser.add_argument("--feed", metavar="NAME", help="look at it as this feed, and ask for it where it must be asked")
+    add_sender(parser)
+    parser.add_argument("--seconds", type=positive, default=5.0, help="how long (default %(default)s)")
+    add_json(parser)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Run the program with these options; return the exit status."""
+    return listen(
+        options.port or (None if options.feed else OSC_IN),
+        feed=options.feed,
+        sender=options.sender,
+        seconds=options.seconds,
+        as_json=options.json,
+    )
+
+
+def listen(address: str | None, *, feed: str | None, sender: str, seconds: float, as_json: bool) -> int:
     """Listen for some seconds and say what came: 0 when it can be recognised, 1 when not."""
     preset = preset_named(feed) if feed else None
     host, port = host_and_port(address) if address else ("127.0.0.1", preset.port if preset else 0)
@@ -68,6 +99,7 @@ def heard(receiver: OscReceiver, seconds: float, preset: Preset | None, sender: 
     survey = Survey()
     poller = zmq.Poller()
     poller.register(receiver.socket, zmq.POLLIN)
+    target = LookedUp(sender, preset.asking.port) if preset and preset.asking else None
     asked = NEVER
     until = time.monotonic() + seconds
     try:
@@ -75,8 +107,8 @@ def heard(receiver: OscReceiver, seconds: float, preset: Preset | None, sender: 
             if preset and preset.asking and is_due(preset.asking, now, asked, NEVER if not survey.packets else now):
                 asked = now
                 for packet in questions(preset, receiver.address[1]):
-                    receiver.send_to(packet, (sender, preset.asking.port))
-            poller.poll(min(_LONGEST_WAIT, int((until - now) * 1000) + 1))
+                    _tell(receiver, packet, target)
+            poller.poll(min(_MAX_WAIT, int((until - now) * 1000) + 1))
             while time.monotonic() < until and (datagram := receiver.receive()) is not None:
                 host, port = receiver.sender or ("", 0)
                 survey.see(datagram, f"{host}:{port}", time.monotonic())
@@ -84,8 +116,13 @@ def heard(receiver: OscReceiver, seconds: float, preset: Preset | None, sender: 
         pass
     if preset and preset.asking:
         for packet in farewells(preset, receiver.address[1]):
-            receiver.send_to(packet, (sender, preset.asking.port))
+            _tell(receiver, packet, target)
     return survey
+
+
+def _tell(receiver: OscReceiver, packet: bytes, target: LookedUp | None) -> None:
+    if target and target.address:
+        receiver.send_to(packet, target.address)
 
 
 def advice(survey: Survey, guess: Guess | None, address: str | None) -> list[str]:
@@ -115,6 +152,8 @@ def advice(survey: Survey, guess: Guess | None, address: str | None) -> list[str
 
 def _lacking(survey: Survey, guess: Guess) -> list[str]:
     """Say what a feed lacks to be recognised."""
+    if guess.preset.name == _NATIVE and survey.announced:
+        return _named_otherwise(survey)
     if guess.missing and guess.preset.name == _NATIVE and not any(k.address == SKELETON for k in survey.kinds.values()):
         return [
             f"{len(guess.joints)} joints whose names were never sent: let the sender send {SKELETON}, or",
@@ -131,6 +170,22 @@ def _lacking(survey: Survey, guess: Guess) -> list[str]:
     elif guess.refused:
         lines.append(f"{guess.refused} frames refused, because joints in them were absent for too long")
     return lines
+
+
+def named_joints(survey: Survey) -> NamedJoints | None:
+    """Give the joints that a sender of our own messages announced by our names; None where none did."""
+    return Naming().read(survey.announced) if survey.announced else None
+
+
+def _named_otherwise(survey: Survey) -> list[str]:
+    """Say what announced joints lack: they may be fewer, and others' names, but five must be ours."""
+    shared = set(Naming().read(survey.announced).joints) & set(hdm05.SKELETON.joints)
+    if len(shared) >= MIN_JOINTS:
+        return []
+    return [
+        f"{len(shared)} of the {len(survey.announced)} announced joints have names that are known: say whose they are,",
+        "kinespace live --names NAME, or build your own library from this feed",
+    ]
 
 
 def as_object(survey: Survey, guess: Guess | None, told: list[str]) -> dict[str, object]:
@@ -151,6 +206,7 @@ def as_object(survey: Survey, guess: Guess | None, told: list[str]) -> dict[str,
         "performers": list(guess.performers) if guess else [],
         "joints": list(guess.joints) if guess else [],
         "missing": list(guess.missing) if guess else [],
+        "names": named.title if (named := named_joints(survey)) else None,
         "advice": told,
     }
 
@@ -158,22 +214,24 @@ def as_object(survey: Survey, guess: Guess | None, told: list[str]) -> dict[str,
 def _show(survey: Survey, guess: Guess | None, told: list[str]) -> None:
     table = narrow_table("kinespace listen", _caption(survey))
     shown = sorted(survey.kinds.values(), key=lambda kind: -kind.count)
-    add_names(table, "address", [printable(kind.address) for kind in shown[:_MOST_SHOWN]], beside=_BESIDE_ADDRESSES)
+    add_names(table, "address", [printable(kind.address) for kind in shown[:_MAX_SHOWN]], beside=_BESIDE_ADDRESSES)
     for heading in ("types", "messages", "per second", "longest gap", "for example"):
         table.add_column(heading, overflow="fold")
-    for kind in shown[:_MOST_SHOWN]:
+    for kind in shown[:_MAX_SHOWN]:
         example = " ".join(f"{each:.3g}" if isinstance(each, float) else printable(str(each)) for each in kind.example)
         cells = (printable(kind.address), kind.types, str(kind.count), f"{kind.rate:.1f}", f"{kind.longest_gap:.2f} s")
         table.add_row(*map(Text, cells), Text(example))
     if survey.kinds:
         console.print(table)
-    if len(shown) > _MOST_SHOWN:
-        console.print(f"and {len(shown) - _MOST_SHOWN}{' or more' if len(shown) >= MOST_KINDS else ''} other kinds")
+    if len(shown) > _MAX_SHOWN:
+        console.print(f"and {len(shown) - _MAX_SHOWN}{' or more' if len(shown) >= MOST_KINDS else ''} other kinds")
     if guess:
         _say(
             f"looks like {guess.preset.name} ({guess.preset.product}): {guess.understood:.0%} of the messages, "
             f"{len(guess.joints)} of {len(guess.preset.joints)} joints, {guess.frames} frames"
         )
+        if named := named_joints(survey):
+            _say(names_told(named.title or "our", named.joints))
         if guess.frames:
             _say(f"performers: {', '.join(map(printable, guess.performers))}, {guess.rate:.1f} frames per second each")
             _say(f"recognise it: kinespace live --feed {guess.preset.name}")

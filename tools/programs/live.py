@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import gc
-import signal
 import sys
 import threading
 import time
 from contextlib import ExitStack, nullcontext
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -16,15 +15,28 @@ from typing import TYPE_CHECKING
 from rich.live import Live
 
 from kinespace.library import MotionLibrary
+from kinespace.library.naming import Naming
 from kinespace.stream import osc, zeromq
 from kinespace.stream.feeds.source import FeedSource
 from kinespace.stream.inputs import OscDecoder, Source, ZmqDecoder
 from kinespace.stream.outputs import LAYOUTS, LayoutSink, NativeLayout, ReplySender, Sink, ZmqSink
-from kinespace.stream.recognizer import LiveSignature, Performers, Recognizer
+from kinespace.stream.recognizer import LiveSignature, Performers, Recognizer, SentJoints
 from kinespace.stream.recording import RawWriter, Recorder, source_name
+from kinespace.stream.restricted_beside import RestrictedBeside
 from kinespace.stream.service import Service
 from kinespace.stream.zeromq import Endpoint
 from kinespace.tools.cli.address import host_and_port
+from kinespace.tools.cli.arguments import (
+    OSC_IN,
+    add_inputs,
+    add_library,
+    add_names,
+    add_overwrite,
+    add_sender,
+    add_settings,
+    settings_of,
+)
+from kinespace.tools.cli.interruption import stop_on_signals
 from kinespace.tools.feeding.joint_sets import joints_in_order
 from kinespace.tools.programs.feeds import preset_named
 from kinespace.tools.teaching.desk import Start, as_performers, open_desk
@@ -35,6 +47,7 @@ from kinespace.tools.terminal.live_table import LiveTable, PlainLines, summary
 from kinespace.tools.terminal.output_path import require_place_for
 
 if TYPE_CHECKING:
+    import argparse
     from collections.abc import Sequence
 
     from kinespace.library.windows.index import WindowIndex
@@ -42,6 +55,10 @@ if TYPE_CHECKING:
     from kinespace.stream.recognizer import Settings
     from kinespace.tools.teaching.desk import Desk
 
+#: Where answers go unless the user says otherwise: a port that none of the usual receivers uses.
+OSC_OUT = "127.0.0.1:9311"
+#: The addresses of all of a machine's networks, and of the machine itself.
+_ANY_HOST, _THIS_MACHINE = ("0.0.0.0", "::"), ("127.0.0.1", "::1")  # noqa: S104 - compared, not bound
 #: Times a second the table is drawn.
 _REDRAWS = 5
 #: Seconds a thread may keep Python's lock while another waits. Drawing takes longer than a frame may wait.
@@ -75,12 +92,15 @@ class Feed:
     joints
         What frames in our own messages hold whose sender does not say so, as
         `tools.feeding.joint_sets.joints_in_order` reads it; None for the library's joints.
+    naming
+        How the joint names are read that senders of our own messages announce.
     """
 
     preset: str | None = None
     sender: str = "127.0.0.1"
     outs: Sequence[str] = ()
     joints: str | None = None
+    naming: Naming = field(default_factory=Naming)
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,7 +135,78 @@ _NO_TEACHING = Teaching()
 _AnyReceiver = osc.OscReceiver | zeromq.ZmqReceiver
 
 
-def run(
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the program's options."""
+    parser.description = (
+        f"Recognises frames and publishes answers until Ctrl-C. Unless told otherwise: OSC in on {OSC_IN}, out to "
+        f"{OSC_OUT}. A ZeroMQ endpoint is bound; put > before it to connect instead."
+    )
+    add_inputs(parser)
+    parser.add_argument("--osc-out", metavar="HOST:PORT", help="send OSC answers there")
+    parser.add_argument("--zmq-out", metavar="ENDPOINT", help="publish ZeroMQ answers")
+    parser.add_argument(
+        "--feed", metavar="NAME", help="read the feed of this product, see kinespace feeds; or FILE.toml"
+    )
+    add_sender(parser)
+    parser.add_argument(
+        "--out",
+        action="append",
+        default=[],
+        metavar="NAME[=HOST:PORT]",
+        help="answer as these programs hear it, several at once: " + ", ".join(LAYOUTS) + "; sender:PORT replies",
+    )
+    parser.add_argument(
+        "--joints",
+        metavar="A,B,...",
+        help="the joints of frames whose sender never names them, in order: the library's names, or a preset that "
+        "lists them, like kinectv2, or FILE.toml (default: the library's joints)",
+    )
+    add_names(parser, "senders")
+    add_library(parser)
+    add_settings(parser)
+    parser.add_argument("--performers", type=int, default=32, help="how many performers at most (default %(default)s)")
+    parser.add_argument("--record", type=Path, metavar="FILE", help="keep every packet that comes in, for replay")
+    add_overwrite(parser)
+    parser.add_argument(
+        "--teach", type=Path, metavar="FILE", help="let people teach motions by showing them, and keep them there"
+    )
+    parser.add_argument(
+        "--control",
+        action="append",
+        default=[],
+        metavar="wekinator|ENDPOINT",
+        help="also obey Wekinator's control messages (=HOST:PORT; 6448), or ZeroMQ requests, like tcp://127.0.0.1:9330",
+    )
+    parser.add_argument(
+        "--allow-from", action="append", default=[], metavar="HOST", help="who may teach beside this machine"
+    )
+    parser.add_argument("--plain", action="store_true", help="print a line per change instead of a table")
+
+
+def run(options: argparse.Namespace) -> int:
+    """Run the program with these options; return the exit status."""
+    none_given = not any((options.osc_in, options.osc_out, options.zmq_in, options.zmq_out))
+    usual_out = not (options.osc_out or options.zmq_out or options.out)
+    usual_in = none_given and not options.feed
+    addresses = Addresses(
+        osc_in=OSC_IN if usual_in else options.osc_in,
+        osc_out=OSC_OUT if usual_out else options.osc_out,
+        zmq_in=options.zmq_in,
+        zmq_out=options.zmq_out,
+    )
+    return recognise(
+        addresses,
+        library=options.library,
+        settings=settings_of(options),
+        most=options.performers,
+        plain=options.plain,
+        record=options.record,
+        overwrite=options.overwrite,
+        feed=Feed(options.feed, options.sender, tuple(options.out), options.joints, Naming.asked(options.naming)),
+    )
+
+
+def recognise(
     addresses: Addresses,
     *,
     library: Path | None,
@@ -132,8 +223,7 @@ def run(
     if record:
         require_place_for(record, overwrite=overwrite)
     preset = preset_named(feed.preset) if feed.preset else None
-    joints = _assumed_joints(feed)
-    performers, desk = _performers(library, preset, joints, teaching=teaching, settings=settings, most=most)
+    performers, desk = _performers(library, preset, feed, teaching=teaching, settings=settings, most=most)
     shown: PlainLines | LiveTable = PlainLines() if plain or not console.is_terminal else LiveTable(performers.classes)
     receivers, sinks, kept = _open(addresses, feed, preset, record)
     recorders = [Recorder(kept, index) if kept else None for index in range(len(receivers))]
@@ -144,8 +234,7 @@ def run(
         if desk:
             desk.sinks = service.sinks
         _announce([*sources, *doors], sinks)
-        for number in (signal.SIGINT, signal.SIGTERM):
-            signal.signal(number, lambda *_: service.stop())
+        stop_on_signals(service.stop)
         # What was loaded so far lives as long as we do: the collector need not look at it again.
         gc.freeze()
         with Keys(desk, shown) if desk and isinstance(shown, LiveTable) else nullcontext():
@@ -167,7 +256,7 @@ def run(
 def _performers(
     library: Path | None,
     preset: Preset | None,
-    joints: tuple[str, ...],
+    feed: Feed,
     *,
     teaching: Teaching,
     settings: Settings,
@@ -177,7 +266,10 @@ def _performers(
     nothing = library == _NO_LIBRARY
     if nothing and not teaching.file:
         raise ValueError("--library none: expected --teach with it")
+    joints = _assumed_joints(feed)
     motions = MotionLibrary.load(library) if library and not nothing else MotionLibrary.builtin()
+    if feed.naming.convention or feed.naming.finds:
+        motions = motions.in_our_names(Naming())
     if nothing:
         joints = joints or (preset.joints if preset else ())
     elif preset:
@@ -185,23 +277,24 @@ def _performers(
     elif joints:
         motions = fitted(motions, "--joints", joints)
     if teaching.file:
-        desk = _desk(teaching, None if nothing else motions, joints, settings, most)
+        desk = _desk(teaching, None if nothing else motions, SentJoints(joints, feed.naming), settings, most)
         return as_performers(desk), desk
     _require_room_for(motions, settings)
-    return Performers(motions, settings, most=most, joints=joints), None
+    sent = SentJoints(joints, feed.naming, RestrictedBeside(motions, settings))
+    return Performers(motions, settings, most=most, joints=sent), None
 
 
-def _desk(
-    teaching: Teaching, motions: MotionLibrary | None, joints: tuple[str, ...], settings: Settings, most: int
-) -> Desk:
+def _desk(teaching: Teaching, motions: MotionLibrary | None, sent: SentJoints, settings: Settings, most: int) -> Desk:
     """Open what was taught before."""
     assert teaching.file is not None  # noqa: S101 - told to mypy
 
     def performers(index: WindowIndex, classes: Sequence[str]) -> Performers:
-        covers = set(index.library.skeleton.joints) <= set(joints)
-        return Performers(index, settings, most=most, joints=joints if covers else (), classes=classes)
+        covers = set(index.library.skeleton.joints) <= set(sent.assumed)
+        fewer = RestrictedBeside(index.library, settings)
+        joints = SentJoints(sent.assumed if covers else (), sent.naming, fewer)
+        return Performers(index, settings, most=most, joints=joints, classes=classes)
 
-    return open_desk(Start(teaching.file, motions, joints), performers)
+    return open_desk(Start(teaching.file, motions, sent.assumed), performers)
 
 
 def _doors(teaching: Teaching, desk: Desk, sources: Sequence[Source]) -> list[WekinatorDoor | RequestDoor]:
@@ -225,7 +318,7 @@ def _doors(teaching: Teaching, desk: Desk, sources: Sequence[Source]) -> list[We
 def _assumed_joints(feed: Feed) -> tuple[str, ...]:
     if feed.joints and feed.preset:
         raise ValueError("--joints: expected no --feed with it; a preset says which joints there are")
-    return joints_in_order(feed.joints) if feed.joints else ()
+    return feed.naming.read(joints_in_order(feed.joints)).joints if feed.joints else ()
 
 
 def fitted(motions: MotionLibrary, whose: str, joints: Sequence[str]) -> MotionLibrary:
@@ -301,10 +394,24 @@ def _open(
         for out in feed.outs:
             sinks.append(_layout_sink(out, receivers))
             opened.callback(sinks[-1].close)
+        _require_no_loop(receivers, sinks)
         # Last, because it may take another file's place.
         writer = _writer(record, receivers, preset) if record else None
         opened.pop_all()
     return receivers, sinks, writer
+
+
+def _require_no_loop(receivers: Sequence[_AnyReceiver], sinks: Sequence[Sink]) -> None:
+    """Refuse answers to a port that frames come in on: they would be taken for frames."""
+    heard = [receiver.address for receiver in receivers if isinstance(receiver, osc.OscReceiver)]
+    for sink in sinks:
+        sender = sink.sender if isinstance(sink, LayoutSink) else None
+        if not isinstance(sender, osc.OscSender):
+            continue
+        host, port = sender.target[:2]
+        for own, listening in heard:
+            if port == listening and (host == own or (own in _ANY_HOST and host in (*_ANY_HOST, *_THIS_MACHINE))):
+                raise ValueError(f"--out: expected another place than {own}:{listening}, where frames come in: {sink}")
 
 
 def _writer(record: Path, receivers: Sequence[_AnyReceiver], preset: Preset | None) -> RawWriter:

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import signal
 import time
 from contextlib import ExitStack
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import zmq
@@ -14,19 +14,44 @@ from kinespace.stream import osc, zeromq
 from kinespace.stream.recording import RawWriter, Recorder, source_name
 from kinespace.stream.zeromq import Endpoint
 from kinespace.tools.cli.address import host_and_port
+from kinespace.tools.cli.arguments import OSC_IN, add_inputs, add_overwrite, positive
+from kinespace.tools.cli.interruption import stop_on_signals
 from kinespace.tools.terminal.console import console, progress_console
 from kinespace.tools.terminal.output_path import require_place_for
 
 if TYPE_CHECKING:
-    from pathlib import Path
+    import argparse
 
 #: Milliseconds of the longest sleep: how soon Ctrl-C is heard.
-_LONGEST_SLEEP = 100
+_MAX_SLEEP = 100
 
 _Receivers = list[osc.OscReceiver | zeromq.ZmqReceiver]
 
 
-def run(output: Path, *, osc_in: str | None, zmq_in: str | None, seconds: float | None, overwrite: bool) -> int:
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the program's options."""
+    parser.description = (
+        "Keeps every packet with its arrival time and sender until Ctrl-C. A crash costs the last second at most. "
+        "kinespace replay sends the file again bit for bit; kinespace live --record keeps what it hears."
+    )
+    parser.add_argument("output", type=Path, metavar="FILE", help="to make, like tonight.kinerec")
+    add_inputs(parser)
+    parser.add_argument("--seconds", type=positive, help="how long (default: until Ctrl-C)")
+    add_overwrite(parser)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Run the program with these options; return the exit status."""
+    return record(
+        options.output,
+        osc_in=options.osc_in or (None if options.zmq_in else OSC_IN),
+        zmq_in=options.zmq_in,
+        seconds=options.seconds,
+        overwrite=options.overwrite,
+    )
+
+
+def record(output: Path, *, osc_in: str | None, zmq_in: str | None, seconds: float | None, overwrite: bool) -> int:
     """Record until interrupted, or for so many seconds; say what was kept.
 
     Parameters
@@ -47,8 +72,7 @@ def run(output: Path, *, osc_in: str | None, zmq_in: str | None, seconds: float 
         names = list(map(source_name, receivers))
         writer = opened.enter_context(RawWriter(output, names))
         recording = _Recording(receivers, writer)
-        for number in (signal.SIGINT, signal.SIGTERM):
-            signal.signal(number, lambda *_: recording.stop())
+        stop_on_signals(recording.stop)
         console.print(f"recording {', '.join(names)} to {output}; Ctrl-C ends", soft_wrap=True)
         with Status("nothing has come yet", console=progress_console) as shown:
             recording.run(seconds, shown)
@@ -102,7 +126,7 @@ class _Recording:
         """Go on until stopped or until so many seconds have gone by; what has arrived by then is still kept."""
         began = told = time.monotonic()
         while not self._stopped and (seconds is None or time.monotonic() < began + seconds):
-            self._poller.poll(_LONGEST_SLEEP)
+            self._poller.poll(_MAX_SLEEP)
             self._keep()
             if time.monotonic() >= told + 1.0:
                 told = time.monotonic()

@@ -21,6 +21,7 @@ from kinespace.stream.frame import Announcement
 from kinespace.stream.recording.kinerec import ENDING
 from kinespace.stream.zeromq import Endpoint
 from kinespace.tools.cli.address import host_and_port
+from kinespace.tools.cli.arguments import OSC_IN, add_json, add_reading, not_negative, positive, reading_of, share
 from kinespace.tools.feeding.feed import (
     ANNOUNCE_EVERY,
     OscFrameSender,
@@ -36,9 +37,11 @@ from kinespace.tools.feeding.prefetch import ReadAhead
 from kinespace.tools.loopback.answer_listener import Listener, answer_in
 from kinespace.tools.programs import replay_packets
 from kinespace.tools.terminal.console import console, progress, progress_console
+from kinespace.tools.terminal.named_joints import NameTeller
 from kinespace.tools.terminal.tables import add_names
 
 if TYPE_CHECKING:
+    import argparse
     from collections.abc import Iterable, Iterator, Sequence
 
     from kinespace.library.skeleton import Skeleton
@@ -129,7 +132,62 @@ class Score:
         return table
 
 
-def run(
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the program's options."""
+    parser.description = (
+        "Sends recordings as live packets on an absolute schedule. With --listen it hears the answers and prints the "
+        "share that was right; a clip's class is in its name (HDM05) or is its folder's name. Exit status: 0 sent "
+        "(and, with --listen, answered), 1 with --listen and without any answer, 2 could not be done."
+    )
+    parser.add_argument(
+        "clips",
+        nargs="*",
+        type=Path,
+        metavar="CLIP|CLASS",
+        help="recordings, folders of them, or classes of the built-in library, whose motions are played; or one "
+        ".kinerec (default: all motions of the built-in library)",
+    )
+    add_reading(parser)
+    parser.add_argument("--osc", metavar="HOST:PORT", help=f"send OSC there (default {OSC_IN})")
+    parser.add_argument(
+        "--zmq", metavar="ENDPOINT", help="publish on ZeroMQ instead; connects, put @ before it to bind"
+    )
+    parser.add_argument("--listen", metavar="ADDRESS", help="HOST:PORT or ZeroMQ endpoint where the answers come")
+    parser.add_argument("--performer", default="replay", help="name of the performer (default %(default)s)")
+    parser.add_argument("--speed", type=positive, default=1.0, help="times as fast as recorded (default %(default)s)")
+    parser.add_argument("--pause", type=not_negative, default=1.0, help="seconds between clips (default %(default)s)")
+    parser.add_argument("--from", type=not_negative, default=0.0, dest="begin", metavar="S", help="begin there")
+    parser.add_argument("--to", type=positive, dest="end", metavar="S", help="end there, seconds of each recording")
+    parser.add_argument("--loop", action="store_true", help="begin again after the last clip, until Ctrl-C")
+    parser.add_argument("--drop", type=share, default=0.0, metavar="SHARE", help="lose this share of frames")
+    parser.add_argument("--jitter-ms", type=not_negative, default=0.0, metavar="MS", help="delay frames by up to this")
+    parser.add_argument("--reorder", type=share, default=0.0, metavar="SHARE", help="swap this share with the next")
+    parser.add_argument("--seed", type=int, default=0, help="seed of the faults (default %(default)s)")
+    add_json(parser)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Run the program with these options; return the exit status."""
+    return play(
+        options.clips,
+        reading=reading_of(options),
+        osc_to=options.osc or (None if options.zmq else OSC_IN),
+        zmq_to=options.zmq,
+        listen=options.listen,
+        course=Course(
+            options.performer,
+            speed=options.speed,
+            pause=options.pause,
+            loop=options.loop,
+            begin=options.begin,
+            end=options.end,
+        ),
+        faults=Faults(drop=options.drop, jitter=options.jitter_ms / 1000, reorder=options.reorder, seed=options.seed),
+        as_json=options.json,
+    )
+
+
+def play(
     places: Sequence[Path],
     *,
     reading: Reading,
@@ -193,7 +251,9 @@ def _to_play(places: Sequence[Path], reading: Reading) -> list[Path | Clip]:
     """List the files to be read and the built-in library's motions, place by place, each once."""
     found = [each for place in places for each in _in_place(place)] if places else [*MotionLibrary.builtin().motions]
     if reading != Reading() and not any(isinstance(each, Path) for each in found):
-        raise ValueError("replay: expected recordings with --asf, --frame-rate, --unit or --joints, got none to read")
+        raise ValueError(
+            "replay: expected recordings with --asf, --frame-rate, --unit, --joints, --names, got none to read"
+        )
     return list(dict.fromkeys(found))
 
 
@@ -206,12 +266,13 @@ def _in_place(place: Path) -> Sequence[Path | Clip]:
 def _pieces(recordings: Sequence[Path | Clip], reading: Reading, course: Course) -> Iterator[Piece]:
     """Read what is to be played, one recording after the other, in a loop for ever; all with the first one's joints."""
     skeleton: Skeleton | None = None
+    teller = NameTeller()
     with RecordingReader(reading) as reader:
         while True:
             for recording in recordings:
                 for piece in _cut(_read(reader, recording), course.begin, course.end):
                     skeleton = skeleton or piece.clip.skeleton
-                    yield Piece(piece.start, piece.clip.as_of(skeleton))
+                    yield Piece(piece.start, teller(piece.clip).as_of(skeleton))
             if not course.loop:
                 return
 

@@ -145,6 +145,15 @@ class Desk:
         """Performers whose frames are refused for their joints, and why."""
         return self._performers.refused
 
+    @property
+    def compared(self) -> dict[str, str]:
+        """By which joints performers are compared, where these are not all."""
+        return self._performers.compared
+
+    def take_gone(self) -> list[str]:
+        """Give the performers who were dropped since this was last asked."""
+        return self._performers.take_gone()
+
     def push_all(self, events: Sequence[Input], arrival: float) -> list[Recognition | None]:
         """Recognise what came, and let the teacher see it."""
         answers = self._performers.push_all(events, arrival)

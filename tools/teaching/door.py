@@ -122,6 +122,8 @@ class WekinatorDoor:
     """A source of no frames: Wekinator's control messages."""
 
     tended = True
+    #: Nothing that a person should know.
+    notes: Sequence[str] = ()
 
     def __init__(self, receiver: OscReceiver, desk: Desk, allowed: Allowed) -> None:
         self._receiver, self._desk, self._allowed = receiver, desk, allowed
@@ -178,6 +180,8 @@ class RequestDoor:
     """
 
     tended = True
+    #: Nothing that a person should know.
+    notes: Sequence[str] = ()
 
     def __init__(self, endpoint: Endpoint, desk: Desk, allowed: Allowed) -> None:
         self._socket = endpoint.open(zmq.REP)

@@ -1,1 +1,1 @@
-"""What is shown in a terminal or drawn into a picture."""
+"""Output for people: the terminal, tables, pictures, and the files that programs write."""

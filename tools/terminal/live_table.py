@@ -1,4 +1,4 @@
-"""What a person sees of a running recogniser: a table, a line per change, a summary at the end."""
+"""A running recogniser as the user sees it: a table, or a line per change; a summary at the end."""
 
 from __future__ import annotations
 
@@ -45,6 +45,8 @@ class PlainLines(Sink):
     def __init__(self) -> None:
         self._labels: dict[str, str] = {}
         self._refused: dict[str, str] = {}
+        self._compared: dict[str, str] = {}
+        self._notes: tuple[str, ...] = ()
 
     def publish(self, recognition: Recognition) -> None:
         """Print the recognition if it says something new."""
@@ -57,18 +59,25 @@ class PlainLines(Sink):
             )
 
     def publish_event(self, event: Event) -> None:
-        """Print it."""
+        """Print the event."""
         console.print(
             f"{event.time:10.3f} s  {printable(event.performer)}  {event.kind}: {event.label}", soft_wrap=True
         )
 
     def publish_status(self, status: Status) -> None:
-        """Forget performers who have left, so that their return is news."""
+        """Forget performers that have left, so that their return is printed again."""
         self._labels = {name: label for name, label in self._labels.items() if name in status.performers}
         for name, why in status.refused.items():
             if self._refused.get(name) != why:
                 console.print(refused_frames(name, why), soft_wrap=True)
-        self._refused = status.refused
+        for name, what in status.compared.items():
+            if self._compared.get(name) != what:
+                console.print(compared_joints(name, what), soft_wrap=True)
+        self._refused, self._compared = status.refused, status.compared
+        for note in status.notes:
+            if note not in self._notes:
+                console.print(printable(note), soft_wrap=True)
+        self._notes = status.notes
 
     def publish_notice(self, notice: Notice) -> None:
         """Print it."""
@@ -86,27 +95,27 @@ class LiveTable(Sink):
         self._status: Status | None = None
         #: What is said below the table while somebody may be taught.
         self.hint = ""
-        self._notices: list[str] = []
+        self._taught: list[str] = []
 
     def publish_notice(self, notice: Notice) -> None:
         """Remember the last ones."""
         if line := as_line(notice):
-            self._notices = [*self._notices, printable(line)][-_NOTICES:]
+            self._taught = [*self._taught, printable(line)][-_NOTICES:]
 
     def publish(self, recognition: Recognition) -> None:
-        """Remember it."""
+        """Remember the recognition."""
         self._latest[recognition.performer] = recognition
 
     def publish_event(self, event: Event) -> None:
-        """Remember what is going on."""
+        """Remember the motion that is going on."""
         self._going_on[event.performer] = event.label if event.kind is EventKind.START else ""
 
     def publish_classes(self, classes: Sequence[str]) -> None:
-        """Remember them."""
+        """Remember the classes."""
         self._classes = classes
 
     def publish_status(self, status: Status) -> None:
-        """Remember it, and forget performers who have left."""
+        """Remember the status, and forget performers that have left."""
         self._status = status
         self._latest = {name: last for name, last in self._latest.items() if name in status.performers}
         self._going_on = {name: label for name, label in self._going_on.items() if name in status.performers}
@@ -148,9 +157,16 @@ class LiveTable(Sink):
         status = self._status
         if status is None:
             return f"{len(self._classes)} classes"
-        told = "".join(f"\n{refused_frames(name, why)}" for name, why in status.refused.items())
-        told += "".join(f"\n{line}" for line in (*self._notices, *([self.hint] if self.hint else ())))
+        told = "".join(f"\n{compared_joints(name, what)}" for name, what in status.compared.items())
+        told += "".join(f"\n{refused_frames(name, why)}" for name, why in status.refused.items())
+        told += "".join(f"\n{printable(note)}" for note in status.notes)
+        told += "".join(f"\n{line}" for line in (*self._taught, *([self.hint] if self.hint else ())))
         return f"{len(self._classes)} classes · {counts(status)}{told}"
+
+
+def compared_joints(performer: str, what: str) -> str:
+    """Say by which joints a performer is compared."""
+    return f"performer {printable(performer)}: {what}"
 
 
 def refused_frames(performer: str, why: str) -> str:
@@ -174,7 +190,7 @@ def counts(status: Status) -> str:
 
 
 def summary(status: Status) -> str:
-    """Say how a service did, at its end."""
+    """Sum up a service when it ends."""
     recognizers = status.outcomes.recognizers
     return (
         f"{counts(status)}\n"
@@ -182,4 +198,5 @@ def summary(status: Status) -> str:
         f"{status.unsent} answers not sent, "
         f"hop {status.hop_p50 * 1000:.2f} ms (p50) {status.hop_p99 * 1000:.2f} ms (p99)"
         + "".join(f"\n{refused_frames(name, why)}" for name, why in status.refused.items())
+        + "".join(f"\n{printable(note)}" for note in status.notes)
     )

@@ -1,4 +1,4 @@
-"""Files that a program is to write: looked at before the work, not after it."""
+"""Files that a program will write: checked before the work, not after it."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def require_place_for(output: Path, *, overwrite: bool = True) -> None:
     output
         The file to be written.
     overwrite
-        Whether it may take another's place; where it may not, the message says which option lets it.
+        Whether it may replace a file; where it may not, the message names the option that allows it.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""What is drawn with matplotlib, which is an extra: `pip install kinespace[pictures]`."""
+"""Pictures drawn with matplotlib, which is an extra: `pip install kinespace[pictures]`."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 
 def require_place_for_picture(path: Path) -> None:
-    """Refuse a picture that could not be written, before what it shows is worked out.
+    """Refuse a picture that could not be written, before the work begins.
 
     Raises
     ------
@@ -50,7 +50,7 @@ def draw_confusions(path: Path, results: Mapping[Space, Retrieval], protocol: Pr
     path
         The picture; its ending says which kind (.png, .svg, .pdf).
     results
-        What came out in each space.
+        The outcome in each space.
     protocol
         Under which protocol, for the title.
 
@@ -78,14 +78,14 @@ def draw_confusions(path: Path, results: Mapping[Space, Retrieval], protocol: Pr
 
 
 def draw_time_confusion(path: Path, labels: Sequence[str], answers: Sequence[str], shares: NDArray[np.float64]) -> None:
-    """Draw which share of each performed label's time was answered with what.
+    """Draw, for each performed label, the shares of its time that were answered with each class.
 
     Parameters
     ----------
     path
         The picture.
     labels, answers
-        What was performed (rows) and published (columns).
+        Performed labels (rows) against published ones (columns).
     shares
         Shape (labels, answers), 0 to 1.
     """
@@ -101,7 +101,7 @@ def draw_time_confusion(path: Path, labels: Sequence[str], answers: Sequence[str
 
 
 def draw_timelines(path: Path, courses: Sequence[Course], classes: Sequence[str]) -> None:
-    """Draw each take over time: what was performed above, what was published below it, the raw score under both.
+    """Draw each take over time: above the performed labels, below them the published ones, under both the raw score.
 
     Parameters
     ----------
@@ -110,7 +110,7 @@ def draw_timelines(path: Path, courses: Sequence[Course], classes: Sequence[str]
     courses
         One per take.
     classes
-        Class names that indices count in; each has a colour, what no class knows is grey.
+        Class names in the order of the indices. Each class has a colour; motion of no class is grey.
     """
     colours = colormaps["tab20"](np.arange(len(classes)) % 20)
     figure = Figure(figsize=(13, 2.9 * len(courses)), layout="constrained")

@@ -12,8 +12,8 @@ from kinespace.tools.terminal.console import console
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-#: Characters a column of names has at least, however little is left for it.
-_LEAST = 16
+#: Characters that a column of names has at least.
+_MIN_WIDTH = 16
 
 
 def narrow_table(title: str, caption: str | None = None) -> Table:
@@ -30,7 +30,7 @@ def narrow_table(title: str, caption: str | None = None) -> Table:
 
 
 def add_names(table: Table, heading: str, names: Iterable[str], *, beside: int) -> None:
-    """Add a column of names, as wide as the longest of them: other columns give way before one of them is broken.
+    """Add a column of names, as wide as the longest name: other columns give way before a name is broken.
 
     Parameters
     ----------
@@ -39,9 +39,9 @@ def add_names(table: Table, heading: str, names: Iterable[str], *, beside: int) 
     heading
         Of the column.
     names
-        What will stand in it.
+        The names that will stand in it.
     beside
-        Characters that the other columns need at least; what remains is the most that this one takes.
+        Characters that the other columns need at least; this column takes at most the rest.
     """
     longest = max(map(len, (heading, *names)))
-    table.add_column(heading, width=min(longest, max(console.width - beside, _LEAST)), overflow="fold")
+    table.add_column(heading, width=min(longest, max(console.width - beside, _MIN_WIDTH)), overflow="fold")

@@ -355,6 +355,7 @@ def test_a_built_in_python_reads_c3d_itself(tmp_path: Path, monkeypatch: pytest.
     np.testing.assert_array_equal(c3d.read_clip(path).positions, expected.positions)
 
 
+@pytest.mark.slow
 @settings(max_examples=400, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(
     places=st.lists(st.tuples(st.integers(0, 1100), st.binary(max_size=3), st.integers(0, 3)), min_size=1, max_size=4)

@@ -115,6 +115,7 @@ def _assert_as_tallied(found: Retrieval, tally: naive.Tally) -> None:
 # --- the figures -------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_nearest_figures_are_the_reference(recorded_axes: Axes, hdm05_clips: tuple[Clip, ...]) -> None:
     """In each space and protocol the share found by the nearest is within a point of the independent measurement."""
     labels = Labels.of_clips(hdm05_clips)
@@ -175,6 +176,7 @@ def spread_scores(spreads: np.ndarray, labels: Labels) -> dict[Protocol, np.ndar
     return {protocol: compare_spreads(spreads, labels, protocol) for protocol in Protocol}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("protocol", list(Protocol))
 def test_by_the_spread_nearly_all_are_found(
     spread_scores: dict[Protocol, np.ndarray], labels: Labels, protocol: Protocol

@@ -60,7 +60,7 @@ def test_the_way_there_and_back(builtin_index: WindowIndex) -> None:
 
 def test_all_pairs_swing_alike_after_weights(rows: list[NDArray[np.float64]], body: Body) -> None:
     """The variance of each moving distance, relative to the body's size, times its weight is 1, mean over classes."""
-    basis = Basis.learned({"a": rows[:1], "b": rows[1:]}, body)
+    basis = Basis.learned([rows[:1], rows[1:]], body)
     relative = [np.var(each / body.size(each.mean(axis=0)), axis=0) for each in rows]
     by_class = [relative[0], (relative[1] + relative[2]) / 2]
     moving = basis.weights > 0
@@ -69,8 +69,8 @@ def test_all_pairs_swing_alike_after_weights(rows: list[NDArray[np.float64]], bo
 
 def test_each_class_counts_alike(rows: list[NDArray[np.float64]], body: Body) -> None:
     """A motion that its class has twice over weighs no more."""
-    once = Basis.learned({"a": rows[:1], "b": rows[1:2]}, body)
-    often = Basis.learned({"a": [rows[0]] * 4, "b": rows[1:2]}, body)
+    once = Basis.learned([rows[:1], rows[1:2]], body)
+    often = Basis.learned([[rows[0]] * 4, rows[1:2]], body)
     assert np.allclose(once.weights, often.weights, rtol=1e-4)
 
 
@@ -89,6 +89,6 @@ def test_few_moving_pairs_make_few_directions(body: Body) -> None:
     still = np.ones((50, len(body.sizing)))
     still[:, 7] += np.sin(np.arange(50))
     still[:, 9] += np.cos(np.arange(50))
-    basis = Basis.learned({"a": [still]}, body)
+    basis = Basis.learned([[still]], body)
     assert (basis.moving, basis.directions.shape[1]) == (2, 2)
     assert basis.share == pytest.approx(1.0)

@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-from naive_core import body_of
+from naive_windows import body_of
 
 from kinespace.library import MotionLibrary, distance_rows
 from kinespace.library.skeleton import Skeleton

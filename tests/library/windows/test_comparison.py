@@ -23,7 +23,6 @@ BOTH = pytest.mark.parametrize("weighing", [ACROSS_LABORATORIES, WITHIN_LABORATO
 SMALL = Weighing(
     groups=((EIGEN_LONG, SPREAD_LONG), (EIGEN_SHORT,), (POSTURE,)),
     views=((0.5, 0.25, 0.25), (0.0, 0.0, 1.0)),
-    naming=1,
     first=0.5,
     lead=0.6,
 )
@@ -47,11 +46,11 @@ def comparison(small_index: WindowIndex, numbers: Mapping[Part, np.ndarray]) -> 
 
 @BOTH
 def test_the_weights_of_a_view_add_up(weighing: Weighing) -> None:
-    """Each view has one weight for each group, and some views name the class."""
+    """Each view has one weight for each group."""
     for view in weighing.views:
         assert len(view) == len(weighing.groups)
         assert sum(view) == pytest.approx(1.0)
-    assert 1 <= weighing.naming <= len(weighing.views)
+    assert len(weighing.views) >= 1
 
 
 @pytest.mark.parametrize("views", [((0.5, 0.5),), ((0.5, 0.5, 0.5),), ((0.5, 0.25, 0.25), (1.0, 0.0, 0.1))])
@@ -68,7 +67,7 @@ def test_without_a_kind(weighing: Weighing, kind: Kind) -> None:
     fewer = weighing.without(kind)
     assert set(fewer.parts) == {part for part in weighing.parts if part.kind is not kind}
     assert all(sum(view) == pytest.approx(1.0) for view in fewer.views)
-    assert 1 <= fewer.naming <= len(fewer.views)
+    assert 1 <= len(fewer.views) <= len(weighing.views)
 
 
 def test_weights_keep_their_proportions() -> None:
@@ -85,9 +84,17 @@ def test_a_group_may_lose_one_of_its_parts() -> None:
     assert np.allclose(fewer.views, SMALL.views)
 
 
+def test_below_the_views_each_group_is_compared_alone() -> None:
+    """Two views of three groups make five rows of weights; the views name a class, and the rest is evidence."""
+    assert np.array_equal(SMALL.weights, [*SMALL.views, (1, 0, 0), (0, 1, 0), (0, 0, 1)])
+    logs = np.array([[3.0, 1.0], [2.0, 5.0], [7.0, 8.0], [0.0, 1.0], [2.0, 2.0]])
+    assert SMALL.named(logs).tolist() == [2.0, 1.0]
+    assert np.array_equal(SMALL.alone(logs), logs[2:])
+
+
 def test_nothing_left_to_name_a_class_by() -> None:
     """A weighing of one kind cannot do without it."""
-    alone = Weighing(groups=((POSTURE,),), views=((1.0,),), naming=1, first=0.5, lead=0.6)
+    alone = Weighing(groups=((POSTURE,),), views=((1.0,),), first=0.5, lead=0.6)
     with pytest.raises(ValueError, match="beside posture"):
         alone.without(Kind.POSTURE)
 

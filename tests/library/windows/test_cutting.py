@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import naive_windows
 import numpy as np
 import pytest
-from naive_core import body_of, window
+from naive_windows import body_of, window
 
 from kinespace.library import MotionLibrary, distance_rows
 from kinespace.library.windows.cutting import FIRST_WINDOW, CutWindows, window_ends

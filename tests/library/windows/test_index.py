@@ -5,8 +5,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-from naive_core import best_products, log_distances
-from naive_windows import NaiveComparison, NaiveMetric, as_vector
+from naive_windows import NaiveComparison, NaiveMetric, as_vector, best_products, log_distances
 
 from kinespace.library import MotionLibrary, Skeleton
 from kinespace.library.motion_library import NOTHING
@@ -86,7 +85,7 @@ def _vectors(index: WindowIndex, numbers: Mapping[Part, np.ndarray]) -> list[np.
 def _mean_distances(index: WindowIndex, clip: Clip) -> np.ndarray:
     """Give the log distance of each class, mean over all windows of a motion."""
     views = np.array([index.log_distances(numbers) for numbers in _numbers(index, clip)])
-    return views[:, : index.comparison.weighing.naming].min(axis=1).mean(axis=0)
+    return views[:, : len(index.comparison.weighing.views)].min(axis=1).mean(axis=0)
 
 
 def _guess(index: WindowIndex, clip: Clip) -> str:
@@ -95,11 +94,11 @@ def _guess(index: WindowIndex, clip: Clip) -> str:
 
 
 def test_log_distances_by_brute_force(index: WindowIndex, asking: tuple[Clip, ...], arithmetic: str) -> None:
-    """For each view and class they are the mean of the two nearest people's nearest windows."""
+    """For each view, each group alone and each class they are the mean of the two nearest people's nearest windows."""
     windows = list(zip(*(each.astype(float) for each in index.vectors), strict=True))
     for clip in asking:
         for numbers in _numbers(index, clip)[::3]:
-            twin = log_distances(_vectors(index, numbers), windows, index.comparison.weighing.views, _whose(index))
+            twin = log_distances(_vectors(index, numbers), windows, index.comparison.weighing.weights, _whose(index))
             assert np.allclose(index.log_distances(numbers), twin, atol=2e-3), arithmetic
 
 
@@ -122,8 +121,8 @@ def test_own_distances_by_brute_force(index: WindowIndex) -> None:
     others = [place for place, (_, person) in enumerate(whose) if person != whose[asking][1]]
     left_out = np.ones(len(index), dtype=bool)
     left_out[others] = False
-    views = index.comparison.weighing.views
-    twin = log_distances(windows[asking], [windows[each] for each in others], views, [whose[each] for each in others])
+    weights = index.comparison.weighing.weights
+    twin = log_distances(windows[asking], [windows[each] for each in others], weights, [whose[each] for each in others])
     assert np.allclose(index.own_distances(asking, left_out), twin, atol=2e-3)
 
 
@@ -162,8 +161,8 @@ def test_motions_added_are_as_if_opened_with_them(small_library: MotionLibrary, 
     """Where others teach, basis and metrics are the same, and so is every window, to the last bit."""
     alone = small_library.without(actors=("dg", "mm"))
     clips = [clip for clip in builtin.motions if clip.class_name == "sneak2StepsLStart" and clip.actor == "bd"]
-    index = WindowIndex.of(alone).with_motions(clips[:2])
-    anew = WindowIndex.of(alone.with_motions(clips[:2]))
+    index = WindowIndex.of(alone, small_library).with_motions(clips[:2])
+    anew = WindowIndex.of(alone.with_motions(clips[:2]), small_library)
     assert index.classes == anew.classes == ("kickLFront1Reps", "lieDownFloor", "sneak2StepsLStart", "squat1Reps")
     assert index.motions.tolist() == anew.motions.tolist()
     assert len(index.library) == len(alone) + 2
@@ -190,6 +189,25 @@ def test_motions_too_short_are_not_added(small_index: WindowIndex) -> None:
     clip = small_index.library.motions[0]
     with pytest.raises(ValueError, match="long enough for a window"):
         small_index.with_motions([replace(clip, positions=clip.positions[:6])])
+
+
+def test_a_large_library_is_opened_in_pieces(
+    small_library: MotionLibrary, small_index: WindowIndex, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Cut a few motions at a time, the windows are those that are cut all at once; lessons are a share of them."""
+    alone = small_library.without(actors=("dg", "mm"))
+    whole = WindowIndex.of(alone, small_library)
+    monkeypatch.setattr("kinespace.library.windows.index._PIECE", 20)
+    pieces = WindowIndex.of(alone, small_library)
+    assert pieces.motions.tolist() == whole.motions.tolist()
+    for one, other in zip((*pieces.vectors, pieces.eigenvectors), (*whole.vectors, whole.eigenvectors), strict=True):
+        np.testing.assert_allclose(np.abs(one), np.abs(other), atol=2e-3)
+    monkeypatch.setattr("kinespace.library.windows.index._MAX_LESSONS", len(small_index) // 3)
+    fewer = WindowIndex.of(small_library)
+    assert fewer.motions.tolist() == small_index.motions.tolist()
+    assert [_guess(fewer, clip) for clip in small_library.motions[::3]] == [
+        clip.class_name for clip in small_library.motions[::3]
+    ]
 
 
 def test_some_motions_and_the_others_are_all(small_index: WindowIndex) -> None:
@@ -250,7 +268,7 @@ def test_one_class(small_library: MotionLibrary, asking: tuple[Clip, ...], arith
     """There is one distance for each view, and it says how near a motion is."""
     index = WindowIndex.of(small_library.without(classes=("lieDownFloor", "squat1Reps")))
     assert index.classes == ("kickLFront1Reps",)
-    assert index.log_distances(_numbers(index, asking[0])[-1]).shape == (len(index.comparison.weighing.views), 1)
+    assert index.log_distances(_numbers(index, asking[0])[-1]).shape == (len(index.comparison.weighing.weights), 1)
     near, *far = (float(_mean_distances(index, clip)[0]) for clip in asking)
     assert near < min(far), arithmetic
 

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 import naive_windows
 import numpy as np
 import pytest
-from naive_core import window
+from naive_windows import window
 
 from kinespace.library.windows.index import measured_clips
 from kinespace.library.windows.paper import PaperIndex, opened_by_paper

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import naive_windows
 import numpy as np
 import pytest
-from naive_core import body_of, rank_k_product
+from naive_windows import body_of, rank_k_product
 
 from kinespace.library import MotionLibrary, distance_rows
 from kinespace.library.windows.body import Body

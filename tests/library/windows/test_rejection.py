@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-from naive_core import logit
+from naive_windows import evidence, logit
 
 from kinespace.library.learned import Learned
 from kinespace.library.windows.index import WindowIndex
@@ -15,6 +15,7 @@ from kinespace.library.windows.rejection import (
     Evidence,
     Rejection,
     learned_rejection,
+    stand_in,
     typical_evidence,
 )
 
@@ -24,14 +25,15 @@ if TYPE_CHECKING:
     from kinespace.library import MotionLibrary
 
 REJECTION = Rejection(
-    weights=np.array([-2.0, 1.5, -0.5, 0.25, 0.125]),
+    weights=np.array([-2.0, -1.0, 1.5, 0.25, 0.5]),
     offset=0.75,
     biases={"walk": 0.5, "jump": -0.25},
+    slopes={"walk": 0.25, "jump": 0.0},
     thresholds=np.array([3.0, 2.5, 2.0, 1.0, 0.5, -1.0]),
-    typical=np.array([0.5, 1.0, -0.5]),
+    typical=np.array([0.5, -0.25, 1.0, 0.5]),
     joints=31,
 )
-EVIDENCE = Evidence(whole=0.5, lead=1.0, eigen=-1.0, swing=-2.0, sway=-1.0)
+EVIDENCE = Evidence(distances=(0.5, -1.0), leads=(1.0, -0.5), noise=0.01)
 
 
 @pytest.fixture(scope="module")
@@ -43,12 +45,10 @@ def learning(builtin: MotionLibrary) -> WindowIndex:
 
 def _evidence(index: WindowIndex, window: int, left_out: np.ndarray) -> tuple[Evidence, str]:
     """Let a window of the library ask the rest, and give the guess and what speaks for it."""
-    views = index.own_distances(window, left_out)
-    distances = views[: index.comparison.weighing.naming].min(axis=0)
-    guess = int(distances.argmin())
-    first, second = sorted(distances)[:2]
-    lead = min(float(second - first), MAX_LEAD)
-    return Evidence(float(views[0, guess]), lead, float(views[-1, guess]), 0.0, 0.0), index.classes[guess]
+    logs = index.own_distances(window, left_out)
+    weighing = index.comparison.weighing
+    guess = int(weighing.named(logs).argmin())
+    return Evidence.of(weighing.alone(logs), guess), index.classes[guess]
 
 
 def _share_known(index: WindowIndex, rate: float, *, with_class: bool) -> float:
@@ -65,21 +65,48 @@ def _share_known(index: WindowIndex, rate: float, *, with_class: bool) -> float:
     return float(np.mean(known))
 
 
-@pytest.mark.parametrize(("class_name", "bias"), [("walk", 0.5), ("jump", -0.25), ("sit", 0.0)])
-def test_evidence_is_weighed(class_name: str, bias: float) -> None:
-    """A class that was not learned has no bias."""
-    assert REJECTION.logit(EVIDENCE, class_name) == pytest.approx(
-        logit(REJECTION.weights.tolist(), EVIDENCE, REJECTION.offset, bias)
+def test_evidence_is_read_off_each_group_alone() -> None:
+    """A guess may be behind in one group, and lead another by more than counts."""
+    groups = np.array([[0.5, 1.0, 4.0], [0.25, 0.0, -1.0]])
+    for guess in range(3):
+        distances, leads = evidence(groups, guess)
+        read = Evidence.of(groups, guess, noise=0.01)
+        assert read.distances == pytest.approx(distances)
+        assert read.leads == pytest.approx(leads)
+        assert read.compared == read.distances + read.leads
+        assert read.lead == pytest.approx(np.mean(leads))
+        assert read.noise == 0.01
+    assert Evidence.of(groups, 2).leads[0] == -MAX_LEAD
+
+
+def test_the_only_class_leads_by_as_much_as_counts() -> None:
+    """Nothing else could be nearer."""
+    assert Evidence.of(np.array([[0.5], [1.0]]), 0).leads == (MAX_LEAD, MAX_LEAD)
+
+
+@pytest.mark.parametrize(("class_name", "bias", "slope"), [("walk", 0.5, 0.25), ("jump", -0.25, 0), ("sit", 0, 0)])
+def test_evidence_is_weighed(class_name: str, bias: float, slope: float) -> None:
+    """A class that was not learned has no bias and no slope."""
+    weighed = logit(
+        REJECTION.weights.tolist(),
+        EVIDENCE.compared,
+        REJECTION.typical.tolist(),
+        EVIDENCE.noise,
+        offset=REJECTION.offset,
+        bias=bias,
+        slope=slope,
     )
+    assert REJECTION.logit(EVIDENCE, class_name) == pytest.approx(weighed)
 
 
 def test_numbers_come_back_from_a_librarys_file() -> None:
     """They are kept as named arrays of single precision."""
-    again = Rejection.of_kept(Learned.of_arrays(REJECTION.kept().arrays()))
+    again = Rejection.of_kept(Learned.of_arrays(REJECTION.kept().arrays()), 2)
     for name in ("weights", "thresholds", "typical"):
         assert np.array_equal(getattr(again, name), getattr(REJECTION, name))
-    assert (again.offset, again.biases, again.joints) == (0.75, REJECTION.biases, 31)
-    assert again.logit(EVIDENCE, "walk") == REJECTION.logit(EVIDENCE, "walk")
+    assert (again.offset, again.biases, again.slopes) == (0.75, REJECTION.biases, REJECTION.slopes)
+    assert again.joints == 31
+    assert again.logit(EVIDENCE, "walk") == pytest.approx(REJECTION.logit(EVIDENCE, "walk"))
 
 
 @pytest.mark.parametrize("name", ["weights", "offset", "thresholds", "typical", "joints"])
@@ -91,7 +118,7 @@ def test_numbers_that_do_not_fit_are_refused(name: str, wrong: np.ndarray | None
     if wrong is not None:
         arrays[name] = wrong
     with pytest.raises(ValueError, match=f"^{name}: expected"):
-        Rejection.of_kept(Learned.of_arrays(arrays))
+        Rejection.of_kept(Learned.of_arrays(arrays), 2)
 
 
 def test_the_more_may_be_named_the_lower_the_threshold() -> None:
@@ -104,11 +131,10 @@ def test_the_more_may_be_named_the_lower_the_threshold() -> None:
 
 def test_moved_to_other_joints_typical_evidence_is_judged_alike() -> None:
     """What is typical of the one set of joints gets the logit that was typical of the other."""
-    typical = np.array([1.5, 0.5, 0.25])
+    typical = np.array([1.5, 0.5, 0.25, 0.75])
     moved = REJECTION.moved_to(typical)
-    before = REJECTION.logit(Evidence(*REJECTION.typical, -2.0, -1.0), "walk")
-    assert moved.logit(Evidence(*typical, -2.0, -1.0), "walk") == pytest.approx(before)
-    assert np.array_equal(moved.typical, typical)
+    before = REJECTION.logit(Evidence((0.5, -0.25), (1.0, 0.5)), "walk")
+    assert moved.logit(Evidence((1.5, 0.5), (0.25, 0.75)), "walk") == pytest.approx(before)
     assert np.array_equal(moved.thresholds, REJECTION.thresholds)
 
 
@@ -125,13 +151,16 @@ def test_the_rate_is_kept_on_the_librarys_own_motions(learning: WindowIndex) -> 
 
 
 def test_what_a_library_learns(learning: WindowIndex) -> None:
-    """Distance speaks against a guess and lead for it, and thresholds fall with the rate."""
+    """No lead speaks against a guess, and thresholds fall with the rate."""
     rejection = learned_rejection(learning)
-    assert rejection.weights[0] < 0 < rejection.weights[1]
-    assert not rejection.weights[2:].any()
+    groups = len(learning.comparison.weighing.groups)
+    assert rejection.weights.shape == (2 * groups + 1,)
+    assert (rejection.weights[groups:] >= 0).all()
+    assert rejection.weights[groups:-1].any()
+    assert rejection.weights[-1] == 0.0
     assert (np.diff(rejection.thresholds) <= 0).all()
     assert rejection.typical == pytest.approx(typical_evidence(learning))
-    assert 0 < rejection.typical[1] <= MAX_LEAD
+    assert (np.abs(rejection.typical[groups:]) <= MAX_LEAD).all()
 
 
 def test_too_few_motions_to_learn_from(sticks: MotionLibrary) -> None:
@@ -139,10 +168,11 @@ def test_too_few_motions_to_learn_from(sticks: MotionLibrary) -> None:
     [one] = sticks.motions[:1]
     alone = WindowIndex.of(replace(sticks, motions=(one,)))
     one_class = WindowIndex.of(sticks.without(classes=sticks.classes[1:]))
-    assert learned_rejection(alone) is learned_rejection(one_class)
-    assert np.array_equal(typical_evidence(alone), np.zeros(3))
+    for index in (alone, one_class):
+        assert np.array_equal(learned_rejection(index).weights, stand_in(2).weights)
+    assert np.array_equal(typical_evidence(alone), np.zeros(4))
     rejection = learned_rejection(alone)
-    near, far = (rejection.logit(EVIDENCE._replace(whole=whole), one.class_name) for whole in (-1.0, 2.0))
+    near, far = (rejection.logit(EVIDENCE._replace(distances=(whole, whole)), one.class_name) for whole in (-1.0, 2.0))
     assert near > rejection.threshold_at(0.05) > far
 
 
@@ -151,6 +181,7 @@ def test_a_library_with_learned_numbers_uses_them(builtin_index: WindowIndex) ->
     learned = builtin_index.library.learned
     assert learned is not None
     rejection = builtin_index.rejection
-    assert np.array_equal(rejection.weights, Rejection.of_kept(learned).weights)
-    assert rejection.offset == Rejection.of_kept(learned).offset
+    kept = Rejection.of_kept(learned, len(builtin_index.comparison.weighing.groups))
+    assert np.array_equal(rejection.weights, kept.weights)
+    assert rejection.offset == kept.offset
     assert rejection is builtin_index.rejection

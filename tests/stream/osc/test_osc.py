@@ -25,7 +25,7 @@ from kinespace.stream.answer import Answer
 from kinespace.stream.frame import Announcement, Frame
 from kinespace.stream.osc import frames
 from kinespace.stream.osc.udp import RECEIVE_BUFFER
-from kinespace.stream.recognition import Event, EventKind, Outcome, Recognition
+from kinespace.stream.recognition import Event, EventKind, Outcome, Progress, Recognition
 from kinespace.stream.recognizer.performers import PerformerCounts
 from kinespace.stream.status import InputCounts, Status
 
@@ -292,12 +292,13 @@ def test_random_bytes_raise_nothing(packet: bytes, start: bytes) -> None:
 
 
 def test_an_answer_is_one_bundle_to_be_used_at_once() -> None:
-    """Class, label and scores travel in one bundle whose time tag says immediately."""
+    """Class, guess, label and scores travel in one bundle whose time tag says immediately."""
     packet = osc.encode_recognition(NAMED)
     assert packet[:16] == b"#bundle\0\0\0\0\0\0\0\0\1"
-    assert OscBundle(packet).num_contents == 3
+    assert OscBundle(packet).num_contents == 4
     assert _params(packet) == {
         "/motion/Ada/class": [1, 0.75, 0.25],
+        "/motion/Ada/guess": [1],
         "/motion/Ada/label": ["jump"],
         "/motion/Ada/scores": [0.25, 0.75, 0.5],
     }
@@ -326,12 +327,27 @@ def test_an_answer_is_byte_for_byte_python_oscs(
         guess=int(generator.integers(len(labels))),
     )
     start = f"/motion/{osc.address_part(performer)}"
-    numbers = (("i", answer.guess_index), ("f", answer.score), ("f", answer.margin))
-    messages = [_message(f"{start}/class", *numbers), _message(f"{start}/label", ("s", answer.label))]
+    numbers = (("i", answer.class_index), ("f", answer.score), ("f", answer.margin))
+    messages = [
+        _message(f"{start}/class", *numbers),
+        _message(f"{start}/guess", ("i", answer.guess_index)),
+        _message(f"{start}/label", ("s", answer.label)),
+    ]
     expected = _bundle(*messages, _message(f"{start}/scores", *[("f", score) for score in scores.tolist()]))
     if len(expected) > osc.MAX_ANSWER:
         expected = _bundle(*messages)
     assert osc.encode_recognition(answer) == expected
+
+
+def test_progress_travels_with_the_answer() -> None:
+    """While a motion is followed, its progress is a message of the bundle, as python-osc builds it."""
+    answer = dataclasses.replace(NAMED, progress=Progress("wave", 0.25, 0.5, 2.0, 0.75, 0.875, 3))
+    index = answer.classes.index("wave")
+    numbers = [index, 0.25, 2.0, 0.75, 0.875, 0.5, 3]
+    assert _params(osc.encode_recognition(answer))["/motion/Ada/progress"] == numbers
+    types = zip("ifffffi", numbers, strict=True)
+    assert osc.encode_progress(answer) == _message("/motion/Ada/progress", *types)
+    assert osc.encode_progress(NAMED) == b""
 
 
 _EVENTS = st.builds(
@@ -341,16 +357,42 @@ _EVENTS = st.builds(
     label=_NAMES,
     index=st.integers(0, 2**31 - 1),
     score=st.floats(0.0, 1.0),
-    time=st.floats(allow_nan=False, allow_infinity=False),
+    time=st.floats(-1e30, 1e30),
 )
 
 
-@given(event=_EVENTS)
-def test_an_event_is_byte_for_byte_python_oscs(event: Event) -> None:
+@given(event=_EVENTS, since=st.floats(-1e30, 1e30))
+def test_an_event_is_byte_for_byte_python_oscs(event: Event, since: float) -> None:
     """Whatever happened, the packet is the one that python-osc builds."""
-    arguments = (("s", str(event.kind)), ("s", event.label), ("i", event.index), ("f", event.score), ("d", event.time))
+    time = event.time - since
+    arguments = (("s", str(event.kind)), ("s", event.label), ("i", event.index), ("f", event.score), ("f", time))
     expected = _message(f"/motion/{osc.address_part(event.performer)}/event", *arguments)
-    assert osc.encode_event(event) == expected
+    assert osc.encode_event(event, since) == expected
+
+
+@pytest.mark.parametrize("time", [1e300, -1e300])
+def test_a_time_beyond_all_floats_is_the_largest(time: float) -> None:
+    """A clock that makes no sense ends no answer."""
+    (params,) = _params(osc.encode_event(Event("p", EventKind.END, "bow", 0, 0.5, time))).values()
+    assert params[-1] == pytest.approx(np.copysign(3.4028235e38, time))
+
+
+def test_who_has_left_has_no_class() -> None:
+    """Class and guess are -1, the label says why, and listeners read it as an answer."""
+    packet = osc.encode_gone("Ada L")
+    assert _params(packet) == {
+        "/motion/Ada_L/class": [-1, 0.0, 0.0],
+        "/motion/Ada_L/guess": [-1],
+        "/motion/Ada_L/label": ["gone"],
+    }
+    assert osc.decode_answer(packet) == Answer("Ada_L", -1, 0.0, 0.0, "gone")
+
+
+def test_unknown_is_no_class_but_a_guess() -> None:
+    """The class is -1 where the label is unknown; the guess has a place of its own."""
+    params = _params(osc.encode_recognition(dataclasses.replace(NAMED, outcome=Outcome.UNKNOWN)))
+    assert params["/motion/Ada/class"] == [-1, 0.75, 0.25]
+    assert (params["/motion/Ada/guess"], params["/motion/Ada/label"]) == ([1], ["unknown"])
 
 
 @pytest.mark.parametrize("outcome", [Outcome.STILL, Outcome.AMBIGUOUS])
@@ -371,7 +413,7 @@ def test_what_channels_read_is_numbers() -> None:
     assert status.startswith(b"/motion/status\0\0,ifii\0\0\0")
 
 
-@pytest.mark.parametrize("count", [1, 2, 11, 170, 220, 1000])
+@pytest.mark.parametrize("count", [1, 2, 11, 140, 220, 1000])
 def test_an_answer_fits_one_packet(count: int) -> None:
     """No answer is larger than 1200 bytes: the scores go when there are too many, class and label never do."""
     classes = tuple(f"class{index}" for index in range(count))
@@ -382,7 +424,7 @@ def test_an_answer_fits_one_packet(count: int) -> None:
     params = _params(packet)
     assert params[f"/motion/{'p' * 64}/class"][0] == count - 1
     assert params[f"/motion/{'p' * 64}/label"] == [classes[-1]]
-    assert (f"/motion/{'p' * 64}/scores" in params) == (count <= 170)
+    assert (f"/motion/{'p' * 64}/scores" in params) == (count <= 140)
 
 
 def test_the_built_in_librarys_answers_carry_all_scores() -> None:
@@ -402,7 +444,7 @@ def test_performers_stand_in_addresses(performer: str, part: str) -> None:
     """What OSC keeps for itself in addresses, and what does not print, becomes an underscore there."""
     assert osc.address_part(performer) == part
     addresses = _params(osc.encode_recognition(dataclasses.replace(NAMED, performer=performer)))
-    assert set(addresses) == {f"/motion/{part}/{last}" for last in ("class", "label", "scores")}
+    assert set(addresses) == {f"/motion/{part}/{last}" for last in ("class", "guess", "label", "scores")}
 
 
 def test_classes_are_sent_in_the_order_of_their_indices() -> None:

@@ -92,6 +92,7 @@ def _in_order(element: OscMessage | OscBundle) -> list[Message]:
     return [message for content in element for message in _in_order(content)]
 
 
+@pytest.mark.slow
 @given(message=_MESSAGES)
 @example(message=("/", []))
 @example(message=("/all", [("[", []), ("[", [("[", [("f", 1.0)]), ("f", 2.0)]), ("f", 3.0), ("f", 4.0)]))
@@ -103,6 +104,7 @@ def test_messages_are_what_pythonosc_reads(message: tuple[str, list[tuple[str, o
     assert [decode_message(packet)] == decode_packet(packet)
 
 
+@pytest.mark.slow
 @given(element=_ELEMENTS)
 @settings(max_examples=200)
 def test_bundles_are_what_pythonosc_reads(element: tuple[object, list[object]]) -> None:

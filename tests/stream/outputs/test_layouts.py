@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import socket
 
 import numpy as np
@@ -41,7 +42,7 @@ def test_every_answer_is_osc_that_fits(name: str) -> None:
     """Whatever is told is valid OSC of at most 1200 bytes, for three classes and for a thousand."""
     layout = LAYOUTS[name]()
     told = [layout.recognition(recognition(classes=classes)) for classes in (3, 1000)]
-    told += [layout.event(START), layout.classes(CLASSES), layout.status(STATUS)]
+    told += [layout.event(START), layout.classes(CLASSES), layout.status(STATUS), layout.gone("Ada L")]
     assert told[0] is not None
     for packet in told:
         if packet is not None:
@@ -53,7 +54,7 @@ def test_native_is_what_it_was() -> None:
     """The native layout is byte for byte what the OSC sink sends."""
     layout = NativeLayout()
     assert layout.recognition(recognition()) == osc.encode_recognition(recognition())
-    assert layout.event(START) == osc.encode_event(START)
+    assert layout.event(START) == osc.encode_event(START, recognition().time)
     assert layout.classes(CLASSES) == osc.encode_classes(CLASSES)
     assert layout.status(STATUS) == osc.encode_status(STATUS)
 
@@ -72,20 +73,46 @@ def test_touchdesigner_gets_numbers_only() -> None:
         assert all(type(value) in (int, float) for values in told.values() for value in values)
 
 
-def test_max_gets_no_doubles() -> None:
-    """An event comes with label, index and score, without the time, which is a double."""
-    told = read(LAYOUTS["max"]().event(START))
-    assert told == {"/motion/Ada_L/event": ["start", "jump", 1, 0.75]}
+@pytest.mark.parametrize("name", ["native", "max", "puredata", "supercollider"])
+def test_events_are_told_in_seconds_since_the_first_answer(name: str) -> None:
+    """No doubles, which Pure Data and node-osc do not know: a float of seconds since the performer's first answer."""
+    layout = LAYOUTS[name]()
+    layout.recognition(dataclasses.replace(recognition(), time=START.time - 2.5))
+    packet = layout.event(START)
+    assert read(packet) == {"/motion/Ada_L/event": ["start", "jump", 1, 0.75, 2.5]}
+    assert b",ssiff\0" in (packet or b"")
+    layout.gone("Ada L")
+    layout.recognition(dataclasses.replace(recognition(), time=START.time))
+    assert read(layout.event(START))["/motion/Ada_L/event"][-1] == 0.0
+
+
+@pytest.mark.parametrize("name", LAYOUTS)
+def test_a_class_is_none_where_the_label_is_unknown(name: str) -> None:
+    """In every layout alike an unknown motion, and a performer who left, are no class."""
+    layout = LAYOUTS[name]()
+    none = {"wekinator": [0.0], "vrchat": [0]}.get(name, [-1])
+    told = [read(layout.recognition(recognition(outcome))) for outcome in (Outcome.UNKNOWN, Outcome.NAMED)]
+    told.append(read(layout.gone("Ada L")))
+    classes = [
+        next(params for address, params in each.items() if address.endswith(("/class", "/Motion", "/outputs")))
+        for each in told
+    ]
+    numbers = [[value for value in params if not isinstance(value, str)][:1] for params in classes]
+    assert numbers[0] == numbers[2] == none
+    assert numbers[1] != none
 
 
 def test_wekinator_counts_from_one() -> None:
-    """One float a performer, 0 for none; a start is an output's own message; who left is left out."""
+    """One float a performer, 0 for none, in the order they came; who left leaves a 0 that a newcomer takes."""
     layout = LAYOUTS["wekinator"]()
     assert read(layout.recognition(recognition())) == {"/wek/outputs": [2.0]}
     assert read(layout.recognition(recognition(Outcome.STILL, "Bob"))) == {"/wek/outputs": [2.0, 0.0]}
     assert read(layout.event(START)) == {"/output_2": []}
     assert layout.status(STATUS) is None
-    assert read(layout.recognition(recognition(best=2))) == {"/wek/outputs": [3.0]}
+    assert read(layout.gone("Ada L")) == {"/wek/outputs": [0.0, 0.0]}
+    assert layout.gone("Ada L") is None
+    assert read(layout.recognition(recognition(performer="Bob"))) == {"/wek/outputs": [0.0, 2.0]}
+    assert read(layout.recognition(recognition(best=2, performer="Cy"))) == {"/wek/outputs": [3.0, 2.0]}
 
 
 def test_vmc_programs_pass_it_on() -> None:

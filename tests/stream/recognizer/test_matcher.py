@@ -84,8 +84,8 @@ def test_a_reading(small_index: WindowIndex, stranger: dict[str, Clip]) -> None:
         assert 0 <= reading.gap <= 1
         assert 0 <= reading.eigenvector_score <= 1 + 1e-6
         assert reading.evidence is not None
-        assert reading.evidence.lead <= MAX_LEAD
-        assert reading.evidence.whole == pytest.approx(reading.distances[reading.guess])
+        assert all(-MAX_LEAD <= lead <= MAX_LEAD for lead in reading.evidence.leads)
+        assert len(reading.evidence.distances) == len(small_index.comparison.weighing.groups)
 
 
 def test_nothing_is_read_before_the_first_window(small_index: WindowIndex, stranger: dict[str, Clip]) -> None:

@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 from synthetic import STICK, STICK_CLASSES, stick_clip
 
 from kinespace.stream.frame import Announcement, Frame
-from kinespace.stream.recognizer import Performers, Recognizer, Settings
+from kinespace.stream.recognizer import Performers, Recognizer, SentJoints, Settings
+from kinespace.stream.restricted_beside import RestrictedBeside
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -74,6 +75,7 @@ def test_interleaved_feeds_are_recognised_as_if_alone(library: MotionLibrary, se
     assert performers.counts.recognizers.hops == len(answers)
 
 
+@pytest.mark.slow
 @given(seed=st.integers(0, 2**32 - 1), most=st.sampled_from([1, 4, 40]))
 @settings(max_examples=15)
 def test_what_comes_together_is_recognised_as_if_one_by_one(library: MotionLibrary, seed: int, most: int) -> None:
@@ -209,20 +211,78 @@ def test_one_performers_joints_are_not_anothers(library: MotionLibrary) -> None:
     _assert_same(_pushed(performers, frames), _alone(library, frames))
 
 
-@pytest.mark.parametrize("joints", [STICK.joints[:5], ("nobody", *STICK.joints[1:]), ("x",)])
-def test_frames_of_joints_that_do_not_cover_the_skeleton_are_counted(
-    library: MotionLibrary, joints: tuple[str, ...]
-) -> None:
-    """With a joint missing or unknown no frame is used, whatever its size, until joints are announced that do."""
+@pytest.mark.parametrize("joints", [STICK.joints[:4], ("nobody", "noone", *STICK.joints[2:]), ("x",)])
+def test_frames_of_too_few_of_the_joints_are_counted(library: MotionLibrary, joints: tuple[str, ...]) -> None:
+    """With less than five of the joints no frame is used, whatever its size, until joints are announced that do."""
     performers = Performers(library)
     performers.announce(Announcement("p", joints), 0.0)
     assert performers.push(Frame("p", 0.0, np.zeros((len(joints), 3))), 0.0) is None
     assert performers.push(Frame("p", 0.1, np.zeros((6, 3))), 0.0) is None
     assert (performers.counts.other_joints, performers.counts.recognizers.frames) == (2, 0)
+    assert "of them among the 6 compared, expected 5 at least" in performers.refused["p"]
     performers.announce(Announcement("p", STICK.joints), 0.0)
     frames = _frames("p", "bow")
     _assert_same(_pushed(performers, frames), _alone(library, frames))
     assert performers.counts.other_joints == 2
+
+
+@pytest.mark.parametrize("joints", [STICK.joints[:5], ("nobody", *STICK.joints[1:])])
+def test_frames_of_some_of_the_joints_are_compared_by_them(library: MotionLibrary, joints: tuple[str, ...]) -> None:
+    """A performer with a joint less is answered as by the library restricted to the others."""
+    performers = Performers(library)
+    performers.announce(Announcement("p", joints), 0.0)
+    there = [place for place, name in enumerate(STICK.joints) if name in joints]
+    frames = _frames("p", "bow")
+    kept = [dataclasses.replace(each, positions=each.positions[there]) for each in frames]
+    foreign = [np.full((len(joints) - len(there), 3), 9.0)] * len(frames)
+    sent = [
+        dataclasses.replace(each, positions=np.vstack([nobody, each.positions]))
+        for each, nobody in zip(kept, foreign, strict=True)
+    ]
+    _assert_same(_pushed(performers, sent), _alone(library.restricted_to(joints), kept))
+    assert performers.compared == {"p": "5 of 6 joints"}
+    _assert_same(_pushed(performers, _frames("q", "wave")), _alone(library, _frames("q", "wave")))
+    assert (performers.refused, performers.counts.recognizers.frames) == ({}, 2 * len(frames))
+
+
+def test_what_went_on_before_joints_were_lost_is_ended(library: MotionLibrary) -> None:
+    """A performer whose sender names other joints in the midst of a motion: its start is followed by its end."""
+    performers = Performers(library)
+    answers = _pushed(performers, _frames("p", "bow"))
+    started = [event for answer in answers for event in answer.events]
+    performers.announce(Announcement("p", STICK.joints[:5]), 0.0)
+    ended = performers.drop_silent(0.0)
+    assert [(event.kind, event.label) for event in (*started, *ended)] == [("start", "bow"), ("end", "bow")]
+
+
+def test_only_so_many_sets_of_joints(library: MotionLibrary) -> None:
+    """Each set of joints costs room and time: of more than three the further ones are refused, with the reason."""
+    performers = Performers(library)
+    for place in range(5):
+        performers.announce(Announcement(f"p{place}", tuple(np.delete(STICK.joints, place).tolist())), 0.0)
+        performers.push(Frame(f"p{place}", 0.0, POSE[:5]), 0.0)
+    assert [*performers.refused] == ["p3", "p4"]
+    assert performers.refused["p3"] == "5 joints, 3 performers send other sets of joints already"
+
+
+def test_who_waits_for_the_library_is_answered_when_it_is_there(library: MotionLibrary) -> None:
+    """Frames that come before the restricted library is ready are refused with the reason, later ones are answered."""
+    beside = RestrictedBeside(library, Settings())
+    ready = [False]
+
+    def fewer(joints: frozenset[str]) -> MotionLibrary | None:
+        made = beside(joints)
+        return made if ready[0] else None
+
+    performers = Performers(library, joints=SentJoints(fewer=fewer))
+    performers.announce(Announcement("p", STICK.joints[:5]), 0.0)
+    performers.push(Frame("p", 0.0, POSE[:5]), 0.0)
+    assert performers.refused == {"p": "5 joints, the library is being restricted to 5 of them"}
+    beside.wait()
+    ready[0] = True
+    frames = [dataclasses.replace(each, positions=each.positions[:5]) for each in _frames("p", "bow")]
+    _assert_same(_pushed(performers, frames), _alone(library.restricted_to(STICK.joints[:5]), frames))
+    assert performers.refused == {}
 
 
 @pytest.mark.parametrize("announced", [False, True])

@@ -339,6 +339,7 @@ def any_index(request: pytest.FixtureRequest, arithmetic: str) -> WindowIndex:  
     return opened(library.restricted_to(STICK.joints[:5]) if request.param == "fewer joints" else library)
 
 
+@pytest.mark.slow
 @given(
     positions=st.lists(st.lists(STRANGE, min_size=18, max_size=18), min_size=1, max_size=4),
     steps=st.lists(STEPS, min_size=20, max_size=60),
@@ -365,6 +366,7 @@ def test_nothing_that_is_a_frame_stops_it(
     assert counts.frames + counts.out_of_order == len(steps)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("signature", LiveSignature)
 @pytest.mark.parametrize("place", [0.0, 1.5])
 def test_all_joints_in_one_point_are_a_body_that_is_still(

@@ -78,6 +78,7 @@ def test_always_what_a_plain_list_holds(
             assert window.pending == 0
 
 
+@pytest.mark.slow
 @given(
     seed=st.integers(0, 2**32 - 1),
     ticks=st.integers(1, 2 * TICKS),

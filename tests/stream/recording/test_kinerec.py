@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import re
 import struct
@@ -12,7 +13,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from kinespace.stream.recording import kinerec
+from kinespace.stream.recording import Recorder, kinerec
 from kinespace.stream.recording.kinerec import (
     RawFile,
     RawFileError,
@@ -78,7 +79,7 @@ def test_presets_are_kept_and_older_headers_read(tmp_path: Path) -> None:
     packets=st.lists(
         st.builds(
             RawPacket,
-            arrival=st.floats(allow_nan=False),
+            arrival=st.floats(-9e9, 9e9),
             source=st.integers(0, 1),
             sender=st.text(st.characters(exclude_categories=["Cs"]), max_size=20),
             parts=st.lists(st.binary(max_size=60), max_size=4).map(tuple),
@@ -167,28 +168,55 @@ def test_a_performance_is_never_overwritten(tmp_path: Path) -> None:
     assert path.read_bytes() == before
 
 
-def test_what_cannot_be_written_is_counted(tmp_path: Path) -> None:
-    """A failing disk costs packets, which are counted, and never raises into the feed."""
-    path = tmp_path / "a.kinerec"
-    with RawWriter(path, SOURCES) as writer:
-        writer.write(PACKETS[0])
-        writer._file.flush()  # noqa: SLF001 - so that nothing is left to be written by the file we take away
-        real, writer._file = writer._file, _Full(writer._file)  # type: ignore[assignment]  # noqa: SLF001
-        writer.write(PACKETS[1])
-        writer._file = real  # noqa: SLF001
-        writer.write(PACKETS[2])
-    assert (writer.written, writer.failed) == (2, 1)
-    assert list(RawFile(path).packets()) == [PACKETS[0], PACKETS[2]]
+class _Disk:
+    """A file on a disk that has room for so many bytes more, and then takes a part and refuses the rest."""
 
-
-class _Full:
-    """A file on a full disk."""
-
-    def __init__(self, file: object) -> None:
+    def __init__(self, file: object, room: int) -> None:
         self._file = file
+        self.room = room
 
-    def write(self, _: bytes) -> None:
-        raise OSError(28, "No space left on device")
+    def write(self, written: memoryview) -> int:
+        """Take what there is room for."""
+        if not self.room:
+            raise OSError(errno.ENOSPC, "No space left on device")
+        taken = written[: self.room]
+        self.room -= len(taken)
+        return self._file.write(taken)  # type: ignore[attr-defined, no-any-return]  # a file
 
     def __getattr__(self, name: str) -> object:
         return getattr(self._file, name)
+
+
+def test_a_full_disk_costs_nothing_once_there_is_room_again(tmp_path: Path) -> None:
+    """While the disk is full that is said and packets wait; then all of them are in the file, and none is torn."""
+    path = tmp_path / "a.kinerec"
+    with RawWriter(path, SOURCES) as writer:
+        disk = writer._file = _Disk(writer._file, 20)  # type: ignore[assignment]  # noqa: SLF001 - a disk that fills
+        for packet in PACKETS[:2]:
+            writer.write(packet)
+        writer._try_to_sync()  # noqa: SLF001 - without waiting for a second
+        assert writer.trouble == "No space left on device"
+        assert Recorder(writer, 0).note == "recording: No space left on device; 0 packets lost"
+        assert list(RawFile(path).packets()) == []
+        assert RawFile(path).damage() == ""
+        writer.write(PACKETS[2])
+        disk.room = 1 << 20
+        writer._try_to_sync()  # noqa: SLF001 - as above
+        assert (writer.trouble, Recorder(writer, 0).note) == ("", "")
+        writer.write(PACKETS[3])
+    assert (writer.written, writer.failed) == (4, 0)
+    assert list(RawFile(path).packets()) == PACKETS
+
+
+def test_what_cannot_be_written_is_counted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A disk that stays full costs packets, first those beyond the memory's limit; they are counted, never raised."""
+    monkeypatch.setattr(kinerec, "MAX_WAITING", 100)
+    path = tmp_path / "a.kinerec"
+    with RawWriter(path, SOURCES) as writer:
+        writer._file = _Disk(writer._file, 10)  # type: ignore[assignment]  # noqa: SLF001 - as above
+        for _ in range(5):
+            writer.write(PACKETS[0])
+        assert (writer.written, writer.failed) == (1, 4)
+    assert (writer.written, writer.failed) == (0, 5)
+    assert list(RawFile(path).packets()) == []
+    assert RawFile(path).damage() == ""

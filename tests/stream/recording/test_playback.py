@@ -140,6 +140,7 @@ def packets_of(layout: str) -> list[tuple[bytes, float]]:
     return packets
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["osceleton", "vmc", "synapse"])
 def test_a_recorded_feed_is_answered_as_it_was(tmp_path: Path, name: str) -> None:
     """Another product's packets, recorded on their way, are put together and answered again, number for number."""

@@ -22,7 +22,7 @@ from kinespace.library.hdm05 import SKELETON
 from kinespace.stream import zeromq
 from kinespace.stream.answer import Answer
 from kinespace.stream.frame import Announcement, Frame
-from kinespace.stream.recognition import Outcome, Recognition
+from kinespace.stream.recognition import Outcome, Progress, Recognition
 from kinespace.stream.recognizer import LiveSignature, Recognizer, Settings
 from kinespace.stream.recognizer.performers import PerformerCounts
 from kinespace.stream.status import InputCounts, Status
@@ -317,6 +317,7 @@ def test_random_parts_raise_nothing_else(parts: list[bytes]) -> None:
     assert numbered.frame.positions.shape == (3, 3)
 
 
+@pytest.mark.slow
 @given(
     header=st.dictionaries(
         st.sampled_from(["v", "seq", "t", "shape", "dtype", "joints"]),
@@ -369,9 +370,25 @@ def test_an_answer_holds_the_recognition() -> None:
         "gap": 0.6,
         "eigenvector_class": "wave",
         "eigenvector_score": 0.9,
+        "progress": None,
     }
     unsaid = {"time", "classes", "events", "lead", "evidence"}
     assert {each.name for each in dataclasses.fields(Recognition)} - unsaid <= {"scores", *answer}
+
+
+def test_progress_is_told() -> None:
+    """While a motion is followed, the answer says how far it is."""
+    followed = dataclasses.replace(NAMED, progress=Progress("wave", 0.25, 0.5, 2.0, 0.75, 0.875, 3))
+    told = json.loads(zeromq.encode_recognition(followed)[1])["progress"]
+    assert told == {
+        "class": "wave",
+        "phase": 0.25,
+        "scrub": 0.5,
+        "speed": 2.0,
+        "amplitude": 0.75,
+        "sure": 0.875,
+        "cycles": 3,
+    }
 
 
 def _dumped(recognition: Recognition) -> dict[str, object]:
@@ -384,7 +401,8 @@ def _dumped(recognition: Recognition) -> dict[str, object]:
         "t": recognition.time,
         "class": recognition.class_name,
         "guess": recognition.classes[recognition.best] if recognition.guess_index >= 0 else None,
-        "index": recognition.guess_index,
+        "index": recognition.class_index,
+        "guess_index": recognition.guess_index,
         "outcome": recognition.outcome,
         "score": float(recognition.scores[recognition.best]),
         "runner_up": recognition.classes[second[0]] if second else None,
@@ -398,6 +416,7 @@ def _dumped(recognition: Recognition) -> dict[str, object]:
         "gap": recognition.gap,
         "eigenvector_class": recognition.eigenvector_class,
         "eigenvector_score": recognition.eigenvector_score,
+        "progress": None,
     }
     return json.loads(json.dumps(described))
 
@@ -472,6 +491,13 @@ def test_real_answers_are_what_json_dumps_writes(signature: LiveSignature, some_
         assert json.loads(zeromq.encode_recognition(answer)[1]) == _dumped(answer)
 
 
+def test_who_has_left_has_no_class() -> None:
+    """The last answer about a performer names nothing and says why; listeners read it as any other."""
+    parts = zeromq.encode_gone("Zoë 1")
+    assert parts[0] == "class/Zoë 1/".encode()
+    assert zeromq.decode_answer(parts) == Answer("Zoë 1", -1, 0.0, 0.0, "gone")
+
+
 @pytest.mark.parametrize("outcome", [Outcome.STILL, Outcome.AMBIGUOUS])
 def test_without_a_class_it_is_null(outcome: Outcome) -> None:
     """Without a class the name is null, the index -1 and the outcome says why."""
@@ -484,7 +510,7 @@ def test_without_a_class_it_is_null(outcome: Outcome) -> None:
 def test_an_answer_is_read_as_it_was_sent(outcome: Outcome) -> None:
     """A listener reads who, which class, score, margin and label."""
     recognition = dataclasses.replace(NAMED, performer="Zoë 1", outcome=outcome)
-    expected = Answer("Zoë 1", recognition.guess_index, 0.75, recognition.margin, recognition.label)
+    expected = Answer("Zoë 1", recognition.class_index, 0.75, recognition.margin, recognition.label)
     assert zeromq.decode_answer(zeromq.encode_recognition(recognition)) == expected
 
 

@@ -12,6 +12,8 @@ from kinespace.tools.bench import baselines, peers
 from kinespace.tools.bench.baselines import Hopping, LeadingAxis, TimeWarping, poses_in_body_frame
 from kinespace.tools.feeding.feed import Cue, resampled
 
+pytestmark = pytest.mark.slow
+
 NAMES = ["SVD of the window", "np.cov + eigh", "DTW"]
 
 

@@ -129,7 +129,7 @@ def test_what_was_not_run_is_null() -> None:
 
 def test_the_tables_name_everything(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
     """Each part has its table, with every step, peer, size, rate and counter in it."""
-    monkeypatch.setattr(console, "_width", 200)
+    monkeypatch.setattr(console, "width", 200)
     for table in made_up().tables():
         console.print(table)
     printed = capsys.readouterr().out

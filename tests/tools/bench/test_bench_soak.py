@@ -17,6 +17,8 @@ if TYPE_CHECKING:
     from kinespace.stream.frame import Frame
     from kinespace.stream.recognition import Recognition
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.mark.parametrize("signature", list(LiveSignature))
 def test_a_long_feed_is_accounted_for(

@@ -27,6 +27,8 @@ if TYPE_CHECKING:
 
     from kinespace.tools.loopback.service_process import Transport
 
+pytestmark = pytest.mark.slow
+
 SETTINGS = Settings(signature=LiveSignature.PAPER)
 NOBODY = Crowd(1, 10, 5, 5, 0, np.full(1000, 0.001), 0.0, (), None, None)
 

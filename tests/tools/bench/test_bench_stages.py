@@ -19,6 +19,8 @@ if TYPE_CHECKING:
     from kinespace.stream.frame import Frame
     from kinespace.stream.recognition import Recognition
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.mark.parametrize("signature", list(LiveSignature))
 def test_every_step_has_its_cost_and_share(signature: LiveSignature, played: NDArray[np.float32]) -> None:

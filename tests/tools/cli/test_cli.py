@@ -15,29 +15,36 @@ from kinespace.library import Reading
 from kinespace.stream import LiveSignature, Settings
 from kinespace.tools.cli import entry
 from kinespace.tools.cli.arguments import OSC_IN
-from kinespace.tools.cli.main import OSC_OUT, main
+from kinespace.tools.cli.main import EXPERIMENTS, PROGRAMS, main
 from kinespace.tools.evaluation import evaluate_retrieval
 from kinespace.tools.programs import build, demo, info, latency, live, replay
+from kinespace.tools.programs.live import OSC_OUT
 
 if TYPE_CHECKING:
     from types import ModuleType
 
 Call = tuple[str, tuple[Any, ...], dict[str, Any]]
 
-PROGRAMS = ("demo", "live", "replay", "latency", "build", "learn", "info", "evaluate", "feeds", "listen")
-
 
 @pytest.fixture
 def asked(monkeypatch: pytest.MonkeyPatch) -> list[Call]:
-    """Put in every program's place one that notes what it was asked and ends with 0."""
+    """Let every program only note what it was asked, and end with 0."""
     calls: list[Call] = []
 
     def stand_in(name: str) -> Any:  # noqa: ANN401 - as any as the programs it stands for
         return lambda *arguments, **options: calls.append((name, arguments, options)) or 0
 
-    for module in (demo, live, replay, latency, build, info):
-        monkeypatch.setattr(module, "run", stand_in(module.__name__.rpartition(".")[2]))
-    monkeypatch.setattr(evaluate_retrieval, "run_retrieval", stand_in("evaluate"))
+    works = (
+        (demo, "demonstrate"),
+        (live, "recognise"),
+        (replay, "play"),
+        (latency, "compare_with_echo"),
+        (build, "build"),
+        (info, "describe"),
+        (evaluate_retrieval, "evaluate"),
+    )
+    for module, work in works:
+        monkeypatch.setattr(module, work, stand_in(work))
     return calls
 
 
@@ -77,7 +84,18 @@ def test_help_lists_every_program(capsys: pytest.CaptureFixture[str]) -> None:
     assert set(PROGRAMS) <= first_words
 
 
-@pytest.mark.parametrize("program", [*PROGRAMS, "evaluate retrieval", "evaluate stream"])
+def test_every_program_is_found() -> None:
+    """Every module below tools that takes arguments as a program does is in the tables, and no other is."""
+    tools = ROOT / "tools"
+    modules = {
+        ".".join(path.relative_to(tools).with_suffix("").parts)
+        for path in tools.rglob("*.py")
+        if "\ndef add_arguments(" in path.read_text(encoding="utf-8")
+    }
+    assert modules == {module for module, _ in (*PROGRAMS.values(), *EXPERIMENTS.values()) if module}
+
+
+@pytest.mark.parametrize("program", [*PROGRAMS, *(f"evaluate {name}" for name in EXPERIMENTS)])
 def test_every_program_has_help(program: str, capsys: pytest.CaptureFixture[str]) -> None:
     """`--help` of every program ends with 0 and describes it."""
     with pytest.raises(SystemExit) as ended:
@@ -135,13 +153,13 @@ def test_wrong_arguments_end_with_2(arguments: str, asked: list[Call], capsys: p
 @pytest.mark.parametrize(
     ("arguments", "expected"),
     [
-        ("demo", ("demo", ("osc",), {"seconds": 30.0, "picture": None, "as_json": False})),
+        ("demo", ("demonstrate", ("osc",), {"seconds": 30.0, "picture": None, "as_json": False})),
         (
             "demo --transport zmq --seconds 24 --picture demo.svg --json",
-            ("demo", ("zmq",), {"seconds": 24.0, "picture": Path("demo.svg"), "as_json": True}),
+            ("demonstrate", ("zmq",), {"seconds": 24.0, "picture": Path("demo.svg"), "as_json": True}),
         ),
-        ("info", ("info", (None, Reading()), {})),
-        ("info mine.npz", ("info", (Path("mine.npz"), Reading()), {})),
+        ("info", ("describe", (None, Reading()), {})),
+        ("info mine.npz", ("describe", (Path("mine.npz"), Reading()), {})),
         (
             "build a b.npz -o c.npz --asf d.asf --frame-rate 60 --licence CC0 --attribution me",
             (
@@ -153,7 +171,7 @@ def test_wrong_arguments_end_with_2(arguments: str, asked: list[Call], capsys: p
         (
             "latency",
             (
-                "latency",
+                "compare_with_echo",
                 (("osc", "zmq"),),
                 {"rate_hz": 120.0, "seconds": 20.0, "settings": Settings(), "as_json": False},
             ),
@@ -161,7 +179,7 @@ def test_wrong_arguments_end_with_2(arguments: str, asked: list[Call], capsys: p
         (
             "latency --transport zmq --rate 60 --seconds 5 --signature paper --window 2 --hop 0 --json",
             (
-                "latency",
+                "compare_with_echo",
                 (("zmq",),),
                 {
                     "rate_hz": 60.0,
@@ -199,7 +217,7 @@ def test_wrong_arguments_end_with_2(arguments: str, asked: list[Call], capsys: p
                 "--performers 3 --plain"
             ),
             (
-                "live",
+                "recognise",
                 (live.Addresses(osc_in=":1", zmq_out="tcp://*:2"),),
                 {
                     "library": Path("l.npz"),
@@ -213,7 +231,7 @@ def test_wrong_arguments_end_with_2(arguments: str, asked: list[Call], capsys: p
         (
             "live",
             (
-                "live",
+                "recognise",
                 (live.Addresses(osc_in=OSC_IN, osc_out=OSC_OUT),),
                 {"library": None, "settings": Settings(), "most": 32, "plain": False, "feed": live.Feed()},
             ),
@@ -221,7 +239,7 @@ def test_wrong_arguments_end_with_2(arguments: str, asked: list[Call], capsys: p
         (
             "live --feed my.toml --sender 10.0.0.2 --out vrchat --out max=10.0.0.3:7401",
             (
-                "live",
+                "recognise",
                 (live.Addresses(),),
                 {
                     "library": None,
@@ -235,16 +253,16 @@ def test_wrong_arguments_end_with_2(arguments: str, asked: list[Call], capsys: p
         (
             "live --signature windows --sensitivity 0.3",
             (
-                "live",
+                "recognise",
                 (live.Addresses(osc_in=OSC_IN, osc_out=OSC_OUT),),
                 {"settings": Settings(signature=LiveSignature.WINDOWS, sensitivity=0.3)},
             ),
         ),
-        ("replay", ("replay", ([],), {"reading": Reading(), "osc_to": OSC_IN})),
+        ("replay", ("play", ([],), {"reading": Reading(), "osc_to": OSC_IN})),
         (
             "replay a b",
             (
-                "replay",
+                "play",
                 ([Path("a"), Path("b")],),
                 {
                     "reading": Reading(),
@@ -263,7 +281,7 @@ def test_wrong_arguments_end_with_2(arguments: str, asked: list[Call], capsys: p
                 "--jitter-ms 20 --reorder .2 --seed 5 --asf s.asf --json"
             ),
             (
-                "replay",
+                "play",
                 ([Path("a")],),
                 {
                     "reading": Reading(asf=Path("s.asf")),
@@ -361,9 +379,9 @@ def test_a_reader_who_leaves_ends_it_quietly() -> None:
 
 
 def test_a_program_loads_only_what_it_needs() -> None:
-    """Asking for the version loads neither matplotlib nor the transports' sockets."""
+    """Asking for the version loads neither numpy nor matplotlib nor a transport."""
     code = "import sys; from kinespace.tools.cli.main import main\ntry: main(['--version'])\nexcept SystemExit: pass\n"
-    code += "print([name for name in ('matplotlib', 'zmq', 'pythonosc', 'rich') if name in sys.modules])"
+    code += "print([name for name in ('numpy', 'matplotlib', 'zmq', 'pythonosc', 'rich') if name in sys.modules])"
     command = [sys.executable, "-c", code]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True, timeout=60)
     assert done.stdout.splitlines()[-1] == "[]"

@@ -34,6 +34,7 @@ def test_ctrl_c_while_it_loads_ends_it_quietly() -> None:
         "        if name == 'numpy': raise KeyboardInterrupt\n"
         "sys.meta_path.insert(0, Interrupting())\n"
         "from kinespace.tools.cli.entry import main\n"
+        "sys.argv[1:] = ['info']\n"
         "sys.exit(main())\n"
     )
     done = subprocess.run([sys.executable, "-c", interrupted], capture_output=True, text=True, check=False, timeout=60)

@@ -20,6 +20,8 @@ from kinespace.tools.evaluation import evaluate_noise
 if TYPE_CHECKING:
     from pathlib import Path
 
+pytestmark = pytest.mark.slow
+
 SHARES = ("answers_right", "answers_guessed", "clips_right", "clips_guessed")
 
 

@@ -29,6 +29,8 @@ if TYPE_CHECKING:
 
     from kinespace.library import Clip
 
+pytestmark = pytest.mark.slow
+
 KEYS = {"space", "protocol", "motions", "classes", "nearest", "two_nearest"}
 #: Measured independently on 287 of the 288 clips, 1-NN by space and protocol.
 REFERENCE = {
@@ -46,7 +48,7 @@ REFERENCE = {
 
 @pytest.fixture(autouse=True)
 def _wide(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(console, "_width", 200)
+    monkeypatch.setattr(console, "width", 200)
 
 
 @pytest.fixture

@@ -29,6 +29,8 @@ if TYPE_CHECKING:
 
     from kinespace.tools.evaluation.timeline import Course
 
+pytestmark = pytest.mark.slow
+
 KEYS = [
     "frame_accuracy",
     "segment_accuracy",
@@ -58,7 +60,7 @@ KNOWN = [("clap", 2.5), ("hail", 2.5), ("row", 2.5)]
 
 @pytest.fixture(autouse=True)
 def _wide(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(console, "_width", 200)
+    monkeypatch.setattr(console, "width", 200)
 
 
 @pytest.fixture(scope="module")

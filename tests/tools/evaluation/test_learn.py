@@ -10,33 +10,62 @@ import pytest
 from kinespace.library import MotionLibrary
 from kinespace.library.windows.rejection import RATES, Evidence, Rejection
 from kinespace.tools.cli import main
-from kinespace.tools.evaluation.learn import fitted
+from kinespace.tools.evaluation.learn import Lesson, fitted
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
     from pathlib import Path
 
+pytestmark = pytest.mark.slow
+
 _CLASSES = ("squat1Reps", "kickLFront1Reps")
+
+
+#: One group of parts, of which nothing is typical.
+_TYPICAL = np.zeros(2)
+
+
+def _windows(leads: Sequence[float], guess: str = "a") -> list[tuple[Evidence, str]]:
+    """Make windows of one guess with these leads."""
+    return [(Evidence((0.0,), (float(lead),)), guess) for lead in leads]
 
 
 def test_the_fit_tells_two_kinds_of_windows_apart() -> None:
     """Windows with a clear lead are known, windows with none are not; a class often guessed wrongly gets a malus."""
     generator = np.random.default_rng(1)
-    known = [(Evidence(0.0, 1.0 + each, 0.0, -2.0, -2.0), "a") for each in generator.normal(0, 0.1, 50)]
-    unknown = [(Evidence(0.0, each, 0.0, -2.0, -2.0), "b") for each in generator.normal(0, 0.1, 50)]
-    rejection = fitted(known, unknown, ("a", "b"), np.ones(50))
+    known, unknown = _windows(1.0 + generator.normal(0, 0.1, 50)), _windows(generator.normal(0, 0.1, 50), "b")
+    lessons = [Lesson(known, is_known=True, weight=1.0), Lesson(unknown, is_known=False, weight=1.0)]
+    rejection = fitted(lessons, ("a", "b"), _TYPICAL)
     assert all(rejection.logit(*window) > 0 for window in known)
     assert all(rejection.logit(*window) < 0 for window in unknown)
     assert rejection.biases["a"] > rejection.biases["b"]
 
 
+def test_typical_evidence_does_not_change_the_fit() -> None:
+    """It is what moves when there are other joints."""
+    lessons = [
+        Lesson(_windows([0.5, 1.0]), is_known=True, weight=1.0),
+        Lesson(_windows([0.0, 0.25]), is_known=False, weight=1.0),
+    ]
+    [doubtful] = _windows([0.4])
+    usual, moved = (fitted(lessons, ("a",), typical) for typical in (_TYPICAL, np.array([1.0, 0.5])))
+    assert usual.logit(*doubtful) == pytest.approx(moved.logit(*doubtful), abs=1e-3)
+
+
 def test_weights_move_the_fit() -> None:
     """Known windows that count more are more likely to be known."""
-    known = [(Evidence(0.0, lead, 0.0, -2.0, -2.0), "a") for lead in (0.1, 0.2, 0.9, 1.0)]
-    unknown = [(Evidence(0.0, lead, 0.0, -2.0, -2.0), "a") for lead in (0.0, 0.1, 0.2, 0.3)]
-    doubtful = Evidence(0.0, 0.15, 0.0, -2.0, -2.0)
-    heavy = fitted(known, unknown, ("a",), np.array([8.0, 8.0, 1.0, 1.0]))
-    light = fitted(known, unknown, ("a",), np.array([1.0, 1.0, 8.0, 8.0]))
-    assert heavy.logit(doubtful, "a") > light.logit(doubtful, "a")
+    unknown = Lesson(_windows([0.0, 0.1, 0.2, 0.3]), is_known=False, weight=1.0)
+    near, far = _windows([0.1, 0.2]), _windows([0.9, 1.0])
+    heavy, light = (
+        fitted(
+            [unknown, Lesson(near, is_known=True, weight=weight), Lesson(far, is_known=True, weight=1 - weight)],
+            ("a",),
+            _TYPICAL,
+        )
+        for weight in (0.9, 0.1)
+    )
+    [doubtful] = _windows([0.15])
+    assert heavy.logit(*doubtful) > light.logit(*doubtful)
 
 
 @pytest.fixture(scope="module")
@@ -94,8 +123,8 @@ def test_learn_keeps_its_numbers_in_the_library(
     library = MotionLibrary.load(output)
     assert len(library) == len(MotionLibrary.load(small_file))
     assert library.learned is not None
-    rejection = Rejection.of_kept(library.learned)
-    assert set(rejection.biases) == set(_CLASSES)
+    rejection = Rejection.of_kept(library.learned, 5)
+    assert set(rejection.biases) == set(rejection.slopes) == set(_CLASSES)
     assert (np.diff(rejection.thresholds) <= 1e-6).all()
     assert all(each["unknown_named"] <= each["rate"] + 1e-9 for each in told)
 

@@ -24,6 +24,8 @@ if TYPE_CHECKING:
     from kinespace.tools.feeding.feed import Packet
     from kinespace.tools.loopback.service_process import Transport
 
+pytestmark = pytest.mark.slow
+
 TRANSPORTS: tuple[Transport, ...] = ("osc", "zmq")
 
 

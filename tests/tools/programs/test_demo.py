@@ -21,6 +21,8 @@ from kinespace.tools.programs import demo
 if TYPE_CHECKING:
     from pathlib import Path
 
+pytestmark = pytest.mark.slow
+
 #: Two classes, so that a whole demo fits in four seconds.
 CLASSES = ("kickLFront1Reps", "squat1Reps")
 SECONDS = "4"

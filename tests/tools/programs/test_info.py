@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 @pytest.fixture(autouse=True)
 def _wide(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(console, "_width", 200)
+    monkeypatch.setattr(console, "width", 200)
 
 
 def _row(printed: str, class_name: str) -> list[str]:

@@ -19,6 +19,8 @@ from kinespace.tools.loopback.service_process import BackgroundService
 from kinespace.tools.programs.latency import Latency, measure
 from kinespace.tools.terminal.console import console
 
+pytestmark = pytest.mark.slow
+
 KEYS = {
     "transport",
     "rate_hz",
@@ -35,7 +37,7 @@ KEYS = {
 
 @pytest.fixture(autouse=True)
 def _wide(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(console, "_width", 200)
+    monkeypatch.setattr(console, "width", 200)
 
 
 def test_percentiles_are_of_what_was_measured() -> None:

@@ -10,15 +10,26 @@ from contextlib import ExitStack
 from typing import TYPE_CHECKING
 
 import pytest
-from programs import LOOPBACK, PATIENCE, Publisher, builtin_library, ghost_cues, live, started, summary_counts
+from programs import (
+    LOOPBACK,
+    PATIENCE,
+    Publisher,
+    builtin_library,
+    free_udp_port,
+    ghost_cues,
+    live,
+    started,
+    summary_counts,
+)
 from recorded import write_takes
 
 from kinespace.library import MotionLibrary, read_recordings
 from kinespace.stream import Announcement, LiveSignature, Settings, osc, zeromq
 from kinespace.stream.zeromq import MAX_MESSAGE, Endpoint
-from kinespace.tools.cli.main import OSC_OUT, main
+from kinespace.tools.cli.main import main
 from kinespace.tools.feeding.feed import clip_cues
 from kinespace.tools.loopback.expected_answers import expected_answers
+from kinespace.tools.programs.live import OSC_OUT
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -26,6 +37,8 @@ if TYPE_CHECKING:
 
     from kinespace.stream.answer import Answer
     from kinespace.tools.feeding.feed import Cue
+
+pytestmark = pytest.mark.slow
 
 
 def expected_of(cues: Sequence[Cue], settings: Settings | None = None) -> list[str]:
@@ -227,6 +240,15 @@ def test_what_was_opened_before_a_failure_is_closed(option: str, capsys: pytest.
     assert main(["live", "--osc-in", f"{host}:{port}", option, "nonsense"]) == 2
     assert capsys.readouterr().err.count("\n") == 1
     osc.OscReceiver(host, port).close()
+
+
+@pytest.mark.parametrize("option", ["--osc-out", "--out"])
+def test_answers_to_our_own_port_are_refused(option: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """Answers that would come in again as frames are refused."""
+    port = free_udp_port()
+    target = f"{'max=' if option == '--out' else ''}{LOOPBACK}:{port}"
+    assert main(["live", "--osc-in", f"{LOOPBACK}:{port}", "--signature", "paper", option, target]) == 2
+    assert f"expected another place than {LOOPBACK}:{port}, where frames come in" in capsys.readouterr().err
 
 
 def test_an_output_alone_is_refused(capsys: pytest.CaptureFixture[str]) -> None:

@@ -34,6 +34,8 @@ if TYPE_CHECKING:
 
     from kinespace.library import Clip
 
+pytestmark = pytest.mark.slow
+
 #: Fast enough that nobody waits long, slow enough that a busy machine keeps up.
 SPEED = 8.0
 KEYS = {"sent", "failed", "answers", "right"}
@@ -41,7 +43,7 @@ KEYS = {"sent", "failed", "answers", "right"}
 
 @pytest.fixture(autouse=True)
 def _wide(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(console, "_width", 200)
+    monkeypatch.setattr(console, "width", 200)
 
 
 @pytest.fixture

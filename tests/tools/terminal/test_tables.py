@@ -23,7 +23,7 @@ CLASSES = MotionLibrary.builtin().classes
 
 @pytest.fixture(autouse=True)
 def _narrow(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(console, "_width", 80)
+    monkeypatch.setattr(console, "width", 80)
 
 
 def drawn(table: Table) -> str:

@@ -21,6 +21,8 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
+pytestmark = pytest.mark.slow
+
 
 def test_one_part_prints_exactly_the_standard_figures() -> None:
     """As a command of its own, one part gives one JSON object: all names, its own figures, null for the others."""

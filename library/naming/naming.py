@@ -1,0 +1,137 @@
+"""How the joint names of a file or a feed are read: by the convention that fits, by a given one, or as they are."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import TYPE_CHECKING, NamedTuple, Self
+
+from kinespace.library import hdm05
+from kinespace.library.naming.convention import Convention, convention_named, conventions, own_convention, spelling
+
+if TYPE_CHECKING:
+    from collections.abc import Collection, Sequence
+
+#: What a person says for "find it yourself" and for "leave them as they are".
+AUTO, AS_THEY_ARE = "auto", "as-they-are"
+#: Fewer joints of ours than these say nothing about a skeleton.
+_FEWEST = 5
+#: A convention is found when it knows so large a share of the skeleton's names, or the skeleton has so large a share of
+#: the joints that it names: a hand with twenty bones, or a body with half of its joints, is no other convention.
+_SHARE = 0.6
+#: Skeletons whose names are remembered.
+_REMEMBERED = 64
+
+
+class NamedJoints(NamedTuple):
+    """Joints by our names.
+
+    Attributes
+    ----------
+    joints
+        As many as there were, in their order: ours where the convention has one, their own names elsewhere.
+    convention
+        Whose names they were; None where they stay as they were.
+    """
+
+    joints: tuple[str, ...]
+    convention: Convention | None
+
+    @property
+    def title(self) -> str:
+        """What the convention is called; empty where names stay as they were, or are ours anyway."""
+        return self.convention.title if self.convention and self.convention.name != own_convention().name else ""
+
+
+def told(title: str, joints: Sequence[str]) -> str:
+    """Say in a line whose names they were and how many of ours they mean."""
+    ours = hdm05.SKELETON.joints
+    return f"{title} names: {sum(joint in ours for joint in joints)} of {len(ours)} joints"
+
+
+@dataclass(frozen=True, slots=True)
+class Naming:
+    """How joint names are read.
+
+    Attributes
+    ----------
+    convention
+        Whose names they are; None to find out.
+    finds
+        Whether the convention is looked for; otherwise, without one, names stay as they are.
+    """
+
+    convention: Convention | None = None
+    finds: bool = True
+
+    @classmethod
+    def asked(cls, text: str) -> Self:
+        """Read what a person asks for: auto, as-they-are, a convention's name, or a TOML file.
+
+        Raises
+        ------
+        ConventionError
+            There is no such convention, or the file is none.
+        OSError
+            The file cannot be read.
+        """
+        if text in (AUTO, AS_THEY_ARE):
+            return cls(finds=text == AUTO)
+        return cls(convention_named(text))
+
+    def read(self, labels: Sequence[str]) -> NamedJoints:
+        """Give joints our names, where a convention is given or found."""
+        if self.convention:
+            return NamedJoints(_renamed(self.convention, labels), self.convention)
+        return _found(tuple(labels)) if self.finds else NamedJoints(tuple(labels), None)
+
+    def met(self, labels: Sequence[str], joints: Collection[str]) -> NamedJoints:
+        """Give joints our names, unless more of them are among some joints as they are.
+
+        Parameters
+        ----------
+        labels
+            What a sender calls its joints.
+        joints
+            A library's, which may have names of its own.
+        """
+        named = self.read(labels)
+        as_they_are = sum(label in joints for label in labels)
+        if self.convention is None and as_they_are >= sum(joint in joints for joint in named.joints):
+            return NamedJoints(tuple(labels), named.convention if named.joints == tuple(labels) else None)
+        return named
+
+
+@lru_cache(maxsize=_REMEMBERED)
+def _found(labels: tuple[str, ...]) -> NamedJoints:
+    """Give the joints by the names of the convention that knows most of them; as they are where none does."""
+    best, most = None, (0, 0.0)
+    for convention in conventions():
+        spelled = convention.spelled(labels)
+        known = convention.known(spelled)
+        targets = {convention.targets.get(label, "") for label in spelled} - {""}
+        if len(targets) < _FEWEST or not convention.absent.isdisjoint(spelled):
+            continue
+        of_names, of_joints = known / len(labels), len(targets) / len(convention.joints)
+        # Of two conventions that know as many names, the one of which more is there.
+        if max(of_names, of_joints) >= _SHARE and (known, of_joints) > most:
+            best, most = convention, (known, of_joints)
+    return NamedJoints(_renamed(best, labels), best) if best else NamedJoints(labels, None)
+
+
+def _renamed(convention: Convention, labels: Sequence[str]) -> tuple[str, ...]:
+    """Name each joint of ours after the first of the convention's names that is there; others keep their names."""
+    spelled = convention.spelled(labels)
+    places = dict[str, int]()
+    for name, target in convention.targets.items():
+        if target and target not in places and name in spelled:
+            places[target] = spelled.index(name)
+    ours = {place: target for target, place in places.items()}
+    taken, names = set(places), list[str]()
+    for place, label in enumerate(labels):
+        name = ours.get(place, label)
+        # A joint that keeps its name must not pass for one of ours: SMPL's head is our upperneck, and no head.
+        while place not in ours and (name in taken or spelling(name) in own_convention().targets):
+            name = f"{convention.title} {name}"
+        names.append(name)
+    return tuple(names)

@@ -1,0 +1,213 @@
+"""The moments of a library's motions with their phases: what a live body is compared with to say how far it is."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from functools import lru_cache
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from kinespace.library.distances import distance_rows
+from kinespace.library.progress.warping import agreed_phases
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping, Sequence
+
+    from numpy.typing import NDArray
+
+    from kinespace.library.clip import Clip
+    from kinespace.library.windows.basis import Basis
+    from kinespace.library.windows.body import Body
+    from kinespace.library.windows.index import WindowIndex
+
+#: Moments of a recording that are kept, a second.
+MOMENTS_PER_SECOND = 15.0
+#: Seconds over which a moment's velocity is taken.
+VELOCITY_SECONDS = 2 / MOMENTS_PER_SECOND
+#: How much a velocity counts beside a posture, both in the basis.
+_VELOCITY = 3.0
+#: How much of the scatter between actors gives way to equal scatter.
+_SHRINKAGE = 0.1
+#: Phases at which recordings are compared to learn how actors differ.
+_COMPARED_AT = np.linspace(0.0, 1.0, 10)
+#: Seconds over which the swing of the body is taken.
+SWING_SECONDS = 1.0
+#: A class is cyclic when its recordings end this near to where they begin, relative to how far they go between, and
+#: in this direction (the cosine).
+_SAME_PLACE, _SAME_DIRECTION = 0.35, 0.3
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Moments:
+    """The moments of the recordings of one class, recording after recording.
+
+    Attributes
+    ----------
+    vectors
+        Posture and velocity, whitened by how actors differ at the same phase, shape (moments, numbers).
+    phases
+        How far in the motion each moment is, shape (moments,), 0 to 1.
+    starts
+        Where each recording begins, ascending, shape (recordings,).
+    speeds
+        Mean squared length of each moment's velocity, as the library's mean recording would have it, (moments,).
+    swings
+        Log of the swing over the last second of the recording, at each moment, (moments,).
+    seconds
+        Mean length of the recordings.
+    cyclic
+        Whether the recordings end as they begin, so that one can follow another.
+    """
+
+    vectors: NDArray[np.float64] = field(repr=False)
+    phases: NDArray[np.float64] = field(repr=False)
+    starts: NDArray[np.intp] = field(repr=False)
+    speeds: NDArray[np.float64] = field(repr=False)
+    swings: NDArray[np.float64] = field(repr=False)
+    seconds: float
+    cyclic: bool
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PhaseTable:
+    """What the progress of a body is read from.
+
+    Attributes
+    ----------
+    classes
+        The moments of each class.
+    whitening
+        Posture and velocity times this are a vector of the table, shape (2 × directions, numbers).
+    basis
+        The directions that postures are measured in.
+    """
+
+    classes: Mapping[str, Moments]
+    whitening: NDArray[np.float64] = field(repr=False)
+    basis: Basis = field(repr=False)
+
+    @classmethod
+    def of(cls, motions: Iterable[Clip], body: Body, basis: Basis) -> PhaseTable:
+        """Find the phases of motions that share a skeleton.
+
+        Motions shorter than twice `VELOCITY_SECONDS` are passed over: they have no course that can be followed.
+        """
+        performed: dict[str, list[Clip]] = {}
+        for clip in motions:
+            if clip.duration >= 2 * VELOCITY_SECONDS:
+                performed.setdefault(clip.class_name, []).append(clip)
+        courses = {name: _courses(tuple(clips), body, basis) for name, clips in performed.items()}
+        whitening = _whitening(courses.values(), 2 * basis.directions.shape[1])
+        return cls({name: _moments(each, whitening) for name, each in courses.items()}, whitening, basis)
+
+
+class _Courses(NamedTuple):
+    """What is measured of the recordings of one class, whatever other classes there are."""
+
+    #: Of each recording, (moments, 2 × directions), (moments,) and (moments,).
+    moving: list[NDArray[np.float64]]
+    phases: list[NDArray[np.float64]]
+    swings: list[NDArray[np.float64]]
+    actors: list[str]
+    cyclic: bool
+
+
+@lru_cache(maxsize=512)
+def _courses(clips: tuple[Clip, ...], body: Body, basis: Basis) -> _Courses:
+    """Measure the recordings of a class; kept, because a library to which a class is added has the others still."""
+    points = [points_of(clip, body, basis) for clip in clips]
+    moving = [with_velocity(each) for each in points]
+    scale = math.sqrt(np.mean([each.var(axis=0).mean() for each in moving])) or 1.0
+    actors = [clip.actor for clip in clips]
+    phases = agreed_phases([each / scale for each in moving], actors)
+    half = basis.directions.shape[1]
+    cyclic = _is_cyclic(points, [each[:, half:] for each in moving])
+    return _Courses(moving, phases, [_swings(each) for each in points], actors, cyclic)
+
+
+@lru_cache(maxsize=4)
+def phase_table(index: WindowIndex) -> PhaseTable:
+    """Give the phase table of an opened library; several followers share it."""
+    return PhaseTable.of(index.library.motions, index.body, index.basis)
+
+
+def points_of(clip: Clip, body: Body, basis: Basis) -> NDArray[np.float64]:
+    """Give the points in the basis, relative to the body's size, of a clip's moments, shape (moments, directions)."""
+    times = np.arange(round(clip.duration * MOMENTS_PER_SECOND) + 1) / MOMENTS_PER_SECOND
+    frames = np.minimum(np.rint(times * clip.frame_rate).astype(int), clip.frames - 1)
+    rows = distance_rows(clip.positions[frames], clip.skeleton)
+    relative: NDArray[np.float64] = rows @ basis.directions / body.size(rows).mean()
+    return relative
+
+
+def with_velocity(points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Put beside each point how far it moved in the last `VELOCITY_SECONDS`, weighed, (moments, 2 × directions).
+
+    The first points have no past: they are given the velocity with which the recording begins.
+    """
+    lag = round(VELOCITY_SECONDS * MOMENTS_PER_SECOND)
+    later = np.minimum(np.maximum(np.arange(len(points)), lag), len(points) - 1)
+    velocity = points[later] - points[np.maximum(later - lag, 0)]
+    return np.hstack([points, _VELOCITY * velocity])
+
+
+def moving_point(before: NDArray[np.float64], now: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Put beside a point how far it moved since the point `VELOCITY_SECONDS` before, weighed, (2 × directions,)."""
+    return np.concatenate([now, _VELOCITY * (now - before)])
+
+
+def _whitening(courses: Iterable[_Courses], width: int) -> NDArray[np.float64]:
+    """Learn how recordings of a class differ at the same phase; a class of one recording tells nothing."""
+    scatters = []
+    for each in courses:
+        places = [np.searchsorted(phases, _COMPARED_AT).clip(0, len(phases) - 1) for phases in each.phases]
+        compared = np.array([moving[place] for moving, place in zip(each.moving, places, strict=True)])
+        deviations = (compared - compared.mean(axis=0)).reshape(-1, width)
+        if len(compared) > 1:
+            scatters.append(deviations.T @ deviations / len(deviations))
+    scatter = np.mean(scatters, axis=0) if scatters else np.eye(width)
+    scatter = (1 - _SHRINKAGE) * scatter + _SHRINKAGE * scatter.trace() / width * np.eye(width)
+    values, vectors = np.linalg.eigh(scatter)
+    whitening: NDArray[np.float64] = vectors / np.sqrt(values)
+    return whitening
+
+
+def _moments(courses: _Courses, whitening: NDArray[np.float64]) -> Moments:
+    """Put the recordings of one class together."""
+    lengths = np.array([len(each) for each in courses.moving])
+    mean = float(lengths.mean())
+    half = len(whitening) // 2
+    squares = [(each[:, half:] ** 2).sum(axis=1) * (len(each) / mean) ** 2 for each in courses.moving]
+    return Moments(
+        vectors=np.concatenate(courses.moving) @ whitening,
+        phases=np.concatenate(courses.phases),
+        starts=np.cumsum([0, *lengths[:-1]]),
+        speeds=np.concatenate(squares),
+        swings=np.concatenate(courses.swings),
+        seconds=(mean - 1) / MOMENTS_PER_SECOND,
+        cyclic=courses.cyclic,
+    )
+
+
+def _is_cyclic(points: Sequence[NDArray[np.float64]], velocities: Sequence[NDArray[np.float64]]) -> bool:
+    """Say whether the recordings of a class end where they begin, and moving as they begin."""
+    apart, along = [], []
+    for places, ways in zip(points, velocities, strict=True):
+        farthest = np.linalg.norm(places - places[0], axis=1).max()
+        apart.append(np.linalg.norm(places[-1] - places[0]) / max(farthest, 1e-9))
+        lengths = np.linalg.norm(ways[0]) * np.linalg.norm(ways[-1])
+        along.append(ways[0] @ ways[-1] / max(lengths, 1e-9))
+    return bool(np.median(apart) < _SAME_PLACE and np.median(along) > _SAME_DIRECTION)
+
+
+def _swings(points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Log of the swing over the last second at each moment; what is shorter than a second swings less."""
+    span = round(SWING_SECONDS * MOMENTS_PER_SECOND)
+    return np.array([swing_of(points[max(0, end - span) : end + 1]) for end in range(len(points))])
+
+
+def swing_of(points: NDArray[np.float64]) -> float:
+    """Log of the root mean square deviation of points from their mean, (moments, directions)."""
+    return 0.5 * float(np.log(points.var(axis=0).sum() + 1e-6))

@@ -1,0 +1,176 @@
+"""How products pack what they send: OSC, JSON or numbers one after the other. Each becomes messages that presets read.
+
+osc       as it is
+channels  OSC with one number to a message, as TouchDesigner's OSC Out CHOP sends it: `/p1/wrist_l:tx f`; three of them
+          become `/p1/wrist_l x y z`
+rokoko    Rokoko Studio's JSON, version 3: `/rokoko/<actor>/<joint> x y z`
+zigsim    ZIG SIM's JSON: `/zigsim/<device>/<joint> x y z`; its OSC as it is
+xsens     Xsens MVN's MXTP02: `/xsens/<character>/<segment> x y z time`
+"""
+
+from __future__ import annotations
+
+import re
+import struct
+from itertools import islice
+from typing import TYPE_CHECKING, Any, Protocol
+
+import msgspec
+
+from kinespace.stream.frame import MAX_PERFORMER_LENGTH
+from kinespace.stream.osc.answers import address_part
+from kinespace.stream.osc.packet import MAX_MESSAGES, Message, PacketError, decode_packet
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Mapping
+
+#: Numbers that wait for the others of their joint: a sender that invents names fills the memory, and empties it.
+_MAX_WAITING = 1024
+_CHANNEL = re.compile(r"(?P<joint>.*[^:/_.])[:/_.]t?(?P<axis>[xyz])", re.IGNORECASE)
+#: Xsens MVN's network stream: identifier, sample, datagram, items, time code in ms, character, body segments, props,
+#: finger segments, two reserved bytes and the size of what follows.
+_MXTP = struct.Struct(">6sIBBIBBBB2xH")
+#: A segment's number, its position in metres and its orientation (w x y z).
+_SEGMENT = struct.Struct(">i3f16x")
+
+
+class Unpacker(Protocol):
+    """Makes messages of the packets of one port."""
+
+    def __call__(self, packet: bytes) -> list[Message]:
+        """Unpack one packet.
+
+        Raises
+        ------
+        PacketError
+            It is not packed so.
+        """
+
+
+class _Vector(msgspec.Struct):
+    x: float
+    y: float
+    z: float
+
+
+class _RokokoJoint(msgspec.Struct):
+    position: _Vector
+
+
+class _RokokoActor(msgspec.Struct):
+    name: str
+    body: dict[str, _RokokoJoint] = {}
+
+
+class _RokokoScene(msgspec.Struct):
+    actors: list[_RokokoActor] = []
+
+
+class _Rokoko(msgspec.Struct):
+    scene: _RokokoScene
+
+
+class _ZigSimDevice(msgspec.Struct):
+    name: str = ""
+    uuid: str = ""
+
+
+class _ZigSimSensors(msgspec.Struct):
+    body: dict[str, tuple[float, float, float]] = msgspec.field(default_factory=dict, name="bodyTracking")
+
+
+class _ZigSim(msgspec.Struct):
+    sensors: _ZigSimSensors = msgspec.field(name="sensordata")
+    device: _ZigSimDevice = msgspec.field(default_factory=_ZigSimDevice)
+
+
+_rokoko = msgspec.json.Decoder(_Rokoko).decode
+_zigsim = msgspec.json.Decoder(_ZigSim).decode
+
+
+def unpack_rokoko(packet: bytes) -> list[Message]:
+    """Read a frame of Rokoko Studio's JSON; all actors are in it."""
+    actors = _read(_rokoko, packet).scene.actors
+    return _bounded(
+        _message("rokoko", actor.name, joint, at.position.x, at.position.y, at.position.z)
+        for actor in actors
+        for joint, at in actor.body.items()
+    )
+
+
+def unpack_zigsim(packet: bytes) -> list[Message]:
+    """Read a frame of ZIG SIM, as JSON or as OSC."""
+    if packet[:1] != b"{":
+        return decode_packet(packet)
+    frame = _read(_zigsim, packet)
+    device = frame.device.name or frame.device.uuid or "device"
+    return _bounded(_message("zigsim", device, joint, *position) for joint, position in frame.sensors.body.items())
+
+
+def unpack_xsens(packet: bytes) -> list[Message]:
+    """Read a datagram of Xsens MVN's positions and quaternions; other kinds of datagrams hold no message for us."""
+    if len(packet) < _MXTP.size or not packet.startswith(b"MXTP"):
+        raise PacketError(f"packet: expected an MXTP datagram of Xsens MVN, got {packet[:6]!r}")
+    kind, _, _, items, time, character, body, _, _, size = _MXTP.unpack_from(packet)
+    if kind != b"MXTP02":
+        return []
+    if len(packet) < _MXTP.size + items * _SEGMENT.size or size < items * _SEGMENT.size:
+        raise PacketError(f"packet: expected {items} segments of {_SEGMENT.size} bytes, got {len(packet)} bytes")
+    places = range(_MXTP.size, _MXTP.size + min(items, body or items) * _SEGMENT.size, _SEGMENT.size)
+    segments = (_SEGMENT.unpack_from(packet, place) for place in places)
+    return _bounded(Message(f"/xsens/{character}/{number}", [x, y, z, float(time)]) for number, x, y, z in segments)
+
+
+class ChannelUnpacker:
+    """Puts the three numbers of a joint together that come one to a message, in one packet or in several."""
+
+    def __init__(self) -> None:
+        self._waiting: dict[str, dict[str, object]] = {}
+
+    def __call__(self, packet: bytes) -> list[Message]:
+        """Give a message for each joint whose last number is in the packet; other messages as they are."""
+        return [whole for message in decode_packet(packet) if (whole := self._joined(message))]
+
+    def _joined(self, message: Message) -> Message | None:
+        channel = _CHANNEL.fullmatch(message.address)
+        if channel is None or len(message.arguments) != 1:
+            return message
+        joint, axis = channel["joint"], channel["axis"].lower()
+        if joint not in self._waiting and len(self._waiting) >= _MAX_WAITING:
+            self._waiting.clear()
+        known = self._waiting.setdefault(joint, {})
+        known[axis] = message.arguments[0]
+        if len(known) < len("xyz"):
+            return None
+        del self._waiting[joint]
+        return Message(joint, [known["x"], known["y"], known["z"]])
+
+
+#: By the name a preset asks for: what makes an unpacker for one port.
+UNPACKERS: Mapping[str, Callable[[], Unpacker]] = {
+    "osc": lambda: decode_packet,
+    "channels": ChannelUnpacker,
+    "rokoko": lambda: unpack_rokoko,
+    "zigsim": lambda: unpack_zigsim,
+    "xsens": lambda: unpack_xsens,
+}
+
+
+def _read(read: Callable[[bytes], Any], packet: bytes) -> Any:  # noqa: ANN401 - each decoder's own type
+    try:
+        return read(packet)
+    except (ValueError, RecursionError) as error:
+        raise PacketError(f"packet: expected this product's JSON ({error})") from error
+
+
+def _message(kind: str, performer: str, joint: str, *position: float) -> Message:
+    named = address_part(performer)[:MAX_PERFORMER_LENGTH] or "performer"
+    return Message(f"/{kind}/{named}/{address_part(joint)}", list(position))
+
+
+def _bounded(messages: Iterable[Message]) -> list[Message]:
+    """Refuse more messages than an OSC packet may have."""
+    taken = list(islice(messages, MAX_MESSAGES + 1))
+    if len(taken) > MAX_MESSAGES:
+        raise PacketError(f"packet: expected at most {MAX_MESSAGES} joints")
+    return taken

@@ -1,0 +1,116 @@
+"""Packets that are no OSC become messages; what is not packed so is one error, whatever it is."""
+
+from __future__ import annotations
+
+import json
+import struct
+
+import pytest
+from golden import PACKETS, bundle, message
+
+from kinespace.stream.feeds import builtin_preset
+from kinespace.stream.feeds.decoder import FeedDecoder
+from kinespace.stream.feeds.unpackers import (
+    UNPACKERS,
+    ChannelUnpacker,
+    unpack_rokoko,
+    unpack_xsens,
+    unpack_zigsim,
+)
+from kinespace.stream.osc.packet import MAX_MESSAGES, Message, PacketError
+
+
+def _rokoko(actors: object) -> bytes:
+    return json.dumps({"version": 3, "fps": 60, "scene": {"timestamp": 0, "actors": actors, "props": []}}).encode()
+
+
+def _joint(x: float) -> dict[str, dict[str, float]]:
+    return {"position": {"x": x, "y": 2.0, "z": 3.0}, "rotation": {"x": 0.0, "y": 0.0, "z": 0.0, "w": 1.0}}
+
+
+def test_rokoko_names_actors_and_joints() -> None:
+    """All actors of a frame come together; what OSC keeps for itself in a name becomes an underscore."""
+    actors = [{"name": "Ann/1", "body": {"hip": _joint(1.0)}}, {"name": "Bo", "body": {"head": _joint(4.0)}}]
+    assert unpack_rokoko(_rokoko(actors)) == [
+        Message("/rokoko/Ann_1/hip", [1.0, 2.0, 3.0]),
+        Message("/rokoko/Bo/head", [4.0, 2.0, 3.0]),
+    ]
+    assert unpack_rokoko(_rokoko([{"name": "Face", "face": {"jawOpen": 3}}])) == []
+
+
+@pytest.mark.parametrize(
+    "packet",
+    [
+        b"",
+        b"{",
+        b"\x04\x22M\x18 lz4",
+        b"[]",
+        b'{"scene": {"actors": [{"body": {}}]}}',
+        _rokoko([{"name": "Ann", "body": {"hip": {"position": {"x": 1.0}}}}]),
+        _rokoko([{"name": "Ann", "body": {"hip": {"position": {"x": "1", "y": 2, "z": 3}}}}]),
+        _rokoko([{"name": "Ann", "body": {f"joint{number}": _joint(0.0) for number in range(MAX_MESSAGES + 1)}}]),
+        b'{"scene": ' + b"[" * 5000,
+    ],
+)
+def test_what_is_no_rokoko_is_one_error(packet: bytes) -> None:
+    """Cut, compressed, of another shape, too large or too deep: an error that the feed counts."""
+    with pytest.raises(PacketError, match="packet: expected"):
+        unpack_rokoko(packet)
+    decoder = FeedDecoder(builtin_preset("rokoko"))
+    assert decoder.decode(packet, 1.0, None) == ()
+    assert decoder.counts.malformed == 1
+
+
+def test_xsens_reads_the_body_alone() -> None:
+    """Body segments are read with the sample's time; props and fingers after them are not."""
+    segments = b"".join(struct.pack(">i7f", number, 1.0, 2.0, 3.0, 1.0, 0.0, 0.0, 0.0) for number in (1, 2, 24))
+    header = struct.pack(">6sIBBIBBBBHH", b"MXTP02", 7, 0x80, 3, 1500, 4, 2, 1, 0, 0, len(segments))
+    assert unpack_xsens(header + segments) == [
+        Message("/xsens/4/1", [1.0, 2.0, 3.0, 1500.0]),
+        Message("/xsens/4/2", [1.0, 2.0, 3.0, 1500.0]),
+    ]
+    assert unpack_xsens(header.replace(b"MXTP02", b"MXTP13") + segments) == []
+
+
+@pytest.mark.parametrize("cut", [0, 5, 23, 24, 55])
+def test_xsens_cut_short_is_one_error(cut: int) -> None:
+    """A header without its segments, or half of one, is counted and passed over."""
+    with pytest.raises(PacketError, match="packet: expected"):
+        unpack_xsens(PACKETS["xsens"].packet[:cut])
+
+
+def test_zigsim_comes_as_json_and_as_osc() -> None:
+    """Either is read; without a name the device's number says who performs; without a body nothing comes."""
+    body = {"device": {"uuid": "B8"}, "sensordata": {"bodyTracking": {"hips_joint": [1.0, 2.0, 3.0]}}}
+    assert unpack_zigsim(json.dumps(body).encode()) == [Message("/zigsim/B8/hips_joint", [1.0, 2.0, 3.0])]
+    assert unpack_zigsim(b'{"sensordata": {"accel": {"x": 1}}}') == []
+    assert unpack_zigsim(message("/B8/hips_joint", "fff", 1.0, 2.0, 3.0)) == [
+        Message("/B8/hips_joint", [1.0, 2.0, 3.0])
+    ]
+    with pytest.raises(PacketError):
+        unpack_zigsim(b'{"sensordata": {"bodyTracking": {"hips_joint": [1.0, 2.0]}}}')
+
+
+@pytest.mark.parametrize("channel", ["/p1/wrist_l:t{}", "/p1/wrist_l/t{}", "/p1/wrist_l_{}", "/p1/wrist_l.T{}"])
+def test_channels_become_joints(channel: str) -> None:
+    """Three numbers of one joint are a message, in one packet or in three; other messages are left as they are."""
+    unpack, numbers = ChannelUnpacker(), (("x", 1.0), ("y", 2.0), ("z", 3.0))
+    packets = [message(channel.format(axis), "f", number) for axis, number in numbers]
+    joint = Message("/p1/wrist_l", [1.0, 2.0, 3.0])
+    assert [unpack(packet) for packet in packets] == [[], [], [joint]]
+    assert unpack(bundle(*packets, message("/p1/id", "f", 7.0))) == [joint, Message("/p1/id", [7.0])]
+
+
+def test_channels_of_a_sender_that_invents_names_do_not_pile_up() -> None:
+    """What waits for its other numbers is bounded."""
+    unpack = ChannelUnpacker()
+    for number in range(5000):
+        assert unpack(message(f"/p1/joint{number}:tx", "f", 1.0)) == []
+    assert len(unpack._waiting) <= 1024  # noqa: SLF001 - the bound is what is tested
+
+
+def test_each_port_has_an_unpacker_of_its_own() -> None:
+    """Numbers that wait on one port are not another's."""
+    first, second = UNPACKERS["channels"](), UNPACKERS["channels"]()
+    assert first(message("/p1/a:tx", "f", 1.0)) == first(message("/p1/a:ty", "f", 1.0)) == []
+    assert second(message("/p1/a:tz", "f", 1.0)) == []

@@ -1,0 +1,196 @@
+"""Progress: how far, how fast, how large."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from naive_progress import gone_on, median_phase, weighed
+
+from kinespace.library import MotionLibrary
+from kinespace.library.distances import distance_rows
+from kinespace.library.progress.phase_table import PhaseTable, moving_point
+from kinespace.library.windows.index import opened
+from kinespace.stream import Frame, LiveSignature, Recognizer, Settings
+from kinespace.stream.recognizer.progress import STEP, ProgressFollower
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from kinespace.library.clip import Clip
+    from kinespace.stream.recognition import Progress
+
+SQUAT, ARMS = "squat1Reps", "rotateArmsBothBackward1Reps"
+
+
+@cache
+def table_without(actor: str) -> PhaseTable:
+    """Make the phase table of the built-in library's others."""
+    index = opened(MotionLibrary.builtin())
+    return PhaseTable.of(index.library.without(actors=[actor]).motions, index.body, index.basis)
+
+
+def points_of(positions: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Place a body in the built-in library's basis, relative to its size."""
+    index = opened(MotionLibrary.builtin())
+    rows = distance_rows(positions, index.library.skeleton)
+    return rows @ index.basis.directions / index.body.size(rows)[:, None]
+
+
+def clip_of(class_name: str, actor: str, nth: int = 0) -> Clip:
+    """Choose a motion of the built-in library."""
+    motions = MotionLibrary.builtin().motions
+    return [clip for clip in motions if (clip.class_name, clip.actor) == (class_name, actor)][nth]
+
+
+def followed(clip: Clip, *, speed: float = 1.0, size: float = 1.0, rounds: int = 1) -> list[Progress]:
+    """Follow a clip that is played at another speed, or larger, by its class's motions of other actors."""
+    follower = ProgressFollower(table_without(clip.actor))
+    mean = clip.positions.mean(axis=0)
+    positions = np.concatenate([mean + size * (clip.positions - mean)] * rounds)
+    places = np.arange(0, len(positions) - 1, clip.frame_rate * STEP * speed)
+    below = places.astype(int)
+    part = (places - below)[:, None, None]
+    points = points_of(positions[below] * (1 - part) + positions[below + 1] * part)
+    told = [follower.push(index * STEP, point, clip.class_name) for index, point in enumerate(points)]
+    return [each for each in told if each]
+
+
+@pytest.mark.parametrize("class_name", [SQUAT, ARMS])
+def test_every_step_is_the_textbooks(class_name: str) -> None:
+    """On a real clip the filter's phase and certainty are those of the filter written a moment at a time."""
+    moments = table_without("bk").classes[class_name]
+    kept = np.arange(moments.starts[4])
+    few = replace(
+        moments,
+        vectors=moments.vectors[kept],
+        phases=moments.phases[kept],
+        starts=moments.starts[:4],
+        speeds=moments.speeds[kept],
+        swings=moments.swings[kept],
+    )
+    whitening = table_without("bk").whitening
+    follower = ProgressFollower(PhaseTable({class_name: few}, whitening, table_without("bk").basis))
+    phases = few.phases.tolist()
+    first = [phase < 0.12 for phase in phases]
+    beginning = [0.8 / sum(first) if each else 0.2 / (len(first) - sum(first)) for each in first]
+    past: list[NDArray[np.float64]] = []
+    belief = beginning
+    clip = clip_of(class_name, "bk")
+    for index, point in enumerate(points_of(clip.positions[::2])[:40]):
+        past.append(point)
+        belief = gone_on(belief, phases, few.starts.tolist(), beginning, cyclic=few.cyclic)
+        live = moving_point(past[max(0, len(past) - 5)], point) @ whitening
+        belief = weighed(belief, few.vectors, live, 4.0)
+        told = follower.push(index * STEP, point, class_name)
+        assert told
+        assert told.phase == pytest.approx(median_phase(belief, phases), abs=1e-9)
+        near = sum(each for each, phase in zip(belief, phases, strict=True) if abs(phase - told.phase) <= 0.1)
+        assert told.sure == pytest.approx(near, abs=1e-6)
+
+
+def test_a_strangers_squat_is_followed_from_0_to_1() -> None:
+    """Followed by other actors' squats, the phase begins low, ends high, and the scrubbed one never goes back."""
+    told = followed(clip_of(SQUAT, "mm"))
+    assert told[3].phase < 0.25
+    assert told[-1].phase > 0.8
+    scrubbed = np.array([each.scrub for each in told])
+    assert (np.diff(scrubbed) > -0.15).all()
+    assert np.median([each.sure for each in told]) > 0.4
+
+
+def test_twice_as_fast_is_told() -> None:
+    """A motion played at twice its speed is told as faster than at its own, and at half its speed as slower."""
+    slow, own, fast = (np.median([each.speed for each in followed(clip_of(ARMS, "tr"), speed=s)]) for s in (0.5, 1, 2))
+    assert slow < 0.75 * own
+    assert fast > 1.3 * own
+
+
+def test_half_as_large_is_told() -> None:
+    """A motion whose deviations from its mean posture are halved has about half the amplitude."""
+    own, small = (followed(clip_of(SQUAT, "mm"), size=size)[-1].amplitude for size in (1.0, 0.6))
+    assert small / own == pytest.approx(0.6, abs=0.15)
+
+
+def test_rounds_are_counted() -> None:
+    """An arm circle that is played three times counts two rounds that end, at least one."""
+    assert table_without("tr").classes[ARMS].cyclic
+    assert not table_without("tr").classes["lieDownFloor"].cyclic
+    assert followed(clip_of(ARMS, "tr"), rounds=3)[-1].cycles in (1, 2, 3)
+    assert followed(clip_of("lieDownFloor", "mm"))[-1].cycles == 0
+
+
+def test_nothing_named_has_no_progress() -> None:
+    """Without a class, or with one that the table lacks, there is no progress; a change of class begins anew."""
+    follower = ProgressFollower(table_without("bk"))
+    points = points_of(clip_of(SQUAT, "bk").positions[::2])[:30]
+    assert {follower.push(index * STEP, point, None) for index, point in enumerate(points[:20])} == {None}
+    assert follower.push(20 * STEP, points[20], "no such class") is None
+    told = follower.push(21 * STEP, points[21], SQUAT)
+    assert told
+    assert follower.push(22 * STEP, points[22], None) is None
+    follower.clear()
+    assert follower.progress is None
+
+
+def test_any_hop_follows_alike() -> None:
+    """Hops of a frame, of a step and of three steps end at about the same phase."""
+    clip = clip_of(SQUAT, "mm")
+    ends = []
+    for every in (1, 2, 6):
+        follower = ProgressFollower(table_without("mm"))
+        points = points_of(clip.positions)
+        told = [follower.push(i / clip.frame_rate, points[i], SQUAT) for i in range(0, 80, every)]
+        assert told[-1]
+        ends.append(told[-1].phase)
+    assert max(ends) - min(ends) < 0.15
+
+
+def test_a_gap_is_no_thousand_steps() -> None:
+    """After a minute without a frame the filter goes on by one step."""
+    follower = ProgressFollower(table_without("bk"))
+    point = points_of(clip_of(SQUAT, "bk").positions[:1])[0]
+    assert follower.push(0.0, point, SQUAT)
+    assert follower.push(60.0, point, SQUAT)
+
+
+def test_the_recogniser_tells_progress_when_asked() -> None:
+    """With `progress` answers that name a motion carry it, and others do not; without it none does."""
+    clip = clip_of("lieDownFloor", "mm")
+    frames = [Frame("ann", index / clip.frame_rate, each) for index, each in enumerate(clip.positions)]
+    library = MotionLibrary.builtin()
+    told = [Recognizer(library, Settings(progress=progress)) for progress in (True, False)]
+    asked, unasked = ([each for frame in frames if (each := one.push(frame))] for one in told)
+    assert {each.progress for each in unasked} == {None}
+    assert [each.outcome for each in asked] == [each.outcome for each in unasked]
+    named = [each for each in asked if each.class_name]
+    assert named
+    assert all(each.progress for each in named)
+    followed_to = [each.progress.phase for each in named if each.progress]
+    assert followed_to[-1] > followed_to[0]
+
+
+def test_progress_goes_on_in_another_library() -> None:
+    """When the library is exchanged, the motion is found again at about the same phase."""
+    clip = clip_of(SQUAT, "mm")
+    library = MotionLibrary.builtin()
+    recognizer = Recognizer(library, Settings(progress=True))
+    index = opened(library)
+    named = []
+    for number, positions in enumerate(clip.positions):
+        told = recognizer.push(Frame("ann", number / clip.frame_rate, positions))
+        if told and told.progress:
+            named.append(told.progress.phase)
+            if len(named) == 5:
+                recognizer.exchange(index.with_motions([replace(clip, class_name="mine")]))
+    assert len(named) > 6
+    assert abs(named[5] - named[4]) < 0.3
+
+
+def test_the_paper_has_no_progress() -> None:
+    """With the paper's signature progress is refused."""
+    with pytest.raises(ValueError, match="progress: expected False with the signature paper, got True"):
+        Settings(signature=LiveSignature.PAPER, progress=True)

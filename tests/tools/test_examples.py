@@ -1,0 +1,167 @@
+"""The examples in other languages: each that can run here sends its squat to a recogniser and hears its class."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from programs import LOOPBACK, PATIENCE, ROOT, free_udp_port, started
+
+from kinespace.library import MotionLibrary
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+EXAMPLES = ROOT / "tools" / "examples"
+#: The class that the examples' motion is of.
+SQUAT = "squat1Reps"
+
+
+def _node_modules() -> Path | None:
+    """Find where npm put node-osc: beside the examples, above them, or in NODE_PATH; None where it is not."""
+    places = [folder / "node_modules" for folder in (EXAMPLES, *EXAMPLES.parents)]
+    places += [Path(each) for each in os.environ.get("NODE_PATH", "").split(os.pathsep) if each]
+    return next((each for each in places if (each / "node-osc").is_dir()), None)
+
+
+def _require(program: str) -> str:
+    found = shutil.which(program)
+    if not found:
+        pytest.skip(f"{program} is not installed")
+    return found
+
+
+def _hears(run: Sequence[str], layout: str, environment: dict[str, str] | None = None) -> str:
+    """Run an example against a recogniser; what it printed."""
+    listens, answers = free_udp_port(), free_udp_port()
+    options = ("--osc-in", f"{LOOPBACK}:{listens}", "--out", f"{layout}={LOOPBACK}:{answers}", "--signature", "paper")
+    with started("live", *options, "--plain") as program:
+        program.expect("listening on")
+        command = [each.format(listens=listens, answers=answers) for each in run]
+        ran = subprocess.run(
+            command,
+            cwd=EXAMPLES,
+            env={**os.environ, **(environment or {})},
+            capture_output=True,
+            timeout=PATIENCE,
+            check=False,
+        )
+        assert program.interrupt() == 0
+        assert "malformed 0, foreign 0" in program.output
+    told = (ran.stdout + ran.stderr).decode(errors="replace")
+    assert ran.returncode == 0, told
+    return told
+
+
+def test_motion_is_the_built_in_librarys() -> None:
+    """The examples' numbers are a squat of the built-in library at 30 frames a second, rounded to millimetres."""
+    sent = np.loadtxt(EXAMPLES / "squat.txt").reshape(-1, 31, 3)
+    squats = [clip.positions[::2] for clip in MotionLibrary.builtin().motions if clip.class_name == SQUAT]
+    assert any(each.shape == sent.shape and np.abs(each - sent).max() <= 0.0005001 for each in squats)
+
+
+def test_pure_data_hears() -> None:
+    """The patch runs without a window, sends its frames and prints the class it hears, and when it starts."""
+    pd = _require("pd")
+    sends = [part for each in ("listens {listens}", "answers {answers}", "times 2") for part in ("-send", each)]
+    # It is told to leave half a second after the last frame.
+    script = EXAMPLES / "puredata.pd"
+    told = _hears([sys.executable, "-c", _PD, pd, *sends, str(script)], "puredata")
+    assert f"label: {SQUAT}" in told
+    assert f"event: start {SQUAT}" in told
+    assert "error" not in told
+
+
+#: Runs Pure Data until the patch prints that it has sent all: Pure Data has no option to leave then.
+_PD = """
+import subprocess, sys
+command = [sys.argv[1], "-nogui", "-noaudio", "-stderr", *sys.argv[2:]]
+with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True) as pd:
+    for line in pd.stderr:
+        print(line, end="")
+        if line.startswith("done"):
+            pd.kill()
+"""
+
+
+def test_node_hears(tmp_path: Path) -> None:
+    """The script sends its frames, prints the class it hears, and meets no type that node-osc does not know."""
+    node, modules = _require("node"), _node_modules()
+    if modules is None:
+        pytest.skip("node-osc is not installed: npm install node-osc")
+    # A module looks for others from where it lies.
+    (tmp_path / "node_modules").symlink_to(modules)
+    for name in ("node.mjs", "squat.txt"):
+        shutil.copy(EXAMPLES / name, tmp_path)
+    told = _hears([node, str(tmp_path / "node.mjs"), "{listens}", "{answers}", "2"], "native")
+    assert f"node: {SQUAT}\n" in told
+    assert f"node: {SQUAT} starts at" in told
+
+
+def test_supercollider_hears() -> None:
+    """The language sends its frames from the file beside it and posts the class it hears."""
+    sclang = _require("sclang")
+    # Without a screen; as root Qt's browser refuses to start.
+    surroundings = {"QT_QPA_PLATFORM": "offscreen", "QTWEBENGINE_DISABLE_SANDBOX": "1"}
+    told = _hears(
+        [sclang, "-u", "{answers}", str(EXAMPLES / "supercollider.scd"), "{listens}", "2"],
+        "supercollider",
+        surroundings,
+    )
+    assert f"sc: {SQUAT}" in told
+
+
+def test_python_hears() -> None:
+    """The sender and the listener, in two processes, as in two terminals."""
+    run = [sys.executable, "-c", _PYTHON, "{listens}", "{answers}"]
+    told = _hears(run, "native")
+    assert f"python: {SQUAT}" in told
+    assert f"python: {SQUAT} starts" in told
+
+
+#: Starts the listener, waits until it has its port, runs the sender, and ends the listener.
+_PYTHON = """
+import socket, subprocess, sys, time
+listens, answers = sys.argv[1:]
+with subprocess.Popen([sys.executable, "python_listen.py", answers]) as listener:
+    while True:
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+            try:
+                probe.bind(("127.0.0.1", int(answers)))
+            except OSError:
+                break
+        time.sleep(0.05)
+    subprocess.run([sys.executable, "python_send.py", listens, "2"], check=True)
+    time.sleep(0.5)
+    listener.terminate()
+"""
+
+
+def test_max_patch_is_whole() -> None:
+    """The patch is JSON, and every line joins two boxes of it."""
+    patcher = json.loads((EXAMPLES / "max.maxpat").read_text(encoding="utf-8"))["patcher"]
+    boxes = {each["box"]["id"]: each["box"] for each in patcher["boxes"]}
+    for line in patcher["lines"]:
+        (source, outlet), (target, inlet) = line["patchline"]["source"], line["patchline"]["destination"]
+        assert outlet < boxes[source]["numoutlets"]
+        assert inlet < boxes[target]["numinlets"]
+    texts = " ".join(box.get("text", "") for box in boxes.values())
+    assert "/motion/frame max 0." in texts
+    assert "udpreceive 7400" in texts
+
+
+@pytest.mark.parametrize("file", ["processing/processing.pde", "p5/sketch.js", "Kinespace.cs", "touchdesigner.py"])
+def test_what_cannot_run_here_speaks_the_same(file: str) -> None:
+    """Programs that are not tried here name the messages and the ports that we have."""
+    text = (EXAMPLES / file).read_text(encoding="utf-8")
+    if "p5" in file:
+        text += (EXAMPLES / "p5" / "bridge.mjs").read_text(encoding="utf-8")
+    assert "/motion/frame" in text
+    assert "9310" in text

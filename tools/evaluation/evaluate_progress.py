@@ -1,0 +1,308 @@
+"""`kinespace evaluate progress`: how right phase, speed and amplitude are, with the performer's motions left out."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import asdict, dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from kinespace.library import MotionLibrary
+from kinespace.library.distances import distance_rows
+from kinespace.library.progress.phase_table import MOMENTS_PER_SECOND, PhaseTable, moving_point, phase_table
+from kinespace.library.windows.index import opened
+from kinespace.stream.frame import Frame
+from kinespace.stream.recognizer import Recognizer, Settings
+from kinespace.stream.recognizer.progress import STEP, ProgressFollower
+from kinespace.tools.cli.arguments import add_json, count
+from kinespace.tools.terminal.console import console, progress
+from kinespace.tools.terminal.tables import narrow_table
+
+if TYPE_CHECKING:
+    import argparse
+    from collections.abc import Iterable, Sequence
+
+    from numpy.typing import NDArray
+
+    from kinespace.library import Clip
+    from kinespace.library.progress.phase_table import Moments
+    from kinespace.library.windows.index import WindowIndex
+    from kinespace.stream.recognition import Recognition
+
+    #: Of each step of a played motion: the phase and the speed, NaN where nothing was told.
+    Told = tuple[NDArray[np.float64], NDArray[np.float64]]
+
+#: Seconds from a motion's start that are not scored: nobody can tell yet.
+_UNSCORED = 0.3
+#: The speed curve: 2 to the power of a sine of this period, seconds, so from half to twice the speed.
+_PERIOD = 3.0
+#: Factors by which deviations from the mean posture are scaled.
+SIZES = (0.6, 0.8, 1.25, 1.6)
+#: An amplitude is read this long after the start, or at the end of a shorter motion; shorter ones are passed over.
+_READ_AFTER, _SHORTEST = 1.5, 1.0
+#: A phase this near is right; a phase that falls by more goes back.
+_NEAR, _FALLS = 0.1, 0.02
+
+
+@dataclass(frozen=True, slots=True)
+class ProgressScore:
+    """How right one way of telling the phase was, under one way of playing.
+
+    Attributes
+    ----------
+    played
+        `as recorded`, or `warped`: at a speed that swings between half and twice.
+    method
+        What told the phase: a clock that runs from the true start or from the recogniser's first right answer for as
+        long as the class's mean motion lasts, online time warping, or the filter; told the class, or as it is named.
+    phase_mean, phase_median
+        Absolute error of the phase.
+    phase_near
+        Share of the steps whose phase is within 0.1.
+    speed_octaves
+        Median absolute error of the speed, octaves; None where the method tells none.
+    back
+        Share of the steps whose phase is lower by more than 0.02 than a step before.
+    answered
+        Share of the steps at which a phase was told at all.
+    steps, motions, persons
+        What the figures rest on.
+    """
+
+    played: str
+    method: str
+    phase_mean: float
+    phase_median: float
+    phase_near: float
+    speed_octaves: float | None
+    back: float
+    answered: float
+    steps: int
+    motions: int
+    persons: int
+
+
+@dataclass(frozen=True, slots=True)
+class _Played:
+    """One motion as it is played: a body at every step, and the truth."""
+
+    clip: Clip
+    positions: NDArray[np.float64]
+    phases: NDArray[np.float64]
+    speeds: NDArray[np.float64]
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Say which options the program takes."""
+    parser.description = (
+        "Plays the built-in library's motions, as recorded and at speeds that swing between half and twice, and "
+        "follows each by the motions of the other actors. The true phase of a motion is the median of its time "
+        "warpings onto other actors' motions of its class."
+    )
+    parser.add_argument("--every", type=count, default=1, help="play every nth motion alone (default %(default)s)")
+    add_json(parser)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Run the program as its options say; the exit status."""
+    library = MotionLibrary.builtin()
+    scores, amplitude = evaluated(library, every=options.every)
+    if options.json:
+        told = {
+            "scores": [asdict(each) for each in scores],
+            "amplitude_error": amplitude[0],
+            "amplitudes": amplitude[1],
+        }
+        print(json.dumps(told, indent=2))
+    else:
+        _print(scores, amplitude)
+    return 0
+
+
+def evaluated(library: MotionLibrary, *, every: int = 1) -> tuple[list[ProgressScore], tuple[float, int]]:
+    """Follow every motion by the other actors' motions.
+
+    Returns
+    -------
+    The scores, and the median relative error of known amplitudes with how many these are.
+    """
+    truth = _true_phases(library)
+    heard: dict[tuple[str, str], list[tuple[_Played, Told]]] = {}
+    sizes: list[float] = []
+    for actor in progress(library.actors, "Persons", len(library.actors)):
+        index = opened(library.without(actors=[actor]))
+        table = phase_table(index)
+        for clip in [each for each in library.motions if each.actor == actor][::every]:
+            moments = table.classes.get(clip.class_name)
+            if moments is None or id(clip) not in truth:
+                continue
+            for kind in ("as recorded", "warped"):
+                played = _played(clip, truth[id(clip)], moments.seconds, warped=kind == "warped")
+                for method, told in _told(played, index, table).items():
+                    heard.setdefault((kind, method), []).append((played, told))
+            sizes += _size_errors(clip, index, table)
+    scores = [_score(kind, method, results) for (kind, method), results in heard.items()]
+    return scores, (float(np.median(sizes)) if sizes else math.nan, len(sizes))
+
+
+def _true_phases(library: MotionLibrary) -> dict[int, NDArray[np.float64]]:
+    """Give the phases of every motion's moments, by the motion's identity."""
+    index = opened(library)
+    table = phase_table(index)
+    found: dict[int, NDArray[np.float64]] = {}
+    for name, moments in table.classes.items():
+        clips = [
+            clip for clip in library.motions if clip.class_name == name and clip.duration >= 4 / MOMENTS_PER_SECOND
+        ]
+        found |= {
+            id(clip): phases for clip, phases in zip(clips, np.split(moments.phases, moments.starts[1:]), strict=True)
+        }
+    return found
+
+
+def _played(clip: Clip, phases: NDArray[np.float64], mean_seconds: float, *, warped: bool) -> _Played:
+    """Play a motion step by step, as recorded or at a swinging speed that begins anywhere in its curve."""
+    times: list[float] = []
+    speeds: list[float] = []
+    now = 0.0
+    begins = (clip.frames * 0.618) % 1
+    while now < clip.duration:
+        speed = 2 ** math.sin(2 * math.pi * (len(times) * STEP / _PERIOD + begins)) if warped else 1.0
+        times.append(now)
+        speeds.append(speed)
+        now += STEP * speed
+    places = np.array(times) * clip.frame_rate
+    below = np.minimum(places.astype(int), clip.frames - 2)
+    part = (places - below)[:, None, None]
+    positions = clip.positions[below] * (1 - part) + clip.positions[below + 1] * part
+    own = np.interp(np.array(times) * MOMENTS_PER_SECOND, np.arange(len(phases)), phases)
+    return _Played(clip, positions, own, np.array(speeds) * mean_seconds / clip.duration)
+
+
+def _told(played: _Played, index: WindowIndex, table: PhaseTable) -> dict[str, Told]:
+    """Let every method tell phase and speed at every step."""
+    count, class_name = len(played.positions), played.clip.class_name
+    moments = table.classes[class_name]
+    answers = _recognized(played, index)
+    started = next((i for i, each in enumerate(answers) if each and each.class_name == class_name), None)
+    elapsed = np.arange(count) * STEP / moments.seconds
+    none = np.full(count, np.nan)
+    own_clock = (
+        none if started is None else np.minimum(np.maximum(np.arange(count) - started, 0) * STEP / moments.seconds, 1)
+    )
+    named = [each.progress if each and each.class_name == class_name else None for each in answers]
+    points = _points(played.positions, index)
+    follower = ProgressFollower(table)
+    known = [follower.push(place * STEP, point, class_name) for place, point in enumerate(points)]
+    return {
+        "clock, true start": (np.minimum(elapsed, 1.0), np.ones(count)),
+        "clock, first right answer": (
+            np.where(np.arange(count) < (count if started is None else started), np.nan, own_clock),
+            np.ones(count),
+        ),
+        "online warping": (_warped_online(points, moments, table), none),
+        "filter, named class": (
+            np.array([each.phase if each else np.nan for each in named]),
+            np.array([each.speed if each else np.nan for each in named]),
+        ),
+        "filter": (
+            np.array([each.phase if each else np.nan for each in known]),
+            np.array([each.speed if each else np.nan for each in known]),
+        ),
+    }
+
+
+def _recognized(played: _Played, index: WindowIndex) -> list[Recognition | None]:
+    recognizer = Recognizer(index, Settings(progress=True))
+    return [recognizer.push(Frame("performer", place * STEP, each)) for place, each in enumerate(played.positions)]
+
+
+def _points(positions: NDArray[np.float64], index: WindowIndex) -> NDArray[np.float64]:
+    rows = distance_rows(positions, index.library.skeleton)
+    placed: NDArray[np.float64] = rows @ index.basis.directions / index.body.size(rows)[:, None]
+    return placed
+
+
+def _warped_online(points: NDArray[np.float64], moments: Moments, table: PhaseTable) -> NDArray[np.float64]:
+    """Warp onto every recording at once, with an open begin; the phase where the cheapest path is now (Dixon 2005)."""
+    starts = np.zeros(len(moments.phases), dtype=bool)
+    starts[moments.starts] = True
+    total, phases = np.zeros(len(moments.phases)), []
+    for place, point in enumerate(points):
+        live = moving_point(points[max(0, place - round(2 / MOMENTS_PER_SECOND / STEP))], point) @ table.whitening
+        cost = np.sqrt(((moments.vectors - live) ** 2).sum(axis=1))
+        before = np.where(starts, np.inf, np.roll(total, 1))
+        total = np.minimum(total, before) + cost if place else cost
+        phases.append(moments.phases[total.argmin()])
+    return np.array(phases)
+
+
+def _size_errors(clip: Clip, index: WindowIndex, table: PhaseTable) -> list[float]:
+    """Scale a motion's deviations from its mean posture, and compare the amplitudes told with the known factors."""
+    if clip.duration < _SHORTEST:
+        return []
+
+    def amplitude(size: float) -> float:
+        mean = clip.positions.mean(axis=0)
+        scaled = replace(clip, positions=mean + size * (clip.positions - mean))
+        played = _played(scaled, np.zeros(2), clip.duration, warped=False)
+        follower = ProgressFollower(table)
+        told = [
+            follower.push(place * STEP, point, clip.class_name)
+            for place, point in enumerate(_points(played.positions, index))
+        ]
+        last = told[min(len(told) - 1, round(_READ_AFTER / STEP))]
+        return last.amplitude if last else math.nan
+
+    own = amplitude(1.0)
+    return [abs(amplitude(size) / own / size - 1) for size in SIZES]
+
+
+def _score(kind: str, method: str, results: Sequence[tuple[_Played, Told]]) -> ProgressScore:
+    """Compare what one method told with the truth, from `_UNSCORED` seconds on."""
+    first = round(_UNSCORED / STEP)
+    errors = np.concatenate([(told[0] - played.phases)[first:] for played, told in results])
+    rising = np.concatenate([np.diff(told[0])[first:] for _, told in results])
+    octaves = np.concatenate([np.log2(told[1] / played.speeds)[first:] for played, told in results])
+    answered = np.isfinite(errors)
+    octaves = np.abs(octaves[np.isfinite(octaves) & answered])
+    errors = np.abs(errors[answered])
+    return ProgressScore(
+        played=kind,
+        method=method,
+        phase_mean=float(errors.mean()),
+        phase_median=float(np.median(errors)),
+        phase_near=float((errors <= _NEAR).mean()),
+        speed_octaves=float(np.median(octaves)) if len(octaves) else None,
+        back=float((rising[np.isfinite(rising)] < -_FALLS).mean()),
+        answered=float(answered.mean()),
+        steps=len(errors),
+        motions=len(results),
+        persons=len({played.clip.actor for played, _ in results}),
+    )
+
+
+def _print(scores: Iterable[ProgressScore], amplitude: tuple[float, int]) -> None:
+    table = narrow_table(title="Progress, the performer's motions left out")
+    for heading in ("played", "method", "mean error", "median", "within .1", "speed, octaves", "back", "answered"):
+        table.add_column(heading, justify="left" if heading in ("played", "method") else "right")
+    score = None
+    for score in scores:
+        table.add_row(
+            score.played,
+            score.method,
+            f"{score.phase_mean:.3f}",
+            f"{score.phase_median:.3f}",
+            f"{score.phase_near:.1%}",
+            "-" if score.speed_octaves is None else f"{score.speed_octaves:.2f}",
+            f"{score.back:.1%}",
+            f"{score.answered:.1%}",
+        )
+    console.print(table)
+    if score:
+        console.print(
+            f"{score.motions} motions of {score.persons} persons. Amplitude: median error {amplitude[0]:.1%} of "
+            f"{amplitude[1]} motions scaled by {', '.join(map(str, SIZES))}."
+        )

@@ -1,0 +1,30 @@
+"""Print what kinespace answers, with python-osc. First, elsewhere: kinespace live."""
+
+import sys
+
+from pythonosc.dispatcher import Dispatcher
+from pythonosc.osc_server import BlockingOSCUDPServer
+
+# Where kinespace answers to.
+PORT = int(sys.argv[1]) if len(sys.argv) > 1 else 9311
+
+last: dict[str, str] = {}
+
+
+def label(address: str, name: str) -> None:
+    """Print a performer's label whenever it changes: a class, or still or unknown."""
+    performer = address.split("/")[2]
+    if last.get(performer) != name:
+        last[performer] = name
+        print(f"{performer}: {name}", flush=True)
+
+
+def event(address: str, kind: str, name: str, *_: float) -> None:
+    """Print that a motion starts or ends."""
+    print(f"{address.split('/')[2]}: {name} {kind}s", flush=True)
+
+
+dispatcher = Dispatcher()
+dispatcher.map("/motion/*/label", label)
+dispatcher.map("/motion/*/event", event)
+BlockingOSCUDPServer(("127.0.0.1", PORT), dispatcher).serve_forever()

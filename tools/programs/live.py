@@ -203,6 +203,7 @@ def run(options: argparse.Namespace) -> int:
         record=options.record,
         overwrite=options.overwrite,
         feed=Feed(options.feed, options.sender, tuple(options.out), options.joints, Naming.asked(options.naming)),
+        teaching=Teaching(options.teach, tuple(options.control), tuple(options.allow_from)),
     )
 
 

@@ -44,6 +44,9 @@ class Clip:
         these.
     filled
         How many of the frames × joints positions were missing in the source and were interpolated linearly.
+    gaps
+        From when to when nothing was seen for longer than straight lines may stand for, seconds from the clip's start:
+        the body stands there where it was last seen. Motions are not cut across them.
 
     Raises
     ------
@@ -65,6 +68,7 @@ class Clip:
     rotations: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 0)), repr=False)
     naming: str = ""
     filled: int = 0
+    gaps: tuple[tuple[float, float], ...] = ()
 
     def __post_init__(self) -> None:
         joints = len(self.skeleton.joints)

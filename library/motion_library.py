@@ -317,6 +317,7 @@ def _as_motion(clip: Clip, skeleton: Skeleton) -> Clip:
         # What the recording said of its frames, of which some are gone, and of the time before it was a motion.
         rotations=np.zeros((0, 0)),
         filled=0,
+        gaps=(),
     )
 
 

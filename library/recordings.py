@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
 from kinespace.library import memory
-from kinespace.library.formats import acclaim, bvh, c3d, trc, utkinect
+from kinespace.library.formats import acclaim, bvh, c3d, joint_table, trc, utkinect
 from kinespace.library.formats.c3d_process import C3dProcess
 from kinespace.library.formats.errors import RecordingError
 from kinespace.library.formats.joint_choice import chosen
@@ -33,9 +33,12 @@ __all__ = [
 ]
 
 _AMC, _BVH, _C3D = ".amc", ".bvh", ".c3d"
+#: A raw recording of a feed: decoded by who receives feeds, so its reader is handed in (`Reading.raw`).
+RAW = ".kinerec"
 #: Readers of the files that hold their own skeleton, by ending.
 _READERS: dict[str, Callable[..., Clip]] = {_BVH: bvh.read_clip, _C3D: c3d.read_clip, ".trc": trc.read_clip}
-_ENDINGS = (_AMC, *_READERS)
+_ENDINGS = (_AMC, *_READERS, RAW)
+_TABLES = (".csv", ".npz")
 #: Bytes that a byte of text takes once it is read: a number of two characters takes eight. C3D has a limit of its own.
 _TIMES_TEXT = 4
 
@@ -70,6 +73,9 @@ class Reading:
         How the files' joint names are read: ours are found for them when nothing else is said.
     actor_in
         Where `labelled` finds the actor.
+    raw
+        Reads a raw recording: one clip for each performer, each from the recording's beginning. None: such a file is
+        refused.
 
     Raises
     ------
@@ -83,6 +89,7 @@ class Reading:
     joints: tuple[str, ...] = ()
     naming: Naming = field(default_factory=Naming)
     actor_in: ActorIn = ActorIn.NOWHERE
+    raw: Callable[[Path], Sequence[Clip]] | None = field(default=None, compare=False)
     metres_per_unit: float | None = field(init=False)
 
     def __post_init__(self) -> None:
@@ -93,8 +100,9 @@ class Reading:
 
 
 def is_recording(path: Path) -> bool:
-    """Whether we read a file's format, by its ending or, for UTKinect, by its name."""
-    return path.suffix.lower() in _ENDINGS or utkinect.is_take(path)
+    """Whether a file is of a format we read: by its ending, or UTKinect's kind of name, or the columns of a table."""
+    ending = path.suffix.lower()
+    return ending in _ENDINGS or utkinect.is_take(path) or (ending in _TABLES and joint_table.is_joint_table(path))
 
 
 def find_recordings(places: Sequence[Path]) -> list[Path]:
@@ -160,8 +168,8 @@ class RecordingReader:
     def __exit__(self, *_: object) -> None:
         self._process.close()
 
-    def clip(self, path: Path) -> Clip:
-        """Read one.
+    def clips(self, path: Path) -> Sequence[Clip]:
+        """Read one: a clip for each performer that it tells apart, as only a raw recording does.
 
         Raises
         ------
@@ -170,9 +178,32 @@ class RecordingReader:
         OSError
             A file that cannot be opened.
         """
+        if path.suffix.lower() != RAW:
+            return [self.clip(path)]
+        if self._reading.raw is None:
+            raise RecordingError(f"{path}: expected a motion file, got a raw recording: kinespace convert makes one")
+        return [self._named(self._chosen(clip, path)) for clip in self._reading.raw(path)]
+
+    def clip(self, path: Path) -> Clip:
+        """Read one of a single performer.
+
+        Raises
+        ------
+        RecordingError
+            As `clips`, or a recording of several.
+        OSError
+            A file that cannot be opened.
+        """
         self._require_recording(path)
+        if path.suffix.lower() == RAW:
+            clips = self.clips(path)
+            if len(clips) > 1:
+                raise RecordingError(f"{path}: several performers are in it ({', '.join(c.actor for c in clips)})")
+            return clips[0]
         if path.suffix.lower() != _C3D:
             self._require_memory(path)
+        if path.suffix.lower() in _TABLES:
+            return self._named(joint_table.read_clip(path, **self._options(path)))
         if reader := utkinect.read_clip if utkinect.is_take(path) else _READERS.get(path.suffix.lower()):
             return self._named(reader(path, **self._options(path)))
         clip = acclaim.read_clip(path, self._body(path), frame_rate=self._reading.frame_rate)

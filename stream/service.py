@@ -256,7 +256,7 @@ class Service:
         if now >= self._next_classes:
             self._next_classes = now + CLASSES_EVERY
             for sink in self.sinks:
-                sink.publish_classes(self.performers.library.classes)
+                sink.publish_classes(self.performers.classes)
         if now >= self._next_status:
             self._next_status = now + STATUS_EVERY
             for ended in self.performers.drop_silent(now):

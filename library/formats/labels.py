@@ -31,6 +31,8 @@ class Segment:
         Seconds from the take's start; the end is not part of it.
     label
         What is performed.
+    performer
+        By whom, in a recording of several; empty where nobody has said.
 
     Raises
     ------
@@ -41,6 +43,7 @@ class Segment:
     start: float
     end: float
     label: str
+    performer: str = ""
 
     def __post_init__(self) -> None:
         if not (math.isfinite(self.end) and 0 <= self.start < self.end):
@@ -55,7 +58,9 @@ class Segment:
 
 
 def read_labels(path: Path) -> tuple[Segment, ...]:
-    """Read a CSV with the columns `start_s,end_s,label`.
+    """Read a CSV with the columns `start_s,end_s,label` and, where several perform, `performer`.
+
+    Lines without a label are passed over: nobody has said what they are.
 
     Returns
     -------
@@ -74,23 +79,26 @@ def read_labels(path: Path) -> tuple[Segment, ...]:
             missing = [name for name in _COLUMNS if name not in (rows.fieldnames or ())]
             if missing:
                 raise LabelError(f"{path}: expected the columns {', '.join(_COLUMNS)}, no {', '.join(missing)} in it")
-            segments = [_segment(path, rows.line_num, row) for row in rows]
+            segments = [
+                _segment(path, rows.line_num, row) for row in rows if row["label"] is None or row["label"].strip()
+            ]
     except (csv.Error, UnicodeDecodeError) as error:
         raise LabelError(f"{path}: expected a CSV in UTF-8 ({error})") from error
     if not segments:
         raise LabelError(f"{path}: no segment in it")
-    segments.sort(key=lambda segment: segment.start)
-    for before, after in pairwise(segments):
-        if after.start < before.end:
+    by_performer = sorted(segments, key=lambda segment: (segment.performer, segment.start))
+    for before, after in pairwise(by_performer):
+        if before.performer == after.performer and after.start < before.end:
             raise LabelError(
                 f"{path}: {before.label!r} (to {before.end}) and {after.label!r} (from {after.start}) overlap"
             )
-    return tuple(segments)
+    return tuple(sorted(segments, key=lambda segment: segment.start))
 
 
 def _segment(path: Path, line: int, row: Mapping[str, str | None]) -> Segment:
     try:
-        return Segment(float(row["start_s"] or ""), float(row["end_s"] or ""), (row["label"] or "").strip())
+        start, end = float(row["start_s"] or ""), float(row["end_s"] or "")
+        return Segment(start, end, (row["label"] or "").strip(), (row.get("performer") or "").strip())
     except ValueError as error:
         raise LabelError(f"{path}:{line}: {error}") from error
 
@@ -104,10 +112,22 @@ def cut(take: Clip, segments: Sequence[Segment]) -> Iterator[Clip]:
     """Cut a take into one clip per segment; the label is its class, the take's name its take.
 
     Frames beyond the take's end are left out, and so is a segment of which fewer than two frames are there.
+
+    Raises
+    ------
+    LabelError
+        A segment holds a time in which nothing was seen.
     """
     for segment in segments:
+        for begin, end in take.gaps:
+            if begin < segment.end and segment.start < end:
+                raise LabelError(
+                    f"{take.name}: {segment.label!r} from {segment.start:g} to {segment.end:g} s: nothing was seen of "
+                    f"the performer from {begin:.2f} to {end:.2f} s"
+                )
         first, last = round(segment.start * take.frame_rate), round(segment.end * take.frame_rate)
         positions = take.positions[first:last]
         if len(positions) >= 2:
             clip = take.moved_to(positions)
-            yield replace(clip, rotations=take.rotations[first:last], class_name=segment.label, take=take.name)
+            cut_out = replace(clip, rotations=take.rotations[first:last], class_name=segment.label, take=take.name)
+            yield replace(cut_out, gaps=())

@@ -116,21 +116,29 @@ class WindowIndex:
         cut = CutWindows(lessons.clips, lessons.ends, body, basis)
         numbers = cut.numbers(weighing.parts)
         comparison = Comparison.learned(weighing, numbers, _lessons(teacher, lessons.motions))
-        if library is teacher and lessons is taught:
+        again = library is teacher and _every(library) == _EVERY_SEVERAL
+        if again and lessons is taught:
             placed = Placed.of(comparison, cut, numbers)
         else:
-            taught = taught if library is teacher else _Measured.of(library, _every(library), weighing.first)
+            taught = taught if again else _Measured.of(library, _every(library), weighing.first)
             placed = taught.placed(comparison, body, basis)
         return cls(library, body, basis, comparison, placed.vectors, placed.eigenvectors, taught.motions)
 
     def __len__(self) -> int:
         return len(self.motions)
 
-    def with_motions(self, clips: Iterable[Clip]) -> WindowIndex:
+    def with_motions(self, clips: Iterable[Clip], every: float | None = None) -> WindowIndex:
         """Add clips to the library, each as one motion, and cut their windows.
 
         Basis, metrics and rejection stay as they were learned; `of` learns them anew. So this takes milliseconds, and a
         feed goes on without a pause (`stream.recognizer.Recognizer.exchange`).
+
+        Parameters
+        ----------
+        clips
+            At least one.
+        every
+            Seconds between two of their windows; as in the library when not given.
 
         Raises
         ------
@@ -146,7 +154,7 @@ class WindowIndex:
         is_new = np.array([id(motion) not in known for motion in library.motions])
         before, added = np.flatnonzero(~is_new), np.flatnonzero(is_new)
         taught = replace(library, motions=tuple(library.motions[place] for place in added))
-        measured = _Measured.of(taught, _every(library), self.comparison.weighing.first)
+        measured = _Measured.of(taught, every or _every(library), self.comparison.weighing.first)
         placed = measured.placed(self.comparison, self.body, self.basis)
         motions = np.concatenate([before[self.motions], added[measured.motions]])
         order = np.argsort(motions, kind="stable")

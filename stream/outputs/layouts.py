@@ -20,12 +20,14 @@ from kinespace.stream.answer import GONE
 from kinespace.stream.osc import answers
 from kinespace.stream.osc.packet import encode_bundle, encode_message
 from kinespace.stream.recognition import EventKind
+from kinespace.stream.teaching import wire
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from kinespace.stream.recognition import Event, Recognition
     from kinespace.stream.status import Status
+    from kinespace.stream.teaching.notices import Notice
 
 _Last = TypeVar("_Last", int, float)
 #: VRChat's whole-number parameters end here.
@@ -56,6 +58,9 @@ class Layout:
 
     def status(self, status: Status) -> bytes | None:
         """Encode the service's counters."""
+
+    def notice(self, notice: Notice) -> bytes | None:
+        """Encode what teaching tells."""
 
 
 class NativeLayout(Layout):
@@ -90,6 +95,10 @@ class NativeLayout(Layout):
     def status(self, status: Status) -> bytes | None:
         """`/motion/status i f i i`."""
         return answers.encode_status(status)
+
+    def notice(self, notice: Notice) -> bytes | None:
+        """`/motion/teach/state s s f s` and `/motion/teach/taught s i f s i`."""
+        return wire.encode(notice)
 
 
 class MaxLayout(NativeLayout):

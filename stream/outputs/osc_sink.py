@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from kinespace.stream.outputs.layouts import Layout
     from kinespace.stream.recognition import Event, Recognition
     from kinespace.stream.status import Status
+    from kinespace.stream.teaching.notices import Notice
 
 
 class LayoutSink(Sink):
@@ -58,6 +59,10 @@ class LayoutSink(Sink):
     def publish_status(self, status: Status) -> None:
         """Send the status."""
         self._send(self.layout.status(status))
+
+    def publish_notice(self, notice: Notice) -> None:
+        """Send what teaching tells."""
+        self._send(self.layout.notice(notice))
 
     def _send(self, packet: bytes | None) -> None:
         if packet is not None:

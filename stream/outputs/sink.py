@@ -10,6 +10,7 @@ if TYPE_CHECKING:
     from kinespace.stream.frame import Frame
     from kinespace.stream.recognition import Event, Recognition
     from kinespace.stream.status import Status
+    from kinespace.stream.teaching.notices import Notice
 
 
 class Sink:
@@ -35,6 +36,9 @@ class Sink:
 
     def publish_status(self, status: Status) -> None:
         """Pass on the service's counters."""
+
+    def publish_notice(self, notice: Notice) -> None:
+        """Pass on what teaching tells."""
 
     def close(self) -> None:
         """Give sockets back."""

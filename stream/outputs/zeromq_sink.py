@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import json
 from typing import TYPE_CHECKING
 
 from kinespace.stream.outputs.sink import Sink
+from kinespace.stream.teaching.wire import as_json
 from kinespace.stream.zeromq import answers
 
 if TYPE_CHECKING:
@@ -12,6 +14,7 @@ if TYPE_CHECKING:
 
     from kinespace.stream.recognition import Event, Recognition
     from kinespace.stream.status import Status
+    from kinespace.stream.teaching.notices import Notice
     from kinespace.stream.zeromq.sockets import ZmqSender
 
 
@@ -54,6 +57,12 @@ class ZmqSink(Sink):
     def publish_status(self, status: Status) -> None:
         """Send the status."""
         self.sender.send(answers.encode_status(status))
+
+    def publish_notice(self, notice: Notice) -> None:
+        """Send what teaching tells."""
+        told = as_json(notice)
+        if told is not None:
+            self.sender.send([b"teach/", json.dumps(told).encode()])
 
     def close(self) -> None:
         """Close the socket."""

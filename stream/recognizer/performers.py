@@ -82,6 +82,8 @@ class Performers:
         What is known of senders' joints.
     opener
         Of every recogniser: gives the windows of the joints that can be believed.
+    classes
+        The classes to answer with, in this order (`Recognizer.exchange`); as the library has them when not given.
 
     Raises
     ------
@@ -100,12 +102,13 @@ class Performers:
         silence: float = 5.0,
         joints: SentJoints | None = None,
         opener: Opener | None = None,
+        classes: Sequence[str] = (),
     ) -> None:
         if most < 1:
             raise ValueError(f"most: expected at least 1 performer, got {most}")
         if not (math.isfinite(silence) and silence > 0):
             raise ValueError(f"silence: expected a positive number of seconds, got {silence}")
-        self._compare_with(library)
+        self._compare_with(library, classes)
         self.settings = settings or Settings()
         self._opener = opener
         self.most = most
@@ -129,10 +132,16 @@ class Performers:
         # Said once and then only on change, so it outlives a silence.
         self._announced: dict[str, Announcement] = {}
 
-    def _compare_with(self, library: MotionLibrary | WindowIndex) -> None:
+    def _compare_with(self, library: MotionLibrary | WindowIndex, order: Sequence[str]) -> None:
         self._compared, self.library = library, library_of(library)
+        self._order = tuple(order)
 
-    def exchange(self, library: MotionLibrary | WindowIndex) -> list[Event]:
+    @property
+    def classes(self) -> tuple[str, ...]:
+        """The classes that are answered; an answer's index counts in them."""
+        return self._order or self.library.classes
+
+    def exchange(self, library: MotionLibrary | WindowIndex, order: Sequence[str] = ()) -> list[Event]:
         """Compare all performers with another library from now on (`Recognizer.exchange`).
 
         Returns
@@ -146,7 +155,7 @@ class Performers:
         """
         self.library.skeleton.require_same(library_of(library).skeleton)
         before = self.library
-        self._compare_with(library)
+        self._compare_with(library, order)
         self._fewer.exchange(self.library)
         for performer in self._performers.values():
             if performer.library is before:
@@ -159,7 +168,7 @@ class Performers:
     def _exchange_for(self, performer: _Performer, library: MotionLibrary | WindowIndex) -> None:
         """Compare a performer with another library over the same joints."""
         performer.library = library_of(library)
-        if ended := performer.recognizer.exchange(library):
+        if ended := performer.recognizer.exchange(library, self._order):
             self._ended.append(ended)
 
     def __len__(self) -> int:
@@ -260,7 +269,8 @@ class Performers:
             self._exchange_for(performer, library)
         else:
             self._retire(performer.recognizer)
-            performer.recognizer, performer.library = Recognizer(library, self.settings, self._opener), library
+            performer.recognizer = Recognizer(library, self.settings, self._opener, self._order)
+            performer.library = library
 
     def _retire(self, recognizer: Recognizer) -> None:
         """Keep what a recogniser counted, and the end of what it saw going on, when it is not needed any more."""
@@ -320,9 +330,17 @@ class Performers:
                 performer.refused_size = len(frame.positions)
                 self._tell_refused(frame.performer, performer)
             return None
-        if performer.order is not None:
-            frame = replace(frame, positions=frame.positions[performer.order])
-        return performer.recognizer.push(frame)
+        return performer.recognizer.push(_in_order(frame, performer))
+
+    def ordered(self, frame: Frame) -> Frame | None:
+        """Give a frame that was pushed in the order of the library's joints; None for one that was refused."""
+        performer = self._performers.get(frame.performer)
+        if performer is None or performer.unusable or len(frame.positions) != len(performer.joints):
+            return None
+        # Who has fewer joints is compared with another library.
+        if performer.library.skeleton.joints != self.library.skeleton.joints:
+            return None
+        return _in_order(frame, performer)
 
     def _tell_refused(self, name: str, performer: _Performer) -> None:
         """Note why a performer's frames are refused."""
@@ -392,7 +410,7 @@ class Performers:
                 self._ended = self.drop_silent(arrival)
             if len(self._performers) >= self.most and not self._make_room(name, arrival):
                 return None
-            recognizer = Recognizer(self._compared, self.settings, self._opener)
+            recognizer = Recognizer(self._compared, self.settings, self._opener, self._order)
             performer = _Performer(recognizer, self.library, arrival, self._assumed, self._assumed_order, begun=arrival)
             self._waiting.pop(name, None)
             self._performers[name] = performer
@@ -402,6 +420,10 @@ class Performers:
                 self._learn_joints(performer, self._announced[name])
         performer.heard = arrival
         return performer
+
+
+def _in_order(frame: Frame, performer: _Performer) -> Frame:
+    return frame if performer.order is None else replace(frame, positions=frame.positions[performer.order])
 
 
 def _add(total: RecognizerCounts, counts: RecognizerCounts) -> None:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 from functools import wraps
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, Concatenate, ParamSpec, TypeVar
 
 import numpy as np
 
@@ -24,7 +24,7 @@ from kinespace.stream.recognizer.settings import LiveSignature, Settings
 from kinespace.stream.recognizer.smoothing import RowSmoother
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
 
     from kinespace.library.motion_library import MotionLibrary
     from kinespace.library.windows.index import WindowIndex
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from kinespace.stream.recognizer.matcher import Matcher, Reading
 
 
-_Given = TypeVar("_Given")
+_Given = ParamSpec("_Given")
 _Answer = TypeVar("_Answer")
 
 #: Frames that wait for the next hop to be measured together, at most.
@@ -59,16 +59,18 @@ class RecognizerCounts:
     hops: int = 0
 
 
-def _one_at_a_time(method: Callable[[Recognizer, _Given], _Answer]) -> Callable[[Recognizer, _Given], _Answer]:
+def _one_at_a_time(
+    method: Callable[Concatenate[Recognizer, _Given], _Answer],
+) -> Callable[Concatenate[Recognizer, _Given], _Answer]:
     """Refuse a call that comes, from another thread, while one goes on."""
 
     @wraps(method)
-    def guarded(self: Recognizer, given: _Given) -> _Answer:
+    def guarded(self: Recognizer, /, *given: _Given.args, **named: _Given.kwargs) -> _Answer:
         if self._busy:
             raise RuntimeError("a recogniser is used by one thread at a time: expected none, got a second")
         self._busy = True
         try:
-            return method(self, given)
+            return method(self, *given, **named)
         finally:
             self._busy = False
 
@@ -90,6 +92,8 @@ class Recognizer:
     opener
         Gives the windows of the library as a body of fewer joints shows it, when joints cannot be believed; opens them
         on the spot when not given, which takes a second where the library is large.
+    classes
+        As `order` of `exchange`.
 
     Attributes
     ----------
@@ -98,13 +102,17 @@ class Recognizer:
     """
 
     def __init__(
-        self, library: MotionLibrary | WindowIndex, settings: Settings | None = None, opener: Opener | None = None
+        self,
+        library: MotionLibrary | WindowIndex,
+        settings: Settings | None = None,
+        opener: Opener | None = None,
+        classes: Sequence[str] = (),
     ) -> None:
         self.settings = settings or Settings()
         self._matcher = _matcher(library, self.settings)
         self.counts = RecognizerCounts()
         self._detector = EventDetector(self.settings.lead)
-        self._compare_with(library)
+        self._compare_with(library, classes)
         skeleton = self.library.skeleton
         self._shape = (len(skeleton.joints), 3)
         self._positions = np.empty((_MAX_WAITING, *self._shape))
@@ -123,17 +131,18 @@ class Recognizer:
         self._late_in_a_row = 0
         self._busy = False
 
-    def _compare_with(self, library: MotionLibrary | WindowIndex) -> None:
+    def _compare_with(self, library: MotionLibrary | WindowIndex, order: Sequence[str]) -> None:
         self.library = library_of(library)
         classes = self._matcher.classes
         named = set(self.library.classes)
-        self.classes = tuple(name for name in classes if name in named)
-        # Where each class stands among the matcher's, and each of the matcher's among them: `nothing` does not.
-        self._named = np.array([classes.index(name) for name in self.classes], dtype=np.intp)
+        self.classes = tuple(order) or tuple(name for name in classes if name in named)
+        # Where each class stands among the matcher's, one behind the last where it has no windows; and each of the
+        # matcher's among them: `nothing` does not.
+        self._named = np.array([classes.index(name) if name in classes else len(classes) for name in self.classes])
         self._places = places_in(classes, self.classes)
 
     @_one_at_a_time
-    def exchange(self, library: MotionLibrary | WindowIndex) -> Event | None:
+    def exchange(self, library: MotionLibrary | WindowIndex, order: Sequence[str] = ()) -> Event | None:
         """Compare with another library from the next hop on; no window and no answer is lost.
 
         In another basis than before the frames of the last two seconds are followed anew. `WindowIndex.with_motions`
@@ -144,6 +153,9 @@ class Recognizer:
         ----------
         library
             Its motions, or their windows, over the same joints in the same order.
+        order
+            The classes to answer with, in this order, so that indices stay; those without windows are never named. As
+            the library has them when not given.
 
         Returns
         -------
@@ -157,7 +169,7 @@ class Recognizer:
         self.library.skeleton.require_same(library_of(library).skeleton)
         classes = self.classes
         self._matcher.exchange(library)
-        self._compare_with(library)
+        self._compare_with(library, order)
         self._doubts.exchange(self.library)
         return self._detector.exchange(places_in(classes, self.classes), self._last)
 
@@ -255,7 +267,8 @@ class Recognizer:
     def _recognized(self, frame: Frame, reading: Reading) -> Recognition:
         """Make the answer to a frame of what its windows say."""
         self.counts.hops += 1
-        distances = reading.distances[self._named]
+        # A class without windows is infinitely far.
+        distances = np.append(reading.distances, np.inf)[self._named]
         # A window that is nearest to `nothing` is unknown; its best guess is the nearest class.
         guess = self._places.get(reading.guess)
         found = self._places.get(reading.eigenvector_class)

@@ -3,11 +3,18 @@
 from __future__ import annotations
 
 import argparse
+from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from kinespace.library.naming import AS_THEY_ARE, AUTO, Naming, conventions
 from kinespace.library.recordings import ActorIn, Reading
 from kinespace.stream.recognizer import LiveSignature, Settings
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from kinespace.library import Clip
 
 _DEFAULTS = Settings()
 #: Where frames come in unless the user says otherwise: a port that none of the usual senders uses.
@@ -145,7 +152,15 @@ def reading_of(parsed: argparse.Namespace) -> Reading:
         joints=parsed.joints,
         naming=Naming.asked(parsed.naming),
         actor_in=ActorIn(getattr(parsed, "actor_in", ActorIn.NOWHERE)),
+        raw=partial(_raw, feed=getattr(parsed, "feed", None)),
     )
+
+
+def _raw(path: Path, feed: str | None) -> Sequence[Clip]:
+    from kinespace.tools.feeding.raw_takes import read_raw  # noqa: PLC0415 - only who reads one loads what decodes it
+    from kinespace.tools.programs.feeds import preset_named  # noqa: PLC0415 - as above
+
+    return read_raw(path, preset_named(feed) if feed else None)
 
 
 def add_settings(parser: argparse.ArgumentParser) -> None:

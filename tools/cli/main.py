@@ -29,6 +29,7 @@ PROGRAMS: Programs = {
     "record": ("programs.record", "keep a feed's packets as they come, to replay them"),
     "convert": ("programs.convert", "a raw recording or a motion file as plain numbers"),
     "latency": ("programs.latency", "measure frame sent to answer received, beside a bare echo"),
+    "cut": ("programs.cut", "propose labels for a recording: a row for each movement"),
     "build": ("programs.build", "make a motion library from recordings and other libraries"),
     "learn": ("evaluation.learn", "teach a library which movement is unknown, by takes of strangers"),
     "info": ("programs.info", "say what is in a motion library or in recordings"),
@@ -49,6 +50,7 @@ EXPERIMENTS: Programs = {
         "motions as a noisy sensor sees them, each left out of the library that names it",
     ),
     "faults": ("evaluation.evaluate_faults", "takes with joints frozen, lost or exchanged, and bodies that jump"),
+    "teach": ("evaluation.evaluate_teach", "what a few examples of one person teach"),
     "progress": ("evaluation.evaluate_progress", "how right phase, speed and amplitude are, beside a clock"),
 }
 

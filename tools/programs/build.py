@@ -8,11 +8,19 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from kinespace.library import NOTHING, Clip, MotionLibrary, find_recordings, hdm05
-from kinespace.library.formats.labels import cut, read_labels
-from kinespace.library.recordings import labelled, performed
-from kinespace.tools.cli.arguments import add_actor_in, add_changes, add_labels, add_overwrite, add_reading, reading_of
-from kinespace.tools.terminal.console import console
-from kinespace.tools.terminal.named_joints import read_and_tell
+from kinespace.library.formats.labels import LabelError, cut, read_labels
+from kinespace.library.recordings import RecordingReader, is_recording, labelled, performed
+from kinespace.tools.cli.arguments import (
+    add_actor_in,
+    add_changes,
+    add_labels,
+    add_overwrite,
+    add_reading,
+    add_recorded_feed,
+    reading_of,
+)
+from kinespace.tools.terminal.console import console, progress
+from kinespace.tools.terminal.named_joints import NameTeller
 from kinespace.tools.terminal.output_path import require_place_for
 
 if TYPE_CHECKING:
@@ -84,6 +92,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_overwrite(parser)
     add_changes(parser)
     add_labels(parser, "for each recording, in order: cut it into these motions")
+    add_recorded_feed(parser)
     add_reading(parser)
     add_actor_in(parser)
     parser.add_argument("--licence", help="terms of the recordings (default: HDM05's, if they are named like HDM05's)")
@@ -137,8 +146,8 @@ def build(
     overwrite
         Whether a file that is there may be written over.
     """
-    files = [source for source in sources if source.suffix == ".npz"]
-    places = [source for source in sources if source.suffix != ".npz"]
+    files = [source for source in sources if source.suffix == ".npz" and not is_recording(source)]
+    places = [source for source in sources if source not in files]
     if labels and not places:
         raise ValueError("--labels: expected recordings to cut, got libraries only")
     require_place_for(output, overwrite=overwrite)
@@ -168,13 +177,27 @@ def _labelled(places: Sequence[Path], reading: Reading, terms: Terms, labels: Se
     paths = find_recordings(places)
     if labels and len(labels) != len(paths):
         raise ValueError(f"--labels: expected one for each of {len(paths)} recordings, got {len(labels)}")
-    takes = read_and_tell(paths, reading)
-    for place, (take, path) in enumerate(zip(takes, paths, strict=True)):
-        clip = terms.put_on(take, path)
-        if labels:
-            yield from cut(performed(clip, path, reading.actor_in), read_labels(labels[place]))
-        else:
-            yield labelled(clip, path, reading.actor_in)
+    tell = NameTeller()
+    with RecordingReader(reading) as reader:
+        for place, path in enumerate(progress(paths, "Reading", len(paths))):
+            clips = [terms.put_on(tell(clip), path) for clip in reader.clips(path)]
+            if labels:
+                yield from _cut([performed(clip, path, reading.actor_in) for clip in clips], labels[place])
+            else:
+                yield from (labelled(clip, path, reading.actor_in) for clip in clips)
+
+
+def _cut(takes: Sequence[Clip], file: Path) -> Iterator[Clip]:
+    """Cut the takes of one recording: with several performers each label says whose it is."""
+    segments = read_labels(file)
+    performers = {take.actor for take in takes}
+    for segment in segments:
+        if len(takes) > 1 and segment.performer not in performers:
+            told = repr(segment.performer) if segment.performer else "none"
+            raise LabelError(f"{file}: expected a performer of {', '.join(sorted(performers))}, got {told}")
+    for take in takes:
+        own = [each for each in segments if not (take.actor and each.performer) or each.performer == take.actor]
+        yield from cut(take, own)
 
 
 def _unshared(libraries: Sequence[MotionLibrary], merged: MotionLibrary) -> Iterator[str]:

@@ -7,20 +7,19 @@ import os
 import tempfile
 from array import array
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kinespace.library import find_recordings, hdm05
+from kinespace.library import find_recordings
 from kinespace.library.recordings import RecordingReader
-from kinespace.library.skeleton import Skeleton, SkeletonMismatchError
 from kinespace.stream.frame import Announcement
-from kinespace.stream.recording import decoded
 from kinespace.stream.recording.kinerec import ENDING, RawFile
 from kinespace.tools.cli.arguments import add_overwrite, add_reading, add_recorded_feed, reading_of
+from kinespace.tools.feeding.raw_takes import JointOrder, events_of, seen_in
 from kinespace.tools.programs.feeds import preset_named
 from kinespace.tools.terminal.console import console, printable, progress
 from kinespace.tools.terminal.named_joints import NameTeller
@@ -33,8 +32,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from kinespace.library import Clip, Reading
+    from kinespace.library.skeleton import Skeleton
     from kinespace.stream.feeds import Preset
-    from kinespace.stream.frame import Frame
 
 #: A frame's time in seconds and its positions, (joints, 3), metres.
 _Posture = tuple[float, "NDArray[np.floating]"]
@@ -48,15 +47,6 @@ class _Motion:
     performer: str
     frames: int | None
     postures: Iterator[_Posture]
-
-
-@dataclass(slots=True)
-class _Seen:
-    """What a first look finds of a performer."""
-
-    frames: int = 0
-    joints: tuple[str, ...] = ()
-    sizes: dict[int, int] = field(default_factory=dict)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -152,21 +142,14 @@ def _postures_of(clips: Iterable[Clip]) -> Iterator[_Posture]:
 
 def _of_raw(recording: RawFile, performer: str | None, preset: Preset | None) -> tuple[_Motion, int]:
     """Look through a recording once for who is in it, then give one performer's frames; how many are left out."""
-    seen: dict[str, _Seen] = {}
-    for event in progress(_events(recording, preset), "Looking", None):
-        each = seen.setdefault(event.performer, _Seen())
-        if isinstance(event, Announcement):
-            each.joints = each.joints or event.joints
-        else:
-            each.frames += 1
-            each.sizes[len(event.positions)] = each.sizes.get(len(event.positions), 0) + 1
+    seen = seen_in(progress(events_of(recording, preset), "Looking", None))
     performing = [name for name, each in seen.items() if each.frames]
     if performer is None and len(performing) > 1:
         raise ValueError(f"{recording.path}: expected --performer, one of {', '.join(map(printable, performing))}")
     chosen = performer if performer is not None else next(iter(performing), "")
     if chosen not in performing:
         raise ValueError(f"{recording.path}: no frame{f' of {chosen!r}' if chosen else ''} in it")
-    skeleton = _skeleton(seen[chosen])
+    skeleton = seen[chosen].skeleton()
     frames = sum(1 for _ in _postures(recording, preset, chosen, skeleton))
     if not frames:
         raise ValueError(f"{recording.path}: no frame of {chosen!r} has the {len(skeleton.joints)} announced joints")
@@ -174,34 +157,15 @@ def _of_raw(recording: RawFile, performer: str | None, preset: Preset | None) ->
     return motion, seen[chosen].frames - frames
 
 
-def _skeleton(seen: _Seen) -> Skeleton:
-    """Name the joints as announced; unannounced, HDM05's when there are as many, as everywhere; else by number."""
-    if seen.joints:
-        return Skeleton(seen.joints)
-    size = max(seen.sizes, key=lambda size: seen.sizes[size])
-    if size == len(hdm05.SKELETON.joints):
-        return hdm05.SKELETON
-    return Skeleton(tuple(f"joint{number}" for number in range(1, size + 1)))
-
-
-def _events(recording: RawFile, preset: Preset | None) -> Iterator[Frame | Announcement]:
-    return chain.from_iterable(each.events for each in decoded(recording.header, recording.packets(), preset))
-
-
 def _postures(recording: RawFile, preset: Preset | None, performer: str, skeleton: Skeleton) -> Iterator[_Posture]:
-    order: NDArray[np.intp] | None = np.arange(len(skeleton.joints))
-    size = len(skeleton.joints)
-    for event in _events(recording, preset):
+    order = JointOrder(skeleton)
+    for event in events_of(recording, preset):
         if event.performer != performer:
             continue
         if isinstance(event, Announcement):
-            size = len(event.joints)
-            try:
-                order = skeleton.order_from(event.joints)
-            except SkeletonMismatchError:
-                order = None
-        elif order is not None and len(event.positions) == size:
-            yield event.time, event.positions[order]
+            order.announce(event)
+        elif (positions := order.ordered(event)) is not None:
+            yield event.time, positions
 
 
 def _write_csv(output: Path, motion: _Motion) -> int:

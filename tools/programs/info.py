@@ -63,10 +63,10 @@ def describe(file: Path | None, reading: Reading, *, feed: str | None = None) ->
     """
     if feed and not (file and file.suffix.lower() == ENDING):
         raise ValueError(f"--feed: expected a {ENDING} file with it, got {file or 'none'}")
-    if file and (is_recording(file) or (file.is_dir() and file.suffix != ".npz")):
-        return _tell_recordings(file, reading)
     if file and file.suffix.lower() == ENDING:
         return _tell_raw(file, preset_named(feed) if feed else None)
+    if file and (is_recording(file) or (file.is_dir() and file.suffix != ".npz")):
+        return _tell_recordings(file, reading)
     return _tell_library(file)
 
 

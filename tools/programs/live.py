@@ -22,7 +22,7 @@ from kinespace.stream.background_opener import BackgroundOpener
 from kinespace.stream.feeds.source import FeedSource
 from kinespace.stream.inputs import Admission, OscDecoder, Source, ZmqDecoder
 from kinespace.stream.outputs import LAYOUTS, LayoutSink, NativeLayout, ReplySink, Sink, ZmqSink
-from kinespace.stream.recognizer import Performers, Recognizer, SentJoints
+from kinespace.stream.recognizer import LiveSignature, Performers, Recognizer, SentJoints
 from kinespace.stream.recording import RawWriter, Recorder, source_name
 from kinespace.stream.restricted_beside import RestrictedBeside
 from kinespace.stream.service import Service
@@ -42,6 +42,9 @@ from kinespace.tools.cli.arguments import (
 from kinespace.tools.cli.interruption import stop_on_signals
 from kinespace.tools.feeding.joint_sets import joints_in_order
 from kinespace.tools.programs.feeds import preset_named
+from kinespace.tools.teaching.desk import Start, as_performers, open_desk
+from kinespace.tools.teaching.door import WEKINATOR_PORT, Allowed, RequestDoor, TaughtDecoder, WekinatorDoor
+from kinespace.tools.teaching.keys import Keys
 from kinespace.tools.terminal.console import console
 from kinespace.tools.terminal.live_table import LiveTable, PlainLines, summary
 from kinespace.tools.terminal.output_path import require_place_for
@@ -50,9 +53,11 @@ if TYPE_CHECKING:
     import argparse
     from collections.abc import Sequence
 
+    from kinespace.library.windows.index import WindowIndex
     from kinespace.stream.feeds import Preset
     from kinespace.stream.inputs.receiver import Networks
     from kinespace.stream.recognizer import Settings
+    from kinespace.tools.teaching.desk import Desk
 
 #: Where answers go unless the user says otherwise: a port that none of the usual receivers uses.
 OSC_OUT = "127.0.0.1:9311"
@@ -62,6 +67,8 @@ _ANY_HOST, _THIS_MACHINE = ("0.0.0.0", "::"), ("127.0.0.1", "::1")  # noqa: S104
 _REDRAWS = 5
 #: Seconds a thread may keep Python's lock while another waits. Drawing takes longer than a frame may wait.
 _SWITCH_INTERVAL = 0.0005
+#: In place of a library: nothing is known but what is taught.
+_NO_LIBRARY = Path("none")
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,8 +126,32 @@ class Guard:
     merge: bool = False
 
 
+@dataclass(frozen=True, slots=True)
+class Teaching:
+    """Whether people may teach, and who, as typed.
+
+    Attributes
+    ----------
+    file
+        Where what is taught is kept; None: nobody may teach.
+    controls
+        Further ways in: `wekinator`, `wekinator=HOST:PORT`, or the ZeroMQ endpoint of a socket that replies.
+    """
+
+    file: Path | None = None
+    controls: Sequence[str] = ()
+
+    def require_file(self, settings: Settings) -> None:
+        """Refuse what makes sense with a file only, and what cannot be taught; ValueError."""
+        if self.file is None and self.controls:
+            raise ValueError("--control: expected --teach with it")
+        if self.file and settings.signature is LiveSignature.PAPER:
+            raise ValueError("--teach: expected --signature windows with it, got paper")
+
+
 _NO_FEED = Feed()
 _NO_GUARD = Guard()
+_NO_TEACHING = Teaching()
 
 _AnyReceiver = osc.OscReceiver | zeromq.ZmqReceiver
 
@@ -156,12 +187,26 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_settings(parser)
     parser.add_argument("--allow", type=names, default=(), metavar="A,B,...", help="recognise these performers only")
     parser.add_argument(
-        "--allow-from", type=names, default=(), metavar="NETWORK,...", help="read packets from these networks only"
+        "--allow-from",
+        type=names,
+        default=(),
+        metavar="NETWORK,...",
+        help="read packets from these networks alone; they may teach",
     )
     parser.add_argument("--merge", action="store_true", help="let several senders send frames of one performer")
     parser.add_argument("--performers", type=int, default=32, help="how many performers at most (default %(default)s)")
     parser.add_argument("--record", type=Path, metavar="FILE", help="keep every packet that comes in, for replay")
     add_overwrite(parser)
+    parser.add_argument(
+        "--teach", type=Path, metavar="FILE", help="let people teach motions by showing them, and keep them there"
+    )
+    parser.add_argument(
+        "--control",
+        action="append",
+        default=[],
+        metavar="wekinator|ENDPOINT",
+        help="also obey Wekinator's control messages (=HOST:PORT; 6448), or ZeroMQ requests, like tcp://127.0.0.1:9330",
+    )
     parser.add_argument("--plain", action="store_true", help="print a line per change instead of a table")
 
 
@@ -186,6 +231,7 @@ def run(options: argparse.Namespace) -> int:
         overwrite=options.overwrite,
         feed=Feed(options.feed, options.sender, tuple(options.out), options.joints, Naming.asked(options.naming)),
         guard=Guard(options.allow, options.allow_from, options.merge),
+        teaching=Teaching(options.teach, tuple(options.control)),
     )
 
 
@@ -200,39 +246,40 @@ def recognise(
     overwrite: bool = False,
     feed: Feed = _NO_FEED,
     guard: Guard = _NO_GUARD,
+    teaching: Teaching = _NO_TEACHING,
 ) -> int:
     """Open the addresses, recognise until interrupted, print the counts."""
+    teaching.require_file(settings)
     if record:
         require_place_for(record, overwrite=overwrite)
-    motions = MotionLibrary.load(library) if library else MotionLibrary.builtin()
-    if feed.naming.convention or feed.naming.finds:
-        motions = motions.in_our_names(Naming())
     preset = preset_named(feed.preset) if feed.preset else None
-    joints = _assumed_joints(feed)
-    if preset:
-        motions = fitted(motions, f"feed {preset.name}", preset.joints)
-    elif joints:
-        motions = fitted(motions, "--joints", joints)
-    _require_room_for(motions, settings)
-    sent = SentJoints(joints, feed.naming, RestrictedBeside(motions, settings))
-    performers = Performers(motions, settings, most=most, joints=sent, opener=BackgroundOpener())
-    shown: PlainLines | LiveTable = PlainLines() if plain or not console.is_terminal else LiveTable(motions.classes)
+    performers, desk = _performers(library, preset, feed, teaching=teaching, settings=settings, most=most)
+    shown: PlainLines | LiveTable = PlainLines() if plain or not console.is_terminal else LiveTable(performers.classes)
     admission = Admission(silence=performers.silence, merge=guard.merge, allowed=guard.performers)
     networks = [ipaddress.ip_network(each, strict=False) for each in guard.networks]
     receivers, sinks, kept = _open(addresses, feed, preset, record, networks=networks, admission=admission)
     recorders = [Recorder(kept, index) if kept else None for index in range(len(receivers))]
     sources = [_source(*each, preset, feed.sender, admission) for each in zip(receivers, recorders, strict=True)]
     feeds = [source for source in sources if isinstance(source, FeedSource)]
-    with kept or nullcontext(), Service(performers, sources, [*sinks, shown], admission=admission) as service:
+    doors = _doors(teaching, desk, sources, networks) if desk else []
+    with (
+        kept or nullcontext(),
+        Service(performers, [*sources, *doors], [*sinks, shown], admission=admission) as service,
+    ):
+        if desk:
+            desk.sinks = service.sinks
         # Before anybody can know that we are there.
         stop_on_signals(service.stop)
-        _announce(sources, sinks)
+        _announce([*sources, *doors], sinks)
         # What was loaded so far lives as long as we do: the collector need not look at it again.
         gc.freeze()
-        if isinstance(shown, LiveTable):
-            _run_with_table(service, shown)
-        else:
-            service.run()
+        with Keys(desk, shown) if desk and isinstance(shown, LiveTable) else nullcontext():
+            if isinstance(shown, LiveTable):
+                _run_with_table(service, shown)
+            else:
+                service.run()
+        if desk:
+            desk.close()
         status = service.status()
     console.print(summary(status), soft_wrap=True)
     for source in feeds:
@@ -240,6 +287,71 @@ def recognise(
     if kept:
         console.print(f"{record}: {kept.written} packets, {kept.failed} could not be written", soft_wrap=True)
     return 0
+
+
+def _performers(
+    library: Path | None,
+    preset: Preset | None,
+    feed: Feed,
+    *,
+    teaching: Teaching,
+    settings: Settings,
+    most: int,
+) -> tuple[Performers, Desk | None]:
+    """Make the recognisers, and the desk that stands for them where people may teach."""
+    nothing = library == _NO_LIBRARY
+    if nothing and not teaching.file:
+        raise ValueError("--library none: expected --teach with it")
+    joints = _assumed_joints(feed)
+    motions = MotionLibrary.load(library) if library and not nothing else MotionLibrary.builtin()
+    if feed.naming.convention or feed.naming.finds:
+        motions = motions.in_our_names(Naming())
+    if nothing:
+        joints = joints or (preset.joints if preset else ())
+    elif preset:
+        motions = fitted(motions, f"feed {preset.name}", preset.joints)
+    elif joints:
+        motions = fitted(motions, "--joints", joints)
+    if teaching.file:
+        desk = _desk(teaching, None if nothing else motions, SentJoints(joints, feed.naming), settings, most)
+        return as_performers(desk), desk
+    _require_room_for(motions, settings)
+    sent = SentJoints(joints, feed.naming, RestrictedBeside(motions, settings))
+    return Performers(motions, settings, most=most, joints=sent, opener=BackgroundOpener()), None
+
+
+def _desk(teaching: Teaching, motions: MotionLibrary | None, sent: SentJoints, settings: Settings, most: int) -> Desk:
+    """Open what was taught before."""
+    assert teaching.file is not None  # noqa: S101 - told to mypy
+
+    def performers(index: WindowIndex, classes: Sequence[str]) -> Performers:
+        covers = set(index.library.skeleton.joints) <= set(sent.assumed)
+        fewer = RestrictedBeside(index.library, settings)
+        joints = SentJoints(sent.assumed if covers else (), sent.naming, fewer)
+        opener = BackgroundOpener()
+        return Performers(index, settings, most=most, joints=joints, opener=opener, classes=classes)
+
+    return open_desk(Start(teaching.file, motions, sent.assumed), performers)
+
+
+def _doors(
+    teaching: Teaching, desk: Desk, sources: Sequence[Source], networks: Networks
+) -> list[WekinatorDoor | RequestDoor]:
+    """Open the ways in for commands: the frames' own ports, and what was asked for beside them."""
+    allowed = Allowed(networks)
+    for source in sources:
+        source.decoder = TaughtDecoder(source.decoder, desk, allowed)
+    doors: list[WekinatorDoor | RequestDoor] = []
+    for control in teaching.controls:
+        name, _, place = control.partition("=")
+        if name == "wekinator":
+            host, port = host_and_port(place) if place else ("127.0.0.1", WEKINATOR_PORT)
+            doors.append(WekinatorDoor(osc.OscReceiver(host, port), desk, allowed))
+        elif "://" in control:
+            doors.append(RequestDoor(Endpoint.parse(control, bind=True), desk, allowed))
+        else:
+            raise ValueError(f"--control: expected wekinator or an endpoint like tcp://127.0.0.1:9330, got {control!r}")
+    return doors
 
 
 def _assumed_joints(feed: Feed) -> tuple[str, ...]:
@@ -378,7 +490,7 @@ def _layout_sink(text: str, receivers: Sequence[_AnyReceiver], admission: Admiss
     return ReplySink(layout, heard[0], port, admission)
 
 
-def _announce(sources: Sequence[Source], sinks: Sequence[Sink]) -> None:
+def _announce(sources: Sequence[object], sinks: Sequence[Sink]) -> None:
     listening, answering = ", ".join(map(str, sources)), ", ".join(map(str, sinks)) or "nobody"
     console.print(f"listening on {listening}; answering to {answering}; Ctrl-C ends", soft_wrap=True)
 

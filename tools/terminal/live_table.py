@@ -8,6 +8,7 @@ from rich.text import Text
 
 from kinespace.stream.outputs.sink import Sink
 from kinespace.stream.recognition import EventKind, Outcome
+from kinespace.stream.teaching.wire import as_line
 from kinespace.tools.terminal.console import console, printable
 from kinespace.tools.terminal.tables import narrow_table
 
@@ -18,12 +19,15 @@ if TYPE_CHECKING:
 
     from kinespace.stream.recognition import Event, Recognition
     from kinespace.stream.status import Status
+    from kinespace.stream.teaching.notices import Notice
 
 #: Characters of a full score bar, and of a terminal wide enough to have one.
 _BAR = 20
 _WIDE = 110
 #: Characters between two columns.
 _BETWEEN = 2
+#: Notices of teaching that are shown.
+_NOTICES = 3
 
 
 def score_shown(score: float, width: int) -> Text:
@@ -82,6 +86,11 @@ class PlainLines(Sink):
                 self._notes.add(kind)
                 console.print(printable(note), soft_wrap=True)
 
+    def publish_notice(self, notice: Notice) -> None:
+        """Print it."""
+        if line := as_line(notice):
+            console.print(printable(line), soft_wrap=True, markup=False)
+
 
 class LiveTable(Sink):
     """A sink that remembers what to draw: the last recognition of each performer, the last status."""
@@ -91,6 +100,14 @@ class LiveTable(Sink):
         self._latest: dict[str, Recognition] = {}
         self._going_on: dict[str, str] = {}
         self._status: Status | None = None
+        #: What is said below the table while somebody may be taught.
+        self.hint = ""
+        self._taught: list[str] = []
+
+    def publish_notice(self, notice: Notice) -> None:
+        """Remember the last ones."""
+        if line := as_line(notice):
+            self._taught = [*self._taught, printable(line)][-_NOTICES:]
 
     def publish(self, recognition: Recognition) -> None:
         """Remember the recognition."""
@@ -151,6 +168,7 @@ class LiveTable(Sink):
         told += "".join(f"\n{refused_frames(name, why)}" for name, why in status.refused.items())
         told += "".join(f"\n{doubted_joints(name, what)}" for name, what in status.doubted.items())
         told += "".join(f"\n{printable(note)}" for note in status.notes)
+        told += "".join(f"\n{line}" for line in (*self._taught, *([self.hint] if self.hint else ())))
         return f"{len(self._classes)} classes · {counts(status)}{told}"
 
 

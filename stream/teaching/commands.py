@@ -1,0 +1,157 @@
+"""What a person can ask while teaching; checked where it is made, whoever sent it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+#: Characters of a class's name, and of a performer's.
+MAX_NAME = 64
+MAX_REPETITIONS = 50
+#: Seconds of a countdown, and of what was just done.
+MAX_COUNTDOWN, MAX_LAST = 60.0, 15.0
+#: What answers say that name no class.
+_RESERVED = frozenset({"unknown", "still", "ambiguous"})
+
+
+class CommandError(ValueError):
+    """A command makes no sense; the message says which argument, what was expected and what was got."""
+
+
+@dataclass(frozen=True, slots=True)
+class Teach:
+    """Record examples of a class: count down, wait for movement, record, stop by stillness.
+
+    Attributes
+    ----------
+    performer
+        Who shows it; empty for whoever is there.
+    class_name
+        `nothing` for what shall stay unnamed.
+    repetitions
+        How many examples, one after the other.
+    countdown
+        Seconds.
+
+    Raises
+    ------
+    CommandError
+        A name or number that cannot be.
+    """
+
+    performer: str
+    class_name: str
+    repetitions: int = 1
+    countdown: float = 3.0
+
+    def __post_init__(self) -> None:
+        _require_performer(self.performer)
+        require_class(self.class_name)
+        if not 1 <= self.repetitions <= MAX_REPETITIONS:
+            raise CommandError(f"repetitions: expected 1 to {MAX_REPETITIONS}, got {self.repetitions}")
+        if not (math.isfinite(self.countdown) and 0 <= self.countdown <= MAX_COUNTDOWN):
+            raise CommandError(f"countdown: expected 0 to {MAX_COUNTDOWN:g} s, got {self.countdown:g}")
+
+
+@dataclass(frozen=True, slots=True)
+class Last:
+    """Take what a performer just did as an example.
+
+    Raises
+    ------
+    CommandError
+        A name or number that cannot be.
+    """
+
+    performer: str
+    seconds: float
+    class_name: str
+
+    def __post_init__(self) -> None:
+        _require_performer(self.performer)
+        require_class(self.class_name)
+        if not (math.isfinite(self.seconds) and 0 < self.seconds <= MAX_LAST):
+            raise CommandError(f"seconds: expected up to {MAX_LAST:g}, got {self.seconds:g}")
+
+
+@dataclass(frozen=True, slots=True)
+class Rename:
+    """Give a taught class another name; CommandError for one that cannot be."""
+
+    old: str
+    new: str
+
+    def __post_init__(self) -> None:
+        require_class(self.new)
+
+
+@dataclass(frozen=True, slots=True)
+class Forget:
+    """Forget a class that was taught; all of them when the name is empty."""
+
+    class_name: str
+
+
+@dataclass(frozen=True, slots=True)
+class Enable:
+    """Answer a class, or do not."""
+
+    class_name: str
+    on: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Trim:
+    """Leave the still beginning and end of the last example out, or keep them."""
+
+    on: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Stop:
+    """End the recording that goes on; what was recorded becomes an example."""
+
+
+@dataclass(frozen=True, slots=True)
+class Cancel:
+    """End the lesson that goes on; nothing becomes of it."""
+
+
+@dataclass(frozen=True, slots=True)
+class Undo:
+    """Take the last change back."""
+
+
+@dataclass(frozen=True, slots=True)
+class Redo:
+    """Make the change again that was taken back last."""
+
+
+@dataclass(frozen=True, slots=True)
+class Save:
+    """Save to the file given at the start."""
+
+
+@dataclass(frozen=True, slots=True)
+class Run:
+    """Answer, or answer nobody for a while."""
+
+    on: bool
+
+
+Command = Teach | Last | Rename | Forget | Enable | Trim | Stop | Cancel | Undo | Redo | Save | Run
+
+
+def require_class(name: str) -> None:
+    """Refuse a name that no class can have; CommandError."""
+    if not 1 <= len(name) <= MAX_NAME:
+        raise CommandError(f"class: expected a name of 1 to {MAX_NAME} characters, got {len(name)}")
+    if "/" in name or not name.isprintable() or name != name.strip():
+        raise CommandError(f"class: expected a name without / and without control characters, got {name!a}")
+    if name in _RESERVED:
+        raise CommandError(f"class: expected another name than {', '.join(sorted(_RESERVED))}, got {name}")
+
+
+def _require_performer(name: str) -> None:
+    if len(name) > MAX_NAME:
+        raise CommandError(f"performer: expected at most {MAX_NAME} characters, got {len(name)}")

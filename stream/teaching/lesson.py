@@ -1,0 +1,125 @@
+"""One lesson: countdown, waiting for movement, recording, stopped by stillness, trimmed."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from kinespace.library.movement import ENDS_AFTER, MIN_SECONDS, Stretch, StretchFinder
+from kinespace.stream.teaching.notices import State, Step
+
+if TYPE_CHECKING:
+    from kinespace.stream.teaching.commands import Teach
+
+#: Seconds that a recording lasts at most, and that a performer may stand still before it.
+MAX_RECORDING, MAX_WAITING = 15.0, 15.0
+#: Seconds that rounding may add to a countdown.
+_TIE = 1e-6
+#: Seconds kept before the movement, to be seen when the trimming is undone.
+BEFORE = 0.3
+
+
+@dataclass(frozen=True, slots=True)
+class Recorded:
+    """What a lesson recorded, on the sender's clock: all of it, and what is kept after trimming."""
+
+    whole: Stretch
+    kept: Stretch
+
+
+class Lesson:
+    """One performer shows examples of one class.
+
+    Parameters
+    ----------
+    asked
+        What is to be recorded.
+    performer
+        Who shows it.
+    now
+        Seconds on our clock.
+    stillness
+        Movement below which the performer stands still.
+
+    Attributes
+    ----------
+    step
+        Where it stands.
+    left
+        Examples still to be recorded.
+    """
+
+    def __init__(self, asked: Teach, performer: str, now: float, stillness: float) -> None:
+        self.class_name, self.performer = asked.class_name, performer
+        self.left = asked.repetitions
+        self.step = Step.COUNTDOWN
+        self._go = now + asked.countdown
+        self._told = math.inf
+        self._finder = StretchFinder(stillness)
+        self._armed = self._began = self._newest = math.nan
+
+    def tick(self, now: float) -> State | None:
+        """Count down; give what is to be told."""
+        if self.step is not Step.COUNTDOWN:
+            return None
+        if now >= self._go:
+            self.step = Step.WAITING
+            return State(self.performer, Step.WAITING)
+        seconds = max(math.ceil(self._go - now - _TIE), 1)
+        if seconds == self._told:
+            return None
+        self._told = seconds
+        return State(self.performer, Step.COUNTDOWN, float(seconds))
+
+    def push(self, time: float, movement: float | None) -> State | Recorded | None:
+        """Take in a frame's time on the sender's clock, and the movement where it was measured.
+
+        Returns
+        -------
+        A change of state; what was recorded, when a recording ended; a refusal; else None.
+        """
+        self._newest = time
+        if self.step is Step.COUNTDOWN:
+            # Who moves already when it begins is recorded from then on.
+            if movement is not None:
+                self._finder.push(time, movement)
+            return None
+        if math.isnan(self._armed):
+            self._armed = time
+        found = None if movement is None else self._finder.push(time, movement)
+        if self.step is Step.WAITING:
+            return self._waited(time)
+        if found:
+            return self._recorded(found, time, by_hand=False)
+        return self.stop() if time - self._began >= MAX_RECORDING else None
+
+    def _waited(self, time: float) -> State | None:
+        if self._finder.began is not None:
+            self.step = Step.RECORDING
+            self._began = max(self._finder.began, self._armed)
+            return State(self.performer, Step.RECORDING)
+        if time - self._armed >= MAX_WAITING:
+            return State(self.performer, Step.REFUSED, MAX_WAITING, f"stood still for {MAX_WAITING:g} s")
+        return None
+
+    def stop(self) -> State | Recorded:
+        """End the recording by hand or because it is as long as can be."""
+        if self.step is not Step.RECORDING:
+            return State(self.performer, Step.REFUSED, 0.0, "nothing was recorded")
+        found = self._finder.end()
+        return self._recorded(found or Stretch(self._began, self._newest), self._newest, by_hand=True)
+
+    def _recorded(self, found: Stretch, time: float, *, by_hand: bool) -> State | Recorded:
+        begin = max(found.start, self._armed)
+        kept = Stretch(begin, min(found.end, time, begin + MAX_RECORDING))
+        whole = Stretch(max(begin - BEFORE, self._armed - BEFORE), min(kept.end + ENDS_AFTER, time))
+        self._armed = math.nan
+        self._finder.clear()
+        self.step = Step.WAITING
+        if kept.duration < MIN_SECONDS:
+            told = f"expected {MIN_SECONDS:g} s of movement at least"
+            # Who takes up their place moves for a moment: that is not meant.
+            return State(self.performer, Step.REFUSED if by_hand else Step.WAITING, kept.duration, told)
+        self.left -= 1
+        return Recorded(whole, kept)

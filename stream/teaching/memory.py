@@ -1,0 +1,102 @@
+"""The last minutes of one performer, at 30 frames per second: what examples are cut from and tried on."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from kinespace.library.formats.timed_frames import evened
+from kinespace.library.movement import MovementMeter
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from kinespace.library.clip import Clip
+    from kinespace.library.skeleton import Skeleton
+
+#: Seconds that are remembered, and frames per second.
+REMEMBERED = 300.0
+FRAME_RATE = 30.0
+#: Share of a frame's time by which a frame may come early and still be kept.
+_EARLY = 0.2
+#: Frames remembered at first; more room is made as they come.
+_ROOM = 512
+#: Seconds after which a frame that comes next is of another time: the sender began anew.
+_BACKWARDS = 1.0
+
+
+class Memory:
+    """Remembers a performer's frames, thinned, and measures their movement.
+
+    Parameters
+    ----------
+    skeleton
+        Whose joints the positions are.
+
+    Attributes
+    ----------
+    heard
+        When the last frame arrived, seconds on our clock.
+    newest
+        The last frame's own time, seconds on the sender's.
+    """
+
+    def __init__(self, skeleton: Skeleton) -> None:
+        self._skeleton = skeleton
+        self._most = round(REMEMBERED * FRAME_RATE)
+        self._clear()
+        self.heard = self.newest = -np.inf
+
+    def _clear(self) -> None:
+        self._times = np.empty(_ROOM)
+        self._positions = np.empty((_ROOM, len(self._skeleton.joints), 3), dtype=np.float32)
+        self._count, self._due = 0, -np.inf
+        self._meter = MovementMeter(self._skeleton)
+
+    def push(self, time: float, positions: NDArray[np.floating], now: float) -> float | None:
+        """Take in a frame; give the movement when it is measured, else None (`library.movement.MovementMeter`)."""
+        self.heard = now
+        if time <= self.newest:
+            if self.newest - time < _BACKWARDS:
+                return None
+            self._clear()
+        self.newest = time
+        if time >= self._due - _EARLY / FRAME_RATE:
+            self._due = (
+                max(self._due, time) + 1 / FRAME_RATE if self._due >= time - 1 / FRAME_RATE else time + 1 / FRAME_RATE
+            )
+            self._keep(time, positions)
+            return self._meter.push(time, positions)
+        return None
+
+    def _keep(self, time: float, positions: NDArray[np.floating]) -> None:
+        if self._count == len(self._times):
+            if self._count >= 2 * self._most:
+                half = self._most
+                self._times[:half] = self._times[self._count - half : self._count].copy()
+                self._positions[:half] = self._positions[self._count - half : self._count].copy()
+                self._count = half
+            else:
+                room = min(2 * len(self._times), 2 * self._most)
+                self._times = np.resize(self._times, room)
+                self._positions = np.concatenate(
+                    [self._positions, np.empty((room - len(self._positions), *self._positions.shape[1:]), np.float32)]
+                )
+        self._times[self._count], self._positions[self._count] = time, positions
+        self._count += 1
+
+    def between(self, begin: float, end: float) -> Clip | None:
+        """Give what was done between two moments on the sender's clock; None for less than three frames."""
+        first, last = np.searchsorted(self._times[: self._count], [begin - 1e-6, end + 1e-6]).tolist()
+        if last - first < 3:
+            return None
+        times = self._times[first:last].copy()
+        often = (len(times) - 1) / (times[-1] - times[0])
+        # A slower feed keeps its own rate; a faster one was thinned unevenly and is laid on even times.
+        rate = FRAME_RATE if often > 0.9 * FRAME_RATE else None
+        return evened(times, self._positions[first:last].astype(np.float64), rate=rate).clip(self._skeleton)
+
+    def before(self, end: float) -> Clip | None:
+        """Give all that is remembered before a moment."""
+        return self.between(max(end - REMEMBERED, float(self._times[0])), end) if self._count else None

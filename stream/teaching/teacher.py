@@ -1,0 +1,297 @@
+"""Teaching: who is taught what now, what has been taught, and what was undone.
+
+No socket, clock or thread in here. Frames and commands come in with the time on our clock. Notices come out; `Changed`
+asks whoever runs this to open the roster, to exchange the recognisers' library, to check the example, and to say so by
+`checked`. That may take as long as it likes: lessons go on meanwhile.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from kinespace.library.examples import MAX_EXAMPLES, Example, Roster
+from kinespace.library.motion_library import NOTHING
+from kinespace.library.movement import MIN_SECONDS, STILLNESS, MovementMeter, Stretch, StretchFinder
+from kinespace.stream.teaching import commands
+from kinespace.stream.teaching.lesson import Lesson, Recorded
+from kinespace.stream.teaching.memory import Memory
+from kinespace.stream.teaching.notices import Changed, Notice, Running, Saving, State, Step, Taught
+
+if TYPE_CHECKING:
+    from collections.abc import Collection
+
+    from kinespace.library.clip import Clip
+    from kinespace.library.examples import Check
+    from kinespace.library.skeleton import Skeleton
+    from kinespace.stream.frame import Frame
+    from kinespace.stream.teaching.commands import Command
+
+#: Seconds without a frame after which a performer is not there.
+_GONE = 2.0
+#: Seconds by which a recording must be longer than what is kept of it to be called trimmed.
+_TRIMMED = 0.15
+
+
+class Teacher:
+    """Records examples and keeps the roster.
+
+    Parameters
+    ----------
+    skeleton
+        Whose joints the frames are.
+    roster
+        What has been taught before.
+    base_classes
+        Classes known without any example.
+    stillness
+        Movement below which a performer stands still (`library.movement`).
+
+    Attributes
+    ----------
+    roster
+        All examples now.
+    """
+
+    def __init__(
+        self, skeleton: Skeleton, roster: Roster, base_classes: Collection[str] = (), *, stillness: float = STILLNESS
+    ) -> None:
+        self.roster = roster
+        self._skeleton, self._base, self._stillness = skeleton, tuple(base_classes), stillness
+        self._memories: dict[str, Memory] = {}
+        self._lesson: Lesson | None = None
+        self._undone: list[Roster] = []
+        self._before: list[Roster] = []
+        #: Who taught the examples that are being checked, and when on their clock.
+        self._checking: dict[int, tuple[str, float]] = {}
+        self._number = roster.next_number
+
+    @property
+    def lesson(self) -> Lesson | None:
+        """The lesson that goes on."""
+        return self._lesson
+
+    def push(self, frame: Frame, now: float) -> list[Notice]:
+        """Take in a frame, positions in the order of the skeleton."""
+        memory = self._memories.get(frame.performer)
+        if memory is None:
+            self._forget_absent(now)
+            memory = self._memories[frame.performer] = Memory(self._skeleton)
+        movement = memory.push(frame.time, frame.positions, now)
+        lesson = self._lesson
+        if lesson is None or lesson.performer != frame.performer:
+            return []
+        return self._went(lesson, lesson.push(frame.time, movement))
+
+    def tick(self, now: float) -> list[Notice]:
+        """Do what is due by the clock; some times a second."""
+        lesson = self._lesson
+        if lesson is None:
+            return []
+        if now - self._memories[lesson.performer].heard > _GONE:
+            self._lesson = None
+            return [State(lesson.performer, Step.REFUSED, 0.0, "the performer has left")]
+        told = lesson.tick(now)
+        return [told] if told else []
+
+    def command(self, command: Command, now: float) -> list[Notice]:  # noqa: C901, PLR0911, PLR0912 - one line a command
+        """Do what is asked; a refusal is a state, never an exception."""
+        match command:
+            case commands.Teach():
+                return self._begin(command, now)
+            case commands.Last():
+                return self._take_last(command, now)
+            case commands.Stop():
+                return self._stopped()
+            case commands.Cancel():
+                return self._cancelled()
+            case commands.Undo():
+                return self._moved(self._before, self._undone, "nothing to undo")
+            case commands.Redo():
+                return self._moved(self._undone, self._before, "nothing to redo")
+            case commands.Rename(old, new):
+                return self._renamed(old, new)
+            case commands.Forget(name):
+                return self._forgotten(name)
+            case commands.Enable(name, on):
+                if name not in (*self._base, *self.roster.classes):
+                    return [_unknown(name)]
+                return self._change(self.roster.enabled(name, on=on), f"{name} {'on' if on else 'off'}")
+            case commands.Trim(on):
+                return self._trimmed(on=on)
+            case commands.Save():
+                return [Saving()]
+            case commands.Run(on):
+                return [Running(on), State("", Step.DONE, 0.0, "running" if on else "not running")]
+
+    def checked(self, number: int, check: Check | None, would_have_started: int) -> list[Notice]:
+        """Say what was found of an example that is in the library now."""
+        performer, _ = self._checking.pop(number, ("", 0.0))
+        example = next((each for each in self.roster.examples if each.number == number), None)
+        if example is None:
+            return []
+        words = check.words if check else "good"
+        taught = Taught(
+            example.class_name, len(self.roster.of(example.class_name)), example.seconds, words, would_have_started
+        )
+        return [taught, State(performer, Step.DONE, example.seconds, words)]
+
+    def failed(self, number: int, reason: str) -> list[Notice]:
+        """Take an example back that cannot be compared."""
+        performer, _ = self._checking.pop(number, ("", 0.0))
+        kept = tuple(each for each in self.roster.examples if each.number != number)
+        self.roster = replace(self.roster, examples=kept)
+        return [State(performer, Step.REFUSED, 0.0, reason), Changed(self.roster)]
+
+    def recent(self, number: int) -> Clip | None:
+        """Give the performer's last minutes before an example that is being checked; None when nothing is known."""
+        performer, began = self._checking.get(number, ("", 0.0))
+        memory = self._memories.get(performer)
+        return memory.before(began) if memory else None
+
+    def _begin(self, asked: commands.Teach, now: float) -> list[Notice]:
+        performer = self._present(asked.performer, now)
+        if performer is None:
+            return [_refused(asked.performer, "no such performer is there")]
+        if self._lesson:
+            return [_refused(performer, f"{self._lesson.performer} is being taught {self._lesson.class_name}")]
+        if len(self.roster.examples) >= MAX_EXAMPLES:
+            return [_refused(performer, f"{MAX_EXAMPLES} examples are there already")]
+        self._lesson = Lesson(asked, performer, now, self._stillness)
+        return self.tick(now)
+
+    def _take_last(self, asked: commands.Last, now: float) -> list[Notice]:
+        performer = self._present(asked.performer, now)
+        if performer is None:
+            return [_refused(asked.performer, "no such performer is there")]
+        if len(self.roster.examples) >= MAX_EXAMPLES:
+            return [_refused(performer, f"{MAX_EXAMPLES} examples are there already")]
+        memory = self._memories[performer]
+        whole = Stretch(memory.newest - asked.seconds, memory.newest)
+        clip = memory.between(*whole)
+        if clip is None or clip.gaps:
+            return [_refused(performer, f"{asked.seconds:g} s have not been seen")]
+        kept = _moving(clip, self._stillness)
+        if kept is None:
+            return [_refused(performer, f"expected {MIN_SECONDS:g} s of movement at least")]
+        return self._add(performer, asked.class_name, clip, whole, kept)
+
+    def _went(self, lesson: Lesson, told: State | Recorded | None) -> list[Notice]:
+        """Tell what became of a lesson."""
+        if told is None:
+            return []
+        if isinstance(told, State):
+            if told.step is Step.REFUSED:
+                self._lesson = None
+            return [told]
+        clip = self._memories[lesson.performer].between(*told.whole)
+        if not lesson.left:
+            self._lesson = None
+        if clip is None or clip.gaps:
+            self._lesson = None
+            return [_refused(lesson.performer, "frames are missing in what was recorded")]
+        begin = max(told.kept.start - told.whole.start, 0.0)
+        kept = Stretch(begin, min(told.kept.end - told.whole.start, clip.duration))
+        notices = self._add(lesson.performer, lesson.class_name, clip, told.whole, kept)
+        return notices if self._lesson is None else [*notices, State(lesson.performer, Step.WAITING)]
+
+    def _add(self, performer: str, class_name: str, clip: Clip, whole: Stretch, kept: Stretch) -> list[Notice]:
+        number, self._number = self._number, self._number + 1
+        recording = replace(clip, actor=performer)
+        example = Example(number, class_name, recording, kept.start, kept.end)
+        self._checking[number] = performer, whole.start
+        cut = clip.duration - example.seconds
+        told = f"{kept.start:.2f} to {kept.end:.2f} of {clip.duration:.2f} s kept" if cut > _TRIMMED else ""
+        self._remember()
+        self.roster = self.roster.with_example(example)
+        return [Changed(self.roster, number), State(performer, Step.CHECKING, example.seconds, told)]
+
+    def _stopped(self) -> list[Notice]:
+        if self._lesson is None:
+            return [_refused("", "nobody is being taught")]
+        lesson = self._lesson
+        lesson.left = min(lesson.left, 1)
+        return self._went(lesson, lesson.stop())
+
+    def _cancelled(self) -> list[Notice]:
+        if self._lesson is None:
+            return [_refused("", "nobody is being taught")]
+        performer, self._lesson = self._lesson.performer, None
+        return [State(performer, Step.DONE, 0.0, "cancelled")]
+
+    def _renamed(self, old: str, new: str) -> list[Notice]:
+        if old not in self.roster.classes:
+            return [_unknown(old)]
+        return self._change(self.roster.renamed(old, new), f"{old} is {new}")
+
+    def _forgotten(self, name: str) -> list[Notice]:
+        if not name:
+            return self._change(Roster((), self.roster.disabled), "all forgotten")
+        if name not in self.roster.classes:
+            return [_unknown(name)]
+        return self._change(self.roster.without_class(name), f"{name} forgotten")
+
+    def _trimmed(self, *, on: bool) -> list[Notice]:
+        if not self.roster.examples:
+            return [_refused("", "nothing was taught")]
+        last = max(self.roster.examples, key=lambda each: each.number)
+        kept = _moving(last.recording, self._stillness) if on else Stretch(0.0, last.recording.duration)
+        if kept is None:
+            return [_refused("", f"expected {MIN_SECONDS:g} s of movement at least")]
+        changed = replace(last, begin=kept.start, end=kept.end)
+        return self._change(self.roster.with_example(changed), f"{kept.duration:.2f} s kept")
+
+    def _change(self, roster: Roster, told: str) -> list[Notice]:
+        self._remember()
+        self.roster = roster
+        return [Changed(roster), State("", Step.DONE, 0.0, told)]
+
+    def _remember(self) -> None:
+        self._before.append(self.roster)
+        self._undone.clear()
+
+    def _moved(self, taken_from: list[Roster], kept_in: list[Roster], otherwise: str) -> list[Notice]:
+        if not taken_from:
+            return [_refused("", otherwise)]
+        kept_in.append(self.roster)
+        self.roster = taken_from.pop()
+        count = len(self.roster.examples)
+        return [
+            Changed(self.roster),
+            State("", Step.DONE, 0.0, f"{count} examples of {len(self.roster.classes)} classes"),
+        ]
+
+    def _present(self, name: str, now: float) -> str | None:
+        """Find a performer who is there; with no name whoever was heard last."""
+        there = {each: memory.heard for each, memory in self._memories.items() if now - memory.heard <= _GONE}
+        if name:
+            return name if name in there else None
+        return max(there, key=lambda each: there[each], default=None)
+
+    def _forget_absent(self, now: float) -> None:
+        for name in [each for each, memory in self._memories.items() if now - memory.heard > 60.0]:
+            del self._memories[name]
+
+
+def _moving(clip: Clip, stillness: float) -> Stretch | None:
+    """Find what moves in a recording, from the first movement to the last; None when it is too short."""
+    meter, finder, found = MovementMeter(clip.skeleton), StretchFinder(stillness), list[Stretch]()
+    for time, positions in zip(clip.times.tolist(), clip.positions, strict=True):
+        movement = meter.push(time, positions)
+        if movement is not None and (each := finder.push(time, movement)):
+            found.append(each)
+    if each := finder.end():
+        found.append(each)
+    if not found:
+        return None
+    kept = Stretch(max(found[0].start, 0.0), min(found[-1].end, clip.duration))
+    return kept if kept.duration >= MIN_SECONDS else None
+
+
+def _refused(performer: str, reason: str) -> State:
+    return State(performer, Step.REFUSED, 0.0, reason)
+
+
+def _unknown(name: str) -> State:
+    told = "what is known already cannot be changed" if name == NOTHING else "not a class that was taught"
+    return _refused("", f"{name[: commands.MAX_NAME]!a}: {told}")

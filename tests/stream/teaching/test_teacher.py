@@ -1,0 +1,269 @@
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+
+from kinespace.library import MotionLibrary
+from kinespace.library.examples import Check, Roster
+from kinespace.stream.frame import Frame
+from kinespace.stream.teaching import Changed, State, Step, Taught, Teacher, commands
+from kinespace.stream.teaching.lesson import MAX_RECORDING, MAX_WAITING
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from numpy.typing import NDArray
+
+    from kinespace.stream.teaching import Command, Notice
+
+RATE = 60.0
+
+
+class Stage:
+    """One performer before a teacher; time goes by with the frames."""
+
+    def __init__(self, roster: Roster | None = None) -> None:
+        self.library = MotionLibrary.builtin()
+        self.teacher = Teacher(self.library.skeleton, roster or Roster(), self.library.classes)
+        self.now = 0.0
+        self.told: list[Notice] = []
+
+    def show(self, frames: Iterable[NDArray[np.float64]], performer: str = "ann") -> None:
+        """Push frames; their own times are ahead of ours."""
+        for positions in frames:
+            self.now += 1 / RATE
+            self.told += self.teacher.push(Frame(performer, 100 + self.now, positions), self.now)
+            self.told += self.teacher.tick(self.now)
+
+    def stand(self, seconds: float, place: int = 40) -> None:
+        """Stand as a motion begins."""
+        self.show([self.library.motions[place].positions[0]] * round(seconds * RATE))
+
+    def perform(self, place: int = 40) -> None:
+        """Perform a motion and stand still as it ends."""
+        positions = self.library.motions[place].positions
+        self.show(positions)
+        self.show([positions[-1]] * round(RATE))
+
+    def ask(self, command: Command) -> list[Notice]:
+        """Give a command."""
+        notices = self.teacher.command(command, self.now)
+        self.told += notices
+        return notices
+
+    def steps(self) -> list[Step]:
+        """List the states told so far."""
+        return [each.step for each in self.told if isinstance(each, State)]
+
+    def reason(self) -> str:
+        """Give the last state's reason."""
+        return next(each.reason for each in reversed(self.told) if isinstance(each, State))
+
+
+def _taught(class_name: str = "wave", repetitions: int = 1) -> Stage:
+    stage = Stage()
+    stage.stand(1.0)
+    stage.ask(commands.Teach("ann", class_name, repetitions, 0.0))
+    for _ in range(repetitions):
+        stage.stand(0.5)
+        stage.perform()
+    return stage
+
+
+def test_a_lesson_goes_from_countdown_to_check() -> None:
+    """Three, two, one; then movement is waited for, recorded until stillness, trimmed, and the library changes."""
+    stage = Stage()
+    stage.stand(1.0)
+    stage.ask(commands.Teach("ann", "wave"))
+    stage.stand(4.0)
+    stage.perform()
+    assert stage.steps() == [*[Step.COUNTDOWN] * 3, Step.WAITING, Step.RECORDING, Step.CHECKING]
+    assert [each.seconds for each in stage.told if isinstance(each, State)][:3] == [3.0, 2.0, 1.0]
+    (example,) = stage.teacher.roster.examples
+    motion = stage.library.motions[40]
+    assert example.motion.duration == pytest.approx(motion.duration, abs=0.35)
+    assert example.recording.duration > example.motion.duration + 0.4
+    assert "s kept" in stage.reason()
+    (changed,) = [each for each in stage.told if isinstance(each, Changed)]
+    assert changed.number == 1
+    notices = stage.teacher.checked(1, Check(0.3, "squat", float("nan")), 4)
+    assert notices[0] == Taught("wave", 1, example.seconds, "close to squat", 4)
+    assert stage.teacher.lesson is None
+
+
+def test_what_was_recorded_is_what_was_shown() -> None:
+    """The example's frames are the motion's, at 30 frames per second."""
+    stage = _taught()
+    (example,) = stage.teacher.roster.examples
+    shown = stage.library.motions[40].positions[::2]
+    recorded = example.motion.positions
+    offsets = range(max(len(recorded) - len(shown), 0) + 4)
+    nearest = min(
+        float(np.abs(recorded[offset : offset + 20] - shown[start : start + 20]).max())
+        for offset in offsets
+        for start in range(4)
+        if len(recorded[offset : offset + 20]) == 20
+    )
+    assert nearest < 0.03
+
+
+def test_several_repetitions() -> None:
+    stage = _taught(repetitions=3)
+    assert [each.class_name for each in stage.teacher.roster.examples] == ["wave"] * 3
+    assert stage.teacher.lesson is None
+
+
+def test_undo_and_redo_without_end() -> None:
+    """Every change can be taken back and made again; a new change forgets what was taken back."""
+    stage = _taught()
+    for command in (
+        commands.Rename("wave", "bow"),
+        commands.Enable("squat1Reps", on=False),
+        commands.Trim(on=False),
+        commands.Forget("bow"),
+    ):
+        stage.ask(command)
+    assert stage.teacher.roster.examples == ()
+    rosters = [stage.teacher.roster]
+    for _ in range(5):
+        stage.ask(commands.Undo())
+        rosters.append(stage.teacher.roster)
+    assert [[each.class_name for each in roster.examples] for roster in rosters] == [
+        [],
+        ["bow"],
+        ["bow"],
+        ["bow"],
+        ["wave"],
+        [],
+    ]
+    assert rosters[1].examples[0].begin == 0.0
+    assert rosters[2].examples[0].begin > 0.0
+    assert rosters[2].disabled == {"squat1Reps"}
+    assert stage.ask(commands.Undo())[0] == State("", Step.REFUSED, 0.0, "nothing to undo")
+    for roster in rosters[-2::-1]:
+        stage.ask(commands.Redo())
+        assert stage.teacher.roster is roster
+    stage.ask(commands.Undo())
+    stage.ask(commands.Rename("bow", "nod"))
+    assert stage.ask(commands.Redo())[0] == State("", Step.REFUSED, 0.0, "nothing to redo")
+
+
+def test_what_i_just_did() -> None:
+    """The last seconds become an example, trimmed to the movement in them."""
+    stage = Stage()
+    stage.stand(1.0)
+    stage.perform()
+    stage.ask(commands.Last("", 4.0, "bow"))
+    (example,) = stage.teacher.roster.examples
+    assert example.motion.duration == pytest.approx(stage.library.motions[40].duration, abs=0.4)
+    assert stage.teacher.recent(1) is None
+
+
+def test_recent_minutes_end_where_the_recording_begins() -> None:
+    stage = Stage()
+    stage.stand(10.0)
+    stage.ask(commands.Teach("ann", "wave", 1, 0.0))
+    stage.stand(0.5)
+    stage.perform()
+    recent = stage.teacher.recent(1)
+    assert recent is not None
+    assert recent.duration == pytest.approx(10.3, abs=0.4)
+
+
+def test_a_recording_ends_after_fifteen_seconds() -> None:
+    stage = Stage()
+    stage.stand(1.0)
+    stage.ask(commands.Teach("ann", "endless", 1, 0.0))
+    motion = stage.library.motions[40].positions
+    for _ in range(20):
+        stage.show((*motion, *motion[::-1]))
+        if stage.teacher.roster.examples:
+            break
+    (example,) = stage.teacher.roster.examples
+    assert example.seconds <= MAX_RECORDING + 0.1
+
+
+def test_stop_by_hand() -> None:
+    stage = Stage()
+    stage.stand(1.0)
+    stage.ask(commands.Teach("ann", "half", 1, 0.0))
+    stage.stand(0.5)
+    stage.show(stage.library.motions[40].positions[:60])
+    stage.ask(commands.Stop())
+    assert stage.steps()[-1] is Step.CHECKING
+    assert len(stage.teacher.roster.examples) == 1
+
+
+def test_cancel_leaves_nothing() -> None:
+    stage = Stage()
+    stage.stand(1.0)
+    stage.ask(commands.Teach("ann", "wave", 1, 0.0))
+    stage.show(stage.library.motions[40].positions[:30])
+    stage.ask(commands.Cancel())
+    stage.perform()
+    assert stage.teacher.roster.examples == ()
+
+
+def test_a_performer_who_is_not_there_or_leaves() -> None:
+    stage = Stage()
+    stage.ask(commands.Teach("", "wave"))
+    assert stage.reason() == "no such performer is there"
+    stage.stand(1.0)
+    stage.ask(commands.Teach("bo", "wave"))
+    assert stage.reason() == "no such performer is there"
+    stage.ask(commands.Teach("ann", "wave", 1, 0.0))
+    stage.show(stage.library.motions[40].positions[:40])
+    stage.told += stage.teacher.tick(stage.now + 3)
+    assert stage.reason() == "the performer has left"
+    assert stage.teacher.lesson is None
+
+
+def test_standing_still_throughout() -> None:
+    stage = Stage()
+    stage.stand(1.0)
+    stage.ask(commands.Teach("ann", "wave", 1, 0.0))
+    stage.stand(MAX_WAITING + 1)
+    assert stage.steps()[-1] is Step.REFUSED
+    assert "stood still" in stage.reason()
+
+
+def test_two_at_once() -> None:
+    """The second is refused, the first goes on."""
+    stage = Stage()
+    stage.stand(1.0)
+    stage.show([stage.library.motions[0].positions[0]] * 10, "bo")
+    stage.ask(commands.Teach("ann", "wave", 1, 0.0))
+    stage.ask(commands.Teach("bo", "bow", 1, 0.0))
+    assert stage.reason() == "ann is being taught wave"
+    stage.stand(0.5)
+    stage.perform()
+    assert [each.class_name for each in stage.teacher.roster.examples] == ["wave"]
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        commands.Rename("squat1Reps", "s"),
+        commands.Forget("squat1Reps"),
+        commands.Enable("nobody", on=True),
+        commands.Trim(on=True),
+        commands.Stop(),
+        commands.Cancel(),
+        commands.Undo(),
+        commands.Redo(),
+        commands.Last("ann", 3.0, "wave"),
+    ],
+)
+def test_what_makes_no_sense_now_is_refused(command: Command) -> None:
+    stage = Stage()
+    (told,) = stage.ask(command)
+    assert isinstance(told, State)
+    assert told.step is Step.REFUSED
+
+
+def test_an_example_that_cannot_be_compared_is_taken_back() -> None:
+    stage = _taught()
+    stage.teacher.failed(1, "too short")
+    assert stage.teacher.roster.examples == ()

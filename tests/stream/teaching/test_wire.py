@@ -1,0 +1,115 @@
+from __future__ import annotations
+
+import json
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from kinespace.stream.osc.packet import decode_message, encode_bundle, encode_message
+from kinespace.stream.teaching import State, Step, Taught, commands, wire
+from kinespace.stream.teaching.commands import CommandError
+
+
+@pytest.mark.parametrize(
+    ("packet", "command"),
+    [
+        (encode_message("/motion/teach", "ann", "wave"), commands.Teach("ann", "wave")),
+        (encode_message("/motion/teach", "ann", "wave", 3, 0.5), commands.Teach("ann", "wave", 3, 0.5)),
+        (encode_message("/motion/teach", "", "nothing", 3.0, 1), commands.Teach("", "nothing", 3, 1.0)),
+        (encode_message("/motion/teach/stop"), commands.Stop()),
+        (encode_message("/motion/teach/undo"), commands.Undo()),
+        (encode_message("/motion/teach/rename", "a", "b"), commands.Rename("a", "b")),
+        (encode_message("/motion/teach/enable", "a", 0), commands.Enable("a", on=False)),
+        (encode_message("/motion/teach/last", "ann", 2.5, "bow"), commands.Last("ann", 2.5, "bow")),
+        (encode_message("/motion/teach/save"), commands.Save()),
+    ],
+)
+def test_commands_over_osc(packet: bytes, command: commands.Command) -> None:
+    assert wire.decode(packet) == [command]
+    assert wire.is_teaching(packet)
+    assert wire.decode(encode_bundle(encode_message("/other", 1), packet)) == [command]
+
+
+@pytest.mark.parametrize(
+    ("request_", "command"),
+    [
+        ({"do": "teach", "performer": "ann", "class": "wave"}, commands.Teach("ann", "wave")),
+        ({"do": "forget", "class": "wave"}, commands.Forget("wave")),
+        ({"do": "enable", "class": "wave", "on": True}, commands.Enable("wave", on=True)),
+        ({"do": "redo"}, commands.Redo()),
+    ],
+)
+def test_commands_in_json(request_: dict[str, object], command: commands.Command) -> None:
+    assert wire.decode_json(json.dumps(request_).encode()) == command
+
+
+def test_wekinator_numbers_gestures_from_one() -> None:
+    """Its controllers drive us unchanged."""
+    wekinator = wire.Wekinator()
+
+    def asked(word: str, *arguments: object) -> list[commands.Command]:
+        return wekinator.decode(encode_message(f"/wekinator/control/{word}", *arguments))  # type: ignore[arg-type]
+
+    assert asked("startDtwRecording", 2) == [commands.Teach("", "gesture 2", 1, 0.0)]
+    assert asked("setOutputNames", "wave", "bow") == []
+    assert asked("startDtwRecording", 2) == [commands.Teach("", "bow", 1, 0.0)]
+    assert asked("stopDtwRecording") == [commands.Stop()]
+    assert asked("outputs", 1.0) == []
+    assert asked("startRecording") == [commands.Teach("", "wave", 1, 0.0)]
+    assert asked("stopRecording") == [commands.Stop()]
+    assert asked("deleteExamplesForOutput", 1) == [commands.Forget("wave")]
+    assert asked("deleteAllExamples") == [commands.Forget("")]
+    assert asked("train") == asked("startRunning") == [commands.Run(on=True)]
+    assert asked("stopRunning") == [commands.Run(on=False)]
+    for word, *arguments in (("startDtwRecording",), ("startDtwRecording", 0), ("fly",), ("startDtwRecording", "two")):
+        with pytest.raises(CommandError):
+            asked(word, *arguments)
+
+
+@pytest.mark.parametrize(
+    ("packet", "told"),
+    [
+        (encode_message("/motion/teach", "ann", "x" * 300), "1 to 64 characters, got 300"),
+        (encode_message("/motion/teach", "ann", "a/b"), "without /"),
+        (encode_message("/motion/teach", "ann", "a\nb"), "control characters"),
+        (encode_message("/motion/teach", "ann", "still"), "another name"),
+        (encode_message("/motion/teach", "ann", ""), "1 to 64 characters, got 0"),
+        (encode_message("/motion/teach", "a" * 65, "wave"), "performer"),
+        (encode_message("/motion/teach", "ann", 3), "class: expected str, got 3"),
+        (encode_message("/motion/teach", "ann", "wave", 0), "repetitions"),
+        (encode_message("/motion/teach", "ann", "wave", 1, float("nan")), "countdown"),
+        (encode_message("/motion/teach", "ann", "wave", 1, 1, 1), "expected performer, class"),
+        (encode_message("/motion/teach/last", "ann", 60.0, "bow"), "seconds"),
+        (encode_message("/motion/teach/rename", "a", "b/c"), "without /"),
+        (encode_message("/motion/teach/jump"), "expected one of"),
+        (b"/motion/teach", "expected OSC"),
+    ],
+)
+def test_bad_commands_are_one_line(packet: bytes, told: str) -> None:
+    with pytest.raises(CommandError, match=told) as raised:
+        wire.decode(packet)
+    assert "\n" not in str(raised.value)
+
+
+@given(st.binary(max_size=80))
+def test_no_bytes_break_a_decoder(some: bytes) -> None:
+    """Whatever comes is a command, or a CommandError."""
+    for decode in (wire.decode, wire.Wekinator().decode, wire.decode_json):
+        try:
+            decode(b"/motion/teach" + some)
+            decode(some)
+        except CommandError:
+            pass
+
+
+def test_notices() -> None:
+    state, taught = State("ann", Step.REFUSED, 1.5, "why"), Taught("wave", 2, 1.25, "good", 3)
+    told = wire.encode(state)
+    assert told is not None
+    assert decode_message(told) == ("/motion/teach/state", ["ann", "refused", 1.5, "why"])
+    told = wire.encode(taught)
+    assert told is not None
+    assert decode_message(told) == ("/motion/teach/taught", ["wave", 2, 1.25, "good", 3])
+    assert wire.as_json(state) == {"performer": "ann", "state": "refused", "seconds": 1.5, "reason": "why"}
+    assert "taught wave" in wire.as_line(taught)

@@ -1,0 +1,197 @@
+from __future__ import annotations
+
+import time
+from ipaddress import ip_network
+from typing import TYPE_CHECKING
+
+import pytest
+
+from kinespace.library import MotionLibrary
+from kinespace.library.examples import Example, Roster
+from kinespace.stream.frame import Frame
+from kinespace.stream.outputs.sink import Sink
+from kinespace.stream.recognizer import Performers
+from kinespace.stream.teaching import State, Step, Taught, commands
+from kinespace.tools.teaching.desk import ClassPlaces, Desk, Start, open_desk
+from kinespace.tools.teaching.door import Allowed
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator, Sequence
+    from pathlib import Path
+
+    from kinespace.library.windows.index import WindowIndex
+    from kinespace.stream.recognition import Event
+    from kinespace.stream.teaching import Notice
+
+PATIENCE = 60.0
+
+
+class Heard(Sink):
+    """Keeps what it is told."""
+
+    def __init__(self) -> None:
+        self.notices: list[Notice] = []
+        self.classes: list[tuple[str, ...]] = []
+        self.events: list[Event] = []
+
+    def publish_notice(self, notice: Notice) -> None:
+        """Keep a notice."""
+        self.notices.append(notice)
+
+    def publish_classes(self, classes: Sequence[str]) -> None:
+        """Keep the classes."""
+        self.classes.append(tuple(classes))
+
+    def publish_event(self, event: Event) -> None:
+        """Keep an event."""
+        self.events.append(event)
+
+    def steps(self) -> list[Step]:
+        """List the states told so far."""
+        return [each.step for each in self.notices if isinstance(each, State)]
+
+
+@pytest.fixture(scope="module")
+def library() -> MotionLibrary:
+    """Give few motions, which are opened quickly."""
+    whole = MotionLibrary.builtin()
+    kept = ("squat1Reps", "kickLFront1Reps", "grabHighR")
+    return whole.without(classes=[name for name in whole.classes if name not in kept], actors=["bd"])
+
+
+@pytest.fixture
+def desk(tmp_path: Path, library: MotionLibrary) -> Iterator[Desk]:
+    opened = open_desk(Start(tmp_path / "mine.npz", library), _performers)
+    opened.sinks = [Heard()]
+    yield opened
+    opened.close()
+
+
+def _performers(index: WindowIndex, classes: Sequence[str]) -> Performers:
+    return Performers(index, classes=classes)
+
+
+def _heard(desk: Desk) -> Heard:
+    (sink,) = desk.sinks
+    assert isinstance(sink, Heard)
+    return sink
+
+
+def _until(desk: Desk, enough: Callable[[Heard], bool]) -> Heard:
+    until = time.monotonic() + PATIENCE
+    while time.monotonic() < until:
+        desk.tend(time.monotonic())
+        if enough(_heard(desk)):
+            return _heard(desk)
+        time.sleep(0.01)
+    raise AssertionError(_heard(desk).notices)
+
+
+def _show(desk: Desk, begin: float, class_name: str, take: int = 0) -> list[str]:
+    """Show a motion between stillnesses; give the classes that started."""
+    motion = [each for each in MotionLibrary.builtin().motions if each.class_name == class_name and each.actor == "bd"][
+        take
+    ]
+    frames = [*[motion.positions[0]] * 60, *motion.positions, *[motion.positions[-1]] * 60]
+    answers = [
+        desk.push_all([Frame("ann", begin + place / 60, positions)], time.monotonic())[0]
+        for place, positions in enumerate(frames)
+    ]
+    return [event.label for each in answers if each for event in each.events if event.kind == "start"]
+
+
+def _teach(desk: Desk, begin: float, name: str, class_name: str) -> None:
+    # On a busy machine the last frames may be long ago: who is taught must be there.
+    stand = MotionLibrary.builtin().motions[0].positions[0]
+    desk.push_all([Frame("ann", begin - 1 + place / 60, stand) for place in range(10)], time.monotonic())
+    desk.command(commands.Teach("ann", name, 1, 0.0))
+    desk.tend(time.monotonic())
+    _show(desk, begin, class_name)
+
+
+def test_a_class_is_taught_recognised_and_saved(desk: Desk, library: MotionLibrary, tmp_path: Path) -> None:
+    """It comes behind the classes that were there, starts when it is shown again, and is in the file."""
+    _show(desk, 0, "kickLFront1Reps")
+    _teach(desk, 10, "my squat", "squat1Reps")
+    heard = _until(desk, lambda heard: Step.DONE in heard.steps())
+    assert desk.classes == (*library.classes, "my squat")
+    assert heard.classes[-1] == desk.classes
+    assert [each.class_name for each in heard.notices if isinstance(each, Taught)] == ["my squat"]
+    assert _show(desk, 20, "squat1Reps", 1)[:1] == ["my squat"]
+    desk.command(commands.Rename("my squat", "bend"))
+    desk.command(commands.Undo())
+    desk.command(commands.Redo())
+    desk.close()
+    assert MotionLibrary.load(tmp_path / "mine.npz").classes == ("bend",)
+    assert desk.classes == (*library.classes, "bend")
+
+
+def test_what_was_taught_is_there_again(desk: Desk, library: MotionLibrary, tmp_path: Path) -> None:
+    _show(desk, 0, "kickLFront1Reps")
+    _teach(desk, 10, "abc", "squat1Reps")
+    _until(desk, lambda heard: Step.DONE in heard.steps())
+    desk.close()
+    again = open_desk(Start(tmp_path / "mine.npz", library), _performers)
+    assert again.classes == (*library.classes, "abc")
+    assert _show(again, 20, "squat1Reps", 1)[:1] == ["abc"]
+    again.close()
+
+
+def test_a_full_disk_loses_nothing(desk: Desk, monkeypatch: pytest.MonkeyPatch) -> None:
+    """That it could not be saved is told; the class is known all the same."""
+
+    def full(*_: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(MotionLibrary, "save", full)
+    _show(desk, 0, "kickLFront1Reps")
+    _teach(desk, 10, "my squat", "squat1Reps")
+    heard = _until(desk, lambda heard: {Step.DONE, Step.REFUSED} <= set(heard.steps()))
+    told = [each.reason for each in heard.notices if isinstance(each, State) and each.step is Step.REFUSED]
+    assert told == ["mine.npz was not saved: No space left on device; what was taught is still known"]
+    assert _show(desk, 20, "squat1Reps", 1)[:1] == ["my squat"]
+
+
+def test_indices_stay() -> None:
+    """A class that is forgotten keeps its place, a renamed one too; a new one comes last."""
+    motion = MotionLibrary.builtin().motions[0]
+
+    def roster(**names: str) -> Roster:
+        return Roster(tuple(Example(int(key[1:]), name, motion, 0, 1) for key, name in names.items()))
+
+    places = ClassPlaces(["base"])
+    assert places.of(roster(e1="b", e2="a")) == ("base", "b", "a")
+    assert places.of(roster(e2="a")) == ("base", "b", "a")
+    assert places.of(roster(e2="z")) == ("base", "b", "z")
+    assert places.of(roster(e2="a")) == ("base", "b", "a")
+    assert places.of(roster(e2="a", e3="nothing", e4="c")) == ("base", "b", "a", "c")
+    assert places.of(roster(e4="a")) == ("base", "b", "a", "c")
+
+
+def test_commands_are_accepted_from_here_and_from_who_is_named() -> None:
+    allowed = Allowed([ip_network("192.0.2.7")])
+    assert allowed(("127.0.0.1", 1))
+    assert allowed(("::1", 1))
+    assert allowed(("192.0.2.7", 1))
+    assert not allowed(("192.0.2.8", 1))
+    assert not allowed(None)
+
+
+def test_a_folder_that_is_not_there(tmp_path: Path, library: MotionLibrary) -> None:
+    with pytest.raises(FileNotFoundError, match="no such folder"):
+        open_desk(Start(tmp_path / "nowhere" / "mine.npz", library), _performers)
+
+
+def test_joints_that_nobody_knows(tmp_path: Path) -> None:
+    """Somebody's own joints can be taught from nothing; until then nobody is answered."""
+    joints = tuple(f"marker{number}" for number in range(31))
+    desk = open_desk(Start(tmp_path / "mine.npz", None, joints), _performers)
+    desk.sinks = [Heard()]
+    assert _show(desk, 0, "kickLFront1Reps") == []
+    _teach(desk, 10, "squat", "squat1Reps")
+    _until(desk, lambda heard: Step.DONE in heard.steps())
+    _teach(desk, 20, "kick", "kickLFront1Reps")
+    _until(desk, lambda heard: heard.steps().count(Step.DONE) == 2)
+    assert desk.classes == ("squat", "kick")
+    assert _show(desk, 30, "squat1Reps", 1)[:1] == ["squat"]
+    desk.close()

@@ -1,0 +1,173 @@
+"""Raw recordings read as takes: the frames of each performer, decoded as the live sources decode them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from itertools import chain
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from kinespace.library import hdm05
+from kinespace.library.formats.errors import RecordingError
+from kinespace.library.formats.timed_frames import evened
+from kinespace.library.skeleton import Skeleton, SkeletonMismatchError
+from kinespace.stream.frame import Announcement
+from kinespace.stream.recording.kinerec import RawFile
+from kinespace.stream.recording.playback import decoded
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
+    from pathlib import Path
+
+    from numpy.typing import NDArray
+
+    from kinespace.library import Clip
+    from kinespace.stream.feeds import Preset
+    from kinespace.stream.frame import Frame
+
+#: Seconds by which a sender's clock may leave the recorder's before it is taken to have begun anew.
+_ASTRAY = 1.0
+
+
+@dataclass(slots=True)
+class Seen:
+    """What a first look at a recording finds of a performer.
+
+    Attributes
+    ----------
+    frames
+        How many there are.
+    joints
+        As first announced; empty when they never were.
+    sizes
+        How many frames have how many joints.
+    """
+
+    frames: int = 0
+    joints: tuple[str, ...] = ()
+    sizes: dict[int, int] = field(default_factory=dict)
+
+    def skeleton(self) -> Skeleton:
+        """Name the joints as announced; unannounced, HDM05's when there are as many, as everywhere; else by number."""
+        if self.joints:
+            return Skeleton(self.joints)
+        size = max(self.sizes, key=lambda size: self.sizes[size])
+        if size == len(hdm05.SKELETON.joints):
+            return hdm05.SKELETON
+        return Skeleton(tuple(f"joint{number}" for number in range(1, size + 1)))
+
+
+def events_of(recording: RawFile, preset: Preset | None) -> Iterator[Frame | Announcement]:
+    """Give frames and announcements of a recording, in order."""
+    return chain.from_iterable(each.events for each in decoded(recording.header, recording.packets(), preset))
+
+
+def seen_in(events: Iterator[Frame | Announcement]) -> dict[str, Seen]:
+    """Look through a recording for who performs in it."""
+    seen: dict[str, Seen] = {}
+    for event in events:
+        each = seen.setdefault(event.performer, Seen())
+        if isinstance(event, Announcement):
+            each.joints = each.joints or event.joints
+        else:
+            each.frames += 1
+            each.sizes[len(event.positions)] = each.sizes.get(len(event.positions), 0) + 1
+    return seen
+
+
+class JointOrder:
+    """Puts a performer's frames in a skeleton's order, as announcements tell it.
+
+    Parameters
+    ----------
+    skeleton
+        Whose order.
+    """
+
+    def __init__(self, skeleton: Skeleton) -> None:
+        self._skeleton = skeleton
+        self._order: NDArray[np.intp] | None = np.arange(len(skeleton.joints))
+        self._size = len(skeleton.joints)
+
+    def announce(self, announcement: Announcement) -> None:
+        """Take in what the next frames hold."""
+        self._size = len(announcement.joints)
+        try:
+            self._order = self._skeleton.order_from(announcement.joints)
+        except SkeletonMismatchError:
+            self._order = None
+
+    def ordered(self, frame: Frame) -> NDArray[np.floating] | None:
+        """Give a frame's positions, (joints, 3), metres; None for a frame of other joints."""
+        if self._order is None or len(frame.positions) != self._size:
+            return None
+        return frame.positions[self._order]
+
+
+def read_raw(path: Path, preset: Preset | None = None) -> list[Clip]:
+    """Read a raw recording: a clip for each performer, by name, each from the recording's first packet on.
+
+    Frames have the sender's times, its clock laid on the recorder's; where a sender began anew it is laid on it again.
+
+    Parameters
+    ----------
+    path
+        The recording.
+    preset
+        Another product's feed that it is read as; None for what it says of itself.
+
+    Raises
+    ------
+    RecordingError
+        No performer has two frames of the same joints.
+    ValueError
+        It is no raw recording, or names a feed that is not known.
+    OSError
+        The file cannot be opened.
+    """
+    recording = RawFile(path)
+    seen = {name: each for name, each in seen_in(events_of(recording, preset)).items() if each.frames > 1}
+    kept = _frames(recording, preset, {name: each.skeleton() for name, each in seen.items()})
+    clips = [
+        replace(
+            evened(np.array(times), np.array(positions), begin=0.0).clip(seen[name].skeleton()),
+            name=path.stem if len(seen) == 1 else f"{path.stem} {name}",
+            actor=name,
+        )
+        for name, (times, positions) in sorted(kept.items())
+        if len(set(times)) > 1
+    ]
+    if not clips:
+        raise RecordingError(f"{path}: expected a performer with at least 2 frames, got none")
+    return clips
+
+
+def _frames(
+    recording: RawFile, preset: Preset | None, skeletons: Mapping[str, Skeleton]
+) -> dict[str, tuple[list[float], list[NDArray[np.float64]]]]:
+    """Give each performer's frames, at seconds since the first packet."""
+    orders = {name: JointOrder(skeleton) for name, skeleton in skeletons.items()}
+    kept: dict[str, tuple[list[float], list[NDArray[np.float64]]]] = {name: ([], []) for name in skeletons}
+    ahead = dict.fromkeys(skeletons, 0.0)
+    began: float | None = None
+    for each in decoded(recording.header, recording.packets(), preset):
+        began = each.arrival if began is None else began
+        for event in each.events:
+            if event.performer not in orders:
+                continue
+            if isinstance(event, Announcement):
+                orders[event.performer].announce(event)
+                continue
+            positions = orders[event.performer].ordered(event)
+            if positions is None or not np.isfinite(positions).all():
+                continue
+            times, rows = kept[event.performer]
+            time, arrival = event.time + ahead[event.performer], each.arrival - began
+            if abs(time - arrival) > _ASTRAY:
+                ahead[event.performer] = arrival - event.time
+                time = arrival
+            if not times or time > times[-1]:
+                times.append(time)
+                rows.append(np.asarray(positions, dtype=np.float64))
+    return kept

@@ -1,0 +1,87 @@
+"""`kinespace cut`: a row for each movement of a recording that lies between two stillnesses, for a person to name."""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from kinespace.library.movement import STILLNESS, stretches_of
+from kinespace.library.recordings import RecordingReader, find_recordings
+from kinespace.tools.cli.arguments import add_overwrite, add_reading, add_recorded_feed, positive, reading_of
+from kinespace.tools.terminal.console import console, printable, progress
+from kinespace.tools.terminal.output_path import require_place_for
+
+if TYPE_CHECKING:
+    import argparse
+
+    from kinespace.library import Reading
+
+COLUMNS = ("start_s", "end_s", "label", "performer")
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the program's options."""
+    parser.description = (
+        "Writes start_s,end_s,label,performer for each movement between two stillnesses, each label empty: fill in the "
+        "classes, and kinespace build --labels makes a library of them."
+    )
+    parser.add_argument("source", type=Path, metavar="FILE", help="a .kinerec or a motion file")
+    parser.add_argument("-o", "--output", type=Path, metavar="CSV", help="default: beside the recording, of its name")
+    parser.add_argument(
+        "--stillness", type=positive, default=STILLNESS, help="movement, relative to the body, at rest (0.01)"
+    )
+    add_overwrite(parser)
+    add_recorded_feed(parser)
+    add_reading(parser)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Run the program with these options; return the exit status."""
+    return propose(
+        options.source,
+        options.output,
+        reading=reading_of(options),
+        stillness=options.stillness,
+        overwrite=options.overwrite,
+    )
+
+
+def propose(source: Path, output: Path | None, *, reading: Reading, stillness: float, overwrite: bool) -> int:
+    """Propose labels for a recording, every label empty.
+
+    Parameters
+    ----------
+    source
+        The recording.
+    output
+        The CSV to write; beside the recording, called like it, when not given.
+    reading
+        How the recording is read.
+    stillness
+        Movement below which a body stands still (`library.movement`).
+    overwrite
+        Whether a file that is there may be written over.
+    """
+    labels = output or source.with_suffix(".csv")
+    if labels == source:
+        raise ValueError(f"{source}: expected --output, for the labels cannot take the recording's own place")
+    require_place_for(labels, overwrite=overwrite)
+    with RecordingReader(reading) as reader:
+        takes = reader.clips(find_recordings([source])[0])
+    found = [
+        (stretch, take.actor)
+        for take in progress(takes, "Looking", len(takes))
+        for stretch in stretches_of(take, stillness)
+    ]
+    found.sort()
+    with labels.open("w", newline="", encoding="utf-8") as file:
+        rows = csv.writer(file)
+        rows.writerow(COLUMNS)
+        rows.writerows((f"{each.start:.2f}", f"{each.end:.2f}", "", performer) for each, performer in found)
+    whose = ", ".join(printable(take.actor or "one performer") for take in takes)
+    console.print(
+        f"{labels}: {len(found)} movements of {whose}; write a class behind each, or nothing to leave it out",
+        soft_wrap=True,
+    )
+    return 0

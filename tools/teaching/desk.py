@@ -1,0 +1,402 @@
+"""The desk: performers who are recognised and taught at once.
+
+The service hands its frames to the desk as it would to `Performers`. The recognisers get them first. The slow part is
+done by a worker: it opens the enlarged library, saves it, checks the new example and tries it on the performer's last
+minutes. Between two frames the desk takes the worker's results and exchanges the library.
+"""
+
+from __future__ import annotations
+
+import queue
+import sys
+import threading
+import time
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, cast
+
+import numpy as np
+
+from kinespace.library.clip import Clip
+from kinespace.library.examples import Roster, TaughtWindows, checked
+from kinespace.library.motion_library import NOTHING, MotionLibrary
+from kinespace.library.skeleton import Skeleton
+from kinespace.library.windows.index import WindowIndex, opened
+from kinespace.stream.frame import Frame
+from kinespace.stream.recognition import EventKind
+from kinespace.stream.recognizer import Performers, Recognizer, Settings
+from kinespace.stream.teaching import Changed, State, Step, Teacher
+from kinespace.stream.teaching.notices import Running, Saving
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+    from pathlib import Path
+
+    from kinespace.library.examples import Check
+    from kinespace.stream.frame import Input
+    from kinespace.stream.outputs.sink import Sink
+    from kinespace.stream.recognition import Event, Recognition
+    from kinespace.stream.recognizer.performers import PerformerCounts
+    from kinespace.stream.teaching import Command, Notice
+
+#: Seconds that a thread may keep Python's lock while a frame waits.
+_SWITCH_INTERVAL = 0.0005
+#: Seconds between two answers when an example is tried on the last minutes: to count starts, fewer do.
+_TRIED_EVERY = 0.1
+#: Frames after which the worker lets others have the processor, and for how many seconds.
+_FRAMES_AT_ONCE, _PAUSE = 15, 0.002
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Job:
+    """A roster to be opened and saved; an example to be checked, and the performer's last minutes before it."""
+
+    roster: Roster
+    number: int = 0
+    before: Clip | None = None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Opened:
+    job: _Job
+    index: WindowIndex | None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Found:
+    number: int
+    check: Check | None
+    starts: int
+
+
+@dataclass(frozen=True, slots=True)
+class _Failed:
+    number: int
+    reason: str
+
+
+class Desk:
+    """Stands where the service expects performers.
+
+    Parameters
+    ----------
+    performers
+        The recognisers; compared with `windows.index_of(teacher.roster)`, or with anything while that is None.
+    teacher
+        Records the examples.
+    windows
+        Opens rosters.
+    file
+        Where the roster is saved after every change.
+    clock
+        Seconds.
+
+    Attributes
+    ----------
+    sinks
+        Who is told of notices, and of the classes when they change.
+    """
+
+    def __init__(
+        self,
+        performers: Performers,
+        teacher: Teacher,
+        windows: TaughtWindows,
+        file: Path,
+        *,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self.sinks: Sequence[Sink] = ()
+        self._performers, self._teacher, self._windows, self._file = performers, teacher, windows, file
+        self._clock = clock
+        self._places = ClassPlaces(windows.base_classes)
+        self._order = self._places.of(teacher.roster)
+        #: Nobody is answered while there is nothing to compare with, or when somebody asked for it.
+        self._something = bool(windows.base_classes or teacher.roster.examples)
+        self._running = True
+        self._jobs: queue.SimpleQueue[_Job | None] = queue.SimpleQueue()
+        self._results: queue.SimpleQueue[_Opened | _Found | _Failed] = queue.SimpleQueue()
+        self._asked: queue.SimpleQueue[Command] = queue.SimpleQueue()
+        self._worker = threading.Thread(target=self._work, name="kinespace teaching", daemon=True)
+        sys.setswitchinterval(_SWITCH_INTERVAL)
+        self._worker.start()
+
+    @property
+    def settings(self) -> Settings:
+        """How everybody is recognised."""
+        return self._performers.settings
+
+    @property
+    def classes(self) -> tuple[str, ...]:
+        """The classes that are answered; one that was known once keeps its index."""
+        return self._order
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The performers now followed."""
+        return self._performers.names
+
+    @property
+    def counts(self) -> PerformerCounts:
+        """What became of all frames so far."""
+        return self._performers.counts
+
+    @property
+    def refused(self) -> dict[str, str]:
+        """Performers whose frames are refused for their joints, and why."""
+        return self._performers.refused
+
+    @property
+    def compared(self) -> dict[str, str]:
+        """By which joints performers are compared, where these are not all."""
+        return self._performers.compared
+
+    @property
+    def doubted(self) -> dict[str, str]:
+        """Performers of whom some joints cannot be believed, and what was noticed."""
+        return self._performers.doubted
+
+    @property
+    def silence(self) -> float:
+        """Seconds without a frame after which a performer is dropped."""
+        return self._performers.silence
+
+    def take_gone(self) -> list[str]:
+        """Give the performers who were dropped since this was last asked."""
+        return self._performers.take_gone()
+
+    def push_all(self, events: Sequence[Input], arrival: float) -> list[Recognition | None]:
+        """Recognise what came, and let the teacher see it."""
+        answers = self._performers.push_all(events, arrival)
+        for event in events:
+            if isinstance(event, Frame) and (frame := self._performers.ordered(event)) is not None:
+                self._deal_with(self._teacher.push(frame, arrival))
+        if not (self._running and self._something):
+            return [None] * len(answers)
+        return answers
+
+    def drop_silent(self, now: float) -> list[Event]:
+        """Forget performers of whom nothing came."""
+        return self._performers.drop_silent(now)
+
+    def end(self) -> list[Event]:
+        """Give the ends of all motions going on."""
+        return self._performers.end()
+
+    def command(self, command: Command) -> list[Notice]:
+        """Do what somebody asks; give what came of it at once."""
+        notices = self._teacher.command(command, self._clock())
+        self._deal_with(notices)
+        return [notice for notice in notices if isinstance(notice, State)]
+
+    def ask(self, command: Command) -> None:
+        """Do, at the next turn, what somebody asks in another thread."""
+        self._asked.put(command)
+
+    def refuse(self, reason: str) -> State:
+        """Tell that a command made no sense."""
+        told = State("", Step.REFUSED, 0.0, reason)
+        self._deal_with([told])
+        return told
+
+    def tend(self, now: float) -> None:
+        """Do what is due by the clock, and take what the worker has done."""
+        self._deal_with(self._teacher.tick(now))
+        while not self._asked.empty():
+            self.command(self._asked.get())
+        while not self._results.empty():
+            self._take(self._results.get())
+
+    def close(self) -> None:
+        """Let the worker save what is left, and end."""
+        self._jobs.put(None)
+        self._worker.join()
+        self.tend(self._clock())
+
+    def _deal_with(self, notices: Sequence[Notice]) -> None:
+        for notice in notices:
+            match notice:
+                case Changed(roster, number):
+                    self._jobs.put(_Job(roster, number, self._teacher.recent(number) if number else None))
+                case Saving():
+                    self._jobs.put(_Job(self._teacher.roster))
+                case Running(on):
+                    self._running = on
+                case _:
+                    for sink in self.sinks:
+                        sink.publish_notice(notice)
+
+    def _take(self, result: _Opened | _Found | _Failed) -> None:
+        match result:
+            case _Opened(job, index):
+                self._exchange(job.roster, index)
+            case _Found(number, check, starts):
+                self._deal_with(self._teacher.checked(number, check, starts))
+            case _Failed(number, reason):
+                self._deal_with(self._teacher.failed(number, reason) if number else [_told(reason)])
+
+    def _exchange(self, roster: Roster, index: WindowIndex | None) -> None:
+        self._order = self._places.of(roster)
+        self._something = index is not None
+        if index is not None:
+            for ended in self._performers.exchange(index, self._order):
+                for sink in self.sinks:
+                    sink.publish_event(ended)
+        for sink in self.sinks:
+            sink.publish_classes(self._order)
+
+    def _work(self) -> None:
+        """Open, save, check and try, one change after the other, until told to end."""
+        unsaved: Roster | None = None
+        while (job := self._jobs.get()) is not None:
+            try:
+                index = self._windows.index_of(job.roster)
+            except (ValueError, MemoryError) as error:
+                self._results.put(_Failed(job.number, " ".join(str(error).split())))
+                continue
+            self._results.put(_Opened(job, index))
+            unsaved = job.roster
+            if self._jobs.empty():
+                self._save(unsaved)
+                unsaved = None
+            if job.number and index is not None:
+                self._results.put(_Found(job.number, checked(index, job.number), self._starts(job, index)))
+        if unsaved is not None:
+            self._save(unsaved)
+
+    def _save(self, roster: Roster) -> None:
+        try:
+            library = roster.library()
+            if library is None:
+                self._file.unlink(missing_ok=True)
+            else:
+                library.save(self._file)
+        except (OSError, ValueError) as error:
+            told = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
+            self._results.put(_Failed(0, f"{self._file.name} was not saved: {told}; what was taught is still known"))
+
+    def _starts(self, job: _Job, index: WindowIndex) -> int:
+        """Count how often the new class would have started in the performer's last minutes."""
+        if job.before is None:
+            return 0
+        name = next((each.class_name for each in job.roster.examples if each.number == job.number), NOTHING)
+        recognizer = Recognizer(index, replace(self.settings, hop=_TRIED_EVERY))
+        starts = 0
+        for place, (moment, positions) in enumerate(zip(job.before.times.tolist(), job.before.positions, strict=True)):
+            if place % _FRAMES_AT_ONCE == 0:
+                time.sleep(_PAUSE)
+            recognition = recognizer.push(Frame("before", moment, positions))
+            for event in recognition.events if recognition else ():
+                starts += event.kind is EventKind.START and event.label == name
+        return starts
+
+
+class ClassPlaces:
+    """Keeps each class's index as long as the desk stands: what is new comes last, a new name takes the old place.
+
+    Parameters
+    ----------
+    base
+        Classes known without any example: the first ones.
+    """
+
+    def __init__(self, base: Sequence[str]) -> None:
+        self._names = list(base)
+        self._base = len(self._names)
+        #: The place of the class that each example, by number, was of last.
+        self._examples: dict[int, int] = {}
+
+    def of(self, roster: Roster) -> tuple[str, ...]:
+        """Give all classes that were ever known, in order."""
+        taught = roster.classes
+        for name in taught:
+            if name == NOTHING:
+                continue
+            numbers = [each.number for each in roster.of(name)]
+            if name not in self._names:
+                places = [self._examples[number] for number in numbers if number in self._examples]
+                free = [place for place in places if place >= self._base and self._names[place] not in taught]
+                if free:
+                    self._names[free[0]] = name
+                else:
+                    self._names.append(name)
+            self._examples.update(dict.fromkeys(numbers, self._names.index(name)))
+        return tuple(self._names)
+
+
+@dataclass(frozen=True, slots=True)
+class Start:
+    """What teaching starts from.
+
+    Attributes
+    ----------
+    file
+        A library of what was taught; it need not be there.
+    library
+        Whose motions are compared with beside what is taught; None for none.
+    joints
+        What frames hold, where somebody has said; used where there is no library.
+    """
+
+    file: Path
+    library: MotionLibrary | None
+    joints: tuple[str, ...] = ()
+
+    def base(self, taught: MotionLibrary | None) -> WindowIndex | None:
+        """Open the windows in whose metrics examples are compared; None when they must teach their own."""
+        if self.library:
+            return opened(self.library.restricted_to(taught.skeleton.joints) if taught else self.library)
+        builtin = replace(MotionLibrary.builtin(), learned=None)
+        joints = taught.skeleton.joints if taught else self.joints or builtin.skeleton.joints
+        if not set(joints) <= set(builtin.skeleton.joints):
+            return None
+        return opened(builtin.restricted_to(joints))
+
+
+def open_desk(start: Start, performers: Callable[[WindowIndex, Sequence[str]], Performers]) -> Desk:
+    """Open what was taught before and make the desk.
+
+    Parameters
+    ----------
+    start
+        What teaching starts from.
+    performers
+        Makes the recognisers of an opened library and the order of its classes.
+
+    Raises
+    ------
+    ValueError
+        The file is no library, or has too few of the library's joints.
+    OSError
+        The file cannot be read, or its folder is not there.
+    """
+    file = start.file
+    if not file.absolute().parent.is_dir():
+        raise FileNotFoundError(f"{file}: no such folder")
+    taught = MotionLibrary.load(file) if file.exists() else None
+    base = start.base(taught)
+    if taught and base:
+        taught = taught.restricted_to(base.library.skeleton.joints)
+        motions = tuple(motion.as_of(base.library.skeleton) for motion in taught.motions)
+        taught = MotionLibrary(base.library.skeleton, motions)
+    roster = Roster.of_library(taught) if taught else Roster()
+    windows = TaughtWindows(base, beside=start.library is not None)
+    index = windows.index_of(roster) or base or WindowIndex.of(_any_motion(start.joints))
+    teacher = Teacher(index.library.skeleton, roster, windows.base_classes)
+    order = ClassPlaces(windows.base_classes).of(roster)
+    return Desk(performers(index, order or index.classes), teacher, windows, file)
+
+
+def _any_motion(joints: Sequence[str]) -> MotionLibrary:
+    """Make a library of joints that nobody has taught yet: recognisers need one, and are not asked before."""
+    generator = np.random.default_rng(0)
+    positions = np.cumsum(generator.normal(0, 0.05, (60, len(joints), 3)), axis=0)
+    return MotionLibrary.of_clips([Clip(Skeleton(tuple(joints)), positions, 30.0, class_name="motion")])
+
+
+def as_performers(desk: Desk) -> Performers:
+    """Say that a desk is all that a service asks of performers."""
+    return cast("Performers", desk)
+
+
+def _told(reason: str) -> State:
+    return State("", Step.REFUSED, 0.0, reason)

@@ -1,0 +1,231 @@
+"""The doors that commands come in by: the port of the frames, one of Wekinator's, and a ZeroMQ socket that replies."""
+
+from __future__ import annotations
+
+import ipaddress
+import json
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import zmq
+
+from kinespace.stream.inputs.receiver import datagram_of
+from kinespace.stream.status import InputCounts
+from kinespace.stream.teaching import wire
+from kinespace.stream.teaching.commands import CommandError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from kinespace.stream.frame import Admitted, Input
+    from kinespace.stream.inputs.decoder import Decoder
+    from kinespace.stream.inputs.receiver import Networks, Packet, Sender
+    from kinespace.stream.osc.udp import OscReceiver
+    from kinespace.stream.teaching import Command, Notice
+    from kinespace.stream.zeromq import Endpoint
+    from kinespace.tools.teaching.desk import Desk
+
+#: Where Wekinator listens.
+WEKINATOR_PORT = 6448
+
+
+class Allowed:
+    """Who may teach: this machine, and the hosts that were named.
+
+    Parameters
+    ----------
+    networks
+        Whose senders may, beside this machine's.
+    """
+
+    def __init__(self, networks: Networks = ()) -> None:
+        self._networks = tuple(networks)
+
+    def __call__(self, sender: Sender) -> bool:
+        """Whether a sender may; nobody whose transport does not tell who it is."""
+        if sender is None:
+            return False
+        address = ipaddress.ip_address(sender[0].partition("%")[0])
+        return address.is_loopback or any(address in network for network in self._networks)
+
+
+class TaughtDecoder:
+    """Takes commands out of what comes with the frames, and leaves the rest to the frames' own decoder.
+
+    Parameters
+    ----------
+    decoder
+        Of the frames.
+    desk
+        Does what is asked.
+    allowed
+        Who may ask.
+    """
+
+    expires = True
+
+    def __init__(self, decoder: Decoder, desk: Desk, allowed: Allowed) -> None:
+        self.decoder, self._desk, self._allowed = decoder, desk, allowed
+        self._received = self._refused = 0
+
+    @property
+    def counts(self) -> InputCounts:
+        """What was read so far; commands from elsewhere count as foreign."""
+        counts = self.decoder.counts
+        return replace(counts, received=counts.received + self._received, foreign=counts.foreign + self._refused)
+
+    def decode(self, packet: Packet, arrival: float, sender: Sender) -> Sequence[Input]:
+        """Decode one packet: commands are done, frames given."""
+        datagram = datagram_of(packet)
+        if not wire.is_teaching(datagram):
+            return self.decoder.decode(packet, arrival, sender)
+        self._received += 1
+        if self._allowed(sender):
+            _obey(self._desk, datagram, wire.decode)
+        else:
+            self._refused += 1
+            self._desk.refuse(f"a control message from {sender[0] if sender else 'elsewhere'}: see --allow-from")
+        return self.decoder.decode(packet, arrival, sender) if datagram.startswith(b"#bundle") else ()
+
+    def expire(self, now: float) -> Sequence[Input]:
+        """Do what is due by the clock."""
+        self._desk.tend(now)
+        return self.decoder.expire(now)
+
+    def __getattr__(self, name: str) -> Any:  # noqa: ANN401 - whatever the frames' own decoder has
+        return getattr(self.decoder, name)
+
+
+def _obey(desk: Desk, datagram: bytes, decode: Callable[[bytes], list[Command]]) -> None:
+    try:
+        for command in decode(datagram):
+            desk.command(command)
+    except CommandError as error:
+        desk.refuse(str(error))
+
+
+class WekinatorDoor:
+    """A source of no frames: Wekinator's control messages."""
+
+    tended = True
+    #: Nothing that a person should know.
+    notes: Sequence[str] = ()
+    #: A command is done when it comes; how long it waited is of no interest.
+    waited = 0.0
+
+    def __init__(self, receiver: OscReceiver, desk: Desk, allowed: Allowed) -> None:
+        self._receiver, self._desk, self._allowed = receiver, desk, allowed
+        self._control = wire.Wekinator()
+        self._counts = InputCounts()
+
+    def __str__(self) -> str:
+        return f"{self._receiver} (Wekinator's control)"
+
+    @property
+    def pollable(self) -> object:
+        """The socket."""
+        return self._receiver.socket
+
+    @property
+    def counts(self) -> InputCounts:
+        """What came in so far."""
+        return replace(self._counts, overrun=self._receiver.kernel_drops)
+
+    def take(self, arrival: float) -> Sequence[Admitted] | None:  # noqa: ARG002 - as a source has it
+        """Do what one packet asks; None when nothing is waiting."""
+        packet = self._receiver.receive()
+        if packet is None:
+            return None
+        self._counts.received += 1
+        if self._allowed(self._receiver.sender):
+            _obey(self._desk, packet, self._control.decode)
+        else:
+            self._counts.foreign += 1
+            self._desk.refuse("a control message from elsewhere: see --allow-from")
+        return ()
+
+    def tend(self, now: float) -> Sequence[Admitted]:
+        """Do what is due by the clock."""
+        self._desk.tend(now)
+        return ()
+
+    def close(self) -> None:
+        """Give the port back."""
+        self._receiver.close()
+
+
+class RequestDoor:
+    """A source of no frames: requests over ZeroMQ, each in JSON and each replied to.
+
+    Parameters
+    ----------
+    endpoint
+        Of a REP socket.
+    desk
+        Does what is asked.
+    allowed
+        Who may ask, where the transport tells who does; another process of this machine may.
+    """
+
+    tended = True
+    #: Nothing that a person should know.
+    notes: Sequence[str] = ()
+    #: A command is done when it comes; how long it waited is of no interest.
+    waited = 0.0
+
+    def __init__(self, endpoint: Endpoint, desk: Desk, allowed: Allowed) -> None:
+        self._socket = endpoint.open(zmq.REP)
+        self._desk, self._allowed = desk, allowed
+        self._counts = InputCounts()
+
+    def __str__(self) -> str:
+        return f"ZeroMQ {self.address} (control)"
+
+    @property
+    def address(self) -> str:
+        """The endpoint as bound."""
+        return str(self._socket.getsockopt_string(zmq.LAST_ENDPOINT))
+
+    @property
+    def pollable(self) -> object:
+        """The socket."""
+        return self._socket
+
+    @property
+    def counts(self) -> InputCounts:
+        """What came in so far; a copy."""
+        return replace(self._counts)
+
+    def take(self, arrival: float) -> Sequence[Admitted] | None:  # noqa: ARG002 - as a source has it
+        """Do what one request asks, and reply; None when nothing is waiting."""
+        try:
+            request = self._socket.recv_multipart(zmq.NOBLOCK, copy=False)[0]
+        except zmq.Again:
+            return None
+        self._counts.received += 1
+        told = [wire.as_json(notice) for notice in self._answered(request)]
+        reply = {"states": [each for each in told if each], "classes": list(self._desk.classes)}
+        try:
+            self._socket.send(json.dumps(reply).encode(), zmq.NOBLOCK)
+        except zmq.ZMQError:
+            self._counts.broken += 1
+        return ()
+
+    def _answered(self, request: zmq.Frame) -> Sequence[Notice]:
+        peer = str(request.get("Peer-Address") or "")
+        if peer and not self._allowed((peer, 0)):
+            self._counts.foreign += 1
+            return [self._desk.refuse(f"a control message from {peer}: see --allow-from")]
+        try:
+            return self._desk.command(wire.decode_json(request.bytes))
+        except CommandError as error:
+            return [self._desk.refuse(str(error))]
+
+    def tend(self, now: float) -> Sequence[Admitted]:
+        """Do what is due by the clock."""
+        self._desk.tend(now)
+        return ()
+
+    def close(self) -> None:
+        """Give the address back."""
+        self._socket.close()

@@ -1,0 +1,79 @@
+"""Keys that teach while the table is shown: for a performer who is alone with a keyboard."""
+
+from __future__ import annotations
+
+import sys
+import threading
+from typing import TYPE_CHECKING, Self
+
+from kinespace.stream.teaching import commands
+
+if TYPE_CHECKING:
+    from kinespace.stream.teaching import Command
+    from kinespace.tools.teaching.desk import Desk
+    from kinespace.tools.terminal.live_table import LiveTable
+
+#: Seconds between two looks for a key.
+_LOOK = 0.1
+HINT = "t teach a new motion · a another example · space stop · x cancel · u undo · r redo · s save"
+_PLAIN: dict[str, Command] = {
+    " ": commands.Stop(),
+    "x": commands.Cancel(),
+    "u": commands.Undo(),
+    "r": commands.Redo(),
+    "s": commands.Save(),
+}
+
+
+class Keys:
+    """Reads keys, where standard input is a terminal, from entering to leaving; a context manager.
+
+    Parameters
+    ----------
+    desk
+        Does what is asked.
+    shown
+        Says which keys there are.
+    """
+
+    def __init__(self, desk: Desk, shown: LiveTable) -> None:
+        self._desk, self._shown = desk, shown
+        self._ended = threading.Event()
+        self._thread = threading.Thread(target=self._read, name="kinespace keys", daemon=True)
+        self._taught = 0
+
+    def __enter__(self) -> Self:
+        if sys.stdin.isatty() and sys.platform != "win32":
+            self._shown.hint = HINT
+            self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._ended.set()
+        if self._thread.is_alive():
+            self._thread.join()
+
+    def command_of(self, key: str) -> Command | None:
+        """Say what a key asks; new motions are numbered, to be renamed later."""
+        if key == "t":
+            names = self._desk.classes
+            self._taught = next(number for number in range(1, len(names) + 2) if f"motion {number}" not in names)
+        if key in ("t", "a"):
+            return commands.Teach("", f"motion {max(self._taught, 1)}")
+        return _PLAIN.get(key)
+
+    def _read(self) -> None:
+        import select  # noqa: PLC0415 - where there is a terminal of this kind
+        import termios  # noqa: PLC0415 - as above
+        import tty  # noqa: PLC0415 - as above
+
+        before = termios.tcgetattr(sys.stdin)
+        tty.setcbreak(sys.stdin)
+        try:
+            while not self._ended.is_set():
+                if select.select([sys.stdin], [], [], _LOOK)[0]:
+                    command = self.command_of(sys.stdin.read(1))
+                    if command:
+                        self._desk.ask(command)
+        finally:
+            termios.tcsetattr(sys.stdin, termios.TCSADRAIN, before)

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 #: What a person says for "find it yourself" and for "leave them as they are".
 AUTO, AS_THEY_ARE = "auto", "as-they-are"
 #: Fewer joints of ours than these say nothing about a skeleton.
-_FEWEST = 5
+_FEWEST = 6
 #: A convention is found when it knows so large a share of the skeleton's names, or the skeleton has so large a share of
 #: the joints that it names: a hand with twenty bones, or a body with half of its joints, is no other convention.
 _SHARE = 0.6

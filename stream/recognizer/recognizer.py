@@ -229,7 +229,7 @@ class Recognizer:
     def _measure(self) -> None:
         """Measure the frames that came since the last hop, all in one go: that halves their cost."""
         times, positions = self._times, self._positions[: len(self._times)]
-        begun = self._doubts.mend(times, positions)
+        begun = self._doubts.mend(times, positions) if self.settings.plausibility else None
         if begun is not None:
             self._matcher.clear()
             self._smoother.clear()

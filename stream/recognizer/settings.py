@@ -47,6 +47,9 @@ class Settings:
         (λ₁ − λ₂) / λ₁ below which the leading eigenvector is too arbitrary to be compared; None is 0.02. PAPER only.
     progress
         Whether to say with each answer how far in its motion the performer is, how fast and how large. WINDOWS only.
+    plausibility
+        Whether joints that cannot be believed are done without, and windows begin anew after a jump of the body
+        (`stream.recognizer.doubts`). Without it every joint of every frame must be where it is told to be.
     patience
         How many frames in a row may be older than the newest before the sender is taken to have started anew. One
         older than the longest window says so at once.
@@ -68,6 +71,7 @@ class Settings:
     smallest_gap: float | None = None
     patience: int = 10
     progress: bool = False
+    plausibility: bool = True
 
     def __post_init__(self) -> None:
         others = ("window", "smallest_gap") if self.signature is LiveSignature.WINDOWS else ("sensitivity",)

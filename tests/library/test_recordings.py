@@ -72,7 +72,7 @@ def test_a_folder_without_recordings_is_named(tmp_path: Path, names: list[str]) 
     """Where no recording is in any place the places and the known endings are said."""
     _touch(tmp_path, *names)
     (tmp_path / "second").mkdir()
-    message = re.escape(f"{tmp_path}, {tmp_path / 'second'}: no recording (.amc, .bvh, .c3d, .trc) in it")
+    message = re.escape(f"{tmp_path}, {tmp_path / 'second'}: no recording (.amc, .bvh, .c3d, .trc, .kinerec) in it")
     with pytest.raises(RecordingError, match=message):
         find_recordings([tmp_path, tmp_path / "second"])
 
@@ -140,7 +140,10 @@ def test_a_given_frame_rate_of_zero_is_refused(tmp_path: Path) -> None:
 def test_a_file_of_another_kind_is_refused(tmp_path: Path, name: str, got: str) -> None:
     """A file whose ending is no recording's is refused by name, with what is read and what was got."""
     _touch(tmp_path, name)
-    message = re.escape(str(tmp_path / name)) + rf": expected a recording \(\.amc, \.bvh, \.c3d, \.trc\), got {got}"
+    message = (
+        re.escape(str(tmp_path / name))
+        + rf": expected a recording \(\.amc, \.bvh, \.c3d, \.trc, \.kinerec\), got {got}"
+    )
     with pytest.raises(RecordingError, match=message):
         list(read_recordings([tmp_path / name]))
 

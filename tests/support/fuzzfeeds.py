@@ -41,6 +41,7 @@ class NoSocket:
         self.packet: bytes | None = None
         self.sender: tuple[str, int] | None = ("10.0.0.7", 5000)
         self.kernel_drops = 0
+        self.waited = 0.0
         self.address = ("127.0.0.1", 7000)
         self.socket = self
 
@@ -158,6 +159,7 @@ class NoSubscription:
     def __init__(self) -> None:
         self.parts: list[bytes] | None = None
         self.address = "tcp://127.0.0.1:7000"
+        self.waited = 0.0
         self.socket = self
 
     def receive(self) -> list[bytes] | None:

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 ROOT = Path(__file__).resolve().parents[2]
 LOOPBACK = "127.0.0.1"
 #: Seconds a child may take for one step before the test gives it up: machines are slow and busy at times.
-PATIENCE = 300.0
+PATIENCE = 60.0
 #: Warnings are errors in the children too; a leaked socket shows on their standard error.
 _COMMAND = (sys.executable, "-W", "error", "-m", "kinespace")
 _POLL = 0.01

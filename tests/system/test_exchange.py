@@ -87,7 +87,7 @@ def test_answers_are_the_twins_from_the_next_hop_on(
 ) -> None:
     """Whether the new library has the same basis or another, every hop after the exchange is as its twin answers it."""
     twin = Twin(request.getfixturevalue(name))
-    _, after, _ = _exchanged(frames, small_index, twin.index, at)
+    _, after, _ = _exchanged(frames, small_index, twin.index, at, Settings(plausibility=False))
     assert len(after) > 60
     pairs = [(int(first), int(second)) for first, second in twin.index.library.skeleton.pairs]
     feed, answers = NaiveFeed(twin.body.segments), iter(after)
@@ -108,7 +108,7 @@ def test_answers_are_as_if_the_library_had_been_there_all_along(
 ) -> None:
     """Scores are the same at once, guess and outcome once they have forgotten the former library."""
     index: WindowIndex = request.getfixturevalue(name)
-    settings = Settings(signature=signature)
+    settings = Settings(signature=signature, plausibility=False)
     before, after, _ = _exchanged(frames, small_index, index, 300, settings)
     along = _pushed(Recognizer(index, settings), frames)
     assert [each.time for each in before + after] == [each.time for each in along]

@@ -13,7 +13,7 @@ from kinespace.stream.feeds.decoder import FeedDecoder
 from kinespace.stream.inputs import OscDecoder, ZmqDecoder
 
 SENDER = ("10.0.0.5", 4000)
-NOWHERE = osc.encode_message("/motion/frame", "ann", 1.0, *[0.0] * 5, float("nan"), *[0.0] * 3)
+NOWHERE = osc.encode_message("/motion/frame", "ann", 1.0, *[0.0] * 5, float("inf"), *[0.0] * 3)
 WRONG = b'{"v":1,"t":1.0,"shape":[1,3],"dtype":"float64"}'
 
 
@@ -21,7 +21,7 @@ WRONG = b'{"v":1,"t":1.0,"shape":[1,3],"dtype":"float64"}'
     ("decoder", "packet", "told"),
     [
         (OscDecoder(), b"hello", "last malformed: neither a message nor a bundle, from 10.0.0.5:4000: 'hello'"),
-        (OscDecoder(), NOWHERE, "last malformed: /motion/frame of ann: positions: .* joint 2 of 3 at 0, 0, nan, from"),
+        (OscDecoder(), NOWHERE, "last malformed: /motion/frame of ann: positions: .* joint 2 of 3 at 0, 0, inf, from"),
         (OscDecoder(), osc.encode_message("/VMC/Ext/OK", 1), "last foreign: /VMC/Ext/OK, from 10.0.0.5:4000: "),
         (
             ZmqDecoder(),

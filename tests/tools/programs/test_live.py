@@ -62,13 +62,13 @@ def test_it_says_where_it_listens_and_answers() -> None:
         line = stage.program.output.splitlines()[0]
         address = r"127\.0\.0\.1:[1-9]\d*"
         listening = rf"listening on OSC {address}, ZeroMQ tcp://{address}"
-        assert re.fullmatch(rf"{listening}; answering to OSC {address}, ZeroMQ tcp://{address}; Ctrl-C ends", line)
+        assert re.fullmatch(rf"{listening}; answering to native {address}, ZeroMQ tcp://{address}; Ctrl-C ends", line)
 
 
 def test_without_an_output_it_answers_to_the_usual_port() -> None:
     """With an input alone answers go where they always go, and the line says so."""
     with started("live", "--plain", "--osc-in", f"{LOOPBACK}:0") as program:
-        program.expect(f"answering to OSC {OSC_OUT}; Ctrl-C ends\n")
+        program.expect(f"answering to native {OSC_OUT}; Ctrl-C ends\n")
         assert (program.interrupt(), program.errors) == (0, "")
 
 

@@ -268,8 +268,11 @@ def test_a_class_of_the_built_in_library_can_be_named(
     ("arguments", "told"),
     [
         (("squat",), "squat: no such file or folder"),
-        (("squat1Reps", "--unit", "cm"), "replay: expected recordings with --asf, --frame-rate, --unit or --joints"),
-        (("--frame-rate", "30"), "replay: expected recordings with --asf, --frame-rate, --unit or --joints"),
+        (
+            ("squat1Reps", "--unit", "cm"),
+            "replay: expected recordings with --asf, --frame-rate, --unit, --joints, --names",
+        ),
+        (("--frame-rate", "30"), "replay: expected recordings with --asf, --frame-rate, --unit, --joints, --names"),
     ],
 )
 def test_what_does_not_fit_the_built_in_motions_is_refused(
@@ -421,15 +424,14 @@ def test_ctrl_c_ends_the_feed_and_reports(
     stage: osc.OscReceiver, take: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """An endless feed goes through the clip again and again; Ctrl-C ends it with the report, alone, and status 0."""
-    sleeps = iter(range(401))
+    now = [0.0]
 
-    def sleep(_: float) -> None:
-        if next(sleeps) == 400:
+    def sleep(seconds: float) -> None:
+        now[0] += seconds
+        if now[0] > 8.0:
             raise KeyboardInterrupt
 
-    monkeypatch.setattr(
-        "kinespace.tools.feeding.feed.time", SimpleNamespace(perf_counter=time.perf_counter, sleep=sleep)
-    )
+    monkeypatch.setattr("kinespace.tools.feeding.feed.time", SimpleNamespace(perf_counter=lambda: now[0], sleep=sleep))
     assert main(["replay", str(take), "--osc", target(stage), "--loop", "--json"]) == 0
     printed = capsys.readouterr().out
     described = json.loads(printed)

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import struct
 import sys
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -50,8 +50,8 @@ class Received:
     malformed: int = 0
     foreign: int = 0
     #: Why the last of the malformed is malformed, and what the last of the foreign is.
-    why_malformed: str = ""
-    why_foreign: str = ""
+    why_malformed: str = field(default="", compare=False)
+    why_foreign: str = field(default="", compare=False)
 
 
 def decode(datagram: bytes, arrival: float) -> Received:

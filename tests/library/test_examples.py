@@ -62,6 +62,7 @@ def test_a_roster_comes_back_from_its_file(tmp_path: object) -> None:
 
 
 def test_trimming_cuts_the_motion() -> None:
+    """A trimmed example holds the frames of its motion alone."""
     motion = _motions("squat1Reps")[0]
     example = Example(1, "squat", motion, 0.25, 0.75)
     assert example.motion.duration == pytest.approx(0.5, abs=0.04)
@@ -86,6 +87,7 @@ def test_windows_are_those_of_a_library_made_anew() -> None:
 
 
 def test_disabled_classes_have_no_windows() -> None:
+    """A class that is disabled is not compared with."""
     windows = TaughtWindows(_base(), beside=True)
     roster = _roster(("my squat", "squat1Reps", 0)).enabled("squat1Reps", on=False).enabled("my squat", on=False)
     index = windows.index_of(roster)
@@ -94,6 +96,7 @@ def test_disabled_classes_have_no_windows() -> None:
 
 
 def test_nothing_taught_beside_nothing_is_none() -> None:
+    """Without a library and without examples there is nothing to compare with."""
     windows = TaughtWindows(_base(), beside=False)
     assert windows.index_of(Roster()) is None
     assert windows.base_classes == ()
@@ -129,4 +132,5 @@ def test_a_check_tells_what_resembles() -> None:
     ],
 )
 def test_a_check_in_words(check: Check, words: str) -> None:
+    """Every outcome of the check is told in the words of the page."""
     assert check.words == words

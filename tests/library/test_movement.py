@@ -38,6 +38,7 @@ def test_motions_between_stillnesses_are_found(noise: float) -> None:
 
 
 def test_nobody_is_found_moving_who_stands_still() -> None:
+    """A body that stands still is never found moving."""
     take, _ = _take(1.0)
     standing = replace(take, positions=np.repeat(take.positions[:1], 300, axis=0))
     assert stretches_of(standing) == []
@@ -66,6 +67,7 @@ def test_relative_movement_is_the_textbook_formula() -> None:
 
 
 def test_the_meter_measures_as_fast_a_feed_as_a_slow_one() -> None:
+    """Movement is measured alike at any frame rate."""
     take, moving = _take(1.0)
     values = {}
     for every in (1, 2):

@@ -13,6 +13,7 @@ from synthetic import stick_clip
 
 from kinespace.stream import osc, zeromq
 from kinespace.stream.frame import Announcement, Frame
+from kinespace.stream.outputs import Sink
 from kinespace.stream.recognition import Event, EventKind
 from kinespace.stream.recognizer import Performers, Recognizer
 from kinespace.stream.service import Service
@@ -116,7 +117,7 @@ def test_an_event_is_json_under_its_performers_topic(event: Event) -> None:
 
     described = json.loads(body, parse_constant=refuse)
     assert described == {
-        "v": zeromq.VERSION,
+        "v": 1,
         "performer": event.performer,
         "event": str(event.kind),
         "class": event.label,
@@ -140,6 +141,7 @@ class ListSource:
     def __init__(self) -> None:
         self.waiting = deque[Frame]()
         self.counts = InputCounts()
+        self.tended, self.waited, self.notes = False, 0.0, ()
         self.pollable, self._other_end = socket.socketpair()
         self._other_end.send(b"!")
 
@@ -154,7 +156,7 @@ class ListSource:
         self._other_end.close()
 
 
-class ListSink:
+class ListSink(Sink):
     """Keeps in order what it is told of motions."""
 
     def __init__(self) -> None:

@@ -104,7 +104,7 @@ def measure(positions: NDArray[np.float32], *, signature: LiveSignature, frames:
         How long over UDP; 0 for not at all.
     """
     # In a process of its own: what other parts left in this one's memory is not the recogniser's.
-    settings = Settings(signature=signature)
+    settings = Settings(signature=signature, plausibility=False)
     with ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as process:
         day = process.submit(pushed, positions, settings, frames).result()
     if not minutes:

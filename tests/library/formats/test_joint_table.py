@@ -44,6 +44,7 @@ def test_uneven_times_are_put_on_an_even_grid(tmp_path: Path) -> None:
 
 
 def test_milliseconds_are_told_by_how_far_frames_lie_apart(tmp_path: Path) -> None:
+    """A column of milliseconds is read as seconds: no body is filmed once in ten seconds."""
     clip = read_clip(_written(tmp_path, "timestamp" + HEADER[4:] + _rows([0, 20, 40, 60])))
     assert clip.frame_rate == 50
 
@@ -68,6 +69,7 @@ def test_a_gap_is_told(tmp_path: Path) -> None:
 
 
 def test_npz_as_convert_writes_it(tmp_path: Path) -> None:
+    """An .npz as `convert` writes it is read back as the same clip."""
     positions = np.random.default_rng(0).normal(size=(6, 3, 3))
     np.savez(
         tmp_path / "take.npz",
@@ -97,6 +99,7 @@ def test_npz_as_convert_writes_it(tmp_path: Path) -> None:
     ],
 )
 def test_what_cannot_be_used_is_one_line(tmp_path: Path, text: str, told: str) -> None:
+    """A table that cannot be used is refused in one line that says what was expected."""
     with pytest.raises(JointTableError, match=told) as raised:
         read_clip(_written(tmp_path, text))
     assert "\n" not in str(raised.value)
@@ -104,6 +107,7 @@ def test_what_cannot_be_used_is_one_line(tmp_path: Path, text: str, told: str) -
 
 
 def test_a_table_is_told_from_labels_and_libraries(tmp_path: Path) -> None:
+    """A table of joints is told from a labels file and from a motion library."""
     assert is_joint_table(_written(tmp_path, HEADER))
     assert not is_joint_table(_written(tmp_path, "start_s,end_s,label\n", "labels.csv"))
     assert not is_joint_table(_written(tmp_path, "not a zip", "library.npz"))

@@ -110,6 +110,7 @@ def test_what_was_recorded_is_what_was_shown() -> None:
 
 
 def test_several_repetitions() -> None:
+    """A lesson of several repetitions keeps one example of each."""
     stage = _taught(repetitions=3)
     assert [each.class_name for each in stage.teacher.roster.examples] == ["wave"] * 3
     assert stage.teacher.lesson is None
@@ -162,6 +163,7 @@ def test_what_i_just_did() -> None:
 
 
 def test_recent_minutes_end_where_the_recording_begins() -> None:
+    """The performer's last minutes do not hold the example itself."""
     stage = Stage()
     stage.stand(10.0)
     stage.ask(commands.Teach("ann", "wave", 1, 0.0))
@@ -173,6 +175,7 @@ def test_recent_minutes_end_where_the_recording_begins() -> None:
 
 
 def test_a_recording_ends_after_fifteen_seconds() -> None:
+    """A recording ends after 15 s, however long the movement goes on."""
     stage = Stage()
     stage.stand(1.0)
     stage.ask(commands.Teach("ann", "endless", 1, 0.0))
@@ -186,6 +189,7 @@ def test_a_recording_ends_after_fifteen_seconds() -> None:
 
 
 def test_stop_by_hand() -> None:
+    """A recording that is stopped by hand becomes an example."""
     stage = Stage()
     stage.stand(1.0)
     stage.ask(commands.Teach("ann", "half", 1, 0.0))
@@ -197,6 +201,7 @@ def test_stop_by_hand() -> None:
 
 
 def test_cancel_leaves_nothing() -> None:
+    """A lesson that is cancelled leaves no example."""
     stage = Stage()
     stage.stand(1.0)
     stage.ask(commands.Teach("ann", "wave", 1, 0.0))
@@ -207,6 +212,7 @@ def test_cancel_leaves_nothing() -> None:
 
 
 def test_a_performer_who_is_not_there_or_leaves() -> None:
+    """A lesson for a performer who is not there, or who leaves, is refused."""
     stage = Stage()
     stage.ask(commands.Teach("", "wave"))
     assert stage.reason() == "no such performer is there"
@@ -221,6 +227,7 @@ def test_a_performer_who_is_not_there_or_leaves() -> None:
 
 
 def test_standing_still_throughout() -> None:
+    """A performer who stands still throughout teaches nothing, and is told so."""
     stage = Stage()
     stage.stand(1.0)
     stage.ask(commands.Teach("ann", "wave", 1, 0.0))
@@ -257,6 +264,7 @@ def test_two_at_once() -> None:
     ],
 )
 def test_what_makes_no_sense_now_is_refused(command: Command) -> None:
+    """A command that makes no sense at this step is refused with a reason."""
     stage = Stage()
     (told,) = stage.ask(command)
     assert isinstance(told, State)
@@ -264,6 +272,7 @@ def test_what_makes_no_sense_now_is_refused(command: Command) -> None:
 
 
 def test_an_example_that_cannot_be_compared_is_taken_back() -> None:
+    """An example of which no window can be made is taken back with a reason."""
     stage = _taught()
     stage.teacher.failed(1, "too short")
     assert stage.teacher.roster.examples == ()

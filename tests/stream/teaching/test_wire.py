@@ -26,6 +26,7 @@ from kinespace.stream.teaching.commands import CommandError
     ],
 )
 def test_commands_over_osc(packet: bytes, command: commands.Command) -> None:
+    """Every OSC message of the page is the command that it stands for."""
     assert wire.decode(packet) == [command]
     assert wire.is_teaching(packet)
     assert wire.decode(encode_bundle(encode_message("/other", 1), packet)) == [command]
@@ -41,6 +42,7 @@ def test_commands_over_osc(packet: bytes, command: commands.Command) -> None:
     ],
 )
 def test_commands_in_json(request_: dict[str, object], command: commands.Command) -> None:
+    """Every JSON request is the command that it stands for."""
     assert wire.decode_json(json.dumps(request_).encode()) == command
 
 
@@ -87,6 +89,7 @@ def test_wekinator_numbers_gestures_from_one() -> None:
     ],
 )
 def test_bad_commands_are_one_line(packet: bytes, told: str) -> None:
+    """A command that cannot be read raises one line with what was expected."""
     with pytest.raises(CommandError, match=told) as raised:
         wire.decode(packet)
     assert "\n" not in str(raised.value)
@@ -104,6 +107,7 @@ def test_no_bytes_break_a_decoder(some: bytes) -> None:
 
 
 def test_notices() -> None:
+    """Every notice has its OSC message and its JSON."""
     state, taught = State("ann", Step.REFUSED, 1.5, "why"), Taught("wave", 2, 1.25, "good", 3)
     told = wire.encode(state)
     assert told is not None

@@ -371,6 +371,7 @@ def test_an_answer_holds_the_recognition() -> None:
         "gap": 0.6,
         "eigenvector_class": "wave",
         "eigenvector_score": 0.9,
+        "doubted": [],
         "progress": None,
     }
     unsaid = {"time", "classes", "events", "lead", "evidence"}
@@ -417,6 +418,7 @@ def _dumped(recognition: Recognition) -> dict[str, object]:
         "gap": recognition.gap,
         "eigenvector_class": recognition.eigenvector_class,
         "eigenvector_score": recognition.eigenvector_score,
+        "doubted": [],
         "progress": None,
     }
     return json.loads(json.dumps(described))
@@ -555,7 +557,9 @@ def test_classes_and_status_are_json() -> None:
     topic, encoded = zeromq.encode_status(status)
     assert topic == b"status/"
     described = json.loads(encoded)
-    assert described == {"v": 1, "alive": True, "frames_per_second": 120.0, "lost": 13} | dataclasses.asdict(status)
+    assert described == {"v": 1, "alive": True, "frames_per_second": 120.0, "lost": 13} | dataclasses.asdict(status) | {
+        "notes": []
+    }
     told = {"received": 90, "malformed": 1, "foreign": 2, "overrun": 3, "missing": 4, "incomplete": 0, "broken": 0}
     assert described["inputs"] == told
     assert set(described["outcomes"]["recognizers"]) == {"frames", "out_of_order", "restarts", "hops"}

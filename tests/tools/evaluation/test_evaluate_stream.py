@@ -370,7 +370,7 @@ def test_a_sensors_frames_come_at_their_own_times(tmp_path: Path, capsys: pytest
         for frame in kept:
             moved = body.copy()
             joint, axis = (7, 0) if frame < 120 else (11, 1)
-            moved[joint, axis] += 0.1 * np.sin(frame / (5 + person))
+            moved[joint, axis] += 0.3 * np.sin(frame / (5 + person))
             lines.append(" ".join(map(str, (frame + 100, *moved.reshape(-1)))))
         (tmp_path / f"joints_s0{person}_e01.txt").write_text("\n".join(lines))
         told += [f"s0{person}_e01", "push: 100 220", "pull: 220 340", "carry: NaN NaN"]
@@ -476,7 +476,7 @@ def test_settings_reach_the_recogniser(folder: Path, library: Path, capsys: pyte
     take = folder / "puppet_02.amc"
     scores = [
         _scored(capsys, take, "--library", library, *options)
-        for options in ((), (*BY_EIGENVECTOR, "--window", "1.5"), (*BY_EIGENVECTOR, "--window", "0.3"))
+        for options in ((), (*BY_EIGENVECTOR, "--window", "1.5"), (*BY_EIGENVECTOR, "--window", "0.15"))
     ]
     assert len({json.dumps(score, sort_keys=True) for score in scores}) == 3
     assert "window: expected none" in _refused(capsys, take, "--library", library, "--window", "1.5")
@@ -509,7 +509,7 @@ def test_pictures_show_takes_labels_and_answers(
 def test_pictures_show_what_came_out(folder: Path, library: Path, tmp_path: Path) -> None:
     """Pictures are of some size, the same for the same answers and others for others."""
     files = {}
-    for name, options in {"once": (), "again": (), "other": (*BY_EIGENVECTOR, "--window", "0.3")}.items():
+    for name, options in {"once": (), "again": (), "other": (*BY_EIGENVECTOR, "--window", "0.15")}.items():
         files[name] = (tmp_path / f"{name}.png", tmp_path / f"{name}_shares.png")
         drawn = ("--timeline", files[name][0], "--confusion", files[name][1])
         assert _evaluate(folder / "puppet_03.amc", "--library", library, *drawn, *options) == 0

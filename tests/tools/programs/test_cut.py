@@ -82,6 +82,7 @@ def test_a_converted_recording_becomes_the_same_library(evening: Path, ending: s
 
 
 def test_labels_are_not_written_over_the_recording(evening: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """`cut` never writes its labels over the recording."""
     table = evening.with_name("ann.csv")
     main(["convert", str(evening), "-o", str(table), "--performer", "ann"])
     assert main(["cut", str(table)]) == 2
@@ -98,6 +99,7 @@ def test_labels_are_not_written_over_the_recording(evening: Path, capsys: pytest
     ],
 )
 def test_labels_that_do_not_fit(evening: Path, capsys: pytest.CaptureFixture[str], row: str, told: str) -> None:
+    """Labels that do not fit their recording are refused in one line."""
     labels = evening.with_name("labels.csv")
     labels.write_text(f"start_s,end_s,label,performer\n{row}\n")
     assert main(["build", str(evening), "--labels", str(labels), "-o", str(evening.with_name("m.npz"))]) == 2

@@ -127,6 +127,7 @@ def test_a_class_is_taught_recognised_and_saved(desk: Desk, library: MotionLibra
 
 
 def test_what_was_taught_is_there_again(desk: Desk, library: MotionLibrary, tmp_path: Path) -> None:
+    """What was taught is there again when the program starts again with the same file."""
     _show(desk, 0, "kickLFront1Reps")
     _teach(desk, 10, "abc", "squat1Reps")
     _until(desk, lambda heard: Step.DONE in heard.steps())
@@ -169,6 +170,7 @@ def test_indices_stay() -> None:
 
 
 def test_commands_are_accepted_from_here_and_from_who_is_named() -> None:
+    """Commands are accepted from this machine and from the networks that are let in."""
     allowed = Allowed([ip_network("192.0.2.7")])
     assert allowed(("127.0.0.1", 1))
     assert allowed(("::1", 1))
@@ -178,6 +180,7 @@ def test_commands_are_accepted_from_here_and_from_who_is_named() -> None:
 
 
 def test_a_folder_that_is_not_there(tmp_path: Path, library: MotionLibrary) -> None:
+    """A file in a folder that is not there is refused in one line."""
     with pytest.raises(FileNotFoundError, match="no such folder"):
         open_desk(Start(tmp_path / "nowhere" / "mine.npz", library), _performers)
 

@@ -158,7 +158,7 @@ class NoSubscription:
 
     def __init__(self) -> None:
         self.parts: list[bytes] | None = None
-        self.address = "tcp://127.0.0.1:7000"
+        self.address, self.sender, self.kernel_drops = "tcp://127.0.0.1:7000", None, 0
         self.waited = 0.0
         self.socket = self
 

@@ -352,7 +352,7 @@ def test_everything_at_once(line: Line, library: MotionLibrary, clip: Clip) -> N
 
 @both_transports
 def test_an_unknown_joint_is_announced(line: Line, library: MotionLibrary, clip: Clip) -> None:
-    """Frames of a body of which four joints are known are counted and not used; those of others, and later ones, are."""
+    """Frames of a body of which four joints are known are counted and not used; other and later frames are."""
     frames = _frames(clip)
     line.announce("stranger", (*(f"tail {place}" for place in range(27)), *JOINTS[27:]))
     line.frame(replace(frames[0], performer="stranger"))

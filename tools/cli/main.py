@@ -13,8 +13,6 @@ from importlib.metadata import PackageNotFoundError, version
 from io import TextIOWrapper
 from typing import TYPE_CHECKING, Any
 
-from kinespace.library import memory
-
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
@@ -63,7 +61,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
             stream.reconfigure(errors="replace")
     try:
         options = _parser().parse_args(arguments)
-        with memory.limited_to(options.max_memory):
+        from kinespace.library import memory  # noqa: PLC0415 - numpy comes with it, and `--version` needs none
+
+        with memory.limited_to(options.max_memory or memory.MAX_MEMORY):
             status: int = options.run(options)
     except KeyboardInterrupt:
         return 1
@@ -85,6 +85,13 @@ def _one_line(error: Exception) -> str:
     from kinespace.tools.terminal.console import printable  # noqa: PLC0415 - slow to load, and seldom needed
 
     return printable(" ".join(told.split())) or type(error).__name__
+
+
+def _size(text: str) -> int:
+    """Read a size in bytes, like 500MB or 4GB."""
+    from kinespace.library import memory  # noqa: PLC0415 - as above
+
+    return memory.size_of(text)
 
 
 class _ProgramParser(argparse.ArgumentParser):
@@ -116,8 +123,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--version", action="version", version=f"kinespace {_version()}")
     parser.add_argument(
         "--max-memory",
-        type=memory.size_of,
-        default=memory.MAX_MEMORY,
+        type=_size,
         metavar="SIZE",
         help="memory that one file may take when it is read, like 500MB or 4GB (default 1GB)",
     )

@@ -124,7 +124,7 @@ def test_oscdump_prints_what_we_answer(liblo_tools: LibloTools, recognition: Rec
             sink.publish_event(START)
             sink.publish_classes(CLASSES)
             sink.publish_status(STATUS)
-        named, label, guess, scores, event, classes, status = dump.wait_for(lambda heard: len(heard) >= 7)
+        named, guess, label, scores, event, classes, status = dump.wait_for(lambda heard: len(heard) >= 7)
     assert (named.address, named.types) == ("/motion/ghost/class", "iff")
     assert named.values == pytest.approx((recognition.guess_index, recognition.score, recognition.margin), abs=PRINTED)
     assert (label.address, label.types, label.values) == ("/motion/ghost/label", "s", (recognition.label,))
@@ -156,7 +156,9 @@ def test_a_file_of_packets_is_answered(liblo_tools: LibloTools) -> None:
         ends = ("--osc-in", f"{LOOPBACK}:0", "--osc-out", f"{LOOPBACK}:{heard.port}")
         program = stack.enter_context(started("live", "--plain", "--feed", "osceleton", *ends))
         port = int(program.expect(r"listening on osceleton 127\.0\.0\.1:(\d+)")[1])
-        liblo_tools.send_file(port, kept.file)
+        # A busy machine may be late for the first: answers that have waited for too long are not sent.
+        for _ in range(3):
+            liblo_tools.send_file(port, kept.file)
         named = ("/motion/1/label", "s", ("kickLFront1Reps",))
         answers = heard.wait_for(lambda found: named in found)
         assert (program.interrupt(), program.errors) == (0, "")

@@ -253,9 +253,9 @@ def test_bundles_nest_so_deep_and_no_deeper() -> None:
             decode_packet(packet)
 
 
-def test_arrays_may_nest_as_deep_as_a_datagram_holds() -> None:
-    """Thirty thousand arrays in one another are read without recursion; left open they are an error."""
-    depth = 30_000
+def test_arrays_may_nest_as_deep_as_values_are_allowed() -> None:
+    """Five hundred arrays in one another are read without recursion; left open they are an error."""
+    depth = 500
     tags = b"," + b"[" * depth + b"]" * depth + b"\0\0\0"
     (message,) = decode_packet(b"/a\0\0" + tags)
     found, levels = message.arguments, 0

@@ -104,7 +104,6 @@ RUNS: Mapping[str, Run] = {
     },
     "utkinect": Run(("stream", "{data}/utkinect", "--protocol", "leave-one-person-out"), (*_OF_KNOWN, *_OF_PERSONS)),
     "strangers": Run(("stream", "--takes", "{data}/cmu_takes/takes.csv"), (*_OF_UNKNOWN, "takes_found")),
-    "one_person": Run(("stream", "--protocol", "one-person"), (*_OF_KNOWN, *_OF_PERSONS)),
     "noise": Run(
         ("noise", "--noise", "0", "20", "--groups", "4"),
         tuple(f"noise.{index}.{name}" for index in range(2) for name in _OF_NOISE),

@@ -26,7 +26,7 @@ def test_a_long_feed_is_accounted_for(
 ) -> None:
     """All frames are pushed and counted, memory is looked at three times, the eigenvector checked and right."""
     monkeypatch.setattr(soak, "_CHECK_EVERY", 397)
-    day = soak.pushed(played, Settings(signature=signature), 2500)
+    day = soak.pushed(played, Settings(signature=signature, plausibility=False), 2500)
     assert day.frames == day.counts.frames == 2500
     # The first window is full with frame 19; from then on every fourth frame is answered.
     assert day.answers == day.counts.hops == 621

@@ -184,6 +184,7 @@ class WindowMatcher:
         """Compare the same windows with another library of the same joints from now on."""
         index = index_of(library)
         self._windows.exchange(index.body, index.basis)
+        self._hysteresis.exchange(index.comparison.weighing.lead, places_in(self.classes, index.classes))
         self._judgement.exchange(self._threshold(index))
         if self._progress:
             self._progress.exchange(phase_table(index))

@@ -125,6 +125,7 @@ def test_a_motion_that_goes_on_goes_on(small_index: WindowIndex, taught: WindowI
     before, after, ended = _exchanged(frames, small_index, taught, 130)
     events = [event for answer in before + after for event in answer.events]
     assert ended is None
+    assert {answer.classes[answer.best] for answer in (before[-1], *after[:3])} == {"kickLFront1Reps"}
     assert [event.label for event in events[:2]] == ["kickLFront1Reps"] * 2
     start, end = events[:2]
     assert (start.kind, end.kind) == (EventKind.START, EventKind.END)

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from kinespace.library.naming import AS_THEY_ARE, AUTO, Naming, conventions
 from kinespace.library.recordings import ActorIn, Reading
 from kinespace.stream.recognizer import LiveSignature, Settings
+from kinespace.stream.recognizer.settings import SENSITIVITY_LEARNED, SENSITIVITY_OWN
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -175,8 +176,8 @@ def add_settings(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--sensitivity",
         type=share,
-        help="share of unknown motions that may be answered, as the library can tell (default: 0.1 with the built-in "
-        "library, 0.2 with your own); windows only",
+        help=f"share of unknown motions that may be answered, as the library can tell (default: {SENSITIVITY_LEARNED} "
+        f"with the built-in library, {SENSITIVITY_OWN} with your own); windows only",
     )
     parser.add_argument(
         "--window", type=positive, help="seconds that the paper's window looks back (default 0.5); paper only"

@@ -18,13 +18,12 @@ from rich.live import Live
 from kinespace.library import MotionLibrary
 from kinespace.library.naming import Naming
 from kinespace.stream import osc, zeromq
-from kinespace.stream.background_opener import BackgroundOpener
+from kinespace.stream.background_opener import background_restricter, background_windows
 from kinespace.stream.feeds.source import FeedSource
 from kinespace.stream.inputs import Admission, OscDecoder, Source, ZmqDecoder
 from kinespace.stream.outputs import LAYOUTS, LayoutSink, NativeLayout, ReplySink, Sink, ZmqSink
 from kinespace.stream.recognizer import LiveSignature, Performers, Recognizer, SentJoints
 from kinespace.stream.recording import RawWriter, Recorder, source_name
-from kinespace.stream.restricted_beside import RestrictedBeside
 from kinespace.stream.service import Service
 from kinespace.stream.zeromq import Endpoint
 from kinespace.tools.cli.address import host_and_port
@@ -312,12 +311,12 @@ def _performers(
         motions = fitted(motions, f"feed {preset.name}", preset.joints)
     elif joints:
         motions = fitted(motions, "--joints", joints)
+    sent = SentJoints(joints, feed.naming, background_restricter(settings))
     if teaching.file:
-        desk = _desk(teaching, None if nothing else motions, SentJoints(joints, feed.naming), settings, most)
+        desk = _desk(teaching, None if nothing else motions, sent, settings, most)
         return as_performers(desk), desk
     _require_room_for(motions, settings)
-    sent = SentJoints(joints, feed.naming, RestrictedBeside(motions, settings))
-    return Performers(motions, settings, most=most, joints=sent, opener=BackgroundOpener()), None
+    return Performers(motions, settings, most=most, joints=sent, opener=background_windows()), None
 
 
 def _desk(teaching: Teaching, motions: MotionLibrary | None, sent: SentJoints, settings: Settings, most: int) -> Desk:
@@ -326,9 +325,8 @@ def _desk(teaching: Teaching, motions: MotionLibrary | None, sent: SentJoints, s
 
     def performers(index: WindowIndex, classes: Sequence[str]) -> Performers:
         covers = set(index.library.skeleton.joints) <= set(sent.assumed)
-        fewer = RestrictedBeside(index.library, settings)
-        joints = SentJoints(sent.assumed if covers else (), sent.naming, fewer)
-        opener = BackgroundOpener()
+        joints = sent if covers else replace(sent, assumed=())
+        opener = background_windows()
         return Performers(index, settings, most=most, joints=joints, opener=opener, classes=classes)
 
     return open_desk(Start(teaching.file, motions, sent.assumed), performers)

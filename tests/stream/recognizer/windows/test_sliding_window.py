@@ -13,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from naive_stream import NaiveWindow
 
-from kinespace.stream.recognizer.sliding_window import FASTEST_FEED, MAX_PENDING, SlidingWindow
+from kinespace.stream.recognizer.windows.sliding_window import FASTEST_FEED, MAX_PENDING, SlidingWindow
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -288,7 +288,7 @@ def test_a_child_process_has_windows_of_its_own() -> None:
     """What a forked child pushes does not show in its parent's window."""
     code = (
         "import os, numpy as np\n"
-        "from kinespace.stream.recognizer.sliding_window import SlidingWindow\n"
+        "from kinespace.stream.recognizer.windows.sliding_window import SlidingWindow\n"
         "window = SlidingWindow(1.0, 2)\n"
         "window.push([0.0], np.zeros((1, 2)))\n"
         "if child := os.fork():\n"

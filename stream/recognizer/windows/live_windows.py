@@ -19,8 +19,8 @@ from kinespace.library.windows.parts import (
     eigen,
     movement,
 )
-from kinespace.stream.recognizer.rolling import RollingCovariance, RollingMoments, moments_of
-from kinespace.stream.recognizer.sliding_window import MAX_PENDING, ShorterWindow, SlidingWindow
+from kinespace.stream.recognizer.windows.rolling import RollingCovariance, RollingMoments, moments_of
+from kinespace.stream.recognizer.windows.sliding_window import MAX_PENDING, ShorterWindow, SlidingWindow
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from kinespace.library.windows.basis import Basis
     from kinespace.library.windows.body import Body
     from kinespace.library.windows.parts import Part
-    from kinespace.stream.recognizer.sliding_window import Window
+    from kinespace.stream.recognizer.windows.sliding_window import Window
 
 
 class LiveSignature(NamedTuple):

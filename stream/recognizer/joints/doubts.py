@@ -10,28 +10,26 @@ begin anew; of a body that goes on jumping, or of which hardly anything can be b
 from __future__ import annotations
 
 import math
-from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from kinespace.library.motion_library import MIN_JOINTS
-from kinespace.library.windows.index import WindowIndex
 from kinespace.stream.recognition import Outcome
 from kinespace.stream.recognizer.matcher import WindowMatcher
-from kinespace.stream.recognizer.plausibility import Change, Jump, Plausibility, Step, expected_body
-from kinespace.stream.recognizer.sliding_window import MAX_PENDING
+from kinespace.stream.recognizer.joints.fewer_joints import opened_restricted
+from kinespace.stream.recognizer.joints.plausibility import Change, Jump, Plausibility, Step, expected_body
+from kinespace.stream.recognizer.windows.sliding_window import MAX_PENDING
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Sequence
 
     from numpy.typing import NDArray
 
     from kinespace.library.motion_library import MotionLibrary
+    from kinespace.library.windows.index import WindowIndex
+    from kinespace.stream.recognizer.joints.fewer_joints import Opener
     from kinespace.stream.recognizer.matcher import Matcher, Reading
-
-    #: Gives a library's windows as a body of some of its joints shows them; None while they are not ready.
-    Opener = Callable[[MotionLibrary, tuple[str, ...]], WindowIndex | None]
 
 #: Seconds for which a lost joint is held beside its parent.
 HELD = 0.2
@@ -47,27 +45,6 @@ _LEAST_LEFT = 0.5
 _ELSEWHERE = 0.05
 #: Seconds between two sets of joints that are asked for: a body that falls apart is not opened for at every step.
 _ASKED_AGAIN = 0.5
-#: Libraries of fewer joints that are kept open at once, for all performers.
-MAX_RESTRICTED = 8
-
-
-@lru_cache(maxsize=MAX_RESTRICTED)
-def opened_restricted(library: MotionLibrary, joints: tuple[str, ...]) -> WindowIndex:
-    """Open a library as a body of some of its joints shows it, or give what was opened before."""
-    return opened_anew(library, joints)
-
-
-def opened_anew(library: MotionLibrary, joints: tuple[str, ...]) -> WindowIndex:
-    """Open a library as a body of some of its joints shows it; takes a second where the library is large.
-
-    Raises
-    ------
-    ValueError
-        No motion of the library is long enough for a window.
-    """
-    index = WindowIndex.of(library.restricted_to(joints))
-    _ = index.rejection  # learned when first asked for, and here is the time
-    return index
 
 
 class Doubts:
@@ -281,7 +258,10 @@ class Doubts:
             self._asked_for, self._asked = self._wanted, now
         names = self._library.skeleton.joints
         kept = tuple(name for joint, name in enumerate(names) if joint not in self._wanted)
-        index = self._opener(self._library, kept)
+        try:
+            index = self._opener(self._library, kept)
+        except ValueError:
+            index = None  # no motion can be compared by the joints that are left
         if index is not None:
             self._fewer = _Fewer(self._matcher.over(index), self._library, index)
             self._fewer.fill(self._matcher)

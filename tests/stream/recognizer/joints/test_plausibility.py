@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from naive_bodies import keeps_its_place, segment_lengths, step_length
 
-from kinespace.stream.recognizer.plausibility import (
+from kinespace.stream.recognizer.joints.plausibility import (
     SAME_PLACE,
     SPAN,
     Change,

@@ -10,7 +10,7 @@ import pytest
 from kinespace.stream.frame import Frame
 from kinespace.stream.recognition import Outcome
 from kinespace.stream.recognizer import Recognizer
-from kinespace.stream.recognizer.plausibility import mirrored_places
+from kinespace.stream.recognizer.joints.plausibility import mirrored_places
 from kinespace.tools.feeding.feed import resampled
 
 if TYPE_CHECKING:
@@ -70,6 +70,18 @@ def test_windows_that_are_not_ready_are_implausible_and_then_full(small_library:
     assert len(answers) == len(whole)
     assert any(answer.outcome is Outcome.IMPLAUSIBLE for answer in answers)
     assert answers[-1].scores == pytest.approx(whole[-1].scores, abs=1e-6)
+
+
+def test_windows_that_cannot_be_opened_leave_the_body_implausible(small_library: MotionLibrary, squat: Clip) -> None:
+    """When no library of the joints that are left can be opened, every hop is answered and none is named."""
+    positions = squat.positions.copy()
+    positions[:, _places(small_library, "lthumb")] = np.nan
+
+    def opener(_: MotionLibrary, joints: tuple[str, ...]) -> None:
+        raise ValueError(f"no motion shows these {len(joints)} joints")
+
+    answers = _played(Recognizer(small_library, opener=opener), positions)
+    assert {answer.outcome for answer in answers if answer.time > 1} == {Outcome.IMPLAUSIBLE}
 
 
 def test_a_joint_lost_for_a_moment_is_held(small_library: MotionLibrary, squat: Clip) -> None:

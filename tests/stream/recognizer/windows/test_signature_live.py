@@ -14,8 +14,8 @@ from kinespace.library.skeleton import Skeleton
 from kinespace.library.windows.body import Body
 from kinespace.library.windows.index import learned_basis
 from kinespace.library.windows.parts import PARTS, Kind
-from kinespace.stream.recognizer.live_windows import LiveWindows, PaperWindow
-from kinespace.stream.recognizer.sliding_window import MAX_PENDING
+from kinespace.stream.recognizer.windows.live_windows import LiveWindows, PaperWindow
+from kinespace.stream.recognizer.windows.sliding_window import MAX_PENDING
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from kinespace.library.clip import Clip
     from kinespace.library.motion_library import MotionLibrary
     from kinespace.library.windows.index import WindowIndex
-    from kinespace.stream.recognizer.live_windows import LiveSignature
+    from kinespace.stream.recognizer.windows.live_windows import LiveSignature
 
 #: Everything holds of the compiled loops and of numpy.
 pytestmark = pytest.mark.usefixtures("arithmetic")

@@ -19,12 +19,12 @@ from numpy.typing import NDArray
 
 from kinespace.library.kernels import compiled
 from kinespace.library.windows.parts import Moments
-from kinespace.stream.recognizer.sliding_window import Change
+from kinespace.stream.recognizer.windows.sliding_window import Change
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from kinespace.stream.recognizer.sliding_window import Window
+    from kinespace.stream.recognizer.windows.sliding_window import Window
 
 Rows = NDArray[np.float64]
 

@@ -5,7 +5,7 @@ import pytest
 
 from kinespace.library import MotionLibrary, distance_rows
 from kinespace.library.windows.body import Body
-from kinespace.stream.recognizer.smoothing import NOISY, RowSmoother
+from kinespace.stream.recognizer.windows.smoothing import NOISY, RowSmoother
 
 
 def _rows(noise: float, rate: float = 30.0) -> tuple[list[float], np.ndarray, np.ndarray]:

@@ -22,7 +22,7 @@ NOISY = 0.0113
 _AVERAGED, _ESTIMATED = 0.1, 1.0
 #: The variance of second differences of white noise, over the noise's.
 _SECOND_DIFFERENCE = 6.0
-#: Seconds within which two spans are as long: frame times are rounded (`stream.recognizer.sliding_window`).
+#: Seconds within which two spans are as long: frame times are rounded (`stream.recognizer.windows.sliding_window`).
 _TIE = 1e-6
 #: Rows kept to average over.
 _MAX_ROWS = 64

@@ -10,12 +10,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from kinespace.stream.recognizer.rolling import RollingCovariance, RollingMoments
-from kinespace.stream.recognizer.sliding_window import SlidingWindow
+from kinespace.stream.recognizer.windows.rolling import RollingCovariance, RollingMoments
+from kinespace.stream.recognizer.windows.sliding_window import SlidingWindow
 
 if TYPE_CHECKING:
     from kinespace.library.windows.parts import Moments
-    from kinespace.stream.recognizer.rolling import Rolling
+    from kinespace.stream.recognizer.windows.rolling import Rolling
 
 #: Everything holds of the compiled loops and of numpy.
 pytestmark = pytest.mark.usefixtures("arithmetic")

@@ -30,7 +30,9 @@ class BackgroundOpener(Generic[_Prepared]):
         How many prepared libraries are kept.
     """
 
-    def __init__(self, prepare: Callable[[MotionLibrary, tuple[str, ...]], _Prepared], most: int = MAX_RESTRICTED) -> None:
+    def __init__(
+        self, prepare: Callable[[MotionLibrary, tuple[str, ...]], _Prepared], most: int = MAX_RESTRICTED
+    ) -> None:
         self._prepare, self._most = prepare, most
         #: In the place of a library that cannot be prepared stands the reason.
         self._prepared: OrderedDict[tuple[MotionLibrary, tuple[str, ...]], _Prepared | str] = OrderedDict()

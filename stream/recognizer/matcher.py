@@ -15,9 +15,9 @@ from kinespace.library.windows.paper import opened_by_paper
 from kinespace.library.windows.rejection import Evidence
 from kinespace.stream.recognition import Outcome
 from kinespace.stream.recognizer.hysteresis import Hysteresis, Judgement
-from kinespace.stream.recognizer.windows.live_windows import LiveWindows, PaperWindow
 from kinespace.stream.recognizer.progress import ProgressFollower
 from kinespace.stream.recognizer.settings import SENSITIVITY_LEARNED, SENSITIVITY_OWN
+from kinespace.stream.recognizer.windows.live_windows import LiveWindows, PaperWindow
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

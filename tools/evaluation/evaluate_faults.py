@@ -28,8 +28,8 @@ from kinespace.tools.cli.arguments import (
     settings_of,
 )
 from kinespace.tools.evaluation.faults import FAULTS, Feed
-from kinespace.tools.evaluation.protocols import Protocol, folds_of
-from kinespace.tools.evaluation.stream_tables import percent
+from kinespace.tools.evaluation.scoring.protocols import Protocol, folds_of
+from kinespace.tools.evaluation.scoring.stream_tables import percent
 from kinespace.tools.evaluation.takes import Sources, Take, read_takes
 from kinespace.tools.terminal.console import console, progress
 from kinespace.tools.terminal.tables import narrow_table
@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from kinespace.stream.recognition import Recognition
-    from kinespace.tools.evaluation.protocols import Fold
+    from kinespace.tools.evaluation.scoring.protocols import Fold
 
 #: Seconds that an answer's segment must have lasted for the answer to count.
 _INSIDE = 1.0

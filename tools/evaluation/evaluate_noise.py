@@ -24,8 +24,8 @@ from kinespace.tools.cli.arguments import (
     reading_of,
     settings_of,
 )
-from kinespace.tools.evaluation.bootstrap import Interval, Ratio
-from kinespace.tools.evaluation.stream_tables import interval, percent
+from kinespace.tools.evaluation.scoring.bootstrap import Interval, Ratio
+from kinespace.tools.evaluation.scoring.stream_tables import interval, percent
 from kinespace.tools.feeding.joint_sets import joints_of
 from kinespace.tools.terminal.console import console, progress
 from kinespace.tools.terminal.named_joints import read_and_tell

@@ -29,8 +29,8 @@ from kinespace.library.retrieval.experiment import (
     turned,
 )
 from kinespace.tools.cli.arguments import add_actor_in, add_reading, reading_of
-from kinespace.tools.evaluation.bootstrap import Ratio
-from kinespace.tools.evaluation.stream_tables import interval, percent
+from kinespace.tools.evaluation.scoring.bootstrap import Ratio
+from kinespace.tools.evaluation.scoring.stream_tables import interval, percent
 from kinespace.tools.feeding.joint_sets import joints_of
 from kinespace.tools.terminal.console import console, progress
 from kinespace.tools.terminal.named_joints import read_and_tell
@@ -44,7 +44,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from kinespace.library import Reading
-    from kinespace.tools.evaluation.bootstrap import Interval
+    from kinespace.tools.evaluation.scoring.bootstrap import Interval
 
 #: Characters that the figures beside the names of sets of joints need.
 _BESIDE_SKELETONS = 50

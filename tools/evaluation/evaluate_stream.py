@@ -28,11 +28,11 @@ from kinespace.tools.cli.arguments import (
     reading_of,
     settings_of,
 )
-from kinespace.tools.evaluation.protocols import Fold, Protocol, folds_of
-from kinespace.tools.evaluation.stream_score import LOWER_IS_BETTER, StreamScore, score_courses
-from kinespace.tools.evaluation.stream_tables import print_persons, print_score
+from kinespace.tools.evaluation.scoring.protocols import Fold, Protocol, folds_of
+from kinespace.tools.evaluation.scoring.stream_score import LOWER_IS_BETTER, StreamScore, score_courses
+from kinespace.tools.evaluation.scoring.stream_tables import print_persons, print_score
+from kinespace.tools.evaluation.scoring.timeline import Course, confusion, course_of
 from kinespace.tools.evaluation.takes import Sources, Take, read_takes, takes_of
-from kinespace.tools.evaluation.timeline import Course, confusion, course_of
 from kinespace.tools.feeding.joint_sets import joints_of
 from kinespace.tools.terminal.console import progress
 

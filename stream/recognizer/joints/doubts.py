@@ -16,9 +16,9 @@ import numpy as np
 
 from kinespace.library.motion_library import MIN_JOINTS
 from kinespace.stream.recognition import Outcome
-from kinespace.stream.recognizer.matcher import WindowMatcher
 from kinespace.stream.recognizer.joints.fewer_joints import opened_restricted
 from kinespace.stream.recognizer.joints.plausibility import Change, Jump, Plausibility, Step, expected_body
+from kinespace.stream.recognizer.matcher import WindowMatcher
 from kinespace.stream.recognizer.windows.sliding_window import MAX_PENDING
 
 if TYPE_CHECKING:

@@ -48,7 +48,7 @@ if TYPE_CHECKING:
     from kinespace.tools.feeding.feed import Cue, FrameSender
     from kinespace.tools.loopback.answer_listener import Heard
 
-#: Seconds without an answer after which the last one has come, and seconds after the last frame that none is waited for.
+#: Seconds without an answer after which the last one has come, and the most seconds waited after the last frame.
 _LINGER, _MAX_LINGER = 0.3, 3.0
 #: Seconds ZeroMQ peers get to meet before the first frame; what is sent before is lost to whoever is not there yet.
 _MEETING = 0.5

@@ -32,7 +32,7 @@ MIN_SECONDS = 0.4
 WINDOW = 0.2
 _MEASURED_AT = 30.0
 #: Seconds without a frame after which the meter begins anew.
-_LONGEST_PAUSE = 0.5
+_MAX_PAUSE = 0.5
 #: The variance of second differences of white noise, over the noise's.
 _SECOND_DIFFERENCE = 6.0
 #: Seconds within which two spans are as long: frame times are rounded.
@@ -74,7 +74,7 @@ class MovementMeter:
         """
         if time < self._due - _TIE:
             return None
-        if self._rows and time - self._rows[-1][0] > _LONGEST_PAUSE:
+        if self._rows and time - self._rows[-1][0] > _MAX_PAUSE:
             self._rows.clear()
         self._due = time + 1 / _MEASURED_AT if time - self._due > 1 / _MEASURED_AT else self._due + 1 / _MEASURED_AT
         self._rows.append((time, distance_rows(positions, self._skeleton)))

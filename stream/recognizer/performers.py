@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 
 #: How many times as many performers' joint names are remembered as there may be performers.
-_REMEMBERED = 4
+_MAX_REMEMBERED = 4
 #: Sets of joints that the library is restricted to at most: each has windows of its own, which take room and time.
 _MAX_SETS = 3
 #: A performer that was not answered for so many seconds makes room for one that sent so many frames in them: an answer
@@ -234,7 +234,7 @@ class Performers:
             return
         if self._announced.get(announcement.performer) == announcement and performer.joints == announcement.joints:
             return
-        if announcement.performer not in self._announced and len(self._announced) >= _REMEMBERED * self.most:
+        if announcement.performer not in self._announced and len(self._announced) >= _MAX_REMEMBERED * self.most:
             del self._announced[next(iter(self._announced))]
         self._announced[announcement.performer] = announcement
         self._learn_joints(performer, announcement)
@@ -363,7 +363,7 @@ class Performers:
 
     def _tell_refused(self, name: str, performer: _Performer) -> None:
         """Note why a performer's frames are refused."""
-        if len(self._refused) >= _REMEMBERED * self.most:
+        if len(self._refused) >= _MAX_REMEMBERED * self.most:
             del self._refused[next(iter(self._refused))]
         size, named = performer.refused_size, len(performer.joints)
         if name not in self._announced:
@@ -387,7 +387,7 @@ class Performers:
         silent = [name for name, performer in self._performers.items() if now - performer.heard > self.silence]
         for name in silent:
             self._retire(self._performers.pop(name).recognizer)
-            self._gone = [*self._gone[-_REMEMBERED * self.most :], name]
+            self._gone = [*self._gone[-_MAX_REMEMBERED * self.most :], name]
             self._counts.dropped += 1
         ended, self._ended = self._ended, []
         return ended
@@ -407,7 +407,7 @@ class Performers:
         since, frames = self._waiting.get(name, (arrival, 0))
         if arrival - since > _STEADY_SECONDS:
             since, frames = arrival, 0
-        if name not in self._waiting and len(self._waiting) >= _REMEMBERED * self.most:
+        if name not in self._waiting and len(self._waiting) >= _MAX_REMEMBERED * self.most:
             del self._waiting[next(iter(self._waiting))]
         self._waiting[name] = since, frames + 1
         if frames + 1 < _STEADY_FRAMES:

@@ -129,6 +129,22 @@ def add_json(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--json", action="store_true", help="print one JSON object and nothing else")
 
 
+def add_clips(parser: argparse.ArgumentParser, usual: str) -> None:
+    """Add the arguments for clips; `usual` says which clips are taken when none are given."""
+    parser.add_argument(
+        "folder", nargs="*", type=Path, metavar="FOLDER", help=f"clips, or folders of them (default: {usual})"
+    )
+    add_reading(parser)
+    add_actor_in(parser)
+
+
+def add_map(parser: argparse.ArgumentParser) -> None:
+    """Add the option for labels that the library calls otherwise."""
+    parser.add_argument(
+        "--map", nargs="+", action="extend", type=mapping, default=[], metavar="LABEL=CLASS", help="rename labels"
+    )
+
+
 def add_overwrite(parser: argparse.ArgumentParser) -> None:
     """Add `--overwrite`."""
     parser.add_argument("--overwrite", action="store_true", help="write over an existing file (default: refuse)")

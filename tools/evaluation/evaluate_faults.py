@@ -18,11 +18,11 @@ from kinespace.tools.cli.arguments import (
     add_actor_in,
     add_json,
     add_library,
+    add_map,
     add_reading,
     add_settings,
     add_subjects,
     add_takes,
-    mapping,
     positive,
     reading_of,
     settings_of,
@@ -113,9 +113,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--protocol", choices=[str(protocol) for protocol in Protocol], default=str(Protocol.LIBRARY), help="as stream"
     )
-    parser.add_argument(
-        "--map", nargs="+", action="extend", type=mapping, default=[], metavar="LABEL=CLASS", help="rename labels"
-    )
+    add_map(parser)
     parser.add_argument(
         "--fault", nargs="+", action="extend", choices=list(FAULTS), default=[], help="only these (default: all)"
     )

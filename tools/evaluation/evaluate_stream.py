@@ -20,11 +20,11 @@ from kinespace.tools.cli.arguments import (
     add_json,
     add_labels,
     add_library,
+    add_map,
     add_reading,
     add_settings,
     add_subjects,
     add_takes,
-    mapping,
     reading_of,
     settings_of,
 )
@@ -110,9 +110,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "with what is cut from one person's, for each person in turn",
     )
     add_subjects(parser)
-    parser.add_argument(
-        "--map", nargs="+", action="extend", type=mapping, default=[], metavar="LABEL=CLASS", help="rename labels"
-    )
+    add_map(parser)
     parser.add_argument("--skeleton", metavar="NAME", help="with the joints of this product alone, like kinectv2")
     add_settings(parser)
     parser.add_argument(

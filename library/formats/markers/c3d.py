@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 _NO_PLACES = ("ANGLES", "FORCES", "MOMENTS", "POWERS", "SCALARS", "REACTIONS")
 _BLOCK = 512
 _INTEL = 84
-_MOST_POINTS = 10_000
+_MAX_POINTS = 10_000
 #: Parameters by which the reader counts, however large a number below 0 is when it is taken for one above.
 _COUNTS = (b"USED", b"RATIO")
 _HEADER = struct.Struct("<BBHHHHHfHHf")
@@ -58,7 +58,7 @@ def _require_whole(path: Path) -> None:
     _require_sound_parameters(path, (parameters - 1) * _BLOCK)
     number = 4 if scale < 0 else 2
     frames = last - first + 1
-    if data < 2 or points > _MOST_POINTS or (analog and not samples):
+    if data < 2 or points > _MAX_POINTS or (analog and not samples):
         raise C3dError(f"{path}: byte 2: a header that makes no sense ({points} points, {analog} analog values)")
     wanted = (data - 1) * _BLOCK + frames * (4 * points + analog) * number
     # Of more than 65 535 frames the header does not tell how many.

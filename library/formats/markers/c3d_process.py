@@ -20,9 +20,9 @@ from kinespace.library.formats.markers import c3d_child
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-#: Seconds a file may take, and bytes a second: a fortieth of what it does on an ordinary machine.
-_PATIENCE, _SLOWEST = 20.0, 400_000
-#: Bytes it may take, and how many times the file's size: five times what it does.
+#: A file may take so many seconds, and a second more for each so many bytes.
+_PATIENCE, _MIN_RATE = 20.0, 400_000
+#: Bytes of memory that a file may take: so many, and so many times its size.
 _MEMORY, _MEMORY_TIMES = 512 << 20, 64
 
 
@@ -85,7 +85,7 @@ class C3dProcess:
         if asked is None or answered is None:
             raise AssertionError("a process started with pipes has them")
         request = {"path": str(path.absolute()), "memory": min(_MEMORY + _MEMORY_TIMES * size, memory.limit())}
-        patience = _PATIENCE + size / _SLOWEST
+        patience = _PATIENCE + size / _MIN_RATE
         given_up = threading.Event()
 
         def give_up() -> None:

@@ -40,7 +40,7 @@ JUMPING = 2.0
 #: Seconds for which a jump is told.
 _TOLD = 5.0
 #: Share of the joints that must be left for anything to be named.
-_LEAST_LEFT = 0.5
+_MIN_LEFT = 0.5
 #: A lost joint's zeros are no place when it was farther from the origin: metres.
 _ELSEWHERE = 0.05
 #: Seconds between two sets of joints that are asked for: a body that falls apart is not opened for at every step.
@@ -269,7 +269,7 @@ class Doubts:
     @property
     def _too_few(self) -> bool:
         count = len(self._library.skeleton.joints)
-        return count - len(self._wanted) < max(MIN_JOINTS, _LEAST_LEFT * count)
+        return count - len(self._wanted) < max(MIN_JOINTS, _MIN_LEFT * count)
 
     def push(self, times: Sequence[float], rows: NDArray[np.float64]) -> None:
         """Take in the distance rows (frames, pairs) of the hop, of all joints."""

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 #: Frames per second up to which a window holds all its seconds. A faster feed shortens the window.
-FASTEST_FEED = 500.0
+MAX_FEED_RATE = 500.0
 #: A process that forks and its child have windows of their own; where no process forks the word means something else.
 _PRIVATE = mmap.ACCESS_COPY if hasattr(os, "fork") else mmap.ACCESS_DEFAULT
 #: Rows that may enter before the changes must be taken.
@@ -95,7 +95,7 @@ class SlidingWindow:
         Seconds, width or fastest is not positive, or seconds not finite.
     """
 
-    def __init__(self, seconds: float, width: int, fastest: float = FASTEST_FEED) -> None:
+    def __init__(self, seconds: float, width: int, fastest: float = MAX_FEED_RATE) -> None:
         if not (math.isfinite(seconds) and seconds > 0):
             raise ValueError(f"seconds: expected a positive number, got {seconds}")
         if width < 1 or fastest <= 0:
@@ -229,7 +229,7 @@ class ShorterWindow:
         Frames per second up to which it keeps its length.
     """
 
-    def __init__(self, window: SlidingWindow, seconds: float, fastest: float = FASTEST_FEED) -> None:
+    def __init__(self, window: SlidingWindow, seconds: float, fastest: float = MAX_FEED_RATE) -> None:
         self._window, self.seconds = window, seconds
         self._rows, self._times = window.memory
         self._most = max(2, math.ceil(seconds * fastest))

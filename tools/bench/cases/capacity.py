@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from kinespace.tools.loopback.service_process import Transport
 
 #: p99 within which a performer's answer must be there: one frame at 120 Hz.
-LONGEST_P99 = 1 / 120
+MAX_P99 = 1 / 120
 #: Share by which a sender may take longer than it should before it is what is measured.
 _BEHIND = 0.02
 #: Seconds in which ZeroMQ peers meet.
@@ -100,7 +100,7 @@ class Crowd:
     @property
     def held(self) -> bool:
         """Whether nothing was lost and 99 % of the answers came within a frame's time."""
-        in_time = bool(self.seconds.size) and self.percentile(99) <= LONGEST_P99 * 1000
+        in_time = bool(self.seconds.size) and self.percentile(99) <= MAX_P99 * 1000
         return in_time and not self.lost and self.behind <= _BEHIND
 
 

@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from written import trc_text, write_c3d
 
 from kinespace.library.formats.errors import RecordingError
-from kinespace.library.formats.gap_filling import LONGEST_GAP, with_missing_joints
+from kinespace.library.formats.gap_filling import MAX_GAP, with_missing_joints
 from kinespace.library.formats.joint_choice import chosen, short_names
 from kinespace.library.formats.markers import c3d, trc
 from kinespace.library.formats.markers.c3d import C3dError
@@ -105,7 +105,7 @@ def test_a_longer_gap_is_refused_unless_its_marker_is_not_asked_for(
 ) -> None:
     """A marker gone for longer than the bound is named with when and how long; without it the file can be read."""
     positions = walk()
-    longest = int(LONGEST_GAP * RATE)
+    longest = int(MAX_GAP * RATE)
     positions[7 : 7 + longest, 1] = np.nan
     path = write(tmp_path / f"walk.{ending}", positions)
     assert read(path).filled == longest
@@ -325,7 +325,7 @@ def test_a_c3d_that_is_never_done_is_given_up(
     assert process.process_id is not None
     os.kill(process.process_id, signal.SIGSTOP)
     monkeypatch.setattr("kinespace.library.formats.markers.c3d_process._PATIENCE", 0.2)
-    monkeypatch.setattr("kinespace.library.formats.markers.c3d_process._SLOWEST", 1e12)
+    monkeypatch.setattr("kinespace.library.formats.markers.c3d_process._MIN_RATE", 1e12)
     with pytest.raises(C3dError, match="the reader did not end within 0 s on it"):
         c3d.read_clip(path, process=process)
     monkeypatch.undo()

@@ -13,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from naive_stream import NaiveWindow
 
-from kinespace.stream.recognizer.windows.sliding_window import FASTEST_FEED, MAX_PENDING, SlidingWindow
+from kinespace.stream.recognizer.windows.sliding_window import MAX_FEED_RATE, MAX_PENDING, SlidingWindow
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -175,8 +175,8 @@ def test_a_gap_longer_than_the_window_leaves_the_newest_row() -> None:
 def test_a_feed_too_fast_shortens_the_window() -> None:
     """Above the fastest feed foreseen the window keeps the newest rows that it has room for."""
     window = SlidingWindow(1.0, 2)
-    _push(window, np.arange(3000) / (4 * FASTEST_FEED))
-    assert len(window) == FASTEST_FEED
+    _push(window, np.arange(3000) / (4 * MAX_FEED_RATE))
+    assert len(window) == MAX_FEED_RATE
     assert window.times[-1] - window.times[0] == pytest.approx(0.25, rel=0.01)
     assert window.full
 

@@ -57,6 +57,16 @@ def add_inputs(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--zmq-in", metavar="ENDPOINT", help="subscribe to ZeroMQ, like tcp://127.0.0.1:9320")
 
 
+def add_keys(parser: argparse.ArgumentParser) -> None:
+    """Add the option for the keys of ZeroMQ endpoints."""
+    parser.add_argument(
+        "--keys",
+        type=Path,
+        metavar="DIR",
+        help="ZeroMQ with keys, made by kinespace keys: let in those alone whose .key is there",
+    )
+
+
 def add_sender(parser: argparse.ArgumentParser) -> None:
     """Add the option for the host that is asked for frames."""
     parser.add_argument(

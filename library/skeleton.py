@@ -1,4 +1,4 @@
-"""The skeleton: which joints a posture has, and which pairs of them are measured."""
+"""The skeleton: the joints of a posture, and the pairs of joints that are measured."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 class SkeletonMismatchError(ValueError):
-    """Two skeletons that should describe the same body do not."""
+    """Two skeletons that should describe the same body differ."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,7 +103,7 @@ class Skeleton:
         Parameters
         ----------
         joints
-            The other list, in any order; joints that this skeleton has not are skipped.
+            The other list, in any order; joints that this skeleton lacks are ignored.
 
         Returns
         -------
@@ -129,7 +129,8 @@ class Skeleton:
         Raises
         ------
         SkeletonMismatchError
-            Joints, their order or the measured pairs differ. Parents are not compared: they do not enter a distance.
+            Joints, their order or the measured pairs differ. Parents are not compared, because distances do not depend
+            on them.
         """
         if self.joints != other.joints or not np.array_equal(self.pairs, other.pairs):
             raise SkeletonMismatchError(

@@ -240,7 +240,7 @@ def test_chosen_joints_hang_on_the_nearest_chosen_above(tmp_path: Path) -> None:
     assert clip.skeleton.joints == ("hip", "lower", "lower_end")
     assert clip.skeleton.parents == (-1, 0, 1)
     np.testing.assert_array_equal(clip.positions, read_clip(path).positions[:, [0, 2, 3]])
-    with pytest.raises(BvhError, match=re.escape(f"{path}: nothing in it is called 'nose'; there are hip, upper")):
+    with pytest.raises(BvhError, match=re.escape(f"{path}: no joint is called 'nose'; there are hip, upper")):
         read_clip(path, joints=("nose",))
 
 

@@ -124,7 +124,7 @@ def test_a_broken_take_is_refused(lines: list[str], message: str, tmp_path: Path
 
 def test_joints_that_are_not_there_are_refused(tmp_path: Path) -> None:
     """Asking for a joint that Kinect 1 does not track names it."""
-    with pytest.raises(UTKinectError, match="nothing in it is called 'lthumb'"):
+    with pytest.raises(UTKinectError, match="no joint is called 'lthumb'"):
         utkinect.read_clip(_take(tmp_path), joints=("lthumb",))
 
 

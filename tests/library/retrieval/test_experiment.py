@@ -15,7 +15,6 @@ from hypothesis import strategies as st
 from synthetic import stick_clip
 
 from kinespace.library import MotionLibrary
-from kinespace.library.clip import Clip
 from kinespace.library.distances import distance_rows
 from kinespace.library.retrieval.experiment import (
     SPLIT_LIBRARY_ACTORS,
@@ -35,6 +34,8 @@ from kinespace.library.retrieval.experiment import (
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
+
+    from kinespace.library.clip import Clip
 
 #: 1-NN, measured independently on 287 of the 288 clips.
 NEAREST = {
@@ -141,14 +142,6 @@ def test_two_nearest_figures_are_the_reference(recorded_axes: Axes, hdm05_clips:
     for space, two_nearest in TWO_NEAREST.items():
         found = retrieve(compare(recorded_axes[space]), labels, Protocol.LEAVE_ONE_OUT)
         assert found.two_nearest == pytest.approx(two_nearest, abs=ONE_POINT), space
-
-
-def test_rigid_segments_carry_nothing(motions: tuple[Clip, ...], axes: Axes, labels: Labels) -> None:
-    """With 465 pairs and with 435 every figure is the same: the 30 rigid segments carry nothing."""
-    body = motions[0].skeleton.without_segments()
-    without = motion_axes([Clip(body, clip.positions, clip.frame_rate) for clip in motions], Space.DISTANCES)
-    assert (without.shape[1], axes[Space.DISTANCES].shape[1]) == (435, 465)
-    assert _figures(without, labels) == _figures(axes[Space.DISTANCES], labels)
 
 
 def test_turning_every_clip_leaves_distances_alone(turned_motions: list[Clip], axes: Axes, labels: Labels) -> None:

@@ -134,7 +134,7 @@ def test_a_performers_prefix_is_left_out_and_two_are_refused(
     assert read(path).skeleton.joints == LABELS
     both = np.concatenate([walk(), walk() + 500], axis=1)
     write(path, both, tuple(f"{who}:{label}" for who in ("ann", "bob") for label in LABELS))
-    with pytest.raises(RecordingError, match=r"several performers are in it \(ann, bob\)"):
+    with pytest.raises(RecordingError, match=r"the file has several performers \(ann, bob\)"):
         read(path)
     clip = read(path, joints=("bob:*",))
     assert clip.skeleton.joints == LABELS
@@ -209,13 +209,13 @@ GOOD = trc_text(LABELS, walk(3))
         ("\tmm\t", "\tparsec\t", ":3: expected Units like mm or m, got 'parsec'"),
         ("100.0\t100.0", "0\t100.0", ":3: expected a positive DataRate, got '0'"),
         ("\t3\t3\t", "\t3\t4\t", ":4: expected 4 names of markers, got 3"),
-        ("\t3\t3\t", "\tx\t3\t", ":3: expected a number of them as NumFrames, got 'x'"),
+        ("\t3\t3\t", "\tx\t3\t", ":3: expected a number as NumFrames, got 'x'"),
         ("\t3\t3\t", "\t4\t3\t", ":9: the file ends after 3 of 4 frames"),
         ("\t3\t3\t", "\t2\t3\t", ":9: the file ends after 3 of 2 frames"),
         ("X1\t", "Q1\t", ":5: expected X1 Y1 Z1"),
         ("\n2\t", "\n2\tone\t", ":8: expected 11 fields, got 12"),
         ("\n2\t0.02\t", "\n2\t0.02\tone", ":8: expected numbers, got 'one"),
-        ("knee", "hip", ": 'hip' stands in it twice"),
+        ("knee", "hip", ": the file has 'hip' twice"),
     ],
 )
 def test_a_trc_that_makes_no_sense_is_refused(tmp_path: Path, old: str, new: str, message: str) -> None:
@@ -399,7 +399,7 @@ def test_names_are_chosen_by_pattern_in_the_files_order() -> None:
     assert chosen(labels, ()) == [0, 1, 2, 3]
     assert chosen(labels, ("toe", "hip")) == [0, 2, 3]
     assert chosen(labels, ("a:*", "t?e")) == [0, 1, 3]
-    with pytest.raises(ValueError, match="nothing in it is called 'nose'"):
+    with pytest.raises(ValueError, match="no joint is called 'nose'"):
         chosen(labels, ("hip", "nose"))
     assert short_names(labels[1:]) == ("knee", "hip", "toe")
 

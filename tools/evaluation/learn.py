@@ -146,6 +146,8 @@ def learn(source: Path, output: Path, sources: Sources, *, reading: Reading, ove
     require_place_for(output, overwrite=overwrite)
     library = MotionLibrary.load(source)
     takes = read_takes(sources, reading)
+    if all(take.labels for take in takes):
+        raise ValueError("takes: expected some in which nothing known happens, got none")
     own = _own_courses(library)
     index = _index(library)
     courses = [_Course(take, _windows(index, take.clip)) for take in progress(takes, "Strangers", len(takes))]
@@ -230,8 +232,6 @@ def _own_lessons(own: Sequence[_Own]) -> list[Lesson]:
 def _lessons(courses: Sequence[_Course]) -> list[Lesson]:
     """Take strangers' takes as unknown and as known; each class that they perform counts alike."""
     unknown = [window for each in courses if each.is_unknown for window in each.windows]
-    if not unknown:
-        raise ValueError("takes: expected some in which nothing known happens, got none")
     known = defaultdict[str, Evidenced](list)
     for window in (window for each in courses for window in each.known()):
         known[window[1]].append(window)

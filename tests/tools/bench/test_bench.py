@@ -43,7 +43,7 @@ EFFORT = run.Effort(
 
 @pytest.mark.parametrize("parts", [("soak", "stages"), ("sockets",), ("growth", "peers"), run.PARTS])
 def test_parts_are_measured_as_asked(parts: tuple[run.Part, ...], monkeypatch: pytest.MonkeyPatch) -> None:
-    """Each part asked for, and no other, is measured once, in order, with the effort and the signature asked for."""
+    """Each part asked for, and no other, is measured once, in the usual order, with the effort asked for."""
     asked = dict[str, dict[str, object]]()
     modules = {"stages": stages, "peers": peers, "growth": scaling, "sockets": sockets, "soak": soak}
     for name, module in modules.items():

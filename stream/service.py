@@ -283,5 +283,6 @@ class Service:
             doubted=self.performers.doubted,
             compared=self.performers.compared,
             admission=replace(self._admission.counts),
+            clocks={name: told for name, told in self._admission.clocks.items() if name in self.performers.names},
             notes=(*notes, *self._admission.notes(self._clock())),
         )

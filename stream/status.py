@@ -76,6 +76,8 @@ class Status:
         Performers of whom some joints cannot be believed, and what was noticed.
     compared
         Performers whose joints are not simply the library's: whose names they are, and how many are compared.
+    clocks
+        Performers whose senders' times are no seconds, and what they are read as.
     notes
         What a person should know now, a line each: trouble with a recording, the last reason why packets were refused.
     """
@@ -90,6 +92,7 @@ class Status:
     admission: AdmissionCounts = field(default_factory=AdmissionCounts)
     doubted: dict[str, str] = field(default_factory=dict)
     compared: dict[str, str] = field(default_factory=dict)
+    clocks: dict[str, str] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
     stale: int = 0
 

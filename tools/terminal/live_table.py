@@ -44,10 +44,9 @@ class PlainLines(Sink):
 
     def __init__(self) -> None:
         self._labels: dict[str, str] = {}
-        self._refused: dict[str, str] = {}
         self._notes: set[str] = set()
-        self._doubted: dict[str, str] = {}
-        self._compared: dict[str, str] = {}
+        #: What was said of performers at the last status.
+        self._said: list[str] = []
 
     def publish(self, recognition: Recognition) -> None:
         """Print the recognition if it says something new."""
@@ -68,17 +67,11 @@ class PlainLines(Sink):
     def publish_status(self, status: Status) -> None:
         """Forget performers that have left, so that their return is printed again."""
         self._labels = {name: label for name, label in self._labels.items() if name in status.performers}
-        for name, why in status.refused.items():
-            if self._refused.get(name) != why:
-                console.print(refused_frames(name, why), soft_wrap=True)
-        for name, what in status.doubted.items():
-            if self._doubted.get(name) != what:
-                console.print(doubted_joints(name, what), soft_wrap=True)
-        self._doubted = status.doubted
-        for name, what in status.compared.items():
-            if self._compared.get(name) != what:
-                console.print(compared_joints(name, what), soft_wrap=True)
-        self._refused, self._compared = status.refused, status.compared
+        said = said_of(status)
+        for line in said:
+            if line not in self._said:
+                console.print(line, soft_wrap=True)
+        self._said = said
         for note in status.notes:
             # A sender may find a new mistake each second: one line of each kind is enough while it runs.
             kind = note.partition(":")[0]
@@ -164,22 +157,17 @@ class LiveTable(Sink):
         status = self._status
         if status is None:
             return f"{len(self._classes)} classes"
-        told = "".join(f"\n{compared_joints(name, what)}" for name, what in status.compared.items())
-        told += "".join(f"\n{refused_frames(name, why)}" for name, why in status.refused.items())
-        told += "".join(f"\n{doubted_joints(name, what)}" for name, what in status.doubted.items())
+        told = "".join(f"\n{line}" for line in said_of(status))
         told += "".join(f"\n{printable(note)}" for note in status.notes)
         told += "".join(f"\n{line}" for line in (*self._taught, *([self.hint] if self.hint else ())))
         return f"{len(self._classes)} classes · {counts(status)}{told}"
 
 
-def doubted_joints(performer: str, what: str) -> str:
-    """Say which of a performer's joints cannot be believed."""
-    return f"performer {printable(performer)}: {what}"
-
-
-def compared_joints(performer: str, what: str) -> str:
-    """Say by which joints a performer is compared."""
-    return f"performer {printable(performer)}: {what}"
+def said_of(status: Status) -> list[str]:
+    """Say what was noticed of performers' joints and clocks, and why frames are refused, a line each."""
+    noticed = (*status.compared.items(), *status.clocks.items(), *status.doubted.items())
+    told = [f"performer {printable(name)}: {what}" for name, what in noticed]
+    return [*told, *(refused_frames(name, why) for name, why in status.refused.items())]
 
 
 def refused_frames(performer: str, why: str) -> str:

@@ -61,21 +61,26 @@ _NUMBERS = "times are frame numbers: scaled"
 class SenderClock:
     """Reads one sender's times.
 
+    Parameters
+    ----------
+    verdict
+        What the times are, where that was seen before; else they are seconds until something else is seen.
+
     Attributes
     ----------
     verdict
-        What the times are taken to be now: seconds, until something else is seen.
+        What the times are taken to be now.
     """
 
-    def __init__(self) -> None:
-        self.verdict = SECONDS
+    def __init__(self, verdict: Verdict | None = None) -> None:
+        self.verdict = verdict or SECONDS
         self._time: float | None = None
         self._arrival = 0.0
         self._steps: list[float] = []
         self._gaps: list[float] = []
         #: The verdict before, as long as it is not believed.
         self._perhaps: Verdict | None = None
-        self._has_judged = False
+        self._has_judged = verdict is not None
         #: A time of the sender's, and the seconds that it was read as.
         self._origin = 0.0, 0.0
         #: The time and the arrival from which on the rate of frame numbers is measured.

@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from kinespace.library import Clip, Reading
     from kinespace.library.skeleton import Skeleton
     from kinespace.stream.feeds import Preset
+    from kinespace.tools.feeding.raw_takes import Seen
 
 #: A frame's time in seconds and its positions, (joints, 3), metres.
 _Posture = tuple[float, "NDArray[np.floating]"]
@@ -150,22 +151,24 @@ def _of_raw(recording: RawFile, performer: str | None, preset: Preset | None) ->
     if chosen not in performing:
         raise ValueError(f"{recording.path}: no frame{f' of {chosen!r}' if chosen else ''} in it")
     skeleton = seen[chosen].skeleton()
-    frames = sum(1 for _ in _postures(recording, preset, chosen, skeleton))
+    frames = sum(1 for _ in _postures(recording, preset, chosen, seen[chosen]))
     if not frames:
         raise ValueError(f"{recording.path}: no frame of {chosen!r} has the {len(skeleton.joints)} announced joints")
-    motion = _Motion(skeleton, chosen, frames, _postures(recording, preset, chosen, skeleton))
+    motion = _Motion(skeleton, chosen, frames, _postures(recording, preset, chosen, seen[chosen]))
     return motion, seen[chosen].frames - frames
 
 
-def _postures(recording: RawFile, preset: Preset | None, performer: str, skeleton: Skeleton) -> Iterator[_Posture]:
-    order = JointOrder(skeleton)
-    for event in events_of(recording, preset):
+def _postures(recording: RawFile, preset: Preset | None, performer: str, seen: Seen) -> Iterator[_Posture]:
+    order, clock = JointOrder(seen.skeleton()), seen.times()
+    for arrival, event in events_of(recording, preset):
         if event.performer != performer:
             continue
         if isinstance(event, Announcement):
             order.announce(event)
-        elif (positions := order.ordered(event)) is not None:
-            yield event.time, positions
+            continue
+        seconds = clock.read(event.time, arrival)
+        if (positions := order.ordered(event)) is not None:
+            yield seconds, positions
 
 
 def _write_csv(output: Path, motion: _Motion) -> int:

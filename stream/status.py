@@ -29,7 +29,7 @@ class InputCounts:
     overrun: int = 0
     #: Frames whose sequence numbers were skipped.
     missing: int = 0
-    #: Frames refused because joints in them were absent for too long, or made no sense.
+    #: Frames refused because too many joints in them were absent for too long, or because they made no sense.
     incomplete: int = 0
     #: ZeroMQ connections that broke while the sender was there: a message above the size limit, or the network.
     broken: int = 0

@@ -259,7 +259,7 @@ def test_a_joint_that_never_came_is_not_made_up() -> None:
 
 
 def test_one_lost_joint_of_many_costs_no_frame() -> None:
-    """Of ten joints one or two may be absent for long, or never come: then they are NaN. Without three there is no frame."""
+    """Of ten joints two may be absent for long, or never come: then they are NaN. Without three there is no frame."""
     names = "abcdefghij"
     joints = "\n".join(f'{name} = "{ours}"' for name, ours in zip(names, hdm05.SKELETON.joints, strict=False))
     text = preset_text(["end"]).split("[joints]")[0] + f"[joints]\n{joints}\n"

@@ -48,8 +48,8 @@ if TYPE_CHECKING:
     from kinespace.tools.feeding.feed import Cue, FrameSender
     from kinespace.tools.loopback.answer_listener import Heard
 
-#: Seconds answers are waited for after the last frame.
-_LINGER = 0.3
+#: Seconds without an answer after which the last one has come, and the most seconds waited after the last frame.
+_LINGER, _MAX_LINGER = 0.3, 3.0
 #: Seconds ZeroMQ peers get to meet before the first frame; what is sent before is lost to whoever is not there yet.
 _MEETING = 0.5
 #: Characters that the figures beside classes' names need.
@@ -363,8 +363,10 @@ class _Replay:
             self._sender.send(packet)
             self._sent += 1
             self._performed = cue.class_name
-        if self._listener:
-            self._hear(self._listener.listen_until(time.perf_counter() + _LINGER))
+        end = time.perf_counter() + _MAX_LINGER
+        while self._listener and time.perf_counter() < end:
+            if not self._hear(self._listener.listen_until(time.perf_counter() + _LINGER)):
+                break
 
     def _wait(self, pace: Pace, due: float) -> None:
         if self._listener:
@@ -372,12 +374,15 @@ class _Replay:
         else:
             pace.wait_for(due)
 
-    def _hear(self, heard: Sequence[Heard]) -> None:
+    def _hear(self, heard: Sequence[Heard]) -> bool:
+        """Count what was heard; say whether an answer about our performer was among it."""
         self._heard += len(heard)
+        before = self._score.answers.total()
         for each in heard:
             answer = answer_in(each.packet)
             if answer and answer.performer in self._names:
                 self._score.add(self._performed, answer.label)
+        return self._score.answers.total() > before
 
     @property
     def answered(self) -> bool:

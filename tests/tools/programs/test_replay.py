@@ -18,6 +18,7 @@ from recorded import write_take, write_takes
 
 from kinespace.library import MotionLibrary, find_recordings, read_recordings
 from kinespace.library.recordings import RecordingReader
+from kinespace.library.windows.index import opened
 from kinespace.stream import Announcement, Frame, Performers, Recognizer, osc, zeromq
 from kinespace.stream.inputs import OscDecoder, Source, ZmqDecoder
 from kinespace.stream.outputs import LayoutSink, NativeLayout, ZmqSink
@@ -87,8 +88,8 @@ def frames_in(events: Iterable[Frame | Announcement]) -> list[Frame]:
 
 @contextmanager
 def recognising(library: MotionLibrary, source: object, sink: object) -> Iterator[Service]:
-    """Run a service in a thread of this process."""
-    performers = Performers(library)
+    """Run a service in a thread of this process, with a library that is open before the first frame comes."""
+    performers = Performers(opened(library))
     with Service(performers, [source], [sink]) as service:  # type: ignore[list-item]  # one of either transport
         thread = threading.Thread(target=service.run)
         thread.start()
@@ -340,7 +341,8 @@ def test_zmq_answers_are_counted(tmp_path: Path, capsys: pytest.CaptureFixture[s
     source, sink = Source(zeromq.ZmqReceiver(anywhere), ZmqDecoder()), ZmqSink(zeromq.ZmqSender(anywhere))
     arguments = (*takes, "--zmq", source.receiver.address, "--listen", sink.sender.address)
     with recognising(library, source, sink):
-        assert replay(*arguments, "--speed", "2") == 0
+        # Pauses of a second and a half, so that on a busy machine too an answer comes while its class is performed.
+        assert replay(*arguments, "--speed", "2", "--pause", "3") == 0
     printed = capsys.readouterr().out
     assert "360 frames sent, 0 the system would not take" in printed
     rows = [[cell.strip() for cell in line.split("│")[1:-1]] for line in printed.splitlines() if "│" in line]

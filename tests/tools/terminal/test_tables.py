@@ -13,7 +13,7 @@ from kinespace.library import MotionLibrary
 from kinespace.tools.cli.main import main
 from kinespace.tools.programs import replay
 from kinespace.tools.terminal.console import console
-from kinespace.tools.terminal.tables import add_names
+from kinespace.tools.terminal.tables import add_names, shortened
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -75,3 +75,9 @@ def test_other_columns_give_way_before_a_name_is_broken() -> None:
         found = [line.split("│")[1].strip() for line in drawn(table).splitlines() if line.startswith("│")]
         assert len(found) == lines
         assert "".join(found) == name
+
+
+@pytest.mark.parametrize(("width", "told"), [(5, "ab…hi"), (6, "ab…ghi"), (9, "abcdefghi"), (8, "abc…fghi"), (1, "…")])
+def test_names_are_shortened_in_their_middle(width: int, told: str) -> None:
+    """At most so many characters are left, the end among them; a name that fits stays as it is."""
+    assert shortened("abcdefghi", width) == told

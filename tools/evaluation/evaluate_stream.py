@@ -100,7 +100,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--clips", action="store_true", help="a recording without labels is one motion, of its folder")
     add_reading(parser)
     add_actor_in(parser)
-    add_labels(parser, "for each TAKE, in order (default: beside the take, ending in .csv)")
+    add_labels(parser, "for each TAKE, in order (default: beside the take, called like it)")
     add_library(parser)
     parser.add_argument(
         "--protocol",

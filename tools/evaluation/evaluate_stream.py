@@ -24,6 +24,7 @@ from kinespace.tools.cli.arguments import (
     add_settings,
     add_subjects,
     add_takes,
+    library_at,
     mapping,
     reading_of,
     settings_of,
@@ -256,7 +257,7 @@ def _course(take: Take, compared: MotionLibrary | WindowIndex, classes: Sequence
 
 
 def _library(path: Path | None, skeleton: str | None) -> MotionLibrary:
-    whole = MotionLibrary.load(path) if path else MotionLibrary.builtin()
+    whole = library_at(path)
     return whole.restricted_to(joints_of(skeleton)) if skeleton else whole
 
 

@@ -11,12 +11,14 @@ from kinespace.library import NOTHING, Clip, MotionLibrary, find_recordings, hdm
 from kinespace.library.formats.labels import LabelError, cut, labels_beside, oddities, read_labels
 from kinespace.library.recordings import RecordingReader, is_recording, labelled, performed
 from kinespace.tools.cli.arguments import (
+    BUILT_IN,
     add_actor_in,
     add_changes,
     add_labels,
     add_overwrite,
     add_reading,
     add_recorded_feed,
+    library_at,
     reading_of,
 )
 from kinespace.tools.terminal.console import console, progress
@@ -88,7 +90,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "recording's class is in its name (HDM05) or is its folder's name. A file of labels beside a take, called like "
         "it and ending in .csv, .tsv or .txt, cuts it into motions."
     )
-    parser.add_argument("sources", nargs="+", type=Path, metavar="SOURCE", help="folders, recordings or libraries")
+    parser.add_argument(
+        "sources", nargs="+", type=Path, metavar="SOURCE", help=f"folders, recordings, libraries, or {BUILT_IN}"
+    )
     parser.add_argument("-o", "--output", type=Path, required=True, metavar="FILE", help="the library to write")
     add_overwrite(parser)
     add_changes(parser)
@@ -149,12 +153,12 @@ def build(
     overwrite
         Whether a file that is there may be written over.
     """
-    files = [source for source in sources if source.suffix == ".npz" and not is_recording(source)]
+    files = [each for each in sources if each == BUILT_IN or (each.suffix == ".npz" and not is_recording(each))]
     places = [source for source in sources if source not in files]
     if labels and not places:
         raise ValueError("--labels: expected recordings to cut, got libraries only")
     require_place_for(output, overwrite=overwrite)
-    libraries = [MotionLibrary.load(file) for file in files]
+    libraries = [library_at(file) for file in files]
     read = _Recordings(reading, terms)
     clips = list(read.motions(places, labels)) if places else []
     if nothing:

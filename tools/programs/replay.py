@@ -24,7 +24,16 @@ from kinespace.stream.frame import Announcement
 from kinespace.stream.recording.kinerec import ENDING
 from kinespace.stream.zeromq import Endpoint
 from kinespace.tools.cli.address import host_and_port
-from kinespace.tools.cli.arguments import OSC_IN, add_json, add_reading, not_negative, positive, reading_of, share
+from kinespace.tools.cli.arguments import (
+    BUILT_IN,
+    OSC_IN,
+    add_json,
+    add_reading,
+    not_negative,
+    positive,
+    reading_of,
+    share,
+)
 from kinespace.tools.feeding.feed import (
     ANNOUNCE_EVERY,
     OscFrameSender,
@@ -169,7 +178,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=Path,
         metavar="CLIP|CLASS",
         help="recordings, folders of them, or classes of the built-in library, whose motions are played; or one "
-        ".kinerec (default: all motions of the built-in library)",
+        ".kinerec (default: built-in, all its motions)",
     )
     add_reading(parser)
     parser.add_argument("--osc", metavar="HOST:PORT", help=f"send OSC there (default {OSC_IN})")
@@ -283,9 +292,9 @@ def _to_play(places: Sequence[Path], reading: Reading) -> list[Path | Clip]:
 
 
 def _in_place(place: Path) -> Sequence[Path | Clip]:
-    """Give the motions of the built-in library's class of that name, where it is not the path of anything."""
+    """Give the motions of the built-in library, or of its class of that name, where it is not the path of anything."""
     motions = () if place.exists() else MotionLibrary.builtin().motions
-    return [each for each in motions if each.class_name == str(place)] or find_recordings([place])
+    return [each for each in motions if place == BUILT_IN or each.class_name == str(place)] or find_recordings([place])
 
 
 def _pieces(recordings: Sequence[Path | Clip], reading: Reading, course: Course) -> Iterator[Piece]:

@@ -22,12 +22,13 @@ from kinespace.library.recordings import RecordingReader, labelled
 from kinespace.stream import osc, zeromq
 from kinespace.stream.frame import Announcement
 from kinespace.stream.recording.kinerec import ENDING
-from kinespace.stream.zeromq import Endpoint
+from kinespace.stream.zeromq import Endpoint, Keyring
 from kinespace.tools.cli.address import host_and_port
 from kinespace.tools.cli.arguments import (
     BUILT_IN,
     OSC_IN,
     add_json,
+    add_keys,
     add_reading,
     not_negative,
     positive,
@@ -186,6 +187,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--zmq", metavar="ENDPOINT", help="publish on ZeroMQ instead; connects, put @ before it to bind"
     )
     parser.add_argument("--listen", metavar="ADDRESS", help="HOST:PORT or ZeroMQ endpoint where the answers come")
+    add_keys(parser)
     parser.add_argument("--performer", default="replay", help="name of the performer (default %(default)s)")
     parser.add_argument("--speed", type=positive, default=1.0, help="times as fast as recorded (default %(default)s)")
     parser.add_argument("--pause", type=not_negative, default=1.0, help="seconds between clips (default %(default)s)")
@@ -207,6 +209,7 @@ def run(options: argparse.Namespace) -> int:
         osc_to=options.osc or (None if options.zmq else OSC_IN),
         zmq_to=options.zmq,
         listen=options.listen,
+        keys=options.keys,
         course=Course(
             options.performer,
             speed=options.speed,
@@ -230,6 +233,7 @@ def play(
     course: Course,
     faults: Faults,
     as_json: bool,
+    keys: Path | None = None,
 ) -> int:
     """Send the recordings; with `listen`, print what share of the answers was right.
 
@@ -245,6 +249,8 @@ def play(
         How they are played, and what goes wrong.
     as_json
         Print one JSON object and nothing else.
+    keys
+        Folder of the keys of the other ends of ZeroMQ; None for none.
 
     Returns
     -------
@@ -258,18 +264,28 @@ def play(
     """
     raw = [place for place in places if place.suffix.lower() == ENDING]
     if raw:
-        return _run_raw(places, osc_to=osc_to, zmq_to=zmq_to, listen=listen, course=course, faults=faults, json=as_json)
+        return _run_raw(
+            places,
+            osc_to=osc_to,
+            zmq_to=zmq_to,
+            listen=listen,
+            keys=keys,
+            course=course,
+            faults=faults,
+            json=as_json,
+        )
     recordings = _to_play(places, reading)
     with ExitStack() as opened:
+        keyring = opened.enter_context(Keyring(keys)) if keys else None
         pieces = opened.enter_context(ReadAhead(_pieces(recordings, reading, course)))
         with progress_console.status("Reading"):
             first = next(iter(pieces))
         announcement = Announcement(course.performer, first.clip.skeleton.joints)
         played = piece_cues(chain([first], pieces), course.performer, speed=course.speed, pause=course.pause)
-        listener = _listener(listen) if listen else None
+        listener = _listener(listen, keyring) if listen else None
         if listener:
             opened.callback(listener.close)
-        sender = _sender(osc_to, zmq_to)
+        sender = _sender(osc_to, zmq_to, keyring)
         opened.callback(sender.close)
         replaying = _Replay(sender, listener, announcement)
         # Neither Ctrl-C nor a recording that cannot be read ends the report.
@@ -357,6 +373,7 @@ def _run_raw(
     osc_to: str | None,
     zmq_to: str | None,
     listen: str | None,
+    keys: Path | None,
     course: Course,
     faults: Faults,
     json: bool,
@@ -370,6 +387,7 @@ def _run_raw(
         places[0],
         osc_to=osc_to,
         zmq_to=zmq_to,
+        keys=keys,
         speed=course.speed,
         loop=course.loop,
         begin=course.begin,
@@ -482,14 +500,14 @@ class _Replay:
             console.print(score.table())
 
 
-def _listener(address: str) -> Listener:
+def _listener(address: str, keyring: Keyring | None) -> Listener:
     if "://" in address:
         endpoint = Endpoint.parse(address, bind=False)
-        return Listener(zeromq.ZmqReceiver(endpoint, b"class/"))
+        return Listener(zeromq.ZmqReceiver(endpoint, b"class/", keyring=keyring))
     return Listener(osc.OscReceiver(*host_and_port(address)))
 
 
-def _sender(osc_to: str | None, zmq_to: str | None) -> FrameSender:
+def _sender(osc_to: str | None, zmq_to: str | None, keyring: Keyring | None) -> FrameSender:
     if zmq_to:
-        return ZmqFrameSender(Endpoint.parse(zmq_to, bind=False))
+        return ZmqFrameSender(Endpoint.parse(zmq_to, bind=False), keyring)
     return OscFrameSender(*host_and_port(osc_to or ""))

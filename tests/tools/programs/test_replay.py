@@ -26,6 +26,7 @@ from kinespace.stream.inputs import OscDecoder, Source, ZmqDecoder
 from kinespace.stream.outputs import LayoutSink, NativeLayout, ZmqSink
 from kinespace.stream.service import Service
 from kinespace.stream.zeromq import Endpoint
+from kinespace.stream.zeromq.keys import make_keys
 from kinespace.tools.cli.main import main
 from kinespace.tools.feeding.feed import Cue, clip_cues, piece_cues
 from kinespace.tools.programs import replay as replay_program
@@ -368,14 +369,17 @@ def test_osc_answers_to_any_performer_are_counted(
 
 
 def test_zmq_answers_are_counted(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Over ZeroMQ the answers are heard as well; the table has a row for each class performed."""
+    """Over ZeroMQ, with keys, the answers are heard as well; the table has a row for each class performed."""
     takes = write_takes(tmp_path, actors=("bd",), takes=1, frames=120)
     clips = list(read_recordings(takes))
     library = MotionLibrary.of_clips(clips)
     anywhere = Endpoint(f"tcp://{LOOPBACK}:*", bind=True)
-    source, sink = Source(zeromq.ZmqReceiver(anywhere), ZmqDecoder()), ZmqSink(zeromq.ZmqSender(anywhere))
-    arguments = (*takes, "--zmq", source.receiver.address, "--listen", sink.sender.address)
-    with recognising(library, source, sink):
+    make_keys(tmp_path / "keys", "stage")
+    keyring = zeromq.Keyring(tmp_path / "keys")
+    source = Source(zeromq.ZmqReceiver(anywhere, keyring=keyring), ZmqDecoder())
+    sink = ZmqSink(zeromq.ZmqSender(anywhere, keyring))
+    arguments = (*takes, "--zmq", source.receiver.address, "--listen", sink.sender.address, "--keys", tmp_path / "keys")
+    with keyring, recognising(library, source, sink):
         # Pauses of a second and a half, so that on a busy machine too an answer comes while its class is performed.
         assert replay(*arguments, "--speed", "2", "--pause", "3") == 0
     printed = capsys.readouterr().out

@@ -279,9 +279,14 @@ class Service:
             performers={name: self._latest_rates.get(name, 0.0) for name in self.performers.names},
             hop_p50=self._hop_times.percentile(50),
             hop_p99=self._hop_times.percentile(99),
-            refused=self.performers.refused,
+            refused={name: why + self._from(name) for name, why in self.performers.refused.items()},
             doubted=self.performers.doubted,
             compared=self.performers.compared,
             admission=replace(self._admission.counts),
+            clocks={name: told for name, told in self._admission.clocks.items() if name in self.performers.names},
             notes=(*notes, *self._admission.notes(self._clock())),
         )
+
+    def _from(self, performer: str) -> str:
+        """Say who sends a performer's frames, where that is known."""
+        return "".join(f", from {host}:{port}" for host, port in self._admission.senders(performer))

@@ -109,7 +109,7 @@ class MotionLibrary:
     @classmethod
     def builtin(cls) -> MotionLibrary:
         """Load the library of 288 HDM05 motions that comes with kinespace (CC BY-SA 3.0)."""
-        with resources.as_file(resources.files("kinespace.library") / "hdm05.npz") as path:
+        with resources.as_file(resources.files("kinespace.library.hdm05") / "hdm05.npz") as path:
             return cls.load(path)
 
     @classmethod

@@ -8,10 +8,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
 from kinespace.library import memory
-from kinespace.library.formats import acclaim, bvh, c3d, joint_table, trc, utkinect
-from kinespace.library.formats.c3d_process import C3dProcess
+from kinespace.library.formats import acclaim, bvh, joint_table, utkinect
 from kinespace.library.formats.errors import RecordingError
 from kinespace.library.formats.joint_choice import chosen
+from kinespace.library.formats.markers import c3d, trc
+from kinespace.library.formats.markers.c3d_process import C3dProcess
 from kinespace.library.formats.units import metres_of
 from kinespace.library.naming import Naming
 

@@ -24,7 +24,7 @@ class Outcome(StrEnum):
     UNKNOWN = "unknown"
     #: The two leading eigenvalues are as good as equal: the axis is any direction between two.
     AMBIGUOUS = "ambiguous"
-    #: The body moves as none can, or too few of its joints can be believed (`stream.recognizer.doubts`).
+    #: The body moves as none can, or too few of its joints can be believed (`stream.recognizer.joints.doubts`).
     IMPLAUSIBLE = "implausible"
 
 

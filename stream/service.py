@@ -30,12 +30,12 @@ MAX_AGE = 1.0
 #: then hold what a step needs, and one send wakes the listeners. More would keep the first packet waiting for too long.
 #: The number follows how many wait: a packet that comes alone is answered before the loop looks for another.
 _MAX_TOGETHER = 32
-#: Packets taken from one source before the others, and the clock, get their turn.
-_AT_ONCE = 256
+#: Packets taken from one source, at most, before the other sources and the clock get their turn.
+_MAX_IN_TURN = 256
 #: Longest sleep while nothing comes, seconds: how soon `stop` is heard.
 _MAX_SLEEP = 0.1
 #: Steps after being stopped: more than any socket holds, and so few that a feed that goes on ends all the same.
-_LAST_STEPS = 32
+_MAX_LAST_STEPS = 32
 #: Seconds after being stopped in which what has arrived is still answered, however much it is.
 MAX_ENDING = 0.5
 #: Seconds between two turns of sources that have something to do even when nothing comes.
@@ -144,7 +144,7 @@ class Service:
         try:
             while not self._stopped:
                 self.step(_MAX_SLEEP)
-            for _ in range(_LAST_STEPS):
+            for _ in range(_MAX_LAST_STEPS):
                 if not self._is_over():
                     self.step(0.0)
         finally:
@@ -174,7 +174,7 @@ class Service:
             return
         # Every source is asked: one poll is cheaper than finding out which of them it was.
         for source in self.sources:
-            left = _AT_ONCE
+            left = _MAX_IN_TURN
             while left and not self._is_over() and (taken := self._deal_with_waiting(source, left)):
                 left -= taken
         if self._held and not self._poller.poll(0):

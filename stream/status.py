@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from kinespace.stream.recognizer.performers import PerformerCounts
 
 #: Hops whose time is remembered for the percentiles: a minute and more of one performer's.
-_REMEMBERED_HOPS = 2048
+_MAX_HOPS = 2048
 
 
 @dataclass(slots=True)
@@ -130,7 +130,7 @@ class HopTimes:
     """How long the last hops took."""
 
     def __init__(self) -> None:
-        self._seconds = deque[float](maxlen=_REMEMBERED_HOPS)
+        self._seconds = deque[float](maxlen=_MAX_HOPS)
 
     def add(self, seconds: float) -> None:
         """Remember one hop."""

@@ -17,7 +17,7 @@ import numpy as np
 
 from kinespace.library import hdm05
 from kinespace.library.clip import Clip
-from kinespace.library.formats.errors import RecordingError
+from kinespace.library.formats.errors import RecordingError, finite_numbers
 from kinespace.library.formats.gap_filling import with_missing_frames
 from kinespace.library.formats.rotations import turn_about
 from kinespace.library.skeleton import Skeleton
@@ -94,16 +94,10 @@ class _Line:
         raise AcclaimError(f"{self.path}:{self.number}: {what}")
 
     def floats(self, first: int, count: int) -> list[float]:
-        words = self.words[first : first + count]
-        if len(words) != count:
-            self.fail(f"expected {count} numbers after {self.words[0]!r}, got {len(words)}")
         try:
-            values = [float(word) for word in words]
-        except ValueError:
-            self.fail(f"expected numbers after {self.words[0]!r}, got {' '.join(words)!r}")
-        if not all(map(math.isfinite, values)):
-            self.fail(f"expected finite numbers after {self.words[0]!r}, got {' '.join(words)!r}")
-        return values
+            return finite_numbers(self.words[first : first + count], count, f" after {self.words[0]!r}")
+        except ValueError as error:
+            self.fail(str(error))
 
 
 def _lines(path: Path) -> Iterator[_Line]:

@@ -22,7 +22,7 @@ import numpy as np
 from kinespace.library import hdm05
 from kinespace.library.clip import Clip
 from kinespace.library.distances import distance_rows
-from kinespace.library.formats.errors import RecordingError
+from kinespace.library.formats.errors import RecordingError, finite_numbers
 from kinespace.library.formats.joint_choice import chosen, short_names
 from kinespace.library.formats.rotations import turn_about
 from kinespace.library.formats.units import guessed_metres
@@ -96,15 +96,10 @@ class _Statement:
         raise BvhError(f"{self.path}:{self.line}: {what}")
 
     def floats(self, words: Sequence[str], count: int) -> list[float]:
-        if len(words) != count:
-            self.fail(f"expected {count} numbers, got {len(words)}")
         try:
-            values = [float(word) for word in words]
-        except ValueError:
-            self.fail(f"expected numbers, got {' '.join(words)[:60]!r}")
-        if not all(map(math.isfinite, values)):
-            self.fail(f"expected finite numbers, got {' '.join(words)[:60]!r}")
-        return values
+            return finite_numbers(words, count)
+        except ValueError as error:
+            self.fail(str(error))
 
 
 def _statements(path: Path) -> Iterator[_Statement]:

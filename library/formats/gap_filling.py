@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 #: Seconds a marker may be out of sight. Over a longer time a straight line would be a movement nobody made.
-LONGEST_GAP = 0.5
+MAX_GAP = 0.5
 
 
 def with_missing_frames(frame_numbers: NDArray[np.int64], values: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -42,16 +42,16 @@ def with_missing_joints(
     Raises
     ------
     ValueError
-        A joint is missing for longer than `LONGEST_GAP`; the message says which, when and how long.
+        A joint is missing for longer than `MAX_GAP`; the message says which, when and how long.
     """
     if not missing.any():
         return positions
     for joint, name in enumerate(joints):
         first, length = _longest_run(missing[:, joint])
-        if length > LONGEST_GAP * frame_rate or length == len(missing):
+        if length > MAX_GAP * frame_rate or length == len(missing):
             raise ValueError(
                 f"{name!r} is missing for {length / frame_rate:.2f} s from frame {first + 1} of {len(missing)} on, "
-                f"longer than {LONGEST_GAP} s: cut the recording, or choose other joints"
+                f"longer than {MAX_GAP} s: cut the recording, or choose other joints"
             )
     filled = positions.copy()
     frames = np.arange(len(positions))

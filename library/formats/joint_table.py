@@ -23,7 +23,7 @@ import numpy as np
 
 from kinespace.library.formats.errors import RecordingError
 from kinespace.library.formats.joint_choice import chosen
-from kinespace.library.formats.marker_clip import clip_of_markers
+from kinespace.library.formats.markers.marker_clip import clip_of_markers
 from kinespace.library.formats.timed_frames import evened
 from kinespace.library.formats.units import guessed_metres
 from kinespace.library.skeleton import Skeleton

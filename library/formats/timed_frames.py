@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from kinespace.library.clip import Clip
-from kinespace.library.formats.gap_filling import LONGEST_GAP
+from kinespace.library.formats.gap_filling import MAX_GAP
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -93,17 +93,17 @@ def evened(
     apart = times[after] - times[before]
     share = np.clip((grid - times[before]) / apart, 0.0, 1.0)
     # A straight line over a long time would be a movement that nobody made: the body stands where it was last seen.
-    share[(apart > LONGEST_GAP) & (share < 1 - _TIE)] = 0.0
+    share[(apart > MAX_GAP) & (share < 1 - _TIE)] = 0.0
     share[share < _TIE] = 0.0
     nearest = np.minimum(np.abs(grid - times[before]), np.abs(times[after] - grid))
-    missing = int(((nearest > 1 / rate) & (apart <= LONGEST_GAP) & (grid >= times[0])).sum())
+    missing = int(((nearest > 1 / rate) & (apart <= MAX_GAP) & (grid >= times[0])).sum())
     return Evened(_between(positions, before, after, share), rate, missing, tuple(_gaps(times, begin)))
 
 
 def _gaps(times: NDArray[np.float64], begin: float) -> Iterator[tuple[float, float]]:
-    if times[0] - begin > LONGEST_GAP:
+    if times[0] - begin > MAX_GAP:
         yield 0.0, float(times[0]) - begin
-    for place in np.flatnonzero(np.diff(times) > LONGEST_GAP).tolist():
+    for place in np.flatnonzero(np.diff(times) > MAX_GAP).tolist():
         yield float(times[place]) - begin, float(times[place + 1]) - begin
 
 

@@ -15,7 +15,7 @@ METRES = {
 }
 #: The largest distance between two joints of a person, in the file's numbers, up to which they are metres, up to which
 #: centimetres; beyond they are millimetres. A crouching child and the tallest stage body lie far from both.
-_LONGEST_IN_METRES, _LONGEST_IN_CENTIMETRES = 16.0, 500.0
+_MAX_IN_METRES, _MAX_IN_CENTIMETRES = 16.0, 500.0
 
 
 def metres_of(unit: str) -> float | None:
@@ -36,6 +36,6 @@ def guessed_metres(reach: float) -> float:
     Metres, centimetres and millimetres are told apart by it, because people differ less than tenfold. Other units are
     taken for the nearest of these: distances then have another scale, which a recogniser does not mind.
     """
-    if reach <= _LONGEST_IN_METRES:
+    if reach <= _MAX_IN_METRES:
         return 1.0
-    return 0.01 if reach <= _LONGEST_IN_CENTIMETRES else 0.001
+    return 0.01 if reach <= _MAX_IN_CENTIMETRES else 0.001

@@ -14,13 +14,13 @@ if TYPE_CHECKING:
 
 #: What a person says for "find it yourself" and for "leave them as they are".
 AUTO, AS_THEY_ARE = "auto", "as-they-are"
-#: Fewer joints of ours than these say nothing about a skeleton.
-_FEWEST = 6
+#: Joints of ours without which a convention is not found in a skeleton.
+_MIN_KNOWN = 6
 #: A convention is found when it knows so large a share of the skeleton's names, or the skeleton has so large a share of
 #: the joints that it names: a hand with twenty bones, or a body with half of its joints, is no other convention.
 _SHARE = 0.6
-#: Skeletons whose names are remembered.
-_REMEMBERED = 64
+#: Skeletons whose names are remembered, at most.
+_MAX_REMEMBERED = 64
 
 
 class NamedJoints(NamedTuple):
@@ -102,7 +102,7 @@ class Naming:
         return named
 
 
-@lru_cache(maxsize=_REMEMBERED)
+@lru_cache(maxsize=_MAX_REMEMBERED)
 def _found(labels: tuple[str, ...]) -> NamedJoints:
     """Give the joints by the names of the convention that knows most of them; as they are where none does."""
     best, most = None, (0, 0.0)
@@ -110,7 +110,7 @@ def _found(labels: tuple[str, ...]) -> NamedJoints:
         spelled = convention.spelled(labels)
         known = convention.known(spelled)
         targets = {convention.targets.get(label, "") for label in spelled} - {""}
-        if len(targets) < _FEWEST or not convention.absent.isdisjoint(spelled):
+        if len(targets) < _MIN_KNOWN or not convention.absent.isdisjoint(spelled):
             continue
         of_names, of_joints = known / len(labels), len(targets) / len(convention.joints)
         # Of two conventions that know as many names, the one of which more is there.

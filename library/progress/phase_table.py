@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from kinespace.library.distances import distance_rows
+from kinespace.library.motion_library import NOTHING
 from kinespace.library.progress.warping import agreed_phases
 
 if TYPE_CHECKING:
@@ -119,7 +120,7 @@ class _Courses(NamedTuple):
     cyclic: bool
 
 
-@lru_cache(maxsize=512)
+@lru_cache(maxsize=64)
 def _courses(clips: tuple[Clip, ...], body: Body, basis: Basis) -> _Courses:
     """Measure the recordings of a class; kept, because a library to which a class is added has the others still."""
     points = [points_of(clip, body, basis) for clip in clips]
@@ -135,7 +136,8 @@ def _courses(clips: tuple[Clip, ...], body: Body, basis: Basis) -> _Courses:
 @lru_cache(maxsize=4)
 def phase_table(index: WindowIndex) -> PhaseTable:
     """Give the phase table of an opened library; several followers share it."""
-    return PhaseTable.of(index.library.motions, index.body, index.basis)
+    named = [motion for motion in index.library.motions if motion.class_name != NOTHING]
+    return PhaseTable.of(named, index.body, index.basis)
 
 
 def points_of(clip: Clip, body: Body, basis: Basis) -> NDArray[np.float64]:

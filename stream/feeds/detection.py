@@ -24,10 +24,10 @@ if TYPE_CHECKING:
     from kinespace.stream.osc.packet import Message
 
 #: Kinds of messages told apart; only somebody who makes up addresses gets there.
-MOST_KINDS = 200
-_MOST_SENDERS = 50
+MAX_KINDS = 200
+_MAX_SENDERS = 50
 #: Messages and packets kept to be looked at as each preset's.
-_MOST_KEPT = 20_000
+_MAX_KEPT = 20_000
 #: The preset of our own messages, and their addresses.
 NATIVE, OURS = "native", ("/motion/frame", SKELETON)
 #: Ways to pack that tell by themselves whether a packet is of theirs.
@@ -122,7 +122,7 @@ class Survey:
         """Take in one datagram, from `host:port`, at a moment in seconds."""
         self.packets += 1
         self.largest = max(self.largest, len(datagram))
-        if sender in self.senders or len(self.senders) < _MOST_SENDERS:
+        if sender in self.senders or len(self.senders) < _MAX_SENDERS:
             self.senders[sender] = self.senders.get(sender, 0) + 1
         read = (_unpacked(UNPACKERS[packing](), datagram) for packing in _PACKINGS)
         messages = next((each for each in read if each is not None), None)
@@ -134,7 +134,7 @@ class Survey:
             self._count(message, arrival)
             if message.address == SKELETON and all(isinstance(each, str) for each in message.arguments):
                 self.announced = tuple(map(str, message.arguments[1:]))
-        if len(self._kept) < _MOST_KEPT:
+        if len(self._kept) < _MAX_KEPT:
             self._kept.append((datagram, arrival))
 
     def _count(self, message: Message, arrival: float) -> None:
@@ -142,7 +142,7 @@ class Survey:
         key = (_NUMBERED.sub("#", message.address), types)
         kind = self.kinds.get(key)
         if kind is None:
-            if len(self.kinds) >= MOST_KINDS:
+            if len(self.kinds) >= MAX_KINDS:
                 return
             kind = self.kinds[key] = Kind(*key, first=arrival, example=tuple(message.arguments[:6]))
         elif kind.count:

@@ -44,9 +44,9 @@ _PAUSE = 0.5
 #: How much each joint that comes again counts in the time between two frames.
 _NEWER = 0.05
 #: Longer than this is an absence, not a frame rate, seconds.
-_LONGEST_INTERVAL = 0.2
+_MAX_INTERVAL = 0.2
 #: Names of absent joints that are counted one by one.
-_MOST_NAMED = 256
+_MAX_NAMED = 256
 
 
 @dataclass(slots=True)
@@ -277,7 +277,7 @@ class FrameAssembler:
             body.time = body.time if reading.time is None else reading.time
             if sighting.joint in body.seen:
                 since = arrival - body.seen[sighting.joint][1]
-                body.interval += _NEWER * (min(since, _LONGEST_INTERVAL) - body.interval)
+                body.interval += _NEWER * (min(since, _MAX_INTERVAL) - body.interval)
             body.open[sighting.joint] = sighting
             body.seen[sighting.joint] = (sighting, arrival)
         if Closing.COMPLETE in self.preset.closings.by and self._is_complete(body):
@@ -416,5 +416,5 @@ class FrameAssembler:
 
     def _count_absent(self, names: Sequence[str]) -> None:
         for name in names:
-            if name in self.counts.absent or len(self.counts.absent) < _MOST_NAMED:
+            if name in self.counts.absent or len(self.counts.absent) < _MAX_NAMED:
                 self.counts.absent[name] += 1

@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, NamedTuple
 
-from kinespace.stream.feeds.preset import Means, MessageRule, spelling
+from kinespace.library.naming import spelling
+from kinespace.stream.feeds.preset import Means, MessageRule
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -17,8 +18,8 @@ if TYPE_CHECKING:
 #: A frame's performer may have 64 characters; what tells two senders' performers apart goes on top of this.
 MAX_PERFORMER_LENGTH = 48
 #: Addresses and names remembered; only somebody who makes them up gets there.
-_MOST_REMEMBERED = 4096
-_MOST_UNKNOWN = 64
+_MAX_REMEMBERED = 4096
+_MAX_UNKNOWN = 64
 _NUMBERED_LENGTH = 6
 
 
@@ -118,7 +119,7 @@ class Mapper:
         return best
 
     def _find_ways(self, address: str) -> list[_Way]:
-        if len(self._ways) >= _MOST_REMEMBERED:
+        if len(self._ways) >= _MAX_REMEMBERED:
             self._ways.clear()
         found = [(rule, rule.pattern.fullmatch(address)) for rule in self.preset.messages]
         ways = self._ways[address] = [_Way(rule, match.groupdict()) for rule, match in found if match]
@@ -156,7 +157,7 @@ class Mapper:
         number, name = way.text("joint", arguments, way.joint), way.text("name", arguments, None)
         if number is None or name is None:
             raise TypeError("joint and name: expected both")
-        if len(self._taught) >= _MOST_REMEMBERED:
+        if len(self._taught) >= _MAX_REMEMBERED:
             self._taught.clear()
         self._taught[performer, number] = name
         self._resolved.clear()
@@ -195,7 +196,7 @@ class Mapper:
             return None
         key = performer if self._taught else None, name
         if key not in self._resolved:
-            if len(self._resolved) >= _MOST_REMEMBERED:
+            if len(self._resolved) >= _MAX_REMEMBERED:
                 self._resolved.clear()
             self._resolved[key] = self._resolve(name, performer)
         return self._resolved[key]
@@ -211,7 +212,7 @@ class Mapper:
             index = int(known) - self.preset.order_from
             known = self._order[index] if 0 <= index < len(self._order) else known
         found = self._names.get(spelling(known))
-        if found is None and len(self.unknown) < _MOST_UNKNOWN and not known.isdigit():
+        if found is None and len(self.unknown) < _MAX_UNKNOWN and not known.isdigit():
             self.unknown.add(known)
         return found
 

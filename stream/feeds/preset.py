@@ -14,6 +14,7 @@ from enum import StrEnum
 from importlib import resources
 from typing import TYPE_CHECKING
 
+from kinespace.library.naming import spelling
 from kinespace.stream.feeds.checked_table import CheckedTable, PresetError
 from kinespace.stream.feeds.kinematics import Bone
 from kinespace.stream.feeds.unpackers import UNPACKERS
@@ -44,7 +45,6 @@ ROLES = (
     "skip",
 )
 _PLACEHOLDERS = {"joint": "[^/]+", "performer": "[^/]+", "skip": "[^/]+", "any": ".+"}
-_BETWEEN_WORDS = re.compile(r"[\s_\-.:]+")
 
 
 class Means(StrEnum):
@@ -224,11 +224,6 @@ class Preset:
     def joints(self) -> tuple[str, ...]:
         """The motion library's names of the joints that frames of this feed hold, in the frames' order."""
         return tuple(dict.fromkeys(target for target in self.joint_map.values() if target))
-
-
-def spelling(name: str) -> str:
-    """Give what is left of a joint's name when capitals and what stands between words are passed over."""
-    return _BETWEEN_WORDS.sub("", name).casefold()
 
 
 def _presets() -> Traversable:

@@ -15,8 +15,9 @@ from kinespace.library.windows.paper import opened_by_paper
 from kinespace.library.windows.rejection import Evidence
 from kinespace.stream.recognition import Outcome
 from kinespace.stream.recognizer.hysteresis import Hysteresis, Judgement
-from kinespace.stream.recognizer.live_windows import LiveWindows, PaperWindow
 from kinespace.stream.recognizer.progress import ProgressFollower
+from kinespace.stream.recognizer.settings import SENSITIVITY_LEARNED, SENSITIVITY_OWN
+from kinespace.stream.recognizer.windows.live_windows import LiveWindows, PaperWindow
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -29,12 +30,10 @@ if TYPE_CHECKING:
 
 #: Frames without which there is no window to speak of.
 _MIN_FRAMES = 3
-#: Seconds within which two spans are as long: frame times are rounded (`stream.recognizer.sliding_window`).
+#: Seconds within which two spans are as long: frame times are rounded (`stream.recognizer.windows.sliding_window`).
 _TIE = 1e-6
 #: Seconds that the first reading counts for.
 _FIRST_HOP = 1 / 30
-#: Share of unknown time that may be named, where strangers taught what is unknown and where the library's own people.
-_SENSITIVITY_LEARNED, _SENSITIVITY_OWN = 0.05, 0.2
 #: Added to 1 − |inner product|² before the logarithm.
 _NEAREST = 1e-3
 
@@ -170,7 +169,7 @@ class WindowMatcher:
         self._compare_with(index)
 
     def _threshold(self, index: WindowIndex) -> float:
-        usual = _SENSITIVITY_LEARNED if index.library.learned else _SENSITIVITY_OWN
+        usual = SENSITIVITY_LEARNED if index.library.learned else SENSITIVITY_OWN
         return index.rejection.threshold_at(usual if self._sensitivity is None else self._sensitivity)
 
     def _compare_with(self, index: WindowIndex) -> None:

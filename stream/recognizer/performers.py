@@ -6,8 +6,9 @@ import math
 from dataclasses import dataclass, field, fields, replace
 from typing import TYPE_CHECKING
 
+from kinespace.library.motion_library import MIN_JOINTS
 from kinespace.stream.frame import Announcement, NewSender
-from kinespace.stream.recognizer.fewer_joints import RestrictedAtOnce, SentJoints
+from kinespace.stream.recognizer.joints.fewer_joints import SentJoints
 from kinespace.stream.recognizer.matcher import library_of
 from kinespace.stream.recognizer.recognizer import Recognizer, RecognizerCounts
 from kinespace.stream.recognizer.settings import Settings
@@ -22,11 +23,13 @@ if TYPE_CHECKING:
     from kinespace.library.windows.index import WindowIndex
     from kinespace.stream.frame import Admitted, Frame
     from kinespace.stream.recognition import Event, Recognition
-    from kinespace.stream.recognizer.doubts import Opener
+    from kinespace.stream.recognizer.joints.fewer_joints import Opener
 
 
 #: How many times as many performers' joint names are remembered as there may be performers.
-_REMEMBERED = 4
+_MAX_REMEMBERED = 4
+#: Sets of joints that the library is restricted to at most: each has windows of its own, which take room and time.
+_MAX_SETS = 3
 #: A performer that was not answered for so many seconds makes room for one that sent so many frames in them: an answer
 #: needs a quarter of a second of feed, and names without a body behind them never give one.
 _STEADY_SECONDS = 1.0
@@ -118,7 +121,9 @@ class Performers:
         self._assumed = joints.assumed or skeleton.joints
         self._assumed_order = skeleton.order_from(joints.assumed) if joints.assumed else None
         self._naming = joints.naming
-        self._fewer = joints.fewer or RestrictedAtOnce(self.library)
+        self._restricter = joints.restricter
+        #: The sets of joints that the library was restricted to.
+        self._sets: set[tuple[str, ...]] = set()
         #: Why frames are refused for their joints, by performer.
         self._refused: dict[str, str] = {}
         self._counts = PerformerCounts()
@@ -156,7 +161,7 @@ class Performers:
         self.library.skeleton.require_same(library_of(library).skeleton)
         before = self.library
         self._compare_with(library, order)
-        self._fewer.exchange(self.library)
+        self._sets.clear()
         for performer in self._performers.values():
             if performer.library is before:
                 self._exchange_for(performer, library)
@@ -229,7 +234,7 @@ class Performers:
             return
         if self._announced.get(announcement.performer) == announcement and performer.joints == announcement.joints:
             return
-        if announcement.performer not in self._announced and len(self._announced) >= _REMEMBERED * self.most:
+        if announcement.performer not in self._announced and len(self._announced) >= _MAX_REMEMBERED * self.most:
             del self._announced[next(iter(self._announced))]
         self._announced[announcement.performer] = announcement
         self._learn_joints(performer, announcement)
@@ -251,7 +256,7 @@ class Performers:
         as_before = shared == frozenset(performer.library.skeleton.joints)
         performer.is_waiting, performer.unusable = False, ""
         try:
-            library = self.library if len(shared) == len(wanted) else self._fewer(shared)
+            library = self.library if len(shared) == len(wanted) else self._restricted_to(shared)
         except ValueError as error:
             performer.unusable = str(error)
             return
@@ -271,6 +276,20 @@ class Performers:
             self._retire(performer.recognizer)
             performer.recognizer = Recognizer(library, self.settings, self._opener, self._order)
             performer.library = library
+
+    def _restricted_to(self, shared: frozenset[str]) -> MotionLibrary | None:
+        """Give the library restricted to joints, None while it is not ready; ValueError where it cannot be had."""
+        joints = tuple(name for name in self.library.skeleton.joints if name in shared)
+        if len(joints) < MIN_JOINTS:
+            compared = len(self.library.skeleton.joints)
+            raise ValueError(f"{len(joints)} of them among the {compared} compared, expected {MIN_JOINTS} at least")
+        if joints not in self._sets and len(self._sets) >= _MAX_SETS:
+            raise ValueError(f"{_MAX_SETS} performers send other sets of joints already")
+        self._sets.add(joints)
+        try:
+            return self._restricter(self.library, joints)
+        except ValueError as error:
+            raise ValueError(f"{len(joints)} of them cannot be compared: {error}") from error
 
     def _retire(self, recognizer: Recognizer) -> None:
         """Keep what a recogniser counted, and the end of what it saw going on, when it is not needed any more."""
@@ -344,7 +363,7 @@ class Performers:
 
     def _tell_refused(self, name: str, performer: _Performer) -> None:
         """Note why a performer's frames are refused."""
-        if len(self._refused) >= _REMEMBERED * self.most:
+        if len(self._refused) >= _MAX_REMEMBERED * self.most:
             del self._refused[next(iter(self._refused))]
         size, named = performer.refused_size, len(performer.joints)
         if name not in self._announced:
@@ -368,7 +387,7 @@ class Performers:
         silent = [name for name, performer in self._performers.items() if now - performer.heard > self.silence]
         for name in silent:
             self._retire(self._performers.pop(name).recognizer)
-            self._gone = [*self._gone[-_REMEMBERED * self.most :], name]
+            self._gone = [*self._gone[-_MAX_REMEMBERED * self.most :], name]
             self._counts.dropped += 1
         ended, self._ended = self._ended, []
         return ended
@@ -388,7 +407,7 @@ class Performers:
         since, frames = self._waiting.get(name, (arrival, 0))
         if arrival - since > _STEADY_SECONDS:
             since, frames = arrival, 0
-        if name not in self._waiting and len(self._waiting) >= _REMEMBERED * self.most:
+        if name not in self._waiting and len(self._waiting) >= _MAX_REMEMBERED * self.most:
             del self._waiting[next(iter(self._waiting))]
         self._waiting[name] = since, frames + 1
         if frames + 1 < _STEADY_FRAMES:

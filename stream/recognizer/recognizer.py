@@ -17,11 +17,11 @@ from kinespace.library.distances import DistanceMeasurer
 from kinespace.library.windows.body import Body
 from kinespace.library.windows.paper import opened_by_paper
 from kinespace.stream.recognition import Recognition
-from kinespace.stream.recognizer.doubts import Doubts
 from kinespace.stream.recognizer.event_detector import EventDetector
+from kinespace.stream.recognizer.joints.doubts import Doubts
 from kinespace.stream.recognizer.matcher import PaperMatcher, WindowMatcher, index_of, library_of, places_in
 from kinespace.stream.recognizer.settings import LiveSignature, Settings
-from kinespace.stream.recognizer.smoothing import RowSmoother
+from kinespace.stream.recognizer.windows.smoothing import RowSmoother
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from kinespace.library.windows.index import WindowIndex
     from kinespace.stream.frame import Frame
     from kinespace.stream.recognition import Event
-    from kinespace.stream.recognizer.doubts import Opener
+    from kinespace.stream.recognizer.joints.fewer_joints import Opener
     from kinespace.stream.recognizer.matcher import Matcher, Reading
 
 
@@ -139,6 +139,7 @@ class Recognizer:
         # Where each class stands among the matcher's, one behind the last where it has no windows; and each of the
         # matcher's among them: `nothing` does not.
         self._named = np.array([classes.index(name) if name in classes else len(classes) for name in self.classes])
+        self._some_have_none = bool((self._named == len(classes)).any())
         self._places = places_in(classes, self.classes)
 
     @_one_at_a_time
@@ -267,8 +268,10 @@ class Recognizer:
     def _recognized(self, frame: Frame, reading: Reading) -> Recognition:
         """Make the answer to a frame of what its windows say."""
         self.counts.hops += 1
-        # A class without windows is infinitely far.
-        distances = np.append(reading.distances, np.inf)[self._named]
+        distances = reading.distances
+        if self._some_have_none:
+            distances = np.append(distances, np.inf)  # a class without windows is infinitely far
+        distances = distances[self._named]
         # A window that is nearest to `nothing` is unknown; its best guess is the nearest class.
         guess = self._places.get(reading.guess)
         found = self._places.get(reading.eigenvector_class)

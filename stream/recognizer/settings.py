@@ -6,6 +6,10 @@ import math
 from dataclasses import dataclass
 from enum import StrEnum
 
+#: Share of unknown time that may be named: where strangers' motions taught the library what is unknown, and where its
+#: own classes did.
+SENSITIVITY_LEARNED, SENSITIVITY_OWN = 0.05, 0.2
+
 
 class LiveSignature(StrEnum):
     """By which signature live windows are compared with the library's windows."""
@@ -49,7 +53,7 @@ class Settings:
         Whether to say with each answer how far in its motion the performer is, how fast and how large. WINDOWS only.
     plausibility
         Whether joints that cannot be believed are done without, and windows begin anew after a jump of the body
-        (`stream.recognizer.doubts`). Without it every joint of every frame must be where it is told to be.
+        (`stream.recognizer.joints.doubts`). Without it every joint of every frame must be where it is told to be.
     patience
         How many frames in a row may be older than the newest before the sender is taken to have started anew. One
         older than the longest window says so at once.

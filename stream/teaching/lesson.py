@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from kinespace.library.movement import ENDS_AFTER, MIN_SECONDS, Stretch, StretchFinder
+from kinespace.library.teaching.movement import ENDS_AFTER, MIN_SECONDS, Stretch, StretchFinder
 from kinespace.stream.teaching.notices import State, Step
 
 if TYPE_CHECKING:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from kinespace.library.formats.timed_frames import evened
-from kinespace.library.movement import MovementMeter
+from kinespace.library.teaching.movement import MovementMeter
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -55,7 +55,7 @@ class Memory:
         self._meter = MovementMeter(self._skeleton)
 
     def push(self, time: float, positions: NDArray[np.floating], now: float) -> float | None:
-        """Take in a frame; give the movement when it is measured, else None (`library.movement.MovementMeter`)."""
+        """Take in a frame; give the movement when it is measured, else None (`library.teaching.movement`)."""
         self.heard = now
         if time <= self.newest:
             if self.newest - time < _BACKWARDS:

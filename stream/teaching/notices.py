@@ -7,7 +7,7 @@ from enum import StrEnum
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from kinespace.library.examples import Roster
+    from kinespace.library.teaching.examples import Roster
 
 
 class Step(StrEnum):

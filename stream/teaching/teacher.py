@@ -10,9 +10,9 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from kinespace.library.examples import MAX_EXAMPLES, Example, Roster
 from kinespace.library.motion_library import NOTHING
-from kinespace.library.movement import MIN_SECONDS, STILLNESS, MovementMeter, Stretch, StretchFinder
+from kinespace.library.teaching.examples import MAX_EXAMPLES, Example, Roster
+from kinespace.library.teaching.movement import MIN_SECONDS, STILLNESS, MovementMeter, Stretch, StretchFinder
 from kinespace.stream.teaching import commands
 from kinespace.stream.teaching.lesson import Lesson, Recorded
 from kinespace.stream.teaching.memory import Memory
@@ -22,8 +22,8 @@ if TYPE_CHECKING:
     from collections.abc import Collection
 
     from kinespace.library.clip import Clip
-    from kinespace.library.examples import Check
     from kinespace.library.skeleton import Skeleton
+    from kinespace.library.teaching.examples import Check
     from kinespace.stream.frame import Frame
     from kinespace.stream.teaching.commands import Command
 
@@ -45,7 +45,7 @@ class Teacher:
     base_classes
         Classes known without any example.
     stillness
-        Movement below which a performer stands still (`library.movement`).
+        Movement below which a performer stands still (`library.teaching.movement`).
 
     Attributes
     ----------

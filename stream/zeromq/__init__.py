@@ -1,7 +1,7 @@
 """ZeroMQ: frames and answers as messages, and the two endpoints.
 
-`frames`, `single_part` and `answers` know neither sockets nor clocks; `address`, `reconnection` and `sockets` are the
-endpoints.
+`frames`, `single_part` and `answers` know neither sockets nor clocks; `address`, `keys`, `reconnection` and `sockets`
+are the endpoints.
 """
 
 from kinespace.stream.zeromq.address import MAX_MESSAGE, Endpoint
@@ -14,6 +14,7 @@ from kinespace.stream.zeromq.answers import (
     encode_status,
 )
 from kinespace.stream.zeromq.frames import MAX_HEADER, FormatError, NumberedFrame, SequenceGaps, decode, encode_frame
+from kinespace.stream.zeromq.keys import Keyring
 from kinespace.stream.zeromq.sockets import MAX_PARTS, ZmqReceiver, ZmqSender
 
 __all__ = [
@@ -22,6 +23,7 @@ __all__ = [
     "MAX_PARTS",
     "Endpoint",
     "FormatError",
+    "Keyring",
     "NumberedFrame",
     "SequenceGaps",
     "ZmqReceiver",

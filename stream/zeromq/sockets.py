@@ -13,6 +13,7 @@ if TYPE_CHECKING:
 
     from kinespace.stream.inputs.receiver import Networks
     from kinespace.stream.zeromq.address import Endpoint
+    from kinespace.stream.zeromq.keys import Keyring
 
 #: As plain integers: pyzmq's own flags cost more to combine and to pass on than a message to send.
 _NOW, _MORE_TO_COME = int(zmq.NOBLOCK), int(zmq.NOBLOCK | zmq.SNDMORE)
@@ -29,8 +30,10 @@ class ZmqReceiver:
     kernel_drops = 0
     waited = 0.0
 
-    def __init__(self, endpoint: Endpoint, topic: bytes = b"", networks: Networks = ()) -> None:
-        self.socket = endpoint.open(zmq.SUB, networks)
+    def __init__(
+        self, endpoint: Endpoint, topic: bytes = b"", networks: Networks = (), keyring: Keyring | None = None
+    ) -> None:
+        self.socket = endpoint.open(zmq.SUB, networks, keyring)
         self.socket.subscribe(topic)
         self._connections = Connections(self.socket, endpoint)
         self._passing = False
@@ -89,8 +92,8 @@ class ZmqReceiver:
 class ZmqSender:
     """A PUB socket. It is no error if nobody listens; a listener that is too slow loses the newest answers."""
 
-    def __init__(self, endpoint: Endpoint) -> None:
-        self.socket = endpoint.open(zmq.PUB)
+    def __init__(self, endpoint: Endpoint, keyring: Keyring | None = None) -> None:
+        self.socket = endpoint.open(zmq.PUB, keyring=keyring)
         self.failed = 0
 
     def __str__(self) -> str:

@@ -447,7 +447,7 @@ def test_the_built_in_motions_are_a_persons(builtin: MotionLibrary) -> None:
 
 def test_the_built_in_library_is_small() -> None:
     """The library in the package takes at most three megabytes."""
-    assert len(resources.files("kinespace.library").joinpath("hdm05.npz").read_bytes()) <= 3_000_000
+    assert len(resources.files("kinespace.library.hdm05").joinpath("hdm05.npz").read_bytes()) <= 3_000_000
 
 
 def test_the_built_in_library_is_that_of_the_clips(builtin: MotionLibrary, hdm05_clips: tuple[Clip, ...]) -> None:

@@ -28,7 +28,7 @@ KNOWN_OVER, HELD = 0.3, 1.5
 #: A lead counts no more than this.
 MAX_LEAD = 3.0
 #: Events: seconds of no class until an end, the longest hop that counts, and the lead that counts most.
-ENDED_AFTER, LONGEST_HOP, MAX_PACE = {"still": 0.4, "unknown": 0.8, "ambiguous": 0.4, "implausible": 0.8}, 0.1, 1.0
+ENDED_AFTER, MAX_HOP, MAX_PACE = {"still": 0.4, "unknown": 0.8, "ambiguous": 0.4, "implausible": 0.8}, 0.1, 1.0
 
 
 def reaches(span: float, seconds: float) -> bool:
@@ -253,7 +253,7 @@ def events(
         led_since = next((k + 1 for k in range(hop, -1, -1) if named[k] != leader), 0)
         gathered = 0.0
         for k in range(led_since, hop + 1):
-            span = min(times[k] - times[k - 1], LONGEST_HOP) if k else 0.0
+            span = min(times[k] - times[k - 1], MAX_HOP) if k else 0.0
             pace = 30 * min(max(leads[k], 0.0), MAX_PACE) if leader >= 0 else needed / ENDED_AFTER[outcomes[k]]
             gathered += span * pace
         if leader != going_on and gathered >= needed:

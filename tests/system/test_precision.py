@@ -14,8 +14,8 @@ from kinespace.library.skeleton import Skeleton
 from kinespace.stream.frame import Frame
 from kinespace.stream.recognition import Outcome
 from kinespace.stream.recognizer import LiveSignature, Recognizer, Settings
-from kinespace.stream.recognizer.rolling import RollingCovariance, RollingMoments
-from kinespace.stream.recognizer.sliding_window import SlidingWindow
+from kinespace.stream.recognizer.windows.rolling import RollingCovariance, RollingMoments
+from kinespace.stream.recognizer.windows.sliding_window import SlidingWindow
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

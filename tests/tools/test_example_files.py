@@ -15,6 +15,7 @@ import pytest
 from programs import LOOPBACK, PATIENCE, ROOT, free_udp_port, started
 
 from kinespace.library import MotionLibrary
+from kinespace.stream.zeromq.keys import make_keys
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -142,6 +143,31 @@ with subprocess.Popen([sys.executable, "python_listen.py", answers]) as listener
     time.sleep(0.5)
     listener.terminate()
 """
+
+
+def test_python_hears_with_keys(tmp_path: Path) -> None:
+    """The keyed client is let in, and hears what it performs; the answers go nowhere else."""
+    stage, client = tmp_path / "stage", tmp_path / "client"
+    for folder in (stage, client):
+        make_keys(folder, folder.name)
+    shutil.copy(client / "client.key", stage)
+    shutil.copy(stage / "stage.key", client)
+    endpoint = f"tcp://{LOOPBACK}:*"
+    options = ("--zmq-in", endpoint, "--zmq-out", endpoint, "--keys", stage, "--signature", "paper", "--plain")
+    with started("live", *options) as program:
+        addresses = program.expect(r"listening on ZeroMQ (\S+); answering to ZeroMQ (\S+);").groups()
+        script = [sys.executable, "-W", "error", EXAMPLES / "python_zeromq_keys.py", *addresses]
+        told = subprocess.run(
+            [*script, client / "client.key_secret", client / "stage.key", "2"],
+            capture_output=True,
+            timeout=PATIENCE,
+            check=False,
+        )
+        assert (told.returncode, told.stderr) == (0, b"")
+        assert program.interrupt() == 0
+        assert "malformed 0, foreign 0" in program.output
+        assert "no --keys" not in program.output
+    assert f"python: {SQUAT} starts" in told.stdout.decode()
 
 
 def test_max_patch_is_whole() -> None:

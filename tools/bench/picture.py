@@ -13,7 +13,7 @@ except ImportError as error:
     raise ImportError("pictures need matplotlib: pip install kinespace[pictures]") from error
 
 from kinespace.stream.recognizer import LiveSignature
-from kinespace.tools.bench.stages import STEPS
+from kinespace.tools.bench.cases.stages import STEPS
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -21,11 +21,11 @@ if TYPE_CHECKING:
 
     from matplotlib.axes import Axes
 
-    from kinespace.tools.bench.peers import Peers
+    from kinespace.tools.bench.cases.peers import Peers
+    from kinespace.tools.bench.cases.scaling import Growth
+    from kinespace.tools.bench.cases.sockets import Sockets
+    from kinespace.tools.bench.cases.stages import Stages
     from kinespace.tools.bench.report import Report
-    from kinespace.tools.bench.scaling import Growth
-    from kinespace.tools.bench.sockets import Sockets
-    from kinespace.tools.bench.stages import Stages
 
 _OURS, _THEIRS = "#b5367a", "#5f6a72"
 #: Frames per second of the feed: whoever is slower cannot follow one performer.

@@ -14,12 +14,12 @@ if TYPE_CHECKING:
 
     from rich.table import Table
 
-    from kinespace.tools.bench.capacity import Crowd
-    from kinespace.tools.bench.peers import Peers
-    from kinespace.tools.bench.scaling import Growth
-    from kinespace.tools.bench.soak import Soak
-    from kinespace.tools.bench.sockets import Sockets
-    from kinespace.tools.bench.stages import Stages
+    from kinespace.tools.bench.cases.capacity import Crowd
+    from kinespace.tools.bench.cases.peers import Peers
+    from kinespace.tools.bench.cases.scaling import Growth
+    from kinespace.tools.bench.cases.soak import Soak
+    from kinespace.tools.bench.cases.sockets import Sockets
+    from kinespace.tools.bench.cases.stages import Stages
 
 #: What is said where nothing was measured.
 _NOTHING = "-"

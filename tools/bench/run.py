@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, Literal, get_args
 from kinespace.library import MotionLibrary
 from kinespace.library.kernels import compiled
 from kinespace.stream.recognizer import LiveSignature, Settings
-from kinespace.tools.bench import peers, recorded, scaling, soak, sockets, stages
+from kinespace.tools.bench import recorded
+from kinespace.tools.bench.cases import peers, scaling, soak, sockets, stages
 from kinespace.tools.bench.report import Report
 from kinespace.tools.bench.timing import one_thread
 from kinespace.tools.cli.arguments import add_json, count, not_negative, positive

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from kinespace.library.naming import AS_THEY_ARE, AUTO, Naming, conventions
 from kinespace.library.recordings import ActorIn, Reading
 from kinespace.stream.recognizer import LiveSignature, Settings
+from kinespace.stream.recognizer.settings import SENSITIVITY_LEARNED, SENSITIVITY_OWN
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -54,6 +55,16 @@ def add_inputs(parser: argparse.ArgumentParser) -> None:
     """Add the options for the addresses that packets come in on."""
     parser.add_argument("--osc-in", metavar="HOST:PORT", help=f"listen for OSC here (default {OSC_IN})")
     parser.add_argument("--zmq-in", metavar="ENDPOINT", help="subscribe to ZeroMQ, like tcp://127.0.0.1:9320")
+
+
+def add_keys(parser: argparse.ArgumentParser) -> None:
+    """Add the option for the keys of ZeroMQ endpoints."""
+    parser.add_argument(
+        "--keys",
+        type=Path,
+        metavar="DIR",
+        help="ZeroMQ with keys, made by kinespace keys: let in those alone whose .key is there",
+    )
 
 
 def add_sender(parser: argparse.ArgumentParser) -> None:
@@ -128,6 +139,22 @@ def add_json(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--json", action="store_true", help="print one JSON object and nothing else")
 
 
+def add_clips(parser: argparse.ArgumentParser, usual: str) -> None:
+    """Add the arguments for clips; `usual` says which clips are taken when none are given."""
+    parser.add_argument(
+        "folder", nargs="*", type=Path, metavar="FOLDER", help=f"clips, or folders of them (default: {usual})"
+    )
+    add_reading(parser)
+    add_actor_in(parser)
+
+
+def add_map(parser: argparse.ArgumentParser) -> None:
+    """Add the option for labels that the library calls otherwise."""
+    parser.add_argument(
+        "--map", nargs="+", action="extend", type=mapping, default=[], metavar="LABEL=CLASS", help="rename labels"
+    )
+
+
 def add_overwrite(parser: argparse.ArgumentParser) -> None:
     """Add `--overwrite`."""
     parser.add_argument("--overwrite", action="store_true", help="write over an existing file (default: refuse)")
@@ -175,8 +202,8 @@ def add_settings(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--sensitivity",
         type=share,
-        help="share of unknown motions that may be answered, as the library can tell (default: 0.1 with the built-in "
-        "library, 0.2 with your own); windows only",
+        help=f"share of unknown motions that may be answered, as the library can tell (default: {SENSITIVITY_LEARNED} "
+        f"with the built-in library, {SENSITIVITY_OWN} with your own); windows only",
     )
     parser.add_argument(
         "--window", type=positive, help="seconds that the paper's window looks back (default 0.5); paper only"

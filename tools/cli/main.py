@@ -33,6 +33,7 @@ PROGRAMS: Programs = {
     "info": ("programs.info", "say what is in a motion library or in recordings"),
     "evaluate": ("", "measure how often the right class is found"),
     "bench": ("bench.run", "measure what everything costs, beside what a user would take instead"),
+    "keys": ("programs.keys", "make keys, so that ZeroMQ lets in those alone who are known"),
     "feeds": ("programs.feeds", "list the products whose feeds are understood, and what to set in them"),
     "listen": ("programs.listen", "show what arrives on a port, guess the feed, say what is missing"),
 }

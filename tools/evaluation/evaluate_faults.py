@@ -18,18 +18,18 @@ from kinespace.tools.cli.arguments import (
     add_actor_in,
     add_json,
     add_library,
+    add_map,
     add_reading,
     add_settings,
     add_subjects,
     add_takes,
-    mapping,
     positive,
     reading_of,
     settings_of,
 )
 from kinespace.tools.evaluation.faults import FAULTS, Feed
-from kinespace.tools.evaluation.protocols import Protocol, folds_of
-from kinespace.tools.evaluation.stream_tables import percent
+from kinespace.tools.evaluation.scoring.protocols import Protocol, folds_of
+from kinespace.tools.evaluation.scoring.stream_tables import percent
 from kinespace.tools.evaluation.takes import Sources, Take, read_takes
 from kinespace.tools.terminal.console import console, progress
 from kinespace.tools.terminal.tables import narrow_table
@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from kinespace.stream.recognition import Recognition
-    from kinespace.tools.evaluation.protocols import Fold
+    from kinespace.tools.evaluation.scoring.protocols import Fold
 
 #: Seconds that an answer's segment must have lasted for the answer to count.
 _INSIDE = 1.0
@@ -113,9 +113,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--protocol", choices=[str(protocol) for protocol in Protocol], default=str(Protocol.LIBRARY), help="as stream"
     )
-    parser.add_argument(
-        "--map", nargs="+", action="extend", type=mapping, default=[], metavar="LABEL=CLASS", help="rename labels"
-    )
+    add_map(parser)
     parser.add_argument(
         "--fault", nargs="+", action="extend", choices=list(FAULTS), default=[], help="only these (default: all)"
     )

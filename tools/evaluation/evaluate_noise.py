@@ -5,35 +5,33 @@ from __future__ import annotations
 import json
 import math
 from dataclasses import asdict, dataclass, replace
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kinespace.library import MotionLibrary, find_recordings
-from kinespace.library.recordings import labelled
+from kinespace.library import MotionLibrary
 from kinespace.stream.frame import Frame
 from kinespace.stream.recognizer import Recognizer, Settings
 from kinespace.tools.cli.arguments import (
-    add_actor_in,
+    add_clips,
     add_json,
-    add_reading,
     add_settings,
     count,
     not_negative,
     reading_of,
     settings_of,
 )
-from kinespace.tools.evaluation.bootstrap import Interval, Ratio
-from kinespace.tools.evaluation.stream_tables import interval, percent
+from kinespace.tools.evaluation.scoring.bootstrap import Interval, Ratio
+from kinespace.tools.evaluation.scoring.stream_tables import interval, percent
 from kinespace.tools.feeding.joint_sets import joints_of
 from kinespace.tools.terminal.console import console, progress
-from kinespace.tools.terminal.named_joints import read_and_tell
+from kinespace.tools.terminal.named_joints import read_labelled
 from kinespace.tools.terminal.tables import narrow_table
 
 if TYPE_CHECKING:
     import argparse
     from collections.abc import Sequence
+    from pathlib import Path
 
     from kinespace.library import Clip, Reading
     from kinespace.stream.recognition import Recognition
@@ -90,15 +88,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "Plays motions at 30 frames per second with white noise on every coordinate into the live recogniser. Motions "
         "are left out of the library in groups, so that none is named by itself."
     )
-    parser.add_argument(
-        "folder",
-        nargs="*",
-        type=Path,
-        metavar="FOLDER",
-        help="clips, or folders of them (default: the built-in library's motions)",
-    )
-    add_reading(parser)
-    add_actor_in(parser)
+    add_clips(parser, "the built-in library's motions")
     parser.add_argument(
         "--noise",
         nargs="+",
@@ -182,11 +172,7 @@ def evaluate(
 def _library(places: Sequence[Path], reading: Reading) -> MotionLibrary:
     if not places:
         return MotionLibrary.builtin()
-    paths = find_recordings(places)
-    read = read_and_tell(paths, reading)
-    return MotionLibrary.of_clips(
-        [labelled(clip, path, reading.actor_in) for clip, path in zip(read, paths, strict=True)]
-    )
+    return MotionLibrary.of_clips(read_labelled(places, reading))
 
 
 def _groups(library: MotionLibrary, groups: int) -> list[range]:

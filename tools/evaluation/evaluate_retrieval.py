@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from rich.table import Table
 
-from kinespace.library import Clip, MotionLibrary, find_recordings
-from kinespace.library.recordings import labelled
+from kinespace.library import Clip, MotionLibrary
 from kinespace.library.retrieval.experiment import (
     SPLIT_LIBRARY_ACTORS,
     Labels,
@@ -28,12 +27,12 @@ from kinespace.library.retrieval.experiment import (
     splits,
     turned,
 )
-from kinespace.tools.cli.arguments import add_actor_in, add_reading, reading_of
-from kinespace.tools.evaluation.bootstrap import Ratio
-from kinespace.tools.evaluation.stream_tables import interval, percent
+from kinespace.tools.cli.arguments import add_clips, reading_of
+from kinespace.tools.evaluation.scoring.bootstrap import Ratio
+from kinespace.tools.evaluation.scoring.stream_tables import interval, percent
 from kinespace.tools.feeding.joint_sets import joints_of
 from kinespace.tools.terminal.console import console, progress
-from kinespace.tools.terminal.named_joints import read_and_tell
+from kinespace.tools.terminal.named_joints import read_labelled
 from kinespace.tools.terminal.output_path import require_place_for
 from kinespace.tools.terminal.tables import add_names, narrow_table
 
@@ -44,7 +43,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from kinespace.library import Reading
-    from kinespace.tools.evaluation.bootstrap import Interval
+    from kinespace.tools.evaluation.scoring.bootstrap import Interval
 
 #: Characters that the figures beside the names of sets of joints need.
 _BESIDE_SKELETONS = 50
@@ -87,15 +86,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "For every motion, counts whether its nearest other motion is of its class, and whether one of the two nearest "
         "is, in the spaces of joint distances, joint positions and joint rotations."
     )
-    parser.add_argument(
-        "folder",
-        nargs="*",
-        type=Path,
-        metavar="FOLDER",
-        help="recordings, or folders of them (default: the built-in library's motions, which have no rotations)",
-    )
-    add_reading(parser)
-    add_actor_in(parser)
+    add_clips(parser, "the built-in library's motions, which have no rotations")
     parser.add_argument("--space", choices=("distances", "positions", "rotations"), help="default: all")
     parser.add_argument("--signature", choices=("eigenvector", "spread"), help="default: both, for distances")
     parser.add_argument("--protocol", choices=("leave-one-out", "actor-held-out", "split"), help="default: all")
@@ -229,9 +220,7 @@ def _clips(places: Sequence[Path], reading: Reading, turned_by: int | None) -> l
 
 
 def _recorded(places: Sequence[Path], reading: Reading) -> list[Clip]:
-    paths = find_recordings(places)
-    read = read_and_tell(paths, reading)
-    clips = [labelled(clip, path, reading.actor_in) for clip, path in zip(read, paths, strict=True)]
+    clips = read_labelled(places, reading)
     short = [clip.name for clip in clips if clip.frames < 2]
     if short:
         raise ValueError(f"{short[0]}: expected a motion of at least 2 frames, got one")

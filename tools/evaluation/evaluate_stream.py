@@ -20,19 +20,19 @@ from kinespace.tools.cli.arguments import (
     add_json,
     add_labels,
     add_library,
+    add_map,
     add_reading,
     add_settings,
     add_subjects,
     add_takes,
-    mapping,
     reading_of,
     settings_of,
 )
-from kinespace.tools.evaluation.protocols import Fold, Protocol, folds_of
-from kinespace.tools.evaluation.stream_score import LOWER_IS_BETTER, StreamScore, score_courses
-from kinespace.tools.evaluation.stream_tables import print_persons, print_score
+from kinespace.tools.evaluation.scoring.protocols import Fold, Protocol, folds_of
+from kinespace.tools.evaluation.scoring.stream_score import LOWER_IS_BETTER, StreamScore, score_courses
+from kinespace.tools.evaluation.scoring.stream_tables import print_persons, print_score
+from kinespace.tools.evaluation.scoring.timeline import Course, confusion, course_of
 from kinespace.tools.evaluation.takes import Sources, Take, read_takes, takes_of
-from kinespace.tools.evaluation.timeline import Course, confusion, course_of
 from kinespace.tools.feeding.joint_sets import joints_of
 from kinespace.tools.terminal.console import progress
 
@@ -110,9 +110,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "with what is cut from one person's, for each person in turn",
     )
     add_subjects(parser)
-    parser.add_argument(
-        "--map", nargs="+", action="extend", type=mapping, default=[], metavar="LABEL=CLASS", help="rename labels"
-    )
+    add_map(parser)
     parser.add_argument("--skeleton", metavar="NAME", help="with the joints of this product alone, like kinectv2")
     add_settings(parser)
     parser.add_argument(

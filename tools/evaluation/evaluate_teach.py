@@ -26,7 +26,7 @@ from kinespace.tools.cli.arguments import (
     settings_of,
 )
 from kinespace.tools.cli.arguments import count as above_zero
-from kinespace.tools.evaluation.bootstrap import Percentile, Ratio
+from kinespace.tools.evaluation.scoring.bootstrap import Percentile, Ratio
 from kinespace.tools.evaluation.takes import Sources, read_takes, takes_of
 from kinespace.tools.terminal.console import console, progress
 from kinespace.tools.terminal.tables import narrow_table

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from kinespace.library.distances import distance_rows
-from kinespace.stream.recognizer.plausibility import mirrored_places
+from kinespace.stream.recognizer.joints.plausibility import mirrored_places
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -48,7 +48,7 @@ _BEGUN = 2
 #: Noises with which the library's own motions are asked, metres on every coordinate.
 _NOISES = (0.0, 0.01, 0.02)
 #: Sensitivity at which every class must be named, and the share of its own motions that then are at some time.
-_USUAL, _NAMED_AT_LEAST = 0.05, 0.5
+_USUAL, _MIN_NAMED = 0.05, 0.5
 #: A logit that no evidence reaches.
 _FAR = 20.0
 #: How much the library's own motions count as unknown, their class left out, and strangers' as known: other motions are
@@ -239,7 +239,7 @@ def _raised(rejection: Rejection, own: Sequence[_Own], threshold: float) -> Reje
     for name in biases:
         highest = [_highest(rejection, name, windows) for performed, _, windows, _ in own if performed == name]
         if highest:
-            biases[name] += max(threshold - float(np.quantile(highest, 1 - _NAMED_AT_LEAST)), 0.0)
+            biases[name] += max(threshold - float(np.quantile(highest, 1 - _MIN_NAMED)), 0.0)
     return replace(rejection, biases=biases)
 
 

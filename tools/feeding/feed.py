@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from kinespace.library import Clip
-    from kinespace.stream.zeromq import Endpoint
+    from kinespace.stream.zeromq import Endpoint, Keyring
 
 #: Seconds between two announcements of the skeleton, as a live sender repeats it for receivers that start later.
 ANNOUNCE_EVERY = 1.0
@@ -224,8 +224,8 @@ class OscFrameSender:
 class ZmqFrameSender:
     """Publishes frames as ZeroMQ messages, the joint names with the first frame after each announcement."""
 
-    def __init__(self, endpoint: Endpoint) -> None:
-        self._sender = zeromq.ZmqSender(endpoint)
+    def __init__(self, endpoint: Endpoint, keyring: Keyring | None = None) -> None:
+        self._sender = zeromq.ZmqSender(endpoint, keyring)
         self._announced: Sequence[str] | None = None
 
     @property

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from kinespace.library.formats import utkinect
+from kinespace.library.naming import spelling
 from kinespace.stream.feeds import builtin_names, builtin_preset
-from kinespace.stream.feeds.preset import spelling
 from kinespace.tools.programs.feeds import preset_named
 
 #: Joint sets that no preset has: the joints of Kinect 1's own tools.

@@ -20,12 +20,13 @@ from kinespace.stream.inputs import OscDecoder, Source, ZmqDecoder
 from kinespace.stream.outputs import LayoutSink, NativeLayout, ZmqSink
 from kinespace.stream.recognizer import Performers, Recognizer, Settings
 from kinespace.stream.service import Service
-from kinespace.stream.zeromq import Endpoint
+from kinespace.stream.zeromq import Endpoint, Keyring
 from kinespace.tools.feeding.feed import OscFrameSender, ZmqFrameSender
 
 if TYPE_CHECKING:
     from collections.abc import Callable
     from multiprocessing.connection import Connection
+    from pathlib import Path
 
     from kinespace.stream.status import Status
     from kinespace.tools.feeding.feed import FrameSender, Packet
@@ -64,6 +65,7 @@ class _Request:
     answer_port: int
     stand_in: StandIn | None
     performers: int
+    keys: Path | None
 
 
 class BackgroundService:
@@ -84,6 +86,8 @@ class BackgroundService:
         `hello/`.
     performers
         How many at once, at most.
+    keys
+        Folder of the keys that both ends of ZeroMQ use; None for none.
 
     Attributes
     ----------
@@ -99,7 +103,9 @@ class BackgroundService:
         settings: Settings | None = None,
         stand_in: StandIn | None = None,
         performers: int = 32,
+        keys: Path | None = None,
     ) -> None:
+        self._keyring = Keyring(keys) if keys else None
         self.status: Status | None = None
         self._stand_in = stand_in
         self._receiver: osc.OscReceiver | None = osc.OscReceiver(LOOPBACK, 0) if transport == "osc" else None
@@ -107,7 +113,7 @@ class BackgroundService:
         # A fresh interpreter, so that the child holds none of the parent's sockets and threads.
         context = multiprocessing.get_context("spawn")
         self._connection, self._theirs = context.Pipe()
-        request = _Request(transport, library, settings or Settings(), port, stand_in, performers)
+        request = _Request(transport, library, settings or Settings(), port, stand_in, performers, keys)
         self._process = context.Process(target=_serve, args=(self._theirs, request), daemon=True)
 
     def __enter__(self) -> Self:
@@ -149,6 +155,8 @@ class BackgroundService:
         self._connection.close()
         if self._receiver:
             self._receiver.close()
+        if self._keyring:
+            self._keyring.close()
 
     @property
     def frames_to(self) -> str | tuple[str, int]:
@@ -173,8 +181,8 @@ class BackgroundService:
         """
         if self._receiver:
             return OscFrameSender(*self._frames_to), self._receiver
-        sender = ZmqFrameSender(Endpoint(self._frames_to, bind=False))
-        receiver = zeromq.ZmqReceiver(Endpoint(self._answers_at, bind=False))
+        sender = ZmqFrameSender(Endpoint(self._frames_to, bind=False), self._keyring)
+        receiver = zeromq.ZmqReceiver(Endpoint(self._answers_at, bind=False), keyring=self._keyring)
         until = time.monotonic() + _MAX_START
         while time.monotonic() < until:
             sender.greet()
@@ -204,7 +212,7 @@ def _serve(connection: Connection, request: _Request) -> None:
 
 def _serve_parent(connection: Connection, request: _Request) -> None:
     try:
-        source, sink, addresses = _osc_ends(request) if request.transport == "osc" else _zmq_ends()
+        source, sink, addresses = _osc_ends(request) if request.transport == "osc" else _zmq_ends(request)
         performers = None if request.stand_in else _performers(request)
     except (OSError, ValueError) as error:
         connection.send(error)
@@ -243,8 +251,10 @@ def _osc_ends(request: _Request) -> tuple[Source, LayoutSink | ZmqSink, tuple[ob
     return Source(receiver, OscDecoder()), LayoutSink(NativeLayout(), sender), (receiver.address, None)
 
 
-def _zmq_ends() -> tuple[Source, LayoutSink | ZmqSink, tuple[object, object]]:
-    receiver, sender = zeromq.ZmqReceiver(ANY_ENDPOINT), zeromq.ZmqSender(ANY_ENDPOINT)
+def _zmq_ends(request: _Request) -> tuple[Source, LayoutSink | ZmqSink, tuple[object, object]]:
+    # Closed by the process's end.
+    keyring = Keyring(request.keys) if request.keys else None
+    receiver, sender = zeromq.ZmqReceiver(ANY_ENDPOINT, keyring=keyring), zeromq.ZmqSender(ANY_ENDPOINT, keyring)
     return Source(receiver, ZmqDecoder()), ZmqSink(sender), (receiver.address, sender.address)
 
 

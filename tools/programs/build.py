@@ -30,9 +30,9 @@ if TYPE_CHECKING:
     from kinespace.library import Reading
 
 #: Seconds that one motion hardly lasts; HDM05's longest cut clip has eight.
-_LONG = 15.0
+_MAX_SECONDS = 15.0
 #: Seconds of the shortest window that motions are compared by.
-_SHORTEST_WINDOW = 0.25
+_MIN_WINDOW = 0.25
 
 
 @dataclass(frozen=True, slots=True)
@@ -217,21 +217,21 @@ def _filled(clips: Sequence[Clip]) -> Iterator[str]:
 
 def _short(library: MotionLibrary) -> Iterator[str]:
     """Say which motions are too short to be compared with."""
-    short = [motion for motion in library.motions if motion.duration < _SHORTEST_WINDOW]
+    short = [motion for motion in library.motions if motion.duration < _MIN_WINDOW]
     if short:
         yield (
-            f"{len(short)} of {len(library)} motions are shorter than {_SHORTEST_WINDOW:g} s, too short for any "
+            f"{len(short)} of {len(library)} motions are shorter than {_MIN_WINDOW:g} s, too short for any "
             f"window, and kept for playback alone: {_listed(motion.name for motion in short)}"
         )
 
 
 def _long(clips: Sequence[Clip]) -> Iterator[str]:
     """Say that takes which look like several motions were taken as one each."""
-    long = [clip for clip in clips if clip.duration > _LONG]
+    long = [clip for clip in clips if clip.duration > _MAX_SECONDS]
     if long:
         longest = max(long, key=lambda clip: clip.duration)
         yield (
-            f"{len(long)} of {len(clips)} recordings are longer than {_LONG:g} s, {longest.name} "
+            f"{len(long)} of {len(clips)} recordings are longer than {_MAX_SECONDS:g} s, {longest.name} "
             f"({longest.duration:.0f} s) the longest; each is taken as one motion: --labels cuts takes into theirs"
         )
 

@@ -6,8 +6,8 @@ import csv
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from kinespace.library.movement import STILLNESS, stretches_of
 from kinespace.library.recordings import RecordingReader, find_recordings
+from kinespace.library.teaching.movement import STILLNESS, stretches_of
 from kinespace.tools.cli.arguments import add_overwrite, add_reading, add_recorded_feed, positive, reading_of
 from kinespace.tools.terminal.console import console, printable, progress
 from kinespace.tools.terminal.output_path import require_place_for
@@ -59,7 +59,7 @@ def propose(source: Path, output: Path | None, *, reading: Reading, stillness: f
     reading
         How the recording is read.
     stillness
-        Movement below which a body stands still (`library.movement`).
+        Movement below which a body stands still (`library.teaching.movement`).
     overwrite
         Whether a file that is there may be written over.
     """

@@ -13,7 +13,7 @@ from rich.table import Table
 
 from kinespace.library import MotionLibrary
 from kinespace.stream.frame import Announcement, Frame
-from kinespace.tools.cli.arguments import add_settings, positive, settings_of
+from kinespace.tools.cli.arguments import add_keys, add_settings, positive, settings_of
 from kinespace.tools.feeding.feed import Cue, Pace, without_pause
 from kinespace.tools.loopback.answer_listener import Listener, answer_in
 from kinespace.tools.loopback.expected_answers import AnswerMatcher, expected_answers
@@ -23,6 +23,7 @@ from kinespace.tools.terminal.console import console
 if TYPE_CHECKING:
     import argparse
     from collections.abc import Sequence
+    from pathlib import Path
 
     from numpy.typing import NDArray
 
@@ -97,7 +98,9 @@ class Latency:
         }
 
 
-def measure(transport: Transport, *, rate_hz: float, seconds: float, settings: Settings) -> Latency:
+def measure(
+    transport: Transport, *, rate_hz: float, seconds: float, settings: Settings, keys: Path | None = None
+) -> Latency:
     """Feed a recogniser in another process and time its answers.
 
     The feed plays every eighth motion of the built-in library, one after the other, again and again. Each frame says
@@ -114,6 +117,8 @@ def measure(transport: Transport, *, rate_hz: float, seconds: float, settings: S
         How long to feed.
     settings
         Of the recogniser.
+    keys
+        Folder of the keys that both ends of ZeroMQ use; None for none.
 
     Raises
     ------
@@ -128,8 +133,8 @@ def measure(transport: Transport, *, rate_hz: float, seconds: float, settings: S
     if not expected or expected[-1].cue < warm:
         raise ValueError(f"--seconds: expected enough for an answer after the first {_WARM_UP:g} s, got {seconds:g}")
     with (
-        BackgroundService(transport, settings=settings) as service,
-        BackgroundService(transport, stand_in=Echo()) as echo,
+        BackgroundService(transport, settings=settings, keys=keys) as service,
+        BackgroundService(transport, stand_in=Echo(), keys=keys) as echo,
         closing(_Run(service, echo)) as run,
     ):
         run.play(cues, Announcement("latency", library.skeleton.joints), rate_hz)
@@ -203,6 +208,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--transport", choices=("osc", "zmq", "both"), default="both")
     parser.add_argument("--rate", type=positive, default=120.0, help="frames per second (default %(default)s)")
     parser.add_argument("--seconds", type=positive, default=20.0, help="of each run (default %(default)s)")
+    add_keys(parser)
     add_settings(parser)
     parser.add_argument("--json", action="store_true", help="print one JSON object; needs one --transport")
 
@@ -216,12 +222,19 @@ def run(options: argparse.Namespace) -> int:
         rate_hz=options.rate,
         seconds=options.seconds,
         settings=settings_of(options),
+        keys=options.keys,
         as_json=options.json,
     )
 
 
 def compare_with_echo(
-    transports: Sequence[Transport], *, rate_hz: float, seconds: float, settings: Settings, as_json: bool
+    transports: Sequence[Transport],
+    *,
+    rate_hz: float,
+    seconds: float,
+    settings: Settings,
+    as_json: bool,
+    keys: Path | None = None,
 ) -> int:
     """Measure each transport and print a table, or one JSON object."""
     table = Table(title=f"Frame sent to answer received, milliseconds, at {rate_hz:g} Hz", title_justify="left")
@@ -230,7 +243,7 @@ def compare_with_echo(
     for heading in headings:
         table.add_column(heading, justify="right")
     for transport in transports:
-        latency = measure(transport, rate_hz=rate_hz, seconds=seconds, settings=settings)
+        latency = measure(transport, rate_hz=rate_hz, seconds=seconds, settings=settings, keys=keys)
         if as_json:
             print(json.dumps(latency.as_json()))
             return 0

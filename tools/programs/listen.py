@@ -15,7 +15,7 @@ from kinespace.library.motion_library import MIN_JOINTS
 from kinespace.library.naming import NamedJoints, Naming
 from kinespace.library.naming import told as names_told
 from kinespace.stream.feeds import builtin_names, builtin_preset
-from kinespace.stream.feeds.detection import MOST_KINDS, Guess, Survey
+from kinespace.stream.feeds.detection import MAX_KINDS, Guess, Survey
 from kinespace.stream.feeds.handshake import NEVER, farewells, is_due, questions
 from kinespace.stream.osc import SKELETON, OscReceiver
 from kinespace.stream.osc.udp import LookedUp
@@ -224,7 +224,7 @@ def _show(survey: Survey, guess: Guess | None, told: list[str]) -> None:
     if survey.kinds:
         console.print(table)
     if len(shown) > _MAX_SHOWN:
-        console.print(f"and {len(shown) - _MAX_SHOWN}{' or more' if len(shown) >= MOST_KINDS else ''} other kinds")
+        console.print(f"and {len(shown) - _MAX_SHOWN}{' or more' if len(shown) >= MAX_KINDS else ''} other kinds")
     if guess:
         _say(
             f"looks like {guess.preset.name} ({guess.preset.product}): {guess.understood:.0%} of the messages, "

@@ -18,19 +18,19 @@ from rich.live import Live
 from kinespace.library import MotionLibrary
 from kinespace.library.naming import Naming
 from kinespace.stream import osc, zeromq
-from kinespace.stream.background_opener import BackgroundOpener
+from kinespace.stream.background_opener import background_restricter, background_windows
 from kinespace.stream.feeds.source import FeedSource
 from kinespace.stream.inputs import Admission, OscDecoder, Source, ZmqDecoder
 from kinespace.stream.outputs import LAYOUTS, LayoutSink, NativeLayout, ReplySink, Sink, ZmqSink
 from kinespace.stream.recognizer import LiveSignature, Performers, Recognizer, SentJoints
 from kinespace.stream.recording import RawWriter, Recorder, source_name
-from kinespace.stream.restricted_beside import RestrictedBeside
 from kinespace.stream.service import Service
-from kinespace.stream.zeromq import Endpoint
+from kinespace.stream.zeromq import Endpoint, Keyring
 from kinespace.tools.cli.address import host_and_port
 from kinespace.tools.cli.arguments import (
     OSC_IN,
     add_inputs,
+    add_keys,
     add_library,
     add_names,
     add_overwrite,
@@ -119,11 +119,14 @@ class Guard:
         Addresses or networks, like 192.168.0.0/24, whose packets are read; empty for all.
     merge
         Let several senders send frames of one performer.
+    keyring
+        Keys of all who are let in by ZeroMQ; None for no keys.
     """
 
     performers: Sequence[str] = ()
     networks: Sequence[str] = ()
     merge: bool = False
+    keyring: Keyring | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -193,6 +196,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="NETWORK,...",
         help="read packets from these networks alone; they may teach",
     )
+    add_keys(parser)
     parser.add_argument("--merge", action="store_true", help="let several senders send frames of one performer")
     parser.add_argument("--performers", type=int, default=32, help="how many performers at most (default %(default)s)")
     parser.add_argument("--record", type=Path, metavar="FILE", help="keep every packet that comes in, for replay")
@@ -221,18 +225,19 @@ def run(options: argparse.Namespace) -> int:
         zmq_in=options.zmq_in,
         zmq_out=options.zmq_out,
     )
-    return recognise(
-        addresses,
-        library=options.library,
-        settings=settings_of(options),
-        most=options.performers,
-        plain=options.plain,
-        record=options.record,
-        overwrite=options.overwrite,
-        feed=Feed(options.feed, options.sender, tuple(options.out), options.joints, Naming.asked(options.naming)),
-        guard=Guard(options.allow, options.allow_from, options.merge),
-        teaching=Teaching(options.teach, tuple(options.control)),
-    )
+    with Keyring(options.keys) if options.keys else nullcontext() as keyring:
+        return recognise(
+            addresses,
+            library=options.library,
+            settings=settings_of(options),
+            most=options.performers,
+            plain=options.plain,
+            record=options.record,
+            overwrite=options.overwrite,
+            feed=Feed(options.feed, options.sender, tuple(options.out), options.joints, Naming.asked(options.naming)),
+            guard=Guard(options.allow, options.allow_from, options.merge, keyring),
+            teaching=Teaching(options.teach, tuple(options.control)),
+        )
 
 
 def recognise(
@@ -257,11 +262,13 @@ def recognise(
     shown: PlainLines | LiveTable = PlainLines() if plain or not console.is_terminal else LiveTable(performers.classes)
     admission = Admission(silence=performers.silence, merge=guard.merge, allowed=guard.performers)
     networks = [ipaddress.ip_network(each, strict=False) for each in guard.networks]
-    receivers, sinks, kept = _open(addresses, feed, preset, record, networks=networks, admission=admission)
+    receivers, sinks, kept = _open(
+        addresses, feed, preset, record, networks=networks, keyring=guard.keyring, admission=admission
+    )
     recorders = [Recorder(kept, index) if kept else None for index in range(len(receivers))]
     sources = [_source(*each, preset, feed.sender, admission) for each in zip(receivers, recorders, strict=True)]
     feeds = [source for source in sources if isinstance(source, FeedSource)]
-    doors = _doors(teaching, desk, sources, networks) if desk else []
+    doors = _doors(teaching, desk, sources, networks, guard.keyring) if desk else []
     with (
         kept or nullcontext(),
         Service(performers, [*sources, *doors], [*sinks, shown], admission=admission) as service,
@@ -271,6 +278,8 @@ def recognise(
         # Before anybody can know that we are there.
         stop_on_signals(service.stop)
         _announce([*sources, *doors], sinks)
+        if not guard.keyring:
+            _warn_of_strangers([addresses.zmq_in, addresses.zmq_out, *teaching.controls])
         # What was loaded so far lives as long as we do: the collector need not look at it again.
         gc.freeze()
         with Keys(desk, shown) if desk and isinstance(shown, LiveTable) else nullcontext():
@@ -312,12 +321,12 @@ def _performers(
         motions = fitted(motions, f"feed {preset.name}", preset.joints)
     elif joints:
         motions = fitted(motions, "--joints", joints)
+    sent = SentJoints(joints, feed.naming, background_restricter(settings))
     if teaching.file:
-        desk = _desk(teaching, None if nothing else motions, SentJoints(joints, feed.naming), settings, most)
+        desk = _desk(teaching, None if nothing else motions, sent, settings, most)
         return as_performers(desk), desk
     _require_room_for(motions, settings)
-    sent = SentJoints(joints, feed.naming, RestrictedBeside(motions, settings))
-    return Performers(motions, settings, most=most, joints=sent, opener=BackgroundOpener()), None
+    return Performers(motions, settings, most=most, joints=sent, opener=background_windows()), None
 
 
 def _desk(teaching: Teaching, motions: MotionLibrary | None, sent: SentJoints, settings: Settings, most: int) -> Desk:
@@ -326,16 +335,15 @@ def _desk(teaching: Teaching, motions: MotionLibrary | None, sent: SentJoints, s
 
     def performers(index: WindowIndex, classes: Sequence[str]) -> Performers:
         covers = set(index.library.skeleton.joints) <= set(sent.assumed)
-        fewer = RestrictedBeside(index.library, settings)
-        joints = SentJoints(sent.assumed if covers else (), sent.naming, fewer)
-        opener = BackgroundOpener()
+        joints = sent if covers else replace(sent, assumed=())
+        opener = background_windows()
         return Performers(index, settings, most=most, joints=joints, opener=opener, classes=classes)
 
     return open_desk(Start(teaching.file, motions, sent.assumed), performers)
 
 
 def _doors(
-    teaching: Teaching, desk: Desk, sources: Sequence[Source], networks: Networks
+    teaching: Teaching, desk: Desk, sources: Sequence[Source], networks: Networks, keyring: Keyring | None
 ) -> list[WekinatorDoor | RequestDoor]:
     """Open the ways in for commands: the frames' own ports, and what was asked for beside them."""
     allowed = Allowed(networks)
@@ -348,7 +356,7 @@ def _doors(
             host, port = host_and_port(place) if place else ("127.0.0.1", WEKINATOR_PORT)
             doors.append(WekinatorDoor(osc.OscReceiver(host, port), desk, allowed))
         elif "://" in control:
-            doors.append(RequestDoor(Endpoint.parse(control, bind=True), desk, allowed))
+            doors.append(RequestDoor(Endpoint.parse(control, bind=True), desk, allowed, keyring))
         else:
             raise ValueError(f"--control: expected wekinator or an endpoint like tcp://127.0.0.1:9330, got {control!r}")
     return doors
@@ -414,6 +422,7 @@ def _open(
     record: Path | None,
     *,
     networks: Networks,
+    keyring: Keyring | None,
     admission: Admission,
 ) -> tuple[list[_AnyReceiver], list[Sink], RawWriter | None]:
     """Open what was asked for; what was opened before a failure is closed again."""
@@ -428,13 +437,14 @@ def _open(
             receivers.append(osc.OscReceiver(*host_and_port(addresses.osc_in), networks))
             opened.callback(receivers[-1].close)
         if addresses.zmq_in:
-            receivers.append(zeromq.ZmqReceiver(Endpoint.parse(addresses.zmq_in, bind=True), networks=networks))
+            endpoint = Endpoint.parse(addresses.zmq_in, bind=True)
+            receivers.append(zeromq.ZmqReceiver(endpoint, networks=networks, keyring=keyring))
             opened.callback(receivers[-1].close)
         if addresses.osc_out:
             sinks.append(LayoutSink(NativeLayout(), osc.OscSender(*host_and_port(addresses.osc_out))))
             opened.callback(sinks[-1].close)
         if addresses.zmq_out:
-            sinks.append(ZmqSink(zeromq.ZmqSender(Endpoint.parse(addresses.zmq_out, bind=True))))
+            sinks.append(ZmqSink(zeromq.ZmqSender(Endpoint.parse(addresses.zmq_out, bind=True), keyring)))
             opened.callback(sinks[-1].close)
         for out in feed.outs:
             sinks.append(_layout_sink(out, receivers, admission))
@@ -493,6 +503,17 @@ def _layout_sink(text: str, receivers: Sequence[_AnyReceiver], admission: Admiss
 def _announce(sources: Sequence[object], sinks: Sequence[Sink]) -> None:
     listening, answering = ", ".join(map(str, sources)), ", ".join(map(str, sinks)) or "nobody"
     console.print(f"listening on {listening}; answering to {answering}; Ctrl-C ends", soft_wrap=True)
+
+
+def _warn_of_strangers(places: Sequence[str | None]) -> None:
+    """Say which ZeroMQ endpoints other machines reach."""
+    endpoints = [Endpoint.parse(place, bind=True) for place in places if place and "://" in place]
+    if reached := [endpoint.address for endpoint in endpoints if endpoint.is_open_to_others]:
+        console.print(
+            f"no --keys: whoever is at the other end of {', '.join(reached)} is believed and hears the answers",
+            soft_wrap=True,
+            markup=False,
+        )
 
 
 def _run_with_table(service: Service, shown: LiveTable) -> None:

@@ -12,9 +12,9 @@ from rich.status import Status
 
 from kinespace.stream import osc, zeromq
 from kinespace.stream.recording import RawWriter, Recorder, source_name
-from kinespace.stream.zeromq import Endpoint
+from kinespace.stream.zeromq import Endpoint, Keyring
 from kinespace.tools.cli.address import host_and_port
-from kinespace.tools.cli.arguments import OSC_IN, add_inputs, add_overwrite, positive
+from kinespace.tools.cli.arguments import OSC_IN, add_inputs, add_keys, add_overwrite, positive
 from kinespace.tools.cli.interruption import stop_on_signals
 from kinespace.tools.terminal.console import console, progress_console
 from kinespace.tools.terminal.output_path import require_place_for
@@ -36,6 +36,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("output", type=Path, metavar="FILE", help="to make, like tonight.kinerec")
     add_inputs(parser)
+    add_keys(parser)
     parser.add_argument("--seconds", type=positive, help="how long (default: until Ctrl-C)")
     add_overwrite(parser)
 
@@ -46,12 +47,15 @@ def run(options: argparse.Namespace) -> int:
         options.output,
         osc_in=options.osc_in or (None if options.zmq_in else OSC_IN),
         zmq_in=options.zmq_in,
+        keys=options.keys,
         seconds=options.seconds,
         overwrite=options.overwrite,
     )
 
 
-def record(output: Path, *, osc_in: str | None, zmq_in: str | None, seconds: float | None, overwrite: bool) -> int:
+def record(
+    output: Path, *, osc_in: str | None, zmq_in: str | None, keys: Path | None, seconds: float | None, overwrite: bool
+) -> int:
     """Record until interrupted, or for so many seconds; say what was kept.
 
     Parameters
@@ -60,6 +64,8 @@ def record(output: Path, *, osc_in: str | None, zmq_in: str | None, seconds: flo
         The file to make.
     osc_in, zmq_in
         Where packets come in, one of them at least.
+    keys
+        Folder of the keys of ZeroMQ senders; None for none.
     seconds
         How long; until interrupted when not given.
     overwrite
@@ -67,7 +73,7 @@ def record(output: Path, *, osc_in: str | None, zmq_in: str | None, seconds: flo
     """
     require_place_for(output, overwrite=overwrite)
     with ExitStack() as opened:
-        receivers = _open(opened, osc_in, zmq_in)
+        receivers = _open(opened, osc_in, zmq_in, keys)
         output.unlink(missing_ok=True)
         names = list(map(source_name, receivers))
         writer = opened.enter_context(RawWriter(output, names))
@@ -86,15 +92,16 @@ def record(output: Path, *, osc_in: str | None, zmq_in: str | None, seconds: flo
     return 0
 
 
-def _open(opened: ExitStack, osc_in: str | None, zmq_in: str | None) -> _Receivers:
+def _open(opened: ExitStack, osc_in: str | None, zmq_in: str | None, keys: Path | None) -> _Receivers:
     if not (osc_in or zmq_in):
         raise ValueError("record: expected --osc-in or --zmq-in, got neither")
     receivers: _Receivers = []
+    keyring = opened.enter_context(Keyring(keys)) if keys else None
     if osc_in:
         receivers.append(osc.OscReceiver(*host_and_port(osc_in)))
         opened.callback(receivers[-1].close)
     if zmq_in:
-        receivers.append(zeromq.ZmqReceiver(Endpoint.parse(zmq_in, bind=True)))
+        receivers.append(zeromq.ZmqReceiver(Endpoint.parse(zmq_in, bind=True), keyring=keyring))
         opened.callback(receivers[-1].close)
     return receivers
 

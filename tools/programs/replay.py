@@ -19,9 +19,18 @@ from kinespace.library.recordings import RecordingReader, labelled
 from kinespace.stream import osc, zeromq
 from kinespace.stream.frame import Announcement
 from kinespace.stream.recording.kinerec import ENDING
-from kinespace.stream.zeromq import Endpoint
+from kinespace.stream.zeromq import Endpoint, Keyring
 from kinespace.tools.cli.address import host_and_port
-from kinespace.tools.cli.arguments import OSC_IN, add_json, add_reading, not_negative, positive, reading_of, share
+from kinespace.tools.cli.arguments import (
+    OSC_IN,
+    add_json,
+    add_keys,
+    add_reading,
+    not_negative,
+    positive,
+    reading_of,
+    share,
+)
 from kinespace.tools.feeding.feed import (
     ANNOUNCE_EVERY,
     OscFrameSender,
@@ -48,8 +57,8 @@ if TYPE_CHECKING:
     from kinespace.tools.feeding.feed import Cue, FrameSender
     from kinespace.tools.loopback.answer_listener import Heard
 
-#: Seconds answers are waited for after the last frame.
-_LINGER = 0.3
+#: Seconds without an answer after which the last one has come, and the most seconds waited after the last frame.
+_LINGER, _MAX_LINGER = 0.3, 3.0
 #: Seconds ZeroMQ peers get to meet before the first frame; what is sent before is lost to whoever is not there yet.
 _MEETING = 0.5
 #: Characters that the figures beside classes' names need.
@@ -153,6 +162,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--zmq", metavar="ENDPOINT", help="publish on ZeroMQ instead; connects, put @ before it to bind"
     )
     parser.add_argument("--listen", metavar="ADDRESS", help="HOST:PORT or ZeroMQ endpoint where the answers come")
+    add_keys(parser)
     parser.add_argument("--performer", default="replay", help="name of the performer (default %(default)s)")
     parser.add_argument("--speed", type=positive, default=1.0, help="times as fast as recorded (default %(default)s)")
     parser.add_argument("--pause", type=not_negative, default=1.0, help="seconds between clips (default %(default)s)")
@@ -174,6 +184,7 @@ def run(options: argparse.Namespace) -> int:
         osc_to=options.osc or (None if options.zmq else OSC_IN),
         zmq_to=options.zmq,
         listen=options.listen,
+        keys=options.keys,
         course=Course(
             options.performer,
             speed=options.speed,
@@ -197,6 +208,7 @@ def play(
     course: Course,
     faults: Faults,
     as_json: bool,
+    keys: Path | None = None,
 ) -> int:
     """Send the recordings; with `listen`, print what share of the answers was right.
 
@@ -212,6 +224,8 @@ def play(
         How they are played, and what goes wrong.
     as_json
         Print one JSON object and nothing else.
+    keys
+        Folder of the keys of the other ends of ZeroMQ; None for none.
 
     Returns
     -------
@@ -225,17 +239,27 @@ def play(
     """
     raw = [place for place in places if place.suffix.lower() == ENDING]
     if raw:
-        return _run_raw(places, osc_to=osc_to, zmq_to=zmq_to, listen=listen, course=course, faults=faults, json=as_json)
+        return _run_raw(
+            places,
+            osc_to=osc_to,
+            zmq_to=zmq_to,
+            listen=listen,
+            keys=keys,
+            course=course,
+            faults=faults,
+            json=as_json,
+        )
     with ExitStack() as opened:
+        keyring = opened.enter_context(Keyring(keys)) if keys else None
         pieces = opened.enter_context(ReadAhead(_pieces(_to_play(places, reading), reading, course)))
         with progress_console.status("Reading"):
             first = next(iter(pieces))
         announcement = Announcement(course.performer, first.clip.skeleton.joints)
         played = piece_cues(chain([first], pieces), course.performer, speed=course.speed, pause=course.pause)
-        listener = _listener(listen) if listen else None
+        listener = _listener(listen, keyring) if listen else None
         if listener:
             opened.callback(listener.close)
-        sender = _sender(osc_to, zmq_to)
+        sender = _sender(osc_to, zmq_to, keyring)
         opened.callback(sender.close)
         replaying = _Replay(sender, listener, announcement)
         # Neither Ctrl-C nor a recording that cannot be read ends the report.
@@ -291,6 +315,7 @@ def _run_raw(
     osc_to: str | None,
     zmq_to: str | None,
     listen: str | None,
+    keys: Path | None,
     course: Course,
     faults: Faults,
     json: bool,
@@ -304,6 +329,7 @@ def _run_raw(
         places[0],
         osc_to=osc_to,
         zmq_to=zmq_to,
+        keys=keys,
         speed=course.speed,
         loop=course.loop,
         begin=course.begin,
@@ -363,8 +389,10 @@ class _Replay:
             self._sender.send(packet)
             self._sent += 1
             self._performed = cue.class_name
-        if self._listener:
-            self._hear(self._listener.listen_until(time.perf_counter() + _LINGER))
+        end = time.perf_counter() + _MAX_LINGER
+        while self._listener and time.perf_counter() < end:
+            if not self._hear(self._listener.listen_until(time.perf_counter() + _LINGER)):
+                break
 
     def _wait(self, pace: Pace, due: float) -> None:
         if self._listener:
@@ -372,12 +400,15 @@ class _Replay:
         else:
             pace.wait_for(due)
 
-    def _hear(self, heard: Sequence[Heard]) -> None:
+    def _hear(self, heard: Sequence[Heard]) -> bool:
+        """Count what was heard; say whether an answer about our performer was among it."""
         self._heard += len(heard)
+        before = self._score.answers.total()
         for each in heard:
             answer = answer_in(each.packet)
             if answer and answer.performer in self._names:
                 self._score.add(self._performed, answer.label)
+        return self._score.answers.total() > before
 
     @property
     def answered(self) -> bool:
@@ -410,14 +441,14 @@ class _Replay:
             console.print(score.table())
 
 
-def _listener(address: str) -> Listener:
+def _listener(address: str, keyring: Keyring | None) -> Listener:
     if "://" in address:
         endpoint = Endpoint.parse(address, bind=False)
-        return Listener(zeromq.ZmqReceiver(endpoint, b"class/"))
+        return Listener(zeromq.ZmqReceiver(endpoint, b"class/", keyring=keyring))
     return Listener(osc.OscReceiver(*host_and_port(address)))
 
 
-def _sender(osc_to: str | None, zmq_to: str | None) -> FrameSender:
+def _sender(osc_to: str | None, zmq_to: str | None, keyring: Keyring | None) -> FrameSender:
     if zmq_to:
-        return ZmqFrameSender(Endpoint.parse(zmq_to, bind=False))
+        return ZmqFrameSender(Endpoint.parse(zmq_to, bind=False), keyring)
     return OscFrameSender(*host_and_port(osc_to or ""))

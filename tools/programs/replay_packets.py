@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from kinespace.stream import osc, zeromq
 from kinespace.stream.recording.kinerec import RawFile
-from kinespace.stream.zeromq import Endpoint
+from kinespace.stream.zeromq import Endpoint, Keyring
 from kinespace.tools.cli.address import host_and_port
 from kinespace.tools.feeding.feed import Pace
 from kinespace.tools.terminal.console import console, progress
@@ -32,6 +32,7 @@ def run(
     *,
     osc_to: str | None,
     zmq_to: str | None,
+    keys: Path | None,
     speed: float,
     loop: bool,
     begin: float,
@@ -46,6 +47,8 @@ def run(
         The recording.
     osc_to, zmq_to
         Where its datagrams and its ZeroMQ messages go; those of a kind without an address are counted and left out.
+    keys
+        Folder of the keys of the other end of ZeroMQ; None for none.
     speed
         How many times as fast as they came.
     loop
@@ -63,7 +66,7 @@ def run(
     recording = RawFile(path)
     counts: Counter[str] = Counter()
     with ExitStack() as opened:
-        senders = _open(opened, recording, osc_to, zmq_to)
+        senders = _open(opened, recording, osc_to, zmq_to, keys)
         # Ctrl-C ends the feed, not the report.
         with suppress(KeyboardInterrupt):
             pace, start = Pace(), 0.0
@@ -118,14 +121,15 @@ def _kind(recording: RawFile, source: int) -> str:
     return recording.header.sources[source].partition(" ")[0]
 
 
-def _open(opened: ExitStack, recording: RawFile, osc_to: str | None, zmq_to: str | None) -> _Senders:
+def _open(opened: ExitStack, recording: RawFile, osc_to: str | None, zmq_to: str | None, keys: Path | None) -> _Senders:
     kinds = [_kind(recording, source) for source in range(len(recording.header.sources))]
     senders: _Senders = {}
     if osc_to and "osc" in kinds:
         senders["osc"] = osc.OscSender(*host_and_port(osc_to))
         opened.callback(senders["osc"].close)
     if zmq_to and "zmq" in kinds:
-        senders["zmq"] = zeromq.ZmqSender(Endpoint.parse(zmq_to, bind=False))
+        keyring = opened.enter_context(Keyring(keys)) if keys else None
+        senders["zmq"] = zeromq.ZmqSender(Endpoint.parse(zmq_to, bind=False), keyring)
         opened.callback(senders["zmq"].close)
         time.sleep(_MEETING)
     if not senders:

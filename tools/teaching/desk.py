@@ -17,9 +17,9 @@ from typing import TYPE_CHECKING, cast
 import numpy as np
 
 from kinespace.library.clip import Clip
-from kinespace.library.examples import Roster, TaughtWindows, checked
 from kinespace.library.motion_library import NOTHING, MotionLibrary
 from kinespace.library.skeleton import Skeleton
+from kinespace.library.teaching.examples import Roster, TaughtWindows, checked
 from kinespace.library.windows.index import WindowIndex, opened
 from kinespace.stream.frame import Frame
 from kinespace.stream.recognition import EventKind
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
     from pathlib import Path
 
-    from kinespace.library.examples import Check
+    from kinespace.library.teaching.examples import Check
     from kinespace.stream.frame import Input
     from kinespace.stream.outputs.sink import Sink
     from kinespace.stream.recognition import Event, Recognition

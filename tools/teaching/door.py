@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from kinespace.stream.inputs.receiver import Networks, Packet, Sender
     from kinespace.stream.osc.udp import OscReceiver
     from kinespace.stream.teaching import Command, Notice
-    from kinespace.stream.zeromq import Endpoint
+    from kinespace.stream.zeromq import Endpoint, Keyring
     from kinespace.tools.teaching.desk import Desk
 
 #: Where Wekinator listens.
@@ -165,6 +165,8 @@ class RequestDoor:
         Does what is asked.
     allowed
         Who may ask, where the transport tells who does; another process of this machine may.
+    keyring
+        Keys of those who may ask, wherever they are; None for no keys.
     """
 
     tended = True
@@ -173,9 +175,9 @@ class RequestDoor:
     #: A command is done when it comes; how long it waited is of no interest.
     waited = 0.0
 
-    def __init__(self, endpoint: Endpoint, desk: Desk, allowed: Allowed) -> None:
-        self._socket = endpoint.open(zmq.REP)
-        self._desk, self._allowed = desk, allowed
+    def __init__(self, endpoint: Endpoint, desk: Desk, allowed: Allowed, keyring: Keyring | None = None) -> None:
+        self._socket = endpoint.open(zmq.REP, keyring=keyring)
+        self._desk, self._allowed, self._keyed = desk, allowed, keyring is not None
         self._counts = InputCounts()
 
     def __str__(self) -> str:
@@ -213,7 +215,7 @@ class RequestDoor:
 
     def _answered(self, request: zmq.Frame) -> Sequence[Notice]:
         peer = str(request.get("Peer-Address") or "")
-        if peer and not self._allowed((peer, 0)):
+        if peer and not self._keyed and not self._allowed((peer, 0)):
             self._counts.foreign += 1
             return [self._desk.refuse(f"a control message from {peer}: see --allow-from")]
         try:

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from kinespace.library import read_recordings
+from kinespace.library import find_recordings, read_recordings
 from kinespace.library.naming import told
+from kinespace.library.recordings import labelled
 from kinespace.tools.terminal.console import progress, progress_console
 
 if TYPE_CHECKING:
@@ -34,3 +35,10 @@ class NameTeller:
 def read_and_tell(paths: Sequence[Path], reading: Reading) -> Iterator[Clip]:
     """Read recordings one after the other, showing how many are read, and say whose names their joints had."""
     return progress(map(NameTeller(), read_recordings(paths, reading)), "Reading", len(paths))
+
+
+def read_labelled(places: Sequence[Path], reading: Reading) -> list[Clip]:
+    """Read clips, or folders of them, with the class and the actor that their places tell."""
+    paths = find_recordings(places)
+    clips = read_and_tell(paths, reading)
+    return [labelled(clip, path, reading.actor_in) for clip, path in zip(clips, paths, strict=True)]

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from kinespace.library.retrieval.experiment import Protocol, Retrieval, Space
-    from kinespace.tools.evaluation.timeline import Course
+    from kinespace.tools.evaluation.scoring.timeline import Course
 
 
 def require_place_for_picture(path: Path) -> None:

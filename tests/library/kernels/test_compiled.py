@@ -37,7 +37,7 @@ from kinespace.library.windows.parts import (
 )
 from kinespace.stream.frame import Frame
 from kinespace.stream.recognizer import LiveSignature, Recognizer, Settings
-from kinespace.stream.recognizer.live_windows import LiveWindows
+from kinespace.stream.recognizer.windows.live_windows import LiveWindows
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator

@@ -12,7 +12,7 @@ from kinespace.library import MotionLibrary, distance_rows
 from kinespace.library.windows.cutting import FIRST_WINDOW, CutWindows, window_ends
 from kinespace.library.windows.index import measured_clips
 from kinespace.library.windows.parts import EIGENVECTORS, PARTS, Kind
-from kinespace.stream.recognizer.live_windows import LiveWindows
+from kinespace.stream.recognizer.windows.live_windows import LiveWindows
 
 if TYPE_CHECKING:
     from kinespace.library.clip import Clip

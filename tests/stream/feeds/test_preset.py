@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from kinespace.library.hdm05 import SKELETON
 from kinespace.stream.feeds import PresetError, builtin_names, builtin_preset, builtin_text, load_preset
-from kinespace.stream.feeds.preset import Closing, Means, parse_preset, spelling
+from kinespace.stream.feeds.preset import Closing, Means, parse_preset
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -178,11 +178,6 @@ def test_a_file_that_is_no_text_is_said(tmp_path: Path) -> None:
         load_preset(path)
     with pytest.raises(FileNotFoundError):
         load_preset(tmp_path / "nothing.toml")
-
-
-def test_names_are_compared_without_capitals_and_what_is_between_words() -> None:
-    """LeftHand, left_hand and LEFT HAND are one joint's name."""
-    assert len({spelling(name) for name in ("LeftHand", "left_hand", "LEFT HAND", "left-hand")}) == 1
 
 
 def refusal(text: str) -> str:

@@ -13,7 +13,6 @@ from synthetic import STICK, STICK_CLASSES, stick_clip
 
 from kinespace.stream.frame import Announcement, Frame
 from kinespace.stream.recognizer import Performers, Recognizer, SentJoints, Settings
-from kinespace.stream.restricted_beside import RestrictedBeside
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -267,24 +266,33 @@ def test_only_so_many_sets_of_joints(library: MotionLibrary) -> None:
 
 def test_who_waits_for_the_library_is_answered_when_it_is_there(library: MotionLibrary) -> None:
     """Frames that come before the restricted library is ready are counted, and why is told; later ones are answered."""
-    beside = RestrictedBeside(library, Settings())
     ready = [False]
 
-    def fewer(joints: frozenset[str]) -> MotionLibrary | None:
-        made = beside(joints)
-        return made if ready[0] else None
+    def restricter(whole: MotionLibrary, joints: tuple[str, ...]) -> MotionLibrary | None:
+        return whole.restricted_to(joints) if ready[0] else None
 
-    performers = Performers(library, joints=SentJoints(fewer=fewer))
+    performers = Performers(library, joints=SentJoints(restricter=restricter))
     performers.announce(Announcement("p", STICK.joints[:5]), 0.0)
     performers.push(Frame("p", 0.0, POSE[:5]), 0.0)
     told = "the library is being restricted to 5 of its joints, which takes some seconds"
     assert (performers.compared, performers.refused) == ({"p": told}, {})
     assert performers.counts.other_joints == 1
-    beside.wait()
     ready[0] = True
     frames = [dataclasses.replace(each, positions=each.positions[:5]) for each in _frames("p", "bow")]
     _assert_same(_pushed(performers, frames), _alone(library.restricted_to(STICK.joints[:5]), frames))
     assert performers.refused == {}
+
+
+def test_joints_that_cannot_be_compared_are_refused_with_the_reason(library: MotionLibrary) -> None:
+    """The restricter's error is told of the performer whose joints they are."""
+
+    def restricter(_: MotionLibrary, joints: tuple[str, ...]) -> MotionLibrary | None:
+        raise ValueError(f"no motion has {len(joints)}")
+
+    performers = Performers(library, joints=SentJoints(restricter=restricter))
+    performers.announce(Announcement("p", STICK.joints[:5]), 0.0)
+    performers.push(Frame("p", 0.0, POSE[:5]), 0.0)
+    assert performers.refused == {"p": "5 joints, 5 of them cannot be compared: no motion has 5"}
 
 
 @pytest.mark.parametrize("announced", [False, True])

@@ -11,8 +11,9 @@ from test_bench_report import KEYS
 
 from kinespace.library import MotionLibrary
 from kinespace.stream.recognizer import LiveSignature
-from kinespace.tools.bench import capacity, run, sockets
-from kinespace.tools.bench.scaling import Sizes
+from kinespace.tools.bench import run
+from kinespace.tools.bench.cases import capacity, sockets
+from kinespace.tools.bench.cases.scaling import Sizes
 from kinespace.tools.cli.main import main
 
 if TYPE_CHECKING:

@@ -12,14 +12,14 @@ import pytest
 
 from kinespace.stream.recognizer import LiveSignature, RecognizerCounts
 from kinespace.tools.bench import picture
-from kinespace.tools.bench.capacity import Crowd
-from kinespace.tools.bench.peers import Peer, Peers
+from kinespace.tools.bench.cases.capacity import Crowd
+from kinespace.tools.bench.cases.peers import Peer, Peers
+from kinespace.tools.bench.cases.scaling import Growth
+from kinespace.tools.bench.cases.soak import Day, Soak
+from kinespace.tools.bench.cases.sockets import Sockets
+from kinespace.tools.bench.cases.stages import Stages
+from kinespace.tools.bench.cases.startup import Running
 from kinespace.tools.bench.report import Report
-from kinespace.tools.bench.scaling import Growth
-from kinespace.tools.bench.soak import Day, Soak
-from kinespace.tools.bench.sockets import Sockets
-from kinespace.tools.bench.stages import Stages
-from kinespace.tools.bench.startup import Running
 from kinespace.tools.programs.latency import Latency
 from kinespace.tools.terminal.console import console
 

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
 
-    from kinespace.tools.evaluation.timeline import Course
+    from kinespace.tools.evaluation.scoring.timeline import Course
 
 pytestmark = pytest.mark.slow
 

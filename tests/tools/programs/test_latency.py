@@ -7,6 +7,7 @@ import math
 import multiprocessing
 from contextlib import ExitStack
 from functools import partial
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
@@ -14,10 +15,14 @@ from programs import started
 
 from kinespace.library import MotionLibrary
 from kinespace.stream import Settings
+from kinespace.stream.zeromq.keys import make_keys
 from kinespace.tools.cli.main import main
 from kinespace.tools.loopback.service_process import BackgroundService
 from kinespace.tools.programs.latency import Latency, measure
 from kinespace.tools.terminal.console import console
+
+if TYPE_CHECKING:
+    from pathlib import Path
 
 pytestmark = pytest.mark.slow
 
@@ -66,9 +71,10 @@ def test_what_was_not_measured_is_null() -> None:
     assert described["echo_p99_ms"] == 1.0
 
 
-def test_every_frame_and_answer_is_accounted_for() -> None:
-    """A run sends every frame, every answer due is answered or lost, and each latency is a positive time."""
-    latency = measure("zmq", rate_hz=100.0, seconds=1.2, settings=Settings(hop=0.05))
+def test_every_frame_and_answer_is_accounted_for(tmp_path: Path) -> None:
+    """A run sends every frame, every answer due is answered or lost, each latency is a positive time; with keys too."""
+    make_keys(tmp_path, "stage")
+    latency = measure("zmq", rate_hz=100.0, seconds=1.2, settings=Settings(hop=0.05), keys=tmp_path)
     assert latency.sent == 120
     # The first window is full with frame 16; from then on every fifth is answered.
     assert latency.answered + latency.lost == 21

@@ -17,7 +17,7 @@ from programs import LOOPBACK, finished, free_udp_port, ghost_cues
 
 from kinespace.library.hdm05 import SKELETON
 from kinespace.stream.feeds import builtin_names, builtin_preset
-from kinespace.stream.feeds.detection import MOST_KINDS, Survey, shortened
+from kinespace.stream.feeds.detection import MAX_KINDS, Survey, shortened
 from kinespace.tools.programs.listen import advice
 
 if TYPE_CHECKING:
@@ -86,9 +86,9 @@ def test_kinds_of_messages_are_counted() -> None:
 def test_somebody_who_makes_up_addresses_finds_an_end() -> None:
     """There is a limit to the kinds that are told apart."""
     survey = Survey()
-    for number in range(3 * MOST_KINDS):
+    for number in range(3 * MAX_KINDS):
         survey.see(message("/" + "x" * number), "h:1", 0.0)
-    assert len(survey.kinds) == MOST_KINDS
+    assert len(survey.kinds) == MAX_KINDS
 
 
 def test_runs_of_a_type_are_counted() -> None:

@@ -18,11 +18,13 @@ from recorded import write_take, write_takes
 
 from kinespace.library import MotionLibrary, find_recordings, read_recordings
 from kinespace.library.recordings import RecordingReader
+from kinespace.library.windows.index import opened
 from kinespace.stream import Announcement, Frame, Performers, Recognizer, osc, zeromq
 from kinespace.stream.inputs import OscDecoder, Source, ZmqDecoder
 from kinespace.stream.outputs import LayoutSink, NativeLayout, ZmqSink
 from kinespace.stream.service import Service
 from kinespace.stream.zeromq import Endpoint
+from kinespace.stream.zeromq.keys import make_keys
 from kinespace.tools.cli.main import main
 from kinespace.tools.feeding.feed import Cue, clip_cues
 from kinespace.tools.programs.replay import Faults, Score
@@ -87,8 +89,8 @@ def frames_in(events: Iterable[Frame | Announcement]) -> list[Frame]:
 
 @contextmanager
 def recognising(library: MotionLibrary, source: object, sink: object) -> Iterator[Service]:
-    """Run a service in a thread of this process."""
-    performers = Performers(library)
+    """Run a service in a thread of this process, with a library that is open before the first frame comes."""
+    performers = Performers(opened(library))
     with Service(performers, [source], [sink]) as service:  # type: ignore[list-item]  # one of either transport
         thread = threading.Thread(target=service.run)
         thread.start()
@@ -332,15 +334,19 @@ def test_osc_answers_to_any_performer_are_counted(
 
 
 def test_zmq_answers_are_counted(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Over ZeroMQ the answers are heard as well; the table has a row for each class performed."""
+    """Over ZeroMQ, with keys, the answers are heard as well; the table has a row for each class performed."""
     takes = write_takes(tmp_path, actors=("bd",), takes=1, frames=120)
     clips = list(read_recordings(takes))
     library = MotionLibrary.of_clips(clips)
     anywhere = Endpoint(f"tcp://{LOOPBACK}:*", bind=True)
-    source, sink = Source(zeromq.ZmqReceiver(anywhere), ZmqDecoder()), ZmqSink(zeromq.ZmqSender(anywhere))
-    arguments = (*takes, "--zmq", source.receiver.address, "--listen", sink.sender.address)
-    with recognising(library, source, sink):
-        assert replay(*arguments, "--speed", "2") == 0
+    make_keys(tmp_path / "keys", "stage")
+    keyring = zeromq.Keyring(tmp_path / "keys")
+    source = Source(zeromq.ZmqReceiver(anywhere, keyring=keyring), ZmqDecoder())
+    sink = ZmqSink(zeromq.ZmqSender(anywhere, keyring))
+    arguments = (*takes, "--zmq", source.receiver.address, "--listen", sink.sender.address, "--keys", tmp_path / "keys")
+    with keyring, recognising(library, source, sink):
+        # Pauses of a second and a half, so that on a busy machine too an answer comes while its class is performed.
+        assert replay(*arguments, "--speed", "2", "--pause", "3") == 0
     printed = capsys.readouterr().out
     assert "360 frames sent, 0 the system would not take" in printed
     rows = [[cell.strip() for cell in line.split("│")[1:-1]] for line in printed.splitlines() if "│" in line]

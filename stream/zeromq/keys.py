@@ -1,0 +1,178 @@
+"""Keys for ZeroMQ (CURVE): who may connect to us, and whom we connect to.
+
+A folder holds our own pair of keys, `NAME.key` and `NAME.key_secret`, and the public keys, `*.key`, of all who are let
+in. `zmq.auth` makes, reads and checks them, so that every other program with ZeroMQ can use the same files.
+"""
+
+from __future__ import annotations
+
+import os
+from typing import TYPE_CHECKING, Self
+
+import zmq
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from zmq.auth.thread import ThreadAuthenticator
+
+PUBLIC, SECRET = ".key", ".key_secret"
+#: Of the file with the secret key: its owner reads and writes it, nobody else.
+SECRET_MODE = 0o600
+#: What ZeroMQ asks the authenticator for; a socket with a domain lets nobody in while there is no authenticator.
+_DOMAIN = b"kinespace"
+#: Characters of a key in Z85.
+_KEY_LENGTH = 40
+
+
+def make_keys(folder: Path, name: str) -> tuple[Path, Path]:
+    """Make a pair of keys.
+
+    Parameters
+    ----------
+    folder
+        Made when it is not there.
+    name
+        Of whose keys they are.
+
+    Returns
+    -------
+    The file with the public key, for all others, and the file with both keys, which its owner alone may read.
+
+    Raises
+    ------
+    ValueError
+        The name is no name of a file.
+    FileExistsError
+        There are keys of that name.
+    """
+    from zmq.auth import create_certificates  # noqa: PLC0415 - slow to load, and seldom needed
+
+    if not name or name.startswith(".") or not name.isprintable() or set(name) & set("/\\*?[]"):
+        raise ValueError(f"keys: expected a name for files, got {name!r}")
+    public, secret = folder / f"{name}{PUBLIC}", folder / f"{name}{SECRET}"
+    for path in (public, secret):
+        if path.exists():
+            raise FileExistsError(0, "there are keys of this name already", str(path))
+    folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+    # Nobody shall be able to read the secret key in the moment between its writing and a change of the file's mode.
+    mask = os.umask(0o777 & ~SECRET_MODE)
+    try:
+        create_certificates(folder, name)
+    finally:
+        os.umask(mask)
+    return public, secret
+
+
+class Keyring:
+    """The keys in a folder, for the sockets of one program; `close` it after them.
+
+    Sockets that are bound let in the keys of the folder alone. Sockets that connect do so to the owner of one key: the
+    only one in the folder beside our own or, where there is no other, the owner of our own.
+
+    Parameters
+    ----------
+    folder
+        With one pair of keys and any number of public keys.
+
+    Attributes
+    ----------
+    context
+        Of all sockets that these keys secure.
+
+    Raises
+    ------
+    ValueError
+        There is not one secret key, others may read it, or a file holds no key.
+    OSError
+        A file cannot be read.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        secrets = sorted(folder.glob(f"*{SECRET}"))
+        if len(secrets) != 1:
+            raise ValueError(f"keys: expected one file *{SECRET} in {folder}, got {len(secrets)}")
+        self._folder = folder
+        self._public, self._secret = _keys_in(secrets[0])
+        if not self._secret:
+            raise ValueError(f"{secrets[0]}: expected a secret key, got a public key alone")
+        _require_own(secrets[0])
+        #: Names by public key.
+        self._names = {_keys_in(path)[0]: path.name.removesuffix(PUBLIC) for path in sorted(folder.glob(f"*{PUBLIC}"))}
+        self.context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
+        self._authenticator: ThreadAuthenticator | None = None
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def secure(self, opened: zmq.Socket[bytes], *, bind: bool) -> None:
+        """Give a socket of our context its keys, before it is bound or connected.
+
+        Raises
+        ------
+        ValueError
+            It is to connect, and there are several keys it could connect to.
+        """
+        opened.setsockopt(zmq.CURVE_PUBLICKEY, self._public)
+        opened.setsockopt(zmq.CURVE_SECRETKEY, self._secret)
+        if not bind:
+            opened.setsockopt(zmq.CURVE_SERVERKEY, self._of_the_other_end())
+            return
+        self._let_in_known_keys()
+        opened.setsockopt(zmq.CURVE_SERVER, 1)
+        opened.setsockopt(zmq.ZAP_DOMAIN, _DOMAIN)
+
+    def name_of(self, key: str) -> str:
+        """Name the owner of a public key, as ZeroMQ tells it of a message."""
+        return self._names.get(key.encode(), key)
+
+    def _of_the_other_end(self) -> bytes:
+        others = [key for key in self._names if key != self._public]
+        if len(others) > 1:
+            names = ", ".join(self._names[key] for key in others)
+            raise ValueError(f"keys: expected one key beside our own in {self._folder} to connect to, got {names}")
+        return others[0] if others else self._public
+
+    def _let_in_known_keys(self) -> None:
+        if self._authenticator:
+            return
+        from zmq.auth.thread import ThreadAuthenticator  # noqa: PLC0415 - loads asyncio, which takes long
+
+        self._authenticator = ThreadAuthenticator(self.context)
+        self._authenticator.start()
+        self._authenticator.configure_curve(domain=_DOMAIN.decode(), location=self._folder)
+
+    def close(self) -> None:
+        """Let nobody in any more; sockets that are still open are closed."""
+        if self._authenticator:
+            self._authenticator.stop()
+            self._authenticator = None
+        self.context.destroy(linger=0)
+
+
+def _keys_in(path: Path) -> tuple[bytes, bytes]:
+    """Read the public key in a file, and the secret key or nothing."""
+    from zmq.auth import load_certificate  # noqa: PLC0415 - as above
+
+    public, secret = load_certificate(path)
+    for key in (public, secret):
+        if key is not None and not _is_key(key):
+            raise ValueError(f"{path}: expected keys of {_KEY_LENGTH} characters, got {len(key)}")
+    return public, secret or b""
+
+
+def _is_key(key: bytes) -> bool:
+    from zmq.utils import z85  # noqa: PLC0415 - as above
+
+    try:
+        return len(z85.decode(key)) == 32
+    except (KeyError, ValueError, OverflowError):
+        return False
+
+
+def _require_own(path: Path) -> None:
+    if os.name == "posix" and (mode := path.stat().st_mode & 0o777) & 0o077:
+        raise ValueError(f"{path}: expected a file that its owner alone may read (chmod 600), got mode {mode:o}")

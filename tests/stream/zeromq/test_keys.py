@@ -1,0 +1,149 @@
+"""Keys: files that only their owner reads, and sockets that let in and reach those alone whose keys are known."""
+
+from __future__ import annotations
+
+import os
+import stat
+from contextlib import ExitStack
+from typing import TYPE_CHECKING
+
+import pytest
+import zmq
+from programs import LOOPBACK, PATIENCE
+from zmq.auth import load_certificate
+
+from kinespace.stream.zeromq import Endpoint, Keyring, ZmqReceiver, ZmqSender
+from kinespace.stream.zeromq.keys import make_keys
+from kinespace.tools.cli.main import main
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from zmq import Socket
+
+#: Milliseconds in which a stranger, who must not be let in, is surely refused: what is tested does not hang on it.
+A_MOMENT = 150
+
+
+def folders(place: Path, *names: str) -> list[Path]:
+    """Make a folder of keys for each name; the first knows all, the others know the first."""
+    made = [place / name for name in names]
+    publics = [make_keys(folder, folder.name)[0] for folder in made]
+    for folder, public in zip(made[1:], publics[1:], strict=True):
+        (made[0] / public.name).write_bytes(public.read_bytes())
+        (folder / publics[0].name).write_bytes(publics[0].read_bytes())
+    return made
+
+
+def test_files_are_those_of_zmq_auth_and_their_owners_alone(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The program makes a folder with both files; no other user reads them, and the pair is one."""
+    assert main(["keys", "ann", "--keys", str(tmp_path / "mine")]) == 0
+    assert "secret, for nobody else" in capsys.readouterr().out
+    public, secret = tmp_path / "mine" / "ann.key", tmp_path / "mine" / "ann.key_secret"
+    shown, (known, kept) = load_certificate(public), load_certificate(secret)
+    assert shown == (known, None)
+    assert kept
+    assert zmq.curve_public(kept) == known
+    if os.name == "posix":
+        assert [stat.S_IMODE(each.stat().st_mode) for each in (public, secret)] == [0o600, 0o600]
+        assert stat.S_IMODE((tmp_path / "mine").stat().st_mode) == 0o700
+    before = secret.read_bytes()
+    assert main(["keys", "ann", "--keys", str(tmp_path / "mine")]) == 2
+    assert "there are keys of this name already" in capsys.readouterr().err
+    assert secret.read_bytes() == before
+
+
+@pytest.mark.parametrize("name", ["", "../ann", ".ann", "an\nn", "a*"])
+def test_a_name_that_is_no_files_is_refused(tmp_path: Path, name: str) -> None:
+    """Keys are written into the folder, and nowhere else."""
+    with pytest.raises(ValueError, match="expected a name for files"):
+        make_keys(tmp_path, name)
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_folder_that_makes_no_sense_is_refused(tmp_path: Path) -> None:
+    """No secret key, two of them, one that others may read, and a file that holds no key."""
+    with pytest.raises(ValueError, match="expected one file"):
+        Keyring(tmp_path)
+    _, secret = make_keys(tmp_path, "ann")
+    _, other = make_keys(tmp_path, "ben")
+    with pytest.raises(ValueError, match="expected one file"):
+        Keyring(tmp_path)
+    other.unlink()
+    if os.name == "posix":
+        secret.chmod(0o640)
+        with pytest.raises(ValueError, match=r"chmod 600.*got mode 640"):
+            Keyring(tmp_path)
+        secret.chmod(0o600)
+    (tmp_path / "ben.key").write_text('curve\n    public-key = "too short"\n', encoding="utf-8")
+    with pytest.raises(ValueError, match="expected keys of 40 characters"):
+        Keyring(tmp_path)
+
+
+def test_whom_to_connect_to_is_one_key(tmp_path: Path) -> None:
+    """With several keys beside its own a socket does not know whom to connect to; and says so."""
+    stage, *_ = folders(tmp_path, "stage", "ann", "ben")
+    with Keyring(stage) as keyring, pytest.raises(ValueError, match="to connect to, got ann, ben"):
+        ZmqSender(Endpoint(f"tcp://{LOOPBACK}:1", bind=False), keyring)
+
+
+def heard(publisher: ZmqSender, subscriber: Socket[bytes], *, longest: int) -> bool:
+    """Publish until the subscriber hears something; whether it did, after so many milliseconds at most."""
+    for _ in range(longest // 10):
+        publisher.send([b"hello"])
+        if subscriber.poll(10):
+            return True
+    return False
+
+
+def test_only_known_keys_are_let_in_on_both_ends(tmp_path: Path) -> None:
+    """Who has a known key is heard and hears; a stranger with keys, and one without, neither."""
+    stage, ann = folders(tmp_path, "stage", "ann")
+    _, eve = folders(tmp_path / "elsewhere", "stage", "eve")
+    # Eve knows the stage's public key: that does not let her in.
+    (eve / "stage.key").write_bytes((stage / "stage.key").read_bytes())
+    anywhere = Endpoint(f"tcp://{LOOPBACK}:*", bind=True)
+    with ExitStack() as opened:
+        ours, anns, eves = (opened.enter_context(Keyring(folder)) for folder in (stage, ann, eve))
+        frames, answers = ZmqReceiver(anywhere, keyring=ours), ZmqSender(anywhere, ours)
+        opened.callback(frames.close)
+        opened.callback(answers.close)
+        frames_to, answers_at = Endpoint(frames.address, bind=False), Endpoint(answers.address, bind=False)
+        for keyring, let_in in ((anns, True), (eves, False), (None, False)):
+            sender, listener = ZmqSender(frames_to, keyring), ZmqReceiver(answers_at, keyring=keyring)
+            longest = int(PATIENCE * 1000) if let_in else A_MOMENT
+            assert heard(sender, frames.socket, longest=longest) is let_in
+            assert heard(answers, listener.socket, longest=longest) is let_in
+            while frames.receive():
+                pass
+            sender.close()
+            listener.close()
+
+
+def test_who_sends_in_the_clear_to_keys_of_others_is_not_reached(tmp_path: Path) -> None:
+    """A program with keys connects to the owner of the key it knows, and to nobody who only listens there."""
+    _, ann = folders(tmp_path, "stage", "ann")
+    impostor = ZmqReceiver(Endpoint(f"tcp://{LOOPBACK}:*", bind=True))
+    with Keyring(ann) as keyring:
+        sender = ZmqSender(Endpoint(impostor.address, bind=False), keyring)
+        assert not heard(sender, impostor.socket, longest=A_MOMENT)
+        sender.close()
+    impostor.close()
+
+
+@pytest.mark.parametrize(
+    ("address", "others"),
+    [
+        ("tcp://127.0.0.1:9320", False),
+        ("tcp://localhost:9320", False),
+        ("tcp://[::1]:9320", False),
+        ("ipc:///tmp/feed", False),
+        ("tcp://0.0.0.0:9320", True),
+        ("tcp://*:9320", True),
+        ("tcp://eth0:9320", True),
+        ("tcp://192.168.0.7:9320", True),
+    ],
+)
+def test_who_can_reach_an_address(address: str, others: bool) -> None:  # noqa: FBT001 - a parameter of the test
+    """Addresses of this machine's own are told from those that others reach."""
+    assert Endpoint(address, bind=True).is_open_to_others is others

@@ -1,0 +1,191 @@
+"""What is shipped: the packages, their data, and a built-in library that our own command built."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+import sys
+import tomllib
+from importlib import resources
+from importlib.util import find_spec
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from programs import ROOT
+
+from kinespace.library import MotionLibrary, hdm05
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from kinespace.library import Clip
+
+#: Each folder that is shipped, and the name it is imported by.
+FOLDERS = {"tools/front": "kinespace"} | {
+    path.parent.relative_to(ROOT).as_posix(): f"kinespace.{path.parent.relative_to(ROOT).as_posix().replace('/', '.')}"
+    for top in ("library", "stream", "tools")
+    for path in sorted((ROOT / top).rglob("__init__.py"))
+    if path.parent != ROOT / "tools" / "front"
+}
+RECORDINGS = (".amc", ".asf", ".c3d", ".bvh", ".trc", ".fbx")
+#: Bytes above which a recording is data, not a test's example.
+MAX_EXAMPLE = 20_000
+MAX_LIBRARY = 3_000_000
+
+
+def project() -> dict[str, dict[str, object]]:
+    """Read pyproject.toml."""
+    return tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+
+
+def tracked_files() -> list[Path]:
+    """List what git tracks."""
+    git = shutil.which("git")
+    if git is None or not (ROOT / ".git").exists():
+        pytest.skip("not a git checkout")
+    listed = subprocess.run([git, "ls-files", "-z"], cwd=ROOT, capture_output=True, text=True, check=True, timeout=60)
+    return [ROOT / name for name in listed.stdout.split("\0") if name]
+
+
+def package_folder(path: Path) -> Path:
+    """Find the folder of the package that a file belongs to, as its module or as its data."""
+    return next(folder for folder in path.parents if (folder / "__init__.py").exists())
+
+
+def test_exactly_the_packages_there_are_are_shipped() -> None:
+    """The packages are named one by one, and they are all the packages the sources have beside the tests."""
+    setuptools = project()["tool"]["setuptools"]
+    assert isinstance(setuptools, dict)
+    assert sorted(setuptools["packages"]) == sorted(FOLDERS.values())
+    assert len(FOLDERS) > 10
+    assert {find_spec(package).origin for package in FOLDERS.values()} == {  # type: ignore[union-attr]
+        str(ROOT / folder / "__init__.py") for folder in FOLDERS
+    }
+
+
+def test_what_is_declared_as_data_is_there() -> None:
+    """Every data file that is declared can be found the way an installed package finds it, and is not empty."""
+    setuptools = project()["tool"]["setuptools"]
+    assert isinstance(setuptools, dict)
+    declared = {(package, name) for package, names in setuptools["package-data"].items() for name in names}
+    assert declared >= {("kinespace.library.hdm05", "hdm05.npz"), ("kinespace.library.hdm05", "LICENSE-hdm05.txt")}
+    assert declared >= {(f"kinespace.{top}", "py.typed") for top in ("library", "stream", "tools")}
+    for package, name in declared:
+        with resources.as_file(resources.files(package)) as folder:
+            found = list(folder.glob(name))
+            assert found
+            assert name == "py.typed" or all(path.read_bytes() for path in found)
+
+
+def test_whatever_lies_in_a_package_is_declared() -> None:
+    """No file lies in a package that is neither Python nor declared as its data: it would be missing from the wheel."""
+    setuptools = project()["tool"]["setuptools"]
+    assert isinstance(setuptools, dict)
+    modules = setuptools["ext-modules"]
+    sources = {name for module in modules for name in (*module["sources"], *module["depends"])}
+    for folder, package in FOLDERS.items():
+        globs = setuptools["package-data"].get(package, [])
+        declared = {path for each in globs for path in (ROOT / folder).glob(each)}
+        within = [path for path in (ROOT / folder).rglob("*") if path.is_file() and "__pycache__" not in path.parts]
+        # Programs to be copied are in the source archive alone.
+        within = [path for path in within if not path.is_relative_to(ROOT / "tools" / "examples")]
+        own = {path for path in within if package_folder(path) == ROOT / folder}
+        others = {path for path in own if path.suffix not in (".py", ".so", ".pyd")}
+        assert {path for path in others if path.relative_to(ROOT).as_posix() not in sources} == declared
+
+
+def test_nobody_needs_what_is_compiled() -> None:
+    """Compiled modules are optional, serve every Python from 3.11 on, and all they are made of is in the house."""
+    setuptools = project()["tool"]["setuptools"]
+    distutils = project()["tool"]["distutils"]
+    assert isinstance(setuptools, dict)
+    assert isinstance(distutils, dict)
+    for module in setuptools["ext-modules"]:
+        assert module["optional"] is True
+        assert module["py-limited-api"] is True
+        included = re.findall(r'^#include "(.+)"$', (ROOT / module["sources"][0]).read_text("utf-8"), re.MULTILINE)
+        assert {f"library/kernels/{name}" for name in included} == set(module["depends"])
+    assert distutils["bdist_wheel"]["py-limited-api"] == "cp311"
+
+
+def test_the_librarys_terms_stand_beside_it() -> None:
+    """The licence beside the built-in library names its terms and whom to name, and so does the library itself."""
+    text = " ".join(
+        (resources.files("kinespace.library.hdm05") / "LICENSE-hdm05.txt").read_text(encoding="utf-8").split()
+    )
+    assert "CC BY-SA 3.0" in text or "Attribution-ShareAlike 3.0" in text
+    assert "HDM05" in text
+    assert "Mueller" in text
+    library = MotionLibrary.builtin()
+    assert (library.licence, library.attribution) == (hdm05.LICENCE, hdm05.ATTRIBUTION)
+    licence = project()["project"]["license"]
+    assert licence == "MIT AND CC-BY-SA-3.0"
+    assert project()["project"]["license-files"] == ["LICENSE", "library/hdm05/LICENSE-hdm05.txt"]
+
+
+def test_the_built_in_library_is_small() -> None:
+    """The built-in library takes at most 3 MB."""
+    assert 0 < len((resources.files("kinespace.library.hdm05") / "hdm05.npz").read_bytes()) <= MAX_LIBRARY
+
+
+def test_the_built_in_library_is_the_one_the_recordings_give(hdm05_clips: tuple[Clip, ...]) -> None:
+    """Rebuilt from the 288 clips the library has the same motions, number for number."""
+    shipped = MotionLibrary.builtin()
+    rebuilt = MotionLibrary.of_clips(hdm05_clips)
+    assert shipped.classes == rebuilt.classes
+    assert shipped.skeleton == rebuilt.skeleton
+    for ours, theirs in zip(shipped.motions, rebuilt.motions, strict=True):
+        assert (ours.class_name, ours.actor, ours.take) == (theirs.class_name, theirs.actor, theirs.take)
+        assert (ours.frames, ours.frame_rate) == (theirs.frames, theirs.frame_rate)
+        assert np.array_equal(ours.positions, theirs.positions)
+
+
+def test_no_recording_is_tracked() -> None:
+    """Git tracks no recording larger than a test's example, under any capitalisation of its ending."""
+    large = [
+        path.name
+        for path in tracked_files()
+        if path.suffix.lower() in RECORDINGS and path.exists() and path.stat().st_size > MAX_EXAMPLE
+    ]
+    assert large == []
+
+
+def test_the_only_large_file_is_the_library() -> None:
+    """Nothing larger than 300 kB is tracked but the built-in library: no data comes in under another name."""
+    large = {path.name for path in tracked_files() if path.exists() and path.stat().st_size > 300_000}
+    assert large == {"hdm05.npz"}
+
+
+def test_a_python_that_is_promised_is_one_that_is_required() -> None:
+    """The lowest Python among the classifiers is the one that is required."""
+    described = project()["project"]
+    classifiers = described["classifiers"]
+    assert isinstance(classifiers, list)
+    prefix = "Programming Language :: Python :: 3."
+    promised = [int(each.removeprefix(prefix)) for each in classifiers if each.startswith(prefix)]
+    assert described["requires-python"] == f">=3.{min(promised)}"
+
+
+def test_nobodys_own_modules_stand_in_the_way(tmp_path: Path) -> None:
+    """A script beside a `stream.py` and folders `library` and `tools` of its own imports ours and its own."""
+    (tmp_path / "stream.py").write_text("MINE = True\n", encoding="utf-8")
+    for folder in ("library", "tools"):
+        (tmp_path / folder).mkdir()
+        (tmp_path / folder / "__init__.py").write_text("MINE = True\n", encoding="utf-8")
+    script = tmp_path / "script.py"
+    script.write_text(
+        "import library, stream, tools\n"
+        "from kinespace.library import Clip, MotionLibrary, Skeleton\n"
+        "from kinespace.stream import Frame, Recognizer, Settings\n"
+        "import kinespace.tools.cli.main\n"
+        "assert library.MINE and stream.MINE and tools.MINE\n"
+        "print(len(MotionLibrary.builtin()))\n",
+        encoding="utf-8",
+    )
+    done = subprocess.run(
+        [sys.executable, str(script)], cwd=tmp_path, capture_output=True, text=True, check=False, timeout=60
+    )
+    assert (done.returncode, done.stderr) == (0, "")
+    assert int(done.stdout) > 200

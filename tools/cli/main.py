@@ -34,6 +34,7 @@ PROGRAMS: Programs = {
     "evaluate": ("", "measure how often the right class is found"),
     "bench": ("bench.run", "measure what everything costs, beside what a user would take instead"),
     "keys": ("programs.keys", "make keys, so that ZeroMQ lets in those alone who are known"),
+    "chaos": ("chaos.run", "let everything go wrong that can, and measure what that does to a performer"),
     "feeds": ("programs.feeds", "list the products whose feeds are understood, and what to set in them"),
     "listen": ("programs.listen", "show what arrives on a port, guess the feed, say what is missing"),
 }

@@ -33,6 +33,8 @@ class InputCounts:
     incomplete: int = 0
     #: ZeroMQ connections that broke while the sender was there: a message above the size limit, or the network.
     broken: int = 0
+    #: Packets of senders that took more than their share, thrown away because others came first.
+    thrown_away: int = 0
 
     def __add__(self, other: InputCounts) -> InputCounts:
         return InputCounts(*(getattr(self, each.name) + getattr(other, each.name) for each in fields(self)))
@@ -108,6 +110,7 @@ class Status:
         inputs, outcomes = self.inputs, self.outcomes
         refused = self.admission.other_sender + self.admission.odd_times
         at_the_border = refused + inputs.malformed + inputs.overrun + inputs.missing + inputs.incomplete + inputs.broken
+        at_the_border += inputs.thrown_away
         return at_the_border + outcomes.no_room + outcomes.other_joints + outcomes.recognizers.out_of_order
 
 

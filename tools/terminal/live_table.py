@@ -234,7 +234,8 @@ def counts(status: Status) -> str:
         f"{f', not let in {status.admission.not_allowed}' if status.admission.not_allowed else ''}"
         f"{f', odd times {status.admission.odd_times}' if status.admission.odd_times else ''}"
         f"{f', incomplete {inputs.incomplete}' if inputs.incomplete else ''}"
-        f"{f', connections broken {inputs.broken} (a message above 1 MB?)' if inputs.broken else ''}"
+        f"{f', thrown away of senders served last {inputs.thrown_away}' if inputs.thrown_away else ''}"
+        f"{f', connections broken {inputs.broken} (a message above 256 kB?)' if inputs.broken else ''}"
     )
 
 

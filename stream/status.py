@@ -29,10 +29,12 @@ class InputCounts:
     overrun: int = 0
     #: Sequence numbers that were skipped.
     missing: int = 0
-    #: Frames refused because joints in them were absent for too long, or impossible.
+    #: Frames refused because too many joints in them were absent for too long, or because they were impossible.
     incomplete: int = 0
     #: ZeroMQ connections that broke while the sender was there: a message above the size limit, or the network.
     broken: int = 0
+    #: Packets of senders that took more than their share, thrown away because others came first.
+    thrown_away: int = 0
 
     def __add__(self, other: InputCounts) -> InputCounts:
         return InputCounts(*(getattr(self, each.name) + getattr(other, each.name) for each in fields(self)))
@@ -77,6 +79,8 @@ class Status:
     compared
         Performers with other joints than the library's: the convention of their names, and how many joints are
         compared.
+    clocks
+        Performers whose senders' times are not in seconds, and how the times are read.
     notes
         Notes for a person, a line each: trouble with a recording, the last reason why packets were refused.
     """
@@ -91,6 +95,7 @@ class Status:
     admission: AdmissionCounts = field(default_factory=AdmissionCounts)
     doubted: dict[str, str] = field(default_factory=dict)
     compared: dict[str, str] = field(default_factory=dict)
+    clocks: dict[str, str] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
     stale: int = 0
 
@@ -105,6 +110,7 @@ class Status:
         inputs, outcomes = self.inputs, self.outcomes
         refused = self.admission.other_sender + self.admission.odd_times
         at_the_border = refused + inputs.malformed + inputs.overrun + inputs.missing + inputs.incomplete + inputs.broken
+        at_the_border += inputs.thrown_away
         return at_the_border + outcomes.no_room + outcomes.other_joints + outcomes.recognizers.out_of_order
 
 

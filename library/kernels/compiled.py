@@ -160,6 +160,67 @@ class Loops(Protocol):
         Return False where a matrix holds NaN or infinity.
         """
 
+    def follow_phase(  # noqa: PLR0913, PLR0917 - as above
+        self,
+        course: Numbers,
+        indices: Indices,
+        starts: Indices,
+        vectors: Floats,
+        lengths: Floats,
+        expected: Numbers,
+        constants: Numbers,
+        live: Floats,
+        belief: Numbers,
+        after: Numbers,
+        room: Floats,
+        told: Numbers,
+        /,
+    ) -> None:
+        """Take one step of the filter that follows a body through the moments of a class.
+
+        Parameters
+        ----------
+        course
+            Of each moment its phase, how probable it is at the beginning and where a next round begins, and one over
+            how many moments are in its bin, (4, moments).
+        indices
+            Of each moment its bin; and the moments by their phase, (2, moments).
+        starts
+            Where each recording begins.
+        vectors, lengths
+            The moments, (axes, moments), and their squared lengths.
+        expected
+            Rows whose mean is wanted, (rows, moments).
+        constants
+            How probable a step by 0, 1 and 2 is, a change of the recording, a beginning, and a next round; how much a
+            squared distance counts; which phases are near.
+        live
+            The live body, (axes,).
+        belief
+            How probable each moment is: read and written.
+        after, room
+            Room for so many numbers, and for so many and a register more.
+        told
+            Where to write the phase, how probable the phases near it are, and the means, (2 + rows,).
+        """
+
+    def moving(
+        self, points: Numbers, back: int, factor: float, whitening: Numbers, live: Floats, /
+    ) -> tuple[float, float]:
+        """Write the newest point and its velocity, whitened; give the velocity's squared length, the points' variance.
+
+        Parameters
+        ----------
+        points
+            (points, directions), the newest last.
+        back, factor
+            How many points before the velocity begins, and what it is multiplied by.
+        whitening
+            (2 directions, axes).
+        live
+            Where to write, (axes,).
+        """
+
     def Table(  # noqa: N802 - a class of the C module
         self, windows: int, block_starts: Indices, class_starts: Indices, weights: Floats, nearest: float, /
     ) -> Table:

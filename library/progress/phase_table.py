@@ -28,11 +28,13 @@ MOMENTS_PER_SECOND = 15.0
 #: Seconds over which a moment's velocity is taken.
 VELOCITY_SECONDS = 2 / MOMENTS_PER_SECOND
 #: How much a velocity counts beside a posture, both in the basis.
-_VELOCITY = 3.0
+VELOCITY = 3.0
 #: How much of the scatter between actors gives way to equal scatter.
 _SHRINKAGE = 0.1
 #: Phases at which recordings are compared to learn how actors differ.
 _COMPARED_AT = np.linspace(0.0, 1.0, 10)
+#: Bins in which phases are alike.
+_BINS = 40
 #: Seconds over which the swing of the body is taken.
 SWING_SECONDS = 1.0
 #: A class is cyclic when its recordings end this near to where they begin, relative to how far they go between, and
@@ -47,26 +49,29 @@ class Moments:
     Attributes
     ----------
     vectors
-        Posture and velocity, whitened by how actors differ at the same phase, shape (moments, numbers).
+        Posture and velocity, whitened by how actors differ at the same phase, shape (numbers, moments).
     phases
         How far in the motion each moment is, shape (moments,), 0 to 1.
     starts
         Where each recording begins, ascending, shape (recordings,).
     speeds
         Mean squared length of each moment's velocity, as the library's mean recording would have it, (moments,).
-    swings
-        Log of the swing over the last second of the recording, at each moment, (moments,).
+    usual_speeds
+        Mean of `speeds` over all moments at the same phase, (moments,).
+    usual_swings
+        Log of the swing over the last second of a recording, mean over all moments at the same phase, (moments,).
     seconds
         Mean length of the recordings.
     cyclic
         Whether the recordings end as they begin, so that one can follow another.
     """
 
-    vectors: NDArray[np.float64] = field(repr=False)
+    vectors: NDArray[np.float32] = field(repr=False)
     phases: NDArray[np.float64] = field(repr=False)
     starts: NDArray[np.intp] = field(repr=False)
     speeds: NDArray[np.float64] = field(repr=False)
-    swings: NDArray[np.float64] = field(repr=False)
+    usual_speeds: NDArray[np.float64] = field(repr=False)
+    usual_swings: NDArray[np.float64] = field(repr=False)
     seconds: float
     cyclic: bool
 
@@ -152,12 +157,12 @@ def with_velocity(points: NDArray[np.float64]) -> NDArray[np.float64]:
     lag = round(VELOCITY_SECONDS * MOMENTS_PER_SECOND)
     later = np.minimum(np.maximum(np.arange(len(points)), lag), len(points) - 1)
     velocity = points[later] - points[np.maximum(later - lag, 0)]
-    return np.hstack([points, _VELOCITY * velocity])
+    return np.hstack([points, VELOCITY * velocity])
 
 
 def moving_point(before: NDArray[np.float64], now: NDArray[np.float64]) -> NDArray[np.float64]:
     """Put beside a point how far it moved since the point `VELOCITY_SECONDS` before, weighed, (2 × directions,)."""
-    return np.concatenate([now, _VELOCITY * (now - before)])
+    return np.concatenate([now, VELOCITY * (now - before)])
 
 
 def _whitening(courses: Iterable[_Courses], width: int) -> NDArray[np.float64]:
@@ -182,15 +187,24 @@ def _moments(courses: _Courses, whitening: NDArray[np.float64]) -> Moments:
     mean = float(lengths.mean())
     half = len(whitening) // 2
     squares = [(each[:, half:] ** 2).sum(axis=1) * (len(each) / mean) ** 2 for each in courses.moving]
+    phases, speeds = np.concatenate(courses.phases), np.concatenate(squares)
     return Moments(
-        vectors=np.concatenate(courses.moving) @ whitening,
-        phases=np.concatenate(courses.phases),
+        vectors=np.ascontiguousarray((np.concatenate(courses.moving) @ whitening).T, dtype=np.float32),
+        phases=phases,
         starts=np.cumsum([0, *lengths[:-1]]),
-        speeds=np.concatenate(squares),
-        swings=np.concatenate(courses.swings),
+        speeds=speeds,
+        usual_speeds=_usual(phases, speeds),
+        usual_swings=_usual(phases, np.concatenate(courses.swings)),
         seconds=(mean - 1) / MOMENTS_PER_SECOND,
         cyclic=courses.cyclic,
     )
+
+
+def _usual(phases: NDArray[np.float64], numbers: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Give at each moment the mean over all moments at the same phase."""
+    bins = np.minimum((phases * _BINS).astype(np.intp), _BINS - 1)
+    means: NDArray[np.float64] = np.bincount(bins, weights=numbers) / np.bincount(bins).clip(1)
+    return means[bins]
 
 
 def _is_cyclic(points: Sequence[NDArray[np.float64]], velocities: Sequence[NDArray[np.float64]]) -> bool:
@@ -212,4 +226,9 @@ def _swings(points: NDArray[np.float64]) -> NDArray[np.float64]:
 
 def swing_of(points: NDArray[np.float64]) -> float:
     """Log of the root mean square deviation of points from their mean, (moments, directions)."""
-    return 0.5 * float(np.log(points.var(axis=0).sum() + 1e-6))
+    return log_swing(float(points.var(axis=0).sum()))
+
+
+def log_swing(variance: float) -> float:
+    """Log of the swing of points whose variances in all directions add up to this."""
+    return 0.5 * math.log(variance + 1e-6)

@@ -163,15 +163,20 @@ def _decode_plain_frame(datagram: bytes, arrival: float) -> Frame | None:
 
 def _understood(message: Message, arrival: float) -> Frame | Announcement | None:
     """Read our two messages; None for any other. Raises TypeError, ValueError or OverflowError for a malformed one."""
+    if message.address in (_FRAME, SKELETON) and not message.arguments:
+        raise ValueError("performer: expected a name or an integer, got nothing")
     if message.address == _FRAME:
+        if len(message.arguments) < 2:
+            raise ValueError("time: expected seconds behind the performer, got nothing")
         performer, time, *numbers = message.arguments
+        performer = _performer(performer)
         if any(type(number) not in (float, int) for number in (time, *numbers)):
             raise TypeError("numbers: expected floats or integers")
         positions = np.array(numbers, dtype=np.float64)
         if positions.size % 3:
             raise ValueError(f"positions: expected three numbers per joint, got {positions.size}")
         moment = float(time)  # type: ignore[arg-type]  # checked above
-        return Frame(_performer(performer), moment or arrival, positions.reshape(-1, 3))
+        return Frame(performer, moment or arrival, positions.reshape(-1, 3))
     if message.address == SKELETON:
         performer, *joints = message.arguments
         if not all(isinstance(joint, str) for joint in joints):
@@ -183,7 +188,7 @@ def _understood(message: Message, arrival: float) -> Frame | Announcement | None
 def _performer(argument: object) -> str:
     # Patchers send ids as numbers as often as names.
     if isinstance(argument, bool) or not isinstance(argument, (str, int)):
-        raise TypeError(f"performer: expected a name or an integer, got {type(argument).__name__}")
+        raise TypeError(f"performer: expected a name or an integer first, got a {type(argument).__name__}")
     return str(argument)
 
 

@@ -7,6 +7,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from kinespace.library import MotionLibrary
 from kinespace.library.naming import AS_THEY_ARE, AUTO, Naming, conventions
 from kinespace.library.recordings import ActorIn, Reading
 from kinespace.stream.recognizer import LiveSignature, Settings
@@ -20,6 +21,8 @@ if TYPE_CHECKING:
 _DEFAULTS = Settings()
 #: Where frames come in unless the user says otherwise: a port that none of the usual senders uses.
 OSC_IN = "127.0.0.1:9310"
+#: What the built-in library is called wherever a library may be named.
+BUILT_IN = Path("built-in")
 
 
 def add_reading(parser: argparse.ArgumentParser) -> None:
@@ -76,7 +79,20 @@ def add_sender(parser: argparse.ArgumentParser) -> None:
 
 def add_library(parser: argparse.ArgumentParser) -> None:
     """Add the option for the motion library."""
-    parser.add_argument("--library", type=Path, metavar="FILE", help="a motion library (default: the built-in one)")
+    parser.add_argument("--library", type=Path, metavar="FILE", help=f"a motion library (default: {BUILT_IN})")
+
+
+def library_at(path: Path | None) -> MotionLibrary:
+    """Load the library of a file, or the built-in one by its name or when there is no path.
+
+    Raises
+    ------
+    ValueError
+        The file is no library.
+    OSError
+        It cannot be opened.
+    """
+    return MotionLibrary.builtin() if path in (None, BUILT_IN) else MotionLibrary.load(path)
 
 
 def add_labels(parser: argparse.ArgumentParser, told: str) -> None:

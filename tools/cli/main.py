@@ -34,6 +34,7 @@ PROGRAMS: Programs = {
     "evaluate": ("", "measure how often the right class is found"),
     "bench": ("bench.run", "measure the cost of every step, beside other methods"),
     "keys": ("programs.keys", "make keys, so that ZeroMQ lets in only known keys"),
+    "chaos": ("chaos.run", "attack a recogniser in every way, and measure what that does to a performer"),
     "feeds": ("programs.feeds", "list the products whose feeds are understood, and their settings"),
     "listen": ("programs.listen", "show the packets on a port, guess the feed, say what is missing"),
 }

@@ -23,6 +23,7 @@ from kinespace.tools.cli.arguments import (
     add_settings,
     add_subjects,
     add_takes,
+    library_at,
     positive,
     reading_of,
     settings_of,
@@ -135,7 +136,7 @@ def run(options: argparse.Namespace) -> int:
     if not sources:
         raise ValueError("TAKE, --takes: expected takes, got none")
     takes = read_takes(sources, reading_of(options))
-    known = MotionLibrary.load(options.library) if options.library else None
+    known = library_at(options.library) if options.library else None
     folds = folds_of(takes, Protocol(options.protocol), lambda: known or MotionLibrary.builtin())
     asked = [(fault, fold, take) for fault in options.fault or FAULTS for fold in folds for take in fold.takes]
     counted: dict[str, list[tuple[Take, _Counts]]] = {}

@@ -232,7 +232,7 @@ def _warped_online(points: NDArray[np.float64], moments: Moments, table: PhaseTa
     total, phases = np.zeros(len(moments.phases)), []
     for place, point in enumerate(points):
         live = moving_point(points[max(0, place - round(2 / MOMENTS_PER_SECOND / STEP))], point) @ table.whitening
-        cost = np.sqrt(((moments.vectors - live) ** 2).sum(axis=1))
+        cost = np.sqrt(((moments.vectors - live[:, None]) ** 2).sum(axis=0))
         before = np.where(starts, np.inf, np.roll(total, 1))
         total = np.minimum(total, before) + cost if place else cost
         phases.append(moments.phases[total.argmin()])

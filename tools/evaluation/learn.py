@@ -27,7 +27,15 @@ from kinespace.library.windows.rejection import RATES, Evidence, Rejection, stan
 from kinespace.stream.frame import Frame
 from kinespace.stream.recognizer import Recognizer, Settings
 from kinespace.stream.recognizer.hysteresis import Judgement
-from kinespace.tools.cli.arguments import add_json, add_overwrite, add_reading, add_subjects, add_takes, reading_of
+from kinespace.tools.cli.arguments import (
+    add_json,
+    add_overwrite,
+    add_reading,
+    add_subjects,
+    add_takes,
+    library_at,
+    reading_of,
+)
 from kinespace.tools.evaluation.evaluate_noise import seen_with
 from kinespace.tools.evaluation.takes import Sources, read_takes
 from kinespace.tools.terminal.console import console, progress
@@ -144,7 +152,7 @@ def learn(source: Path, output: Path, sources: Sources, *, reading: Reading, ove
         Print one JSON object and nothing else.
     """
     require_place_for(output, overwrite=overwrite)
-    library = MotionLibrary.load(source)
+    library = library_at(source)
     takes = read_takes(sources, reading)
     if all(take.labels for take in takes):
         raise ValueError("takes: expected some in which nothing known happens, got none")

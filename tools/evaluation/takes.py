@@ -10,9 +10,10 @@ from typing import TYPE_CHECKING
 
 from kinespace.library import NOTHING, find_recordings, hdm05
 from kinespace.library.formats import utkinect
-from kinespace.library.formats.labels import LabelError, Segment, cut, read_labels, renamed
+from kinespace.library.formats.labels import LabelError, Segment, cut, labels_beside, oddities, read_labels, renamed
 from kinespace.library.recordings import labelled, performed
 from kinespace.tools.feeding.joint_sets import joints_of
+from kinespace.tools.terminal.console import progress_console
 from kinespace.tools.terminal.named_joints import read_and_tell
 
 if TYPE_CHECKING:
@@ -77,7 +78,8 @@ class Sources:
     Attributes
     ----------
     places
-        Labelled takes, or folders of them: each take's labels lie beside it, ending in `.csv`, or as UTKinect has them.
+        Labelled takes, or folders of them: each take's labels lie beside it, ending in `.csv`, `.tsv` or `.txt`, or as
+        UTKinect has them.
     labels
         The takes' labels in the takes' order, when they lie elsewhere.
     clips
@@ -138,6 +140,9 @@ def read_takes(sources: Sources, reading: Reading) -> list[Take]:
     read = read_and_tell([each.path for each in wanted], reading)
     takes = [_take(clip, entry, reading) for clip, entry in zip(read, wanted, strict=True)]
     takes = [take for take in takes if sources.wants(take.person)]
+    for take in takes:
+        for line in oddities(take.clip, take.segments) if take.is_known else ():
+            progress_console.print(line, soft_wrap=True, markup=False, highlight=False)
     if not takes:
         persons = ", ".join((*sources.persons, *(f"not {name}" for name in sources.without_persons)))
         raise ValueError(f"--subjects: expected some whose takes are there, got {persons}")
@@ -158,7 +163,7 @@ def _labelled(sources: Sources) -> Iterator[_Entry]:
     if sources.labels and len(sources.labels) != len(paths):
         raise ValueError(f"--labels: expected one for each of {len(paths)} takes, got {len(sources.labels)}")
     for index, path in enumerate(paths):
-        labels = sources.labels[index] if sources.labels else path.with_suffix(".csv")
+        labels = sources.labels[index] if sources.labels else labels_beside(path) or path.with_suffix(".csv")
         named = hdm05.read_clip_name(path)
         if labels.is_file():
             yield _Entry(path, read_labels(labels))

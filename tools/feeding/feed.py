@@ -45,12 +45,16 @@ class Cue:
         The sender's count.
     class_name
         The class that is being performed; empty when it is not known.
+    recording, name
+        Which recording it is of, counted from 0, and what that is called.
     """
 
     due: float
     frame: Frame
     seq: int
     class_name: str = ""
+    recording: int = 0
+    name: str = ""
 
 
 class Piece(NamedTuple):
@@ -89,16 +93,17 @@ def piece_cues(pieces: Iterable[Piece], performer: str, *, speed: float = 1.0, p
     performer, speed, pause
         As in `clip_cues`.
     """
-    begin, ended, seq = 0.0, 0.0, 0
+    begin, ended, seq, recording = 0.0, 0.0, 0, 0
     for start, clip in pieces:
         if not start and seq:
             begin += ended + pause
+            recording += 1
         times = np.arange(start, start + clip.frames) / clip.frame_rate
         ended = (start + clip.frames) / clip.frame_rate
         for moment, positions in zip(times.tolist(), clip.positions, strict=True):
             # Time 0 would mean "on arrival".
             frame = Frame(performer, 1.0 + begin + moment, positions)
-            yield Cue((begin + moment) / speed, frame, seq, clip.class_name)
+            yield Cue((begin + moment) / speed, frame, seq, clip.class_name, recording, clip.name)
             seq += 1
 
 

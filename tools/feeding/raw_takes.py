@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from itertools import chain
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,6 +12,7 @@ from kinespace.library.formats.errors import RecordingError
 from kinespace.library.formats.timed_frames import evened
 from kinespace.library.skeleton import Skeleton, SkeletonMismatchError
 from kinespace.stream.frame import Announcement
+from kinespace.stream.inputs.clock import SenderClock
 from kinespace.stream.recording.kinerec import RawFile
 from kinespace.stream.recording.playback import decoded
 
@@ -42,11 +42,18 @@ class Seen:
         The joints as first announced; empty when they never were.
     sizes
         The number of frames for each number of joints.
+    clock
+        Reads the times of the frames.
     """
 
     frames: int = 0
     joints: tuple[str, ...] = ()
     sizes: dict[int, int] = field(default_factory=dict)
+    clock: SenderClock = field(default_factory=SenderClock)
+
+    def times(self) -> SenderClock:
+        """Give what reads the times from the recording's beginning, now that they are known."""
+        return SenderClock(self.clock.verdict)
 
     def skeleton(self) -> Skeleton:
         """Name the joints as announced; else as HDM05's when there are as many; else by number."""
@@ -58,20 +65,23 @@ class Seen:
         return Skeleton(tuple(f"joint{number}" for number in range(1, size + 1)))
 
 
-def events_of(recording: RawFile, preset: Preset | None) -> Iterator[Frame | Announcement]:
-    """Give frames and announcements of a recording, in order."""
-    return chain.from_iterable(each.events for each in decoded(recording.header, recording.packets(), preset))
+def events_of(recording: RawFile, preset: Preset | None) -> Iterator[tuple[float, Frame | Announcement]]:
+    """Give frames and announcements of a recording, in order, each with its arrival in seconds."""
+    for each in decoded(recording.header, recording.packets(), preset):
+        for event in each.events:
+            yield each.arrival, event
 
 
-def seen_in(events: Iterator[Frame | Announcement]) -> dict[str, Seen]:
+def seen_in(events: Iterator[tuple[float, Frame | Announcement]]) -> dict[str, Seen]:
     """List the performers of a recording."""
     seen: dict[str, Seen] = {}
-    for event in events:
+    for arrival, event in events:
         each = seen.setdefault(event.performer, Seen())
         if isinstance(event, Announcement):
             each.joints = each.joints or event.joints
         else:
             each.frames += 1
+            each.clock.read(event.time, arrival)
             each.sizes[len(event.positions)] = each.sizes.get(len(event.positions), 0) + 1
     return seen
 
@@ -128,7 +138,7 @@ def read_raw(path: Path, preset: Preset | None = None) -> list[Clip]:
     """
     recording = RawFile(path)
     seen = {name: each for name, each in seen_in(events_of(recording, preset)).items() if each.frames > 1}
-    kept = _frames(recording, preset, {name: each.skeleton() for name, each in seen.items()})
+    kept = _frames(recording, preset, seen)
     clips = [
         replace(
             evened(np.array(times), np.array(positions), begin=0.0).clip(seen[name].skeleton()),
@@ -144,30 +154,30 @@ def read_raw(path: Path, preset: Preset | None = None) -> list[Clip]:
 
 
 def _frames(
-    recording: RawFile, preset: Preset | None, skeletons: Mapping[str, Skeleton]
+    recording: RawFile, preset: Preset | None, seen: Mapping[str, Seen]
 ) -> dict[str, tuple[list[float], list[NDArray[np.float64]]]]:
     """Give each performer's frames, at seconds since the first packet."""
-    orders = {name: JointOrder(skeleton) for name, skeleton in skeletons.items()}
-    kept: dict[str, tuple[list[float], list[NDArray[np.float64]]]] = {name: ([], []) for name in skeletons}
-    ahead = dict.fromkeys(skeletons, 0.0)
-    began: float | None = None
-    for each in decoded(recording.header, recording.packets(), preset):
-        began = each.arrival if began is None else began
-        for event in each.events:
-            if event.performer not in orders:
-                continue
-            if isinstance(event, Announcement):
-                orders[event.performer].announce(event)
-                continue
-            positions = orders[event.performer].ordered(event)
-            if positions is None or not np.isfinite(positions).all():
-                continue
-            times, rows = kept[event.performer]
-            time, arrival = event.time + ahead[event.performer], each.arrival - began
-            if abs(time - arrival) > _ASTRAY:
-                ahead[event.performer] = arrival - event.time
-                time = arrival
-            if not times or time > times[-1]:
-                times.append(time)
-                rows.append(np.asarray(positions, dtype=np.float64))
+    orders = {name: JointOrder(each.skeleton()) for name, each in seen.items()}
+    clocks = {name: each.times() for name, each in seen.items()}
+    kept: dict[str, tuple[list[float], list[NDArray[np.float64]]]] = {name: ([], []) for name in seen}
+    ahead = dict.fromkeys(seen, 0.0)
+    began = next(iter(recording.packets())).arrival
+    for arrived, event in events_of(recording, preset):
+        if event.performer not in orders:
+            continue
+        if isinstance(event, Announcement):
+            orders[event.performer].announce(event)
+            continue
+        seconds = clocks[event.performer].read(event.time, arrived)
+        positions = orders[event.performer].ordered(event)
+        if positions is None or not np.isfinite(positions).all():
+            continue
+        times, rows = kept[event.performer]
+        time, arrival = seconds + ahead[event.performer], arrived - began
+        if abs(time - arrival) > _ASTRAY:
+            ahead[event.performer] = arrival - seconds
+            time = arrival
+        if not times or time > times[-1]:
+            times.append(time)
+            rows.append(np.asarray(positions, dtype=np.float64))
     return kept

@@ -110,7 +110,8 @@ class Doubts:
         """The note in words: joints that are not believed now, else a jump a moment ago, else nothing."""
         count = len(self._wanted)
         if self._too_few:
-            return f"joints: {count} of {len(self._doubted_until)} in places where no body has them"
+            every = len(self._doubted_until)
+            return f"joints: {count} of {every} where no body has them: in another order, or angles for positions?"
         if count:
             return f"joints: done without {', '.join(self.joints)}"
         if self._jump is None or self._last_time - self._last_jump > _TOLD:

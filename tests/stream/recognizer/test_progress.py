@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from functools import cache
 from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-from naive_progress import gone_on, median_phase, weighed
+from naive_progress import Pace, beginning_of, below, gone_on, weighed
 
 from kinespace.library import MotionLibrary
 from kinespace.library.distances import distance_rows
@@ -59,37 +60,45 @@ def followed(clip: Clip, *, speed: float = 1.0, size: float = 1.0, rounds: int =
     return [each for each in told if each]
 
 
+@pytest.mark.usefixtures("arithmetic")
 @pytest.mark.parametrize("class_name", [SQUAT, ARMS])
 def test_every_step_is_the_textbooks(class_name: str) -> None:
-    """On a real clip the filter's phase and certainty are those of the filter written a moment at a time."""
+    """On a real clip the filter tells at every step what the filter written a moment at a time tells."""
     moments = table_without("bk").classes[class_name]
     kept = np.arange(moments.starts[4])
     few = replace(
         moments,
-        vectors=moments.vectors[kept],
+        vectors=np.ascontiguousarray(moments.vectors[:, kept]),
         phases=moments.phases[kept],
         starts=moments.starts[:4],
         speeds=moments.speeds[kept],
-        swings=moments.swings[kept],
+        usual_speeds=moments.usual_speeds[kept],
+        usual_swings=moments.usual_swings[kept],
     )
     whitening = table_without("bk").whitening
     follower = ProgressFollower(PhaseTable({class_name: few}, whitening, table_without("bk").basis))
     phases = few.phases.tolist()
-    first = [phase < 0.12 for phase in phases]
-    beginning = [0.8 / sum(first) if each else 0.2 / (len(first) - sum(first)) for each in first]
+    belief = beginning = beginning_of(phases)
     past: list[NDArray[np.float64]] = []
-    belief = beginning
-    clip = clip_of(class_name, "bk")
-    for index, point in enumerate(points_of(clip.positions[::2])[:40]):
+    pace = Pace(float(few.speeds.mean()))
+    for index, point in enumerate(points_of(clip_of(class_name, "bk").positions[::2])[:60]):
         past.append(point)
         belief = gone_on(belief, phases, few.starts.tolist(), beginning, cyclic=few.cyclic)
-        live = moving_point(past[max(0, len(past) - 5)], point) @ whitening
-        belief = weighed(belief, few.vectors, live, 4.0)
+        live = moving_point(past[max(0, len(past) - 5)], point)
+        belief = weighed(belief, few.vectors.T, live @ whitening, 4.0)
         told = follower.push(index * STEP, point, class_name)
         assert told
-        assert told.phase == pytest.approx(median_phase(belief, phases), abs=1e-9)
+        assert below(belief, phases, told.phase) < 0.5 + 1e-3
+        assert below(belief, phases, math.nextafter(told.phase, 2)) > 0.5 - 1e-3
         near = sum(each for each, phase in zip(belief, phases, strict=True) if abs(phase - told.phase) <= 0.1)
-        assert told.sure == pytest.approx(near, abs=1e-6)
+        assert told.sure == pytest.approx(near, abs=1e-3)
+        expected, usual, swing = (
+            sum(each * number for each, number in zip(belief, numbers, strict=True))
+            for numbers in (few.speeds, few.usual_speeds, few.usual_swings)
+        )
+        pace.push(past, live[len(live) // 2 :], (expected, usual), swing)
+        assert told.speed == pytest.approx(pace.speed, rel=1e-3)
+        assert told.amplitude == pytest.approx(pace.amplitude, rel=1e-3)
 
 
 def test_a_strangers_squat_is_followed_from_0_to_1() -> None:

@@ -1,4 +1,4 @@
-"""`kinespace bench peers`: the alternatives compute the right numbers, and all methods are scored alike."""
+"""`kinespace bench peers`: the alternatives compute what they should, and everybody is judged alike."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def few() -> MotionLibrary:
 
 @pytest.mark.parametrize("name", NAMES)
 def test_every_peer_finds_a_motion_of_the_library(name: str, few: MotionLibrary) -> None:
-    """For a motion of the library every method's best score is its class's; after a gap another motion's."""
+    """Shown a motion that is in the library, everybody's best score is its class's; after a gap another one's."""
     alternative = baselines.makers(few, 120.0)[name]()
     for motion in few.motions[::7]:
         alternative.clear()
@@ -46,7 +46,7 @@ def test_every_peer_finds_a_motion_of_the_library(name: str, few: MotionLibrary)
 
 @pytest.mark.parametrize("axis", [baselines.by_svd, baselines.by_eigh])
 def test_the_axis_is_the_leading_eigenvector(axis: object, few: MotionLibrary) -> None:
-    """Both ways give a vector of unit length that the covariance stretches most."""
+    """By either way it is of unit length and what the covariance stretches most."""
     assert callable(axis)
     rows = distance_rows(few.motions[0].positions, few.skeleton)
     covariance = np.cov(rows, rowvar=False)
@@ -78,7 +78,7 @@ def _warped(library: MotionLibrary, poses: np.ndarray[tuple[int, ...], np.dtype[
 
 
 def test_warping_finds_the_cheapest_path(few: MotionLibrary) -> None:
-    """Scores equal the best of all allowed paths through each single motion, tried one by one."""
+    """Scores are those of all allowed paths through each single motion, tried one by one."""
     warping = TimeWarping(few, 120.0)
     positions = MotionLibrary.builtin().motions[100].positions[:90]
     for each in np.repeat(positions, 2, axis=0):
@@ -123,7 +123,7 @@ def test_answers_come_at_every_hop_and_anew_after_a_gap() -> None:
 
 
 def test_answers_count_after_half_a_second_of_a_motion() -> None:
-    """Earlier and missing answers do not count; later ones are right or wrong by the motion performed."""
+    """What is said sooner, or not at all, does not count; what is said then is right or wrong by what is performed."""
     frame = Frame("me", 1.0, np.zeros((2, 3)))
     dues = [*(k / 120 for k in range(120)), *(2 + k / 120 for k in range(90))]
     piece = [Cue(due, frame, seq, "a" if due < 2 else "b") for seq, due in enumerate(dues)]
@@ -132,9 +132,18 @@ def test_answers_count_after_half_a_second_of_a_motion() -> None:
     assert judged == [True] * 31 + [False] * 16
 
 
-def test_everybody_is_timed_and_judged(few: MotionLibrary) -> None:
-    """Ours come first with a ratio of one to themselves; all have speed and ratios, and are often right."""
-    found = peers.measure(few, person="bd", rounds=2)
+def test_everybody_is_timed_and_judged(few: MotionLibrary, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Ours come first with a ratio of one to themselves; all have speed and ratios, and are often right.
+
+    Nobody compares with a motion of the person whose motions are played.
+    """
+    compared: list[MotionLibrary] = []
+    makers, ours = baselines.makers, peers._ours  # noqa: SLF001 - watched
+    monkeypatch.setattr(baselines, "makers", lambda *of: (compared.append(of[0]), makers(*of))[1])
+    monkeypatch.setattr(peers, "_ours", lambda *of: (compared.append(of[0]), ours(*of))[1])
+    found = peers.measure(few, person="bd", rounds=1)
+    assert len(compared) == 3
+    assert {library.actors for library in compared} == {("mm",)}
     assert [peer.name for peer in found.peers] == [*LiveSignature, *NAMES]
     assert (found.person, found.motions) == ("bd", 9)
     assert found.answers > 100
@@ -149,14 +158,3 @@ def test_everybody_is_timed_and_judged(few: MotionLibrary) -> None:
         assert own is not None
         assert own.ratios[signature] == 1.0
     assert found.peer("somebody") is None
-
-
-def test_the_person_played_is_not_in_the_library(few: MotionLibrary, monkeypatch: pytest.MonkeyPatch) -> None:
-    """No method compares with a motion of the person whose motions are played."""
-    compared: list[MotionLibrary] = []
-    makers, ours = baselines.makers, peers._ours  # noqa: SLF001 - watched
-    monkeypatch.setattr(baselines, "makers", lambda *of: (compared.append(of[0]), makers(*of))[1])
-    monkeypatch.setattr(peers, "_ours", lambda *of: (compared.append(of[0]), ours(*of))[1])
-    peers.measure(few, person="bd", rounds=1)
-    assert len(compared) == 3
-    assert {library.actors for library in compared} == {("mm",)}

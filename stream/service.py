@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import math
 import time
 from dataclasses import replace
-from typing import TYPE_CHECKING, Protocol, Self
+from typing import TYPE_CHECKING, NamedTuple, Protocol, Self
 
 import zmq
 
@@ -26,6 +27,10 @@ CLASSES_EVERY = 5.0
 #: Seconds for which a packet may wait before it is taken in; the answer to one that waited longer is sent only if no
 #: newer one follows. A stopped process finds seconds of feed waiting, and listeners would take it for what happens now.
 MAX_AGE = 1.0
+#: Seconds in which ZeroMQ, which reads on in threads of its own, hands over what came while the process stood still.
+CATCH_UP = 1.0
+#: Performers whose clocks are followed.
+_MAX_LAGS = 4096
 #: Packets of one source that are taken in together, then recognised, then answered, at most: the processor's caches
 #: then hold what a step needs, and one send wakes the listeners. More would keep the first packet waiting for too long.
 #: The number follows how many wait: a packet that comes alone is answered before the loop looks for another.
@@ -54,8 +59,12 @@ class Source(Protocol):
         """Whether `tend` has something to do even when nothing comes."""
 
     @property
+    def has_put_aside(self) -> bool:
+        """Whether packets wait that were put aside, for which `pollable` wakes nobody."""
+
+    @property
     def waited(self) -> float:
-        """Seconds for which the last packet waited in the system before it was taken in."""
+        """Seconds for which the last packet waited before it was taken in; 0 where that is not known."""
 
     @property
     def counts(self) -> InputCounts:
@@ -73,6 +82,14 @@ class Source(Protocol):
 
     def close(self) -> None:
         """Give sockets back."""
+
+
+class _Begun(NamedTuple):
+    """When a packet was first looked at, how long it had waited, and until when newer ones may come, seconds."""
+
+    started: float
+    waited: float
+    until: float = 0.0
 
 
 class Service:
@@ -112,7 +129,13 @@ class Service:
         #: When the last step ends; 0 before it was stopped.
         self._over = 0.0
         #: The newest answer of each performer, where it is too old to be sent before it is known to be the newest.
-        self._held: dict[str, Recognition] = {}
+        #: With the moment until which newer ones may still come.
+        self._held: dict[str, tuple[Recognition, float]] = {}
+        #: When the loop last looked at its sources; and until when packets come that waited while it stood still.
+        self._looked = clock()
+        self._caught_up = -math.inf
+        #: By how much the arrival of each performer's last frame differed from its time, seconds.
+        self._lags: dict[str, float] = {}
         self._stale = 0
         self._together = 1
         self._poller = zmq.Poller()
@@ -148,7 +171,7 @@ class Service:
                 if not self._is_over():
                     self.step(0.0)
         finally:
-            self._publish_held()
+            self._publish_held(at_once=True)
             ended = self.performers.end()
             for sink in self.sinks:
                 for event in ended:
@@ -169,7 +192,10 @@ class Service:
         if self._tended:
             sleep = min(sleep, _TENDING)
             self._tend()
-        if not self._poller.poll(round(sleep * 1000)):
+        aside = any(source.has_put_aside for source in self.sources)
+        came = self._poller.poll(0 if aside else round(sleep * 1000))
+        self._notice_a_stop()
+        if not came and not aside:
             self._publish_held()
             return
         # Every source is asked: one poll is cheaper than finding out which of them it was.
@@ -177,34 +203,57 @@ class Service:
             left = _MAX_IN_TURN
             while left and not self._is_over() and (taken := self._deal_with_waiting(source, left)):
                 left -= taken
+        self._looked = self._clock()
         if self._held and not self._poller.poll(0):
             self._publish_held()
 
     def _deal_with_waiting(self, source: Source, most: int) -> int:
         """Take in some packets, recognise, answer; give how many, 0 when no more wait."""
         taken: list[Admitted] = []
-        begun: list[tuple[float, float]] = []
+        begun: list[_Begun] = []
         wanted = min(self._together, most)
         for _ in range(wanted):
             started = time.perf_counter()
-            events = source.take(self._clock())
+            now = self._clock()
+            events = source.take(now)
             if events is None:
                 wanted, self._together = 0, max(self._together // 2, 1)
                 break
             taken += events
-            begun += [(started, source.waited)] * len(events)
+            begun += [self._begun(started, source, event, now) for event in events]
         else:
             self._together = min(2 * self._together, _MAX_TOGETHER)
         self._deal_with(taken, begun)
         return wanted
 
+    def _notice_a_stop(self) -> None:
+        """Notice that the process stood still, as after SIGSTOP: what waited meanwhile comes within the next second."""
+        now = self._clock()
+        if now - self._looked > MAX_AGE:
+            self._caught_up = now + CATCH_UP
+        self._looked = now
+
+    def _begun(self, started: float, source: Source, event: Admitted, now: float) -> _Begun:
+        """Say how long a frame waited, by its transport or, where that does not tell, by its sender's clock.
+
+        A sender's clock is asked only after the process stood still: who pauses may let it pause, too.
+        """
+        if source.waited or not isinstance(event, Frame):
+            return _Begun(started, source.waited)
+        lag = now - event.time
+        usual = self._lags.get(event.performer)
+        if usual is not None and now < self._caught_up:
+            return _Begun(started, max(lag - usual, 0.0), self._caught_up)
+        self._lags[event.performer] = lag
+        return _Begun(started, 0.0)
+
     def _tend(self) -> None:
         for source in self._tended:
             started = time.perf_counter()
             events = source.tend(self._clock())
-            self._deal_with(events, [(started, 0.0)] * len(events))
+            self._deal_with(events, [_Begun(started, 0.0)] * len(events))
 
-    def _deal_with(self, events: Sequence[Admitted], begun: Sequence[tuple[float, float]]) -> None:
+    def _deal_with(self, events: Sequence[Admitted], begun: Sequence[_Begun]) -> None:
         """Recognise what was taken in and tell the sinks; `begun` says of each when its packet was first looked at."""
         if not events:
             return
@@ -214,11 +263,11 @@ class Service:
                 for sink in self._watching:
                     sink.publish_frame(event)
         answers = self.performers.push_all(events, self._clock())
-        for recognition, (started, waited) in zip(answers, begun, strict=True):
+        for recognition, (started, waited, until) in zip(answers, begun, strict=True):
             if recognition is None:
                 continue
             if waited > MAX_AGE:
-                self._hold(recognition)
+                self._hold(recognition, until)
             else:
                 self._superseded(recognition.performer)
                 self._publish(recognition)
@@ -231,20 +280,24 @@ class Service:
         for sink in self.sinks:
             sink.publish(recognition)
 
-    def _hold(self, recognition: Recognition) -> None:
+    def _hold(self, recognition: Recognition, until: float) -> None:
         """Keep an answer that is too old in case it is the performer's newest; events are told however old they are."""
         self._superseded(recognition.performer)
-        self._held[recognition.performer] = recognition
+        self._held[recognition.performer] = recognition, until
 
     def _superseded(self, performer: str) -> None:
         if self._held and self._held.pop(performer, None) is not None:
             self._stale += 1
 
-    def _publish_held(self) -> None:
-        """Send the old answers after which nothing newer waits."""
-        for recognition in self._held.values():
-            self._publish(recognition)
-        self._held.clear()
+    def _publish_held(self, *, at_once: bool = False) -> None:
+        """Send the old answers after which nothing newer waits, as far as is known now."""
+        if not self._held:
+            return
+        now = self._clock()
+        for performer, (recognition, until) in [*self._held.items()]:
+            if at_once or now >= until:
+                del self._held[performer]
+                self._publish(recognition)
 
     def _tell_gone(self, performers: Sequence[str]) -> None:
         for performer in performers:
@@ -264,6 +317,8 @@ class Service:
                     sink.publish_event(ended)
             self._tell_gone(self.performers.take_gone())
             self._latest_rates = self._rates.read(now)
+            if len(self._lags) > _MAX_LAGS:
+                self._lags.clear()  # only a sender that invents names gets here
             status = self.status()
             for sink in self.sinks:
                 sink.publish_status(status)
@@ -279,9 +334,14 @@ class Service:
             performers={name: self._latest_rates.get(name, 0.0) for name in self.performers.names},
             hop_p50=self._hop_times.percentile(50),
             hop_p99=self._hop_times.percentile(99),
-            refused=self.performers.refused,
+            refused={name: why + self._from(name) for name, why in self.performers.refused.items()},
             doubted=self.performers.doubted,
             compared=self.performers.compared,
             admission=replace(self._admission.counts),
+            clocks={name: told for name, told in self._admission.clocks.items() if name in self.performers.names},
             notes=(*notes, *self._admission.notes(self._clock())),
         )
+
+    def _from(self, performer: str) -> str:
+        """Say who sends a performer's frames, where that is known."""
+        return "".join(f", from {host}:{port}" for host, port in self._admission.senders(performer))

@@ -6,21 +6,30 @@ import re
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, NamedTuple
 
+import numpy as np
+
+from kinespace.library import hdm05
 from kinespace.library.motion_library import MIN_JOINTS
 from kinespace.library.naming import Naming
+from kinespace.stream.feeds.decoder import FeedDecoder
 from kinespace.stream.feeds.frame_assembler import FrameAssembler
 from kinespace.stream.feeds.message_reader import Mapper, MessageError
 from kinespace.stream.feeds.preset import Means
 from kinespace.stream.feeds.unpackers import UNPACKERS
-from kinespace.stream.frame import Frame
+from kinespace.stream.frame import Announcement, Frame
+from kinespace.stream.inputs.clock import SenderClock
+from kinespace.stream.inputs.decoder import OscDecoder
 from kinespace.stream.osc.frames import SKELETON, decode
 from kinespace.stream.osc.packet import PacketError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from numpy.typing import NDArray
+
     from kinespace.stream.feeds.preset import Preset
     from kinespace.stream.feeds.unpackers import Unpacker
+    from kinespace.stream.inputs.decoder import Decoder
     from kinespace.stream.osc.packet import Message
 
 #: Kinds of messages told apart; only somebody who makes up addresses gets there.
@@ -34,6 +43,8 @@ NATIVE, OURS = "native", ("/motion/frame", SKELETON)
 _PACKINGS = ("osc", "rokoko", "zigsim", "xsens")
 #: Joints a message must bring, relative to those a preset has, to say that this is it.
 _LIKELY = 0.25
+#: Share of its length by which a segment may change, and of the segments that may change by more.
+_STRETCHES, _MANY = 0.1, 0.25
 _NUMBERED = re.compile(r"\d+")
 _TAGS = {float: "f", int: "i", str: "s", bytes: "b", bool: "T", type(None): "N", list: "[", tuple: "m"}
 
@@ -89,6 +100,24 @@ class Guess(NamedTuple):
     refused: int
 
 
+class Findings(NamedTuple):
+    """What is odd about the frames of a feed.
+
+    Attributes
+    ----------
+    clocks
+        By performer, what times are read as that are no seconds.
+    stretching
+        Performers many of whose segments change their length by more than a tenth.
+    refusals
+        The last packets that could not be read, and why, a line each.
+    """
+
+    clocks: dict[str, str]
+    stretching: tuple[str, ...]
+    refusals: tuple[str, ...]
+
+
 @dataclass(slots=True)
 class Survey:
     """Collects what arrives.
@@ -114,7 +143,7 @@ class Survey:
     senders: dict[str, int] = field(default_factory=dict)
     kinds: dict[tuple[str, str], Kind] = field(default_factory=dict)
     announced: tuple[str, ...] = ()
-    _kept: list[tuple[bytes, float]] = field(default_factory=list)
+    _kept: list[tuple[bytes, float, str]] = field(default_factory=list)
     #: What was kept as each packing reads it; with how much there was then.
     _read: dict[str, tuple[int, list[tuple[list[Message], float, bool]]]] = field(default_factory=dict)
 
@@ -135,7 +164,7 @@ class Survey:
             if message.address == SKELETON and all(isinstance(each, str) for each in message.arguments):
                 self.announced = tuple(map(str, message.arguments[1:]))
         if len(self._kept) < _MAX_KEPT:
-            self._kept.append((datagram, arrival))
+            self._kept.append((datagram, arrival, sender))
 
     def _count(self, message: Message, arrival: float) -> None:
         types = shortened("".join(_TAGS.get(type(argument), "?") for argument in message.arguments))
@@ -190,7 +219,7 @@ class Survey:
         """Read our own messages, whose senders name their joints, as the recogniser does: by our names for them."""
         named = set(Naming().read(self.announced).joints)
         frames, times = 0, dict[str, list[float]]()
-        for datagram, arrival in self._kept:
+        for datagram, arrival, _ in self._kept:
             for event in decode(datagram, arrival).events:
                 if isinstance(event, Frame) and len(event.positions) == len(self.announced):
                     times.setdefault(event.performer, []).append(arrival)
@@ -211,13 +240,36 @@ class Survey:
             refused=frames - whole,
         )
 
+    def findings(self, preset: Preset) -> Findings:
+        """Say what is odd about what came, read as a preset's feed."""
+        decoder: Decoder = OscDecoder() if preset.name == NATIVE else FeedDecoder(preset)
+        joints: dict[str, tuple[str, ...]] = {}
+        clocks: dict[str, SenderClock] = {}
+        lengths: dict[str, list[NDArray[np.float64]]] = {}
+        for datagram, arrival, sender in self._kept:
+            host, _, port = sender.rpartition(":")
+            for event in decoder.decode(datagram, arrival, (host, int(port))):
+                name = event.performer
+                if isinstance(event, Announcement):
+                    joints[name] = Naming().read(event.joints).joints
+                    lengths.pop(name, None)
+                    continue
+                clocks.setdefault(name, SenderClock()).read(event.time, arrival)
+                if len(named := joints.get(name, hdm05.SKELETON.joints)) == len(event.positions):
+                    lengths.setdefault(name, []).append(_segment_lengths(named, event.positions))
+        return Findings(
+            {name: clock.told for name, clock in clocks.items() if clock.told},
+            tuple(name for name, rows in lengths.items() if _stretches(np.array(rows))),
+            tuple(decoder.refusals.lines()) if decoder.counts.malformed else (),
+        )
+
     def _unpacked_as(self, packing: str) -> list[tuple[list[Message], float, bool]]:
         """Give what was kept as messages, by one way to pack; packets of other ways hold none."""
         if packing not in self._read or self._read[packing][0] != len(self._kept):
             unpack = UNPACKERS[packing]()
             read = [
                 (_unpacked(unpack, datagram) or [], arrival, packing != "osc" or datagram[:1] == b"#")
-                for datagram, arrival in self._kept
+                for datagram, arrival, _ in self._kept
             ]
             self._read[packing] = len(self._kept), read
         return self._read[packing][1]
@@ -238,6 +290,31 @@ def _unpacked(unpack: Unpacker, datagram: bytes) -> list[Message] | None:
         return unpack(datagram)
     except PacketError:
         return None
+
+
+def _segment_lengths(joints: Sequence[str], positions: NDArray[np.floating]) -> NDArray[np.float64]:
+    """Measure the segments of a body in one frame (joints, 3): shape (segments,); empty where no joint is known."""
+    ours = hdm05.SKELETON.joints
+    kept = [place for place, name in enumerate(ours) if name in joints]
+    if len(kept) < MIN_JOINTS:
+        return np.empty(0)
+    skeleton = hdm05.SKELETON.restricted_to(kept)
+    there = positions[[joints.index(name) for name in skeleton.joints]].astype(np.float64)
+    children = [child for child, parent in enumerate(skeleton.parents) if parent >= 0]
+    lengths: NDArray[np.float64] = np.linalg.norm(
+        there[children] - there[[skeleton.parents[child] for child in children]], axis=1
+    )
+    return lengths
+
+
+def _stretches(lengths: NDArray[np.float64]) -> bool:
+    """Say whether many segments of (frames, segments) change by more than a tenth, stray frames aside."""
+    # A segment of which an end was lost is not judged.
+    lengths = lengths[:, np.isfinite(lengths).all(axis=0)]
+    if not lengths.any():
+        return False
+    least, usual, most = np.percentile(lengths, [5, 50, 95], axis=0)
+    return bool(np.mean((most - least) > _STRETCHES * usual) > _MANY)
 
 
 def _likelihood(guess: Guess) -> tuple[bool, float, int]:

@@ -45,6 +45,9 @@ _PAUSE = 0.5
 _NEWER = 0.05
 #: Longer than this is an absence, not a frame rate, seconds.
 _MAX_INTERVAL = 0.2
+#: Share of the joints that may be absent for long: their places are NaN then, and the frame is given all the same.
+_LOST = 0.2
+_NOWHERE = (math.nan, math.nan, math.nan)
 #: Names of absent joints that are counted one by one.
 _MAX_NAMED = 256
 
@@ -59,7 +62,7 @@ class AssemblerCounts:
     foreign: int = 0
     #: Frames given out.
     frames: int = 0
-    #: Frames refused because a joint was absent for too long, or never came.
+    #: Frames refused because too many joints were absent for too long, or never came.
     incomplete: int = 0
     #: Frames refused because they make no sense: a joint beyond any stage.
     absurd: int = 0
@@ -73,7 +76,7 @@ class AssemblerCounts:
     no_room: int = 0
     #: Frames by what closed them.
     closed_by: Counter[str] = field(default_factory=Counter)
-    #: For refused frames, the joints that were absent.
+    #: The joints that were absent for too long, or never came, and in how many frames.
     absent: Counter[str] = field(default_factory=Counter)
 
 
@@ -374,7 +377,7 @@ class FrameAssembler:
         return body.opened + (body.ahead or 0.0)
 
     def _placed(self, body: _Body, opened: Mapping[str, Sighting]) -> dict[str, Vector] | None:
-        """Find each joint in the frame or, held, before it; None when one is absent for too long."""
+        """Find each joint in the frame or, held, before it; None when too many are absent for too long."""
         places: dict[str, Vector] = {}
         absent = dict[str, None]()
         for name in self._needed:
@@ -386,25 +389,32 @@ class FrameAssembler:
                 absent[target] = None
             else:
                 places[target] = sighting.position
-        lacking = [target for target in absent if target not in places]
-        self._count_absent(lacking)
-        return None if lacking else places
+        return self._done_without([target for target in absent if target not in places], places)
 
     def _placed_bones(self, body: _Body, opened: Mapping[str, Sighting]) -> dict[str, Vector] | None:
-        """Place bones in the world; those that the sender never sends stay as they are at rest."""
-        poses = {}
-        lacking = list[str]()
+        """Place bones in the world; those that the sender never sends stay as they are at rest.
+
+        A bone that is absent for too long is lost, and so is what hangs on it: nobody knows how it is turned.
+        """
+        poses, lost = {}, set[str]()
         for bone in self.preset.bones:
             sighting = opened.get(bone.name) or self._held(body, bone.name, self.preset.closings.hold)
             if sighting is not None:
                 poses[bone.name] = (sighting.position, sighting.rotation)
-            elif self._held(body, bone.name, FORGET_AFTER) is not None:
-                lacking.append(bone.name)
-        if lacking:
-            self._count_absent(lacking)
-            return None
+            if bone.parent in lost or (sighting is None and self._held(body, bone.name, FORGET_AFTER) is not None):
+                lost.add(bone.name)
         world = world_positions(self.preset.bones, poses)
-        return {self.preset.joint_map[name]: world[name] for name in self._needed}
+        places = {self.preset.joint_map[name]: world[name] for name in self._needed}
+        return self._done_without([self.preset.joint_map[name] for name in self._needed if name in lost], places)
+
+    def _done_without(self, lacking: Sequence[str], places: dict[str, Vector]) -> dict[str, Vector] | None:
+        """Give places in which those that are lacking are NaN; None where they are too many for a frame."""
+        for name in lacking:
+            if name in self.counts.absent or len(self.counts.absent) < _MAX_NAMED:
+                self.counts.absent[name] += 1
+        if len(lacking) > _LOST * len(self._targets):
+            return None
+        return places | dict.fromkeys(lacking, _NOWHERE)
 
     def _held(self, body: _Body, joint: str, longest: float) -> Sighting | None:
         sighting, moment = body.seen.get(joint, (None, -math.inf))
@@ -413,8 +423,3 @@ class FrameAssembler:
         if longest == self.preset.closings.hold:
             self.counts.held += 1
         return sighting
-
-    def _count_absent(self, names: Sequence[str]) -> None:
-        for name in names:
-            if name in self.counts.absent or len(self.counts.absent) < _MAX_NAMED:
-                self.counts.absent[name] += 1

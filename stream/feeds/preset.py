@@ -120,7 +120,7 @@ class Closings:
         Seconds without anything new after which a frame is taken as it is; half of the time between two frames when
         that is less.
     hold
-        Seconds for which an absent joint stays where it was; a frame with one absent for longer is refused.
+        Seconds for which an absent joint stays where it was; after that it is lost, and a frame with many lost refused.
     confidence
         A joint sent with less than this is absent.
     words
@@ -129,7 +129,7 @@ class Closings:
 
     by: frozenset[Closing]
     timeout: float = 0.1
-    hold: float = 0.25
+    hold: float = 0.2
     confidence: float = 0.0
     words: Mapping[str, float] = field(default_factory=dict)
 
@@ -362,7 +362,7 @@ def _closings(table: CheckedTable) -> Closings:
     closings = Closings(
         by=frozenset(map(Closing, by)),
         timeout=table.number("timeout", 0.1, 0.001, 10.0),
-        hold=table.number("hold", 0.25, 0.0, 10.0),
+        hold=table.number("hold", 0.2, 0.0, 10.0),
         confidence=table.number("confidence", 0.0, 0.0),
         words=words,
     )

@@ -2,16 +2,18 @@
 
 OSC and plain ZeroMQ say nothing that proves who sends. The first sender of a performer's frames keeps the performer
 until it has been silent; what others send under the same name is counted and told. A frame whose time jumps by more
-than some seconds waits for a second one that agrees with it, so that one wrong packet restarts nothing.
+than some seconds waits for a second one that agrees with it, so that one wrong packet restarts nothing. Times that are
+no seconds are read as their arrivals show (`kinespace.stream.inputs.clock`).
 """
 
 from __future__ import annotations
 
 from collections import deque
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 from kinespace.stream.frame import Announcement, Frame, NewSender
+from kinespace.stream.inputs.clock import SenderClock
 from kinespace.stream.status import AdmissionCounts
 
 if TYPE_CHECKING:
@@ -43,6 +45,9 @@ class _Owner:
     other_ports: deque[int] = field(default_factory=lambda: deque(maxlen=_MAX_PORTS))
     #: The port of the same host that was last heard beside the owner's.
     last_port: int = 0
+    #: Reads the times that it sends.
+    clock: SenderClock = field(default_factory=SenderClock)
+    #: Seconds of its last frame that was let in, as its clock is read, and that frame's arrival.
     time: float | None = None
     arrival: float = 0.0
     #: A frame whose time jumped, and its arrival.
@@ -80,6 +85,11 @@ class Admission:
             for name, (owner, other, heard) in self._conflicts.items()
             if now - heard <= self._silence
         ]
+
+    @property
+    def clocks(self) -> dict[str, str]:
+        """The performers whose times are no seconds, and what they are read as."""
+        return {name: told for name, owner in self._owners.items() if (told := owner.clock.told)}
 
     def senders(self, performer: str | None = None) -> list[tuple[str, int]]:
         """Give the sender of a performer, or the senders of all, where they are known."""
@@ -146,6 +156,10 @@ class Admission:
         if announced := self._pending.pop((name, host), None):
             first.append(announced)
         owner.heard = arrival
+        # Several senders' clocks are read as they are: one after the other they would look like none.
+        seconds = frame.time if self._merge else owner.clock.read(frame.time, arrival)
+        if seconds != frame.time:
+            frame = replace(frame, time=seconds)
         return (*first, *self._in_time(owner, frame, arrival))
 
     def _is_owner(self, owner: _Owner, arrival: float, host: str, port: int) -> bool:

@@ -12,6 +12,8 @@ Packet = bytes | list[bytes]
 Networks = Sequence[IPv4Network | IPv6Network]
 #: Host and port of who sent a packet; None where the transport does not tell.
 Sender = tuple[str, int] | None
+#: Before the name of a sender who has shown a key that is let in; it stands in a host's place.
+KEYED = "key "
 
 
 def parts_of(packet: Packet) -> list[bytes]:

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import time
 from dataclasses import replace
 from typing import TYPE_CHECKING
+
+from kinespace.stream.inputs.turns import Turns, Waiting
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -14,6 +17,11 @@ if TYPE_CHECKING:
     from kinespace.stream.inputs.receiver import Receiver, Sender
     from kinespace.stream.recording.recorder import Recorder
     from kinespace.stream.status import InputCounts
+
+#: Senders that are told of at once.
+_MAX_TOLD = 3
+#: Packets of senders that come last which are looked through for one of another sender.
+_MAX_LOOKED_THROUGH = 256
 
 
 class Source:
@@ -29,6 +37,11 @@ class Source:
         Keeps every packet before it is decoded; None for no recording.
     admission
         Lets frames in or not, the same for all sources of a service; None for all.
+
+    Attributes
+    ----------
+    waited
+        Seconds for which the last packet waited before it was taken in.
     """
 
     def __init__(
@@ -42,6 +55,10 @@ class Source:
         self.decoder = decoder
         self._recorder = recorder
         self._admission = admission
+        self.waited = 0.0
+        self._turns = Turns()
+        self._last_was_aside = False
+        self._now = 0.0
         #: For what does not tell senders apart, or has done so itself.
         self._itself = str(receiver), 0
 
@@ -54,9 +71,9 @@ class Source:
         return self.receiver.socket
 
     @property
-    def waited(self) -> float:
-        """Seconds for which the last packet waited in the system before it was taken in."""
-        return self.receiver.waited
+    def has_put_aside(self) -> bool:
+        """Whether packets wait that were put aside, for which the socket wakes nobody."""
+        return len(self._turns) > 0
 
     @property
     def tended(self) -> bool:
@@ -67,28 +84,54 @@ class Source:
     def counts(self) -> InputCounts:
         """What came in so far; a copy."""
         receiver = self.receiver
-        return replace(self.decoder.counts, overrun=receiver.kernel_drops, broken=receiver.broken())
+        excess = self._turns.thrown_away
+        return replace(self.decoder.counts, overrun=receiver.kernel_drops, broken=receiver.broken(), thrown_away=excess)
 
     @property
     def notes(self) -> list[str]:
         """What a person should know of this source now, a line each."""
         recording = [self._recorder.note] if self._recorder and self._recorder.note else []
-        return [*recording, *self.decoder.refusals.lines()]
+        last = [f"{_named(sender)} sends more than its share: served last" for sender in self._turns.last(self._now)]
+        return [*recording, *last[:_MAX_TOLD], *self.decoder.refusals.lines()]
 
     def take(self, arrival: float) -> Sequence[Admitted] | None:
         """Take in one packet; what it held, in order, or None when nothing is waiting. Never raises."""
-        packet = self.receiver.receive()
-        if packet is None:
+        self._now = arrival
+        taken = self._next(arrival)
+        if taken is None:
             return None
-        arrival -= self.receiver.waited
-        sender = self.receiver.sender
-        if self._recorder:
-            self._recorder.keep(packet, arrival, sender)
+        packet, arrival, self.waited, sender = taken
         known = None if self.decoder.expires else sender
-        admitted = self._admitted(self.decoder.decode(packet, arrival, sender), arrival, known)
-        if self._admission and sender:
+        begun = time.perf_counter()
+        decoded = self.decoder.decode(packet, arrival, sender)
+        self._turns.charge(sender, time.perf_counter() - begun, len(decoded), self._now)
+        admitted = self._admitted(decoded, arrival, known)
+        # Answers go by OSC alone.
+        if self._admission and sender and isinstance(packet, bytes):
             self._admission.replies_go_to(admitted, sender)
         return admitted
+
+    def _next(self, now: float) -> Waiting | None:
+        """Take the next packet: of senders that come last only when nothing else waits, and one in a row."""
+        receiver, turns = self.receiver, self._turns
+        for _ in range(_MAX_LOOKED_THROUGH):
+            packet = receiver.receive()
+            if packet is None:
+                break
+            waited, sender = receiver.waited, receiver.sender
+            if self._recorder:
+                self._recorder.keep(packet, now - waited, sender)
+            taken = Waiting(packet, now - waited, waited, sender)
+            if not turns.comes_last(sender, now):
+                self._last_was_aside = False
+                return taken
+            turns.put_aside(taken)
+        if not turns or self._last_was_aside:
+            self._last_was_aside = False
+            return None
+        self._last_was_aside = True
+        taken = turns.take()
+        return taken._replace(waited=now - taken.arrival)
 
     def tend(self, now: float) -> Sequence[Admitted]:
         """Do what is due by the clock; what came of it, in order. Never raises."""
@@ -102,3 +145,7 @@ class Source:
     def close(self) -> None:
         """Close the socket."""
         self.receiver.close()
+
+
+def _named(sender: Sender) -> str:
+    return f"{sender[0]}:{sender[1]}" if sender else "a sender"

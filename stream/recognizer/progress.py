@@ -282,8 +282,8 @@ class _Filter:
         after += again * beyond.sum() * rounds
         bins = course.indices[0]
         mass = np.bincount(bins, weights=after)
-        changed: NDArray[np.float64] = changes * alike * mass[bins] + begins * beginning
-        return (1 - changes - begins) * after + changed
+        moved: NDArray[np.float64] = (1 - changes - begins) * after + changes * alike * mass[bins] + begins * beginning
+        return moved
 
     def _measure(self, square: float, expected: float, usual: float) -> None:
         """Follow how fast the body moves beside the moments it is likely at, and beside their class at that phase."""

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import os
+import socket
+from contextlib import suppress
 from typing import TYPE_CHECKING
 
 import zmq
 
+from kinespace.stream.inputs.receiver import KEYED
 from kinespace.stream.zeromq.reconnection import Connections
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from kinespace.stream.inputs.receiver import Networks
+    from kinespace.stream.inputs.receiver import Networks, Sender
     from kinespace.stream.zeromq.address import Endpoint
     from kinespace.stream.zeromq.keys import Keyring
 
@@ -20,13 +24,32 @@ _NOW, _MORE_TO_COME = int(zmq.NOBLOCK), int(zmq.NOBLOCK | zmq.SNDMORE)
 #: Parts of a message: ours have three. Of a message with more, so many are thrown away at a time.
 MAX_PARTS = 8
 _MAX_PASSED = 256
+#: What ZeroMQ tells of a message: the file number of its connection, and the key that was shown on it.
+_CONNECTION, _USER = int(zmq.SRCFD), "User-Id"
 
 
 class ZmqReceiver:
-    """A SUB socket that frames come in on. Poll it continuously: a bound SUB lets new peers in only when polled."""
+    """A SUB socket that frames come in on. Poll it continuously: a bound SUB lets new peers in only when polled.
 
-    #: ZeroMQ says neither who sent a message nor which it threw away, nor for how long it kept one.
-    sender = None
+    Parameters
+    ----------
+    endpoint
+        To bind or to connect.
+    topic
+        How the messages begin that are wanted.
+    networks
+        Where bound, those whose peers are let in; empty for all.
+    keyring
+        Keys that the other end must know; None for none.
+
+    Attributes
+    ----------
+    sender
+        Who sent the last message: host and port of the connection or, with keys, `key NAME` and the port. None where
+        ZeroMQ does not tell.
+    """
+
+    #: ZeroMQ says neither which messages it threw away nor for how long it kept one.
     kernel_drops = 0
     waited = 0.0
 
@@ -37,6 +60,10 @@ class ZmqReceiver:
         self.socket.subscribe(topic)
         self._connections = Connections(self.socket, endpoint)
         self._passing = False
+        self._keyring = keyring
+        self.sender: Sender = None
+        #: Senders by connection, up to the next look: a connection's number is another's later.
+        self._senders: dict[int, Sender] = {}
 
     def __str__(self) -> str:
         return f"ZeroMQ {self.address}"
@@ -53,6 +80,7 @@ class ZmqReceiver:
 
     def broken(self) -> int:
         """Count the connections that broke while the sender was there; to be asked about once a second."""
+        self._senders.clear()
         return self._connections.look()
 
     def receive(self) -> list[bytes] | None:
@@ -69,11 +97,36 @@ class ZmqReceiver:
                 part = self.socket.recv(_NOW, copy=False)
                 parts.append(part.bytes)
                 if not part.more:
+                    self.sender = self._sender_of(part)
                     return parts
         except zmq.Again:
             return None
         self._passing = True
+        self.sender = self._sender_of(part)
         return parts
+
+    def _sender_of(self, part: zmq.Frame) -> Sender:
+        try:
+            connection: int = part.get(_CONNECTION)
+        except zmq.ZMQError:
+            # Within a process there are no connections.
+            return None
+        if connection not in self._senders:
+            self._senders[connection] = self._named(connection, part)
+        return self._senders[connection]
+
+    def _named(self, connection: int, part: zmq.Frame) -> Sender:
+        """Name the other end of a connection; None for one within this machine that has no address."""
+        try:
+            with socket.socket(fileno=os.dup(connection)) as peer:
+                host, port = peer.getpeername()[:2]
+        except (OSError, ValueError):
+            # Closed meanwhile, or of a kind without addresses.
+            return None
+        if self._keyring:
+            with suppress(zmq.ZMQError):
+                return f"{KEYED}{self._keyring.name_of(str(part.get(_USER)))}", port
+        return host, port
 
     def _pass_over(self) -> bool:
         """Throw some parts of a message away that has too many; say whether that was the last of them."""

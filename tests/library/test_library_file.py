@@ -59,7 +59,7 @@ def _are_equal(first: MotionLibrary, second: MotionLibrary) -> bool:
 
 
 def _assert_refused(path: Path, content: bytes, message: str = "") -> None:
-    """See to it that a file is refused by name, in one line, and without taking memory for what it claims to hold."""
+    """Expect that a file is refused by name, in one line, and without taking the memory that it claims to need."""
     path.write_bytes(content)
     tracemalloc.start()
     try:
@@ -79,7 +79,7 @@ def _unpacked(content: bytes) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
 
 
 def _packed(header: object, arrays: dict[str, NDArray[Any]]) -> bytes:
-    """Put a file together whose checksums fit, whatever is in it."""
+    """Make a file of any content with checksums that fit."""
     file = io.BytesIO()
     np.savez_compressed(file, header=_header(json.dumps(header)), **arrays)  # type: ignore[arg-type]
     return file.getvalue()
@@ -109,7 +109,7 @@ def test_the_file_is_an_npz_without_pickle(content: bytes, small_library: Motion
 
 
 def test_what_was_loaded_is_saved_as_it_was(content: bytes, small_library: MotionLibrary, tmp_path: Path) -> None:
-    """Saved again, what was loaded is equal: nothing is lost or rounded on the way."""
+    """A library that was loaded and saved again is equal: nothing is lost or rounded."""
     first, second = tmp_path / "first.npz", tmp_path / "second.npz"
     first.write_bytes(content)
     MotionLibrary.load(first).save(second)
@@ -138,7 +138,7 @@ def test_places_far_from_the_origin_are_kept_in_16_bits(tmp_path: Path) -> None:
 
 
 def test_what_no_file_may_hold_is_not_written(tmp_path: Path, small_library: MotionLibrary) -> None:
-    """A library too large for a file is refused when it is saved, with nothing left behind."""
+    """A library too large for a file is refused when it is saved, and no file is left behind."""
     motion = small_library.motions[0]
     several = dataclasses.replace(small_library, motions=(motion,) * (library_file.MAX_MOTIONS + 1))
     with pytest.raises(ValueError, match="motions: expected 1 to 100000, got 100001"):

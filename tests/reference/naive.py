@@ -24,10 +24,9 @@ if TYPE_CHECKING:
 # --- distances, covariance, principal axis -----------------------------------------------------------------------
 
 
-def pairs(joints: int, segments: Iterable[tuple[int, int]] = ()) -> list[tuple[int, int]]:
-    """Count out every pair of joints, first below second, without some segments."""
-    left_out = {tuple(sorted(segment)) for segment in segments}
-    return [(a, b) for a in range(joints) for b in range(a + 1, joints) if (a, b) not in left_out]
+def pairs(joints: int) -> list[tuple[int, int]]:
+    """Count out every pair of joints, the first below the second."""
+    return [(a, b) for a in range(joints) for b in range(a + 1, joints)]
 
 
 def distance_rows(positions: Matrix, measured: Sequence[tuple[int, int]]) -> Matrix:

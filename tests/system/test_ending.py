@@ -84,6 +84,7 @@ class Endless:
     """A source in which packets always wait, each of which takes its time."""
 
     tended = False
+    has_put_aside = False
     notes = ()
     waited = 0.0
 

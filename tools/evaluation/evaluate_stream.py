@@ -25,6 +25,7 @@ from kinespace.tools.cli.arguments import (
     add_settings,
     add_subjects,
     add_takes,
+    library_at,
     reading_of,
     settings_of,
 )
@@ -100,7 +101,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--clips", action="store_true", help="a recording without labels is one motion, of its folder")
     add_reading(parser)
     add_actor_in(parser)
-    add_labels(parser, "for each TAKE, in order (default: beside the take, ending in .csv)")
+    add_labels(parser, "for each TAKE, in order (default: beside the take, called like it)")
     add_library(parser)
     parser.add_argument(
         "--protocol",
@@ -254,7 +255,7 @@ def _course(take: Take, compared: MotionLibrary | WindowIndex, classes: Sequence
 
 
 def _library(path: Path | None, skeleton: str | None) -> MotionLibrary:
-    whole = MotionLibrary.load(path) if path else MotionLibrary.builtin()
+    whole = library_at(path)
     return whole.restricted_to(joints_of(skeleton)) if skeleton else whole
 
 

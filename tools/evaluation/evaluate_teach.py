@@ -162,7 +162,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="TAKE",
         help="labelled takes, clips named as HDM05's, or folders of them (default: the built-in library's motions)",
     )
-    add_labels(parser, "for each TAKE, in order (default: beside the take, ending in .csv)")
+    add_labels(parser, "for each TAKE, in order (default: beside the take, called like it)")
     parser.add_argument("--clips", action="store_true", help="a recording without labels is one motion, of its folder")
     add_reading(parser)
     add_actor_in(parser)

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import json
 import math
+from collections import defaultdict
 from dataclasses import dataclass, replace
 from itertools import product
 from pathlib import Path
@@ -26,7 +27,15 @@ from kinespace.library.windows.rejection import RATES, Evidence, Rejection, stan
 from kinespace.stream.frame import Frame
 from kinespace.stream.recognizer import Recognizer, Settings
 from kinespace.stream.recognizer.hysteresis import Judgement
-from kinespace.tools.cli.arguments import add_json, add_overwrite, add_reading, add_subjects, add_takes, reading_of
+from kinespace.tools.cli.arguments import (
+    add_json,
+    add_overwrite,
+    add_reading,
+    add_subjects,
+    add_takes,
+    library_at,
+    reading_of,
+)
 from kinespace.tools.evaluation.evaluate_noise import seen_with
 from kinespace.tools.evaluation.takes import Sources, read_takes
 from kinespace.tools.terminal.console import console, progress
@@ -45,15 +54,16 @@ if TYPE_CHECKING:
 _HOP = 0.1
 #: Windows of a motion of the library before it counts as known: a beginning looks like many motions.
 _BEGUN = 2
-#: Noises with which the library's own motions are asked, metres on every coordinate.
-_NOISES = (0.0, 0.01, 0.02)
+#: Noises with which the library's own motions are asked, metres on every coordinate, and how much each counts as known:
+#: the noisier a known motion is, the more it looks like an unknown one, and strangers' takes hold no noise.
+_NOISES = {0.0: 1.0, 0.01: 2.0, 0.02: 4.0}
 #: Sensitivity at which every class must be named, and the share of its own motions that then are at some time.
 _USUAL, _MIN_NAMED = 0.05, 0.5
 #: A logit that no evidence reaches.
 _FAR = 20.0
-#: How much the library's own motions count as unknown, their class left out, and strangers' as known: other motions are
-#: more like everyday movement, and nobody has said when strangers perform the known motion.
-_LEFT_OUT_COUNT, _STRANGERS_COUNT = 0.5, 0.5
+#: How much the library's own motions count as unknown, their class left out: other motions are more like everyday
+#: movement. How much strangers' motions count as known: they alone show how another laboratory's bodies differ.
+_LEFT_OUT_COUNT, _STRANGERS_COUNT = 0.5, 2.0
 #: Subjects are left out of the fitting in this many groups.
 _FOLDS = 4
 #: How much weights of either sign cost: they must earn it on many windows.
@@ -142,8 +152,10 @@ def learn(source: Path, output: Path, sources: Sources, *, reading: Reading, ove
         Print one JSON object and nothing else.
     """
     require_place_for(output, overwrite=overwrite)
-    library = MotionLibrary.load(source)
+    library = library_at(source)
     takes = read_takes(sources, reading)
+    if all(take.labels for take in takes):
+        raise ValueError("takes: expected some in which nothing known happens, got none")
     own = _own_courses(library)
     index = _index(library)
     courses = [_Course(take, _windows(index, take.clip)) for take in progress(takes, "Strangers", len(takes))]
@@ -216,7 +228,8 @@ def _own_lessons(own: Sequence[_Own]) -> list[Lesson]:
     lessons = list[Lesson]()
     for noise, name in product(_NOISES, sorted({each.class_name for each in own})):
         motions = [each for each in own if (each.noise, each.class_name) == (noise, name)]
-        lessons.append(Lesson([window for each in motions for window in each.right()], is_known=True, weight=1.0))
+        right = [window for each in motions for window in each.right()]
+        lessons.append(Lesson(right, is_known=True, weight=_NOISES[noise]))
         lessons.append(
             Lesson([window for each in motions for window in each.left_out], is_known=False, weight=_LEFT_OUT_COUNT)
         )
@@ -225,12 +238,14 @@ def _own_lessons(own: Sequence[_Own]) -> list[Lesson]:
 
 
 def _lessons(courses: Sequence[_Course]) -> list[Lesson]:
-    """Take strangers' takes as known and as unknown."""
+    """Take strangers' takes as unknown and as known; each class that they perform counts alike."""
     unknown = [window for each in courses if each.is_unknown for window in each.windows]
-    if not unknown:
-        raise ValueError("takes: expected some in which nothing known happens, got none")
-    known = [window for each in courses for window in each.known()]
-    return [Lesson(known, is_known=True, weight=_STRANGERS_COUNT), Lesson(unknown, is_known=False, weight=1.0)]
+    known = defaultdict[str, Evidenced](list)
+    for window in (window for each in courses for window in each.known()):
+        known[window[1]].append(window)
+    weight = _STRANGERS_COUNT / max(len(known), 1)
+    lessons = [Lesson(windows, is_known=True, weight=weight) for windows in known.values()]
+    return [*lessons, Lesson(unknown, is_known=False, weight=1.0)]
 
 
 def _raised(rejection: Rejection, own: Sequence[_Own], threshold: float) -> Rejection:

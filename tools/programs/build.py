@@ -8,15 +8,17 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from kinespace.library import NOTHING, Clip, MotionLibrary, find_recordings, hdm05
-from kinespace.library.formats.labels import LabelError, cut, read_labels
+from kinespace.library.formats.labels import LabelError, cut, labels_beside, oddities, read_labels
 from kinespace.library.recordings import RecordingReader, is_recording, labelled, performed
 from kinespace.tools.cli.arguments import (
+    BUILT_IN,
     add_actor_in,
     add_changes,
     add_labels,
     add_overwrite,
     add_reading,
     add_recorded_feed,
+    library_at,
     reading_of,
 )
 from kinespace.tools.terminal.console import console, progress
@@ -85,13 +87,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the program's options."""
     parser.description = (
         "Puts the motions of recordings and library files together, over the joints that all of them have. A "
-        "recording's class is in its name (HDM05) or is its folder's name."
+        "recording's class is in its name (HDM05) or is its folder's name. A file of labels beside a take, called like "
+        "it and ending in .csv, .tsv or .txt, cuts it into motions."
     )
-    parser.add_argument("sources", nargs="+", type=Path, metavar="SOURCE", help="folders, recordings or libraries")
+    parser.add_argument(
+        "sources", nargs="+", type=Path, metavar="SOURCE", help=f"folders, recordings, libraries, or {BUILT_IN}"
+    )
     parser.add_argument("-o", "--output", type=Path, required=True, metavar="FILE", help="the library to write")
     add_overwrite(parser)
     add_changes(parser)
-    add_labels(parser, "for each recording, in order: cut it into these motions")
+    add_labels(
+        parser, "for each recording, in order: cut it into these motions (default: the file beside it, if there is one)"
+    )
     add_recorded_feed(parser)
     add_reading(parser)
     add_actor_in(parser)
@@ -136,7 +143,7 @@ def build(
         Folders and recordings whose motions are to be answered "unknown".
     labels
         For each recording among the sources, in their order, what is performed when: its segments become the motions.
-        None: each recording is one motion.
+        None: those that lie beside a recording; a recording without is one motion.
     reading
         How recordings are read.
     terms
@@ -146,15 +153,16 @@ def build(
     overwrite
         Whether a file that is there may be written over.
     """
-    files = [source for source in sources if source.suffix == ".npz" and not is_recording(source)]
+    files = [each for each in sources if each == BUILT_IN or (each.suffix == ".npz" and not is_recording(each))]
     places = [source for source in sources if source not in files]
     if labels and not places:
         raise ValueError("--labels: expected recordings to cut, got libraries only")
     require_place_for(output, overwrite=overwrite)
-    libraries = [MotionLibrary.load(file) for file in files]
-    clips = list(_labelled(places, reading, terms, labels)) if places else []
+    libraries = [library_at(file) for file in files]
+    read = _Recordings(reading, terms)
+    clips = list(read.motions(places, labels)) if places else []
     if nothing:
-        clips += (replace(clip, class_name=NOTHING) for clip in _labelled(nothing, reading, terms))
+        clips += (replace(clip, class_name=NOTHING) for clip in _Recordings(reading, terms).motions(nothing))
     if not (clips or libraries):
         raise ValueError("--labels: expected segments with two frames or more of their takes, got none")
     if clips:
@@ -167,37 +175,62 @@ def build(
         f"{output}: {len(merged)} motions, {len(merged.classes)} classes, {output.stat().st_size / 1e6:.2f} MB",
         soft_wrap=True,
     )
-    for line in (*_unshared(libraries, merged), *_filled(clips), *_short(merged), *(() if labels else _long(clips))):
+    for line in (*read.told, *_unshared(libraries, merged), *_filled(clips), *_short(merged), *_long(read.uncut)):
         console.print(line, soft_wrap=True)
     return 0
 
 
-def _labelled(places: Sequence[Path], reading: Reading, terms: Terms, labels: Sequence[Path] = ()) -> Iterator[Clip]:
-    """Read recordings: each is one motion, or labels cut it into several, whose label is their class."""
-    paths = find_recordings(places)
-    if labels and len(labels) != len(paths):
-        raise ValueError(f"--labels: expected one for each of {len(paths)} recordings, got {len(labels)}")
-    tell = NameTeller()
-    with RecordingReader(reading) as reader:
-        for place, path in enumerate(progress(paths, "Reading", len(paths))):
-            clips = [terms.put_on(tell(clip), path) for clip in reader.clips(path)]
-            if labels:
-                yield from _cut([performed(clip, path, reading.actor_in) for clip in clips], labels[place])
-            else:
-                yield from (labelled(clip, path, reading.actor_in) for clip in clips)
+class _Recordings:
+    """Reads recordings: each is one motion, or labels cut it into several, whose label is their class.
 
+    Attributes
+    ----------
+    uncut
+        Recordings that are one motion each.
+    told
+        What a person should know of the labels, a line each.
+    """
 
-def _cut(takes: Sequence[Clip], file: Path) -> Iterator[Clip]:
-    """Cut the takes of one recording: with several performers each label says whose it is."""
-    segments = read_labels(file)
-    performers = {take.actor for take in takes}
-    for segment in segments:
-        if len(takes) > 1 and segment.performer not in performers:
-            told = repr(segment.performer) if segment.performer else "none"
-            raise LabelError(f"{file}: expected a performer of {', '.join(sorted(performers))}, got {told}")
-    for take in takes:
-        own = [each for each in segments if not (take.actor and each.performer) or each.performer == take.actor]
-        yield from cut(take, own)
+    def __init__(self, reading: Reading, terms: Terms) -> None:
+        self._reading, self._terms = reading, terms
+        self.uncut: list[Clip] = []
+        self.told: list[str] = []
+
+    def motions(self, places: Sequence[Path], labels: Sequence[Path] = ()) -> Iterator[Clip]:
+        """Give the motions of recordings, by the labels given or those that lie beside them."""
+        paths = find_recordings(places)
+        if labels and len(labels) != len(paths):
+            raise ValueError(f"--labels: expected one for each of {len(paths)} recordings, got {len(labels)}")
+        beside = list[Path | None](labels) or [labels_beside(path) for path in paths]
+        tell, found = NameTeller(), sum(each is not None for each in beside)
+        if found and not labels:
+            self.told.append(f"{found} of {len(paths)} recordings are cut by the labels that lie beside them")
+        with RecordingReader(self._reading) as reader:
+            for path, file in zip(progress(paths, "Reading", len(paths)), beside, strict=True):
+                clips = [self._terms.put_on(tell(clip), path) for clip in reader.clips(path)]
+                yield from self._motions_of(clips, path, file)
+
+    def _motions_of(self, clips: Sequence[Clip], path: Path, labels: Path | None) -> Iterator[Clip]:
+        """Give the motions of one recording, a clip for each performer."""
+        if labels is None:
+            whole = [labelled(clip, path, self._reading.actor_in) for clip in clips]
+            self.uncut += whole
+            yield from whole
+        else:
+            yield from self._cut([performed(clip, path, self._reading.actor_in) for clip in clips], labels)
+
+    def _cut(self, takes: Sequence[Clip], file: Path) -> Iterator[Clip]:
+        """Cut the takes of one recording: with several performers each label says whose it is."""
+        segments = read_labels(file)
+        performers = {take.actor for take in takes}
+        for segment in segments:
+            if len(takes) > 1 and segment.performer not in performers:
+                told = repr(segment.performer) if segment.performer else "none"
+                raise LabelError(f"{file}: expected a performer of {', '.join(sorted(performers))}, got {told}")
+        for take in takes:
+            own = [each for each in segments if not (take.actor and each.performer) or each.performer == take.actor]
+            self.told += oddities(take, own)
+            yield from cut(take, own)
 
 
 def _unshared(libraries: Sequence[MotionLibrary], merged: MotionLibrary) -> Iterator[str]:

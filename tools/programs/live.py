@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING
 
 from rich.live import Live
 
-from kinespace.library import MotionLibrary
 from kinespace.library.naming import Naming
 from kinespace.stream import osc, zeromq
 from kinespace.stream.background_opener import background_restricter, background_windows
@@ -36,6 +35,7 @@ from kinespace.tools.cli.arguments import (
     add_overwrite,
     add_sender,
     add_settings,
+    library_at,
     names,
     settings_of,
 )
@@ -53,6 +53,7 @@ if TYPE_CHECKING:
     import argparse
     from collections.abc import Sequence
 
+    from kinespace.library import MotionLibrary
     from kinespace.library.windows.index import WindowIndex
     from kinespace.stream.feeds import Preset
     from kinespace.stream.inputs.receiver import Networks
@@ -312,7 +313,7 @@ def _performers(
     if nothing and not teaching.file:
         raise ValueError("--library none: expected --teach with it")
     joints = _assumed_joints(feed)
-    motions = MotionLibrary.load(library) if library and not nothing else MotionLibrary.builtin()
+    motions = library_at(None if nothing else library)
     if feed.naming.convention or feed.naming.finds:
         motions = motions.in_our_names(Naming())
     if nothing:

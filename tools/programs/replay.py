@@ -7,14 +7,17 @@ import time
 from collections import Counter
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass, field, replace
-from itertools import chain
+from itertools import chain, pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+from rich.markup import escape
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
 from kinespace.library import Clip, MotionLibrary, Reading, find_recordings
+from kinespace.library.formats.labels import labels_beside, read_labels
 from kinespace.library.recordings import RecordingReader, labelled
 from kinespace.stream import osc, zeromq
 from kinespace.stream.frame import Announcement
@@ -22,6 +25,7 @@ from kinespace.stream.recording.kinerec import ENDING
 from kinespace.stream.zeromq import Endpoint, Keyring
 from kinespace.tools.cli.address import host_and_port
 from kinespace.tools.cli.arguments import (
+    BUILT_IN,
     OSC_IN,
     add_json,
     add_keys,
@@ -45,7 +49,7 @@ from kinespace.tools.feeding.feed import (
 from kinespace.tools.feeding.prefetch import ReadAhead
 from kinespace.tools.loopback.answer_listener import Listener, answer_in
 from kinespace.tools.programs import replay_packets
-from kinespace.tools.terminal.console import console, progress, progress_console
+from kinespace.tools.terminal.console import console, printable, progress_console
 from kinespace.tools.terminal.named_joints import NameTeller
 from kinespace.tools.terminal.tables import add_names
 
@@ -53,6 +57,7 @@ if TYPE_CHECKING:
     import argparse
     from collections.abc import Iterable, Iterator, Sequence
 
+    from kinespace.library.formats.labels import Segment
     from kinespace.library.skeleton import Skeleton
     from kinespace.tools.feeding.feed import Cue, FrameSender
     from kinespace.tools.loopback.answer_listener import Heard
@@ -114,15 +119,32 @@ class Faults:
 
 @dataclass(slots=True)
 class Score:
-    """How many answers were right while each class was performed."""
+    """How many answers were right while each class was performed.
+
+    Attributes
+    ----------
+    answers, right
+        By class.
+    unlabelled
+        Answers while nobody has said what was performed.
+    """
 
     answers: Counter[str] = field(default_factory=Counter)
     right: Counter[str] = field(default_factory=Counter)
+    unlabelled: int = 0
 
     def add(self, performed: str, label: str) -> None:
         """Count one answer."""
+        if not performed:
+            self.unlabelled += 1
+            return
         self.answers[performed] += 1
         self.right[performed] += performed == label
+
+    @property
+    def heard(self) -> int:
+        """How many answers there were, of labelled stretches and others."""
+        return self.answers.total() + self.unlabelled
 
     def share(self) -> float | None:
         """Give the share of answers that was right; None without any."""
@@ -135,9 +157,11 @@ class Score:
         table.add_column("answers", justify="right")
         table.add_column("right", justify="right")
         for performed, answers in sorted(self.answers.items()):
-            table.add_row(performed or "?", f"{answers}", f"{self.right[performed] / answers:.0%}")
+            table.add_row(performed, f"{answers}", f"{self.right[performed] / answers:.0%}")
         table.add_section()
-        table.add_row("all", f"{self.answers.total()}", f"{self.share() or 0.0:.0%}")
+        table.add_row("all", f"{self.answers.total()}", "" if self.share() is None else f"{self.share():.0%}")
+        if self.unlabelled:
+            table.add_row("without a label", f"{self.unlabelled}", "")
         return table
 
 
@@ -145,8 +169,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the program's options."""
     parser.description = (
         "Sends recordings as live packets on an absolute schedule. With --listen it hears the answers and prints the "
-        "share that was right; a clip's class is in its name (HDM05) or is its folder's name. Exit status: 0 sent "
-        "(and, with --listen, answered), 1 with --listen and without any answer, 2 could not be done."
+        "share that was right; a clip's class is in its name (HDM05) or is its folder's name. Of a take beside which a "
+        "file of labels lies, called like it, the class is the label of the moment. Exit status: 0 sent (and, with "
+        "--listen, answered), 1 with --listen and without any answer, 2 could not be done."
     )
     parser.add_argument(
         "clips",
@@ -154,7 +179,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=Path,
         metavar="CLIP|CLASS",
         help="recordings, folders of them, or classes of the built-in library, whose motions are played; or one "
-        ".kinerec (default: all motions of the built-in library)",
+        ".kinerec (default: built-in, all its motions)",
     )
     add_reading(parser)
     parser.add_argument("--osc", metavar="HOST:PORT", help=f"send OSC there (default {OSC_IN})")
@@ -249,9 +274,10 @@ def play(
             faults=faults,
             json=as_json,
         )
+    recordings = _to_play(places, reading)
     with ExitStack() as opened:
         keyring = opened.enter_context(Keyring(keys)) if keys else None
-        pieces = opened.enter_context(ReadAhead(_pieces(_to_play(places, reading), reading, course)))
+        pieces = opened.enter_context(ReadAhead(_pieces(recordings, reading, course)))
         with progress_console.status("Reading"):
             first = next(iter(pieces))
         announcement = Announcement(course.performer, first.clip.skeleton.joints)
@@ -267,7 +293,7 @@ def play(
         with suppress(KeyboardInterrupt):
             if zmq_to:
                 time.sleep(_MEETING)
-            replaying.play(progress(faults.applied(played), "Sending", None), pieces)
+            replaying.play(_shown(faults.applied(played), None if course.loop else len(recordings)), pieces)
     return 0 if replaying.answered or not listener else 1
 
 
@@ -282,9 +308,9 @@ def _to_play(places: Sequence[Path], reading: Reading) -> list[Path | Clip]:
 
 
 def _in_place(place: Path) -> Sequence[Path | Clip]:
-    """Give the motions of the built-in library's class of that name, where it is not the path of anything."""
+    """Give the motions of the built-in library, or of its class of that name, where it is not the path of anything."""
     motions = () if place.exists() else MotionLibrary.builtin().motions
-    return [each for each in motions if each.class_name == str(place)] or find_recordings([place])
+    return [each for each in motions if place == BUILT_IN or each.class_name == str(place)] or find_recordings([place])
 
 
 def _pieces(recordings: Sequence[Path | Clip], reading: Reading, course: Course) -> Iterator[Piece]:
@@ -302,11 +328,43 @@ def _pieces(recordings: Sequence[Path | Clip], reading: Reading, course: Course)
 
 
 def _read(reader: RecordingReader, recording: Path | Clip) -> Iterator[Clip]:
+    """Read a recording in consecutive pieces: each is of one class, by labels that lie beside the recording if any."""
     if isinstance(recording, Clip):
-        yield recording
+        yield replace(recording, name=recording.name or f"{recording.class_name} {recording.actor}".strip())
         return
+    labels = labels_beside(recording)
+    segments, start = read_labels(labels) if labels else (), 0
     for clip in reader.pieces(recording):
-        yield labelled(clip, recording)
+        if not segments:
+            yield labelled(clip, recording)
+            continue
+        yield from _by_label(clip, start, segments)
+        start += clip.frames
+
+
+def _by_label(clip: Clip, start: int, segments: Sequence[Segment]) -> Iterator[Clip]:
+    """Part a clip whose first frame is a recording's frame `start` where labels begin and end."""
+    spans = [(round(each.start * clip.frame_rate), round(each.end * clip.frame_rate), each.label) for each in segments]
+    ends = (place - start for span in spans for place in span[:2])
+    places = sorted({0, clip.frames, *(place for place in ends if 0 < place < clip.frames)})
+    for first, last in pairwise(places):
+        label = next((label for begin, end, label in spans if begin <= start + first < end), "")
+        yield replace(
+            clip, positions=clip.positions[first:last], rotations=clip.rotations[first:last], class_name=label
+        )
+
+
+def _shown(cues: Iterable[Cue], recordings: int | None) -> Iterator[Cue]:
+    """Pass cues through and show on a terminal which recording is sent, and of how many (None: endless)."""
+    columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
+    with Progress(*columns, console=progress_console, transient=True, disable=not progress_console.is_terminal) as bar:
+        task, shown = bar.add_task("Sending", total=recordings), -1
+        for cue in cues:
+            if cue.recording != shown:
+                shown = cue.recording
+                told = f"{shown + 1} of {recordings}" if recordings else f"{shown + 1}"
+                bar.update(task, completed=shown, description=f"Sending {told}: {escape(printable(cue.name))}")
+            yield cue
 
 
 def _run_raw(
@@ -403,17 +461,17 @@ class _Replay:
     def _hear(self, heard: Sequence[Heard]) -> bool:
         """Count what was heard; say whether an answer about our performer was among it."""
         self._heard += len(heard)
-        before = self._score.answers.total()
+        before = self._score.heard
         for each in heard:
             answer = answer_in(each.packet)
             if answer and answer.performer in self._names:
                 self._score.add(self._performed, answer.label)
-        return self._score.answers.total() > before
+        return self._score.heard > before
 
     @property
     def answered(self) -> bool:
         """Whether any answer was heard."""
-        return bool(self._score.answers)
+        return bool(self._score.heard)
 
     def _silence(self) -> str:
         """Say that no answer came, and where to look."""
@@ -430,12 +488,13 @@ class _Replay:
         if as_json:
             share = score.share()
             figures = {"sent": self._sent, "failed": self._sender.failed, "answers": score.answers.total()}
+            figures |= {"unlabelled": score.unlabelled} if score.unlabelled else {}
             print(json.dumps({**figures, "right": None if share is None else round(share, 4)}))
             return
         console.print(f"{self._sent} frames sent, {self._sender.failed} the system would not take")
         if self._stood_still > _NOTICED:
             console.print(f"the feed stood still for {self._stood_still:.1f} s: a recording took longer to be read")
-        if self._listener and not score.answers:
+        if self._listener and not score.heard:
             console.print(self._silence(), soft_wrap=True)
         elif self._listener:
             console.print(score.table())

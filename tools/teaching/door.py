@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import zmq
 
-from kinespace.stream.inputs.receiver import datagram_of
+from kinespace.stream.inputs.receiver import KEYED, datagram_of
 from kinespace.stream.status import InputCounts
 from kinespace.stream.teaching import wire
 from kinespace.stream.teaching.commands import CommandError
@@ -30,7 +30,7 @@ WEKINATOR_PORT = 6448
 
 
 class Allowed:
-    """Who may teach: this machine, and the hosts that were named.
+    """Who may teach: this machine, the hosts that were named, and all who have shown a key that is let in.
 
     Parameters
     ----------
@@ -45,6 +45,8 @@ class Allowed:
         """Whether a sender may; nobody whose transport does not tell who it is."""
         if sender is None:
             return False
+        if sender[0].startswith(KEYED):
+            return True
         address = ipaddress.ip_address(sender[0].partition("%")[0])
         return address.is_loopback or any(address in network for network in self._networks)
 
@@ -108,6 +110,7 @@ class WekinatorDoor:
     """A source of no frames: Wekinator's control messages."""
 
     tended = True
+    has_put_aside = False
     #: Nothing that a person should know.
     notes: Sequence[str] = ()
     #: A command is done when it comes; how long it waited is of no interest.
@@ -170,6 +173,7 @@ class RequestDoor:
     """
 
     tended = True
+    has_put_aside = False
     #: Nothing that a person should know.
     notes: Sequence[str] = ()
     #: A command is done when it comes; how long it waited is of no interest.

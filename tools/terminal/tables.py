@@ -45,3 +45,11 @@ def add_names(table: Table, heading: str, names: Iterable[str], *, beside: int) 
     """
     longest = max(map(len, (heading, *names)))
     table.add_column(heading, width=min(longest, max(console.width - beside, _MIN_WIDTH)), overflow="fold")
+
+
+def shortened(name: str, width: int) -> str:
+    """Give a name in at most so many characters; what is left out was in its middle, for ends tell classes apart."""
+    if len(name) <= width:
+        return name
+    end = width // 2
+    return f"{name[: width - end - 1]}…{name[len(name) - end :]}"

@@ -93,7 +93,7 @@ def _covariances(clip: Clip) -> np.ndarray:
 
 
 def test_as_many_kinds_are_tried_as_the_processor_has(loops: compiled.Loops) -> None:
-    """What is in use is what was asked for, and what does not exist is refused by name."""
+    """The loops in use are the loops asked for; unknown ones are refused by name."""
     kind = loops.kind()
     assert kind in KINDS
     assert compiled.kind() == f"compiled loops ({kind})"
@@ -124,7 +124,7 @@ def _sums(rows: np.ndarray, times: np.ndarray, reference: np.ndarray, begin: flo
 
 @pytest.mark.parametrize(("entered", "left"), [(4, 4), (1, 0), (0, 3), (9, 2), (0, 0)])
 def test_sums_follow_rows(loops: compiled.Loops, entered: int, left: int) -> None:
-    """What entered is added and what left is taken away; the largest sum of squares is told with its sum."""
+    """Rows that enter are added and rows that leave are subtracted; the largest sum of squares comes with its sum."""
     for clip in CLIPS:
         rows = _with_room(distance_rows(clip.positions, clip.skeleton))
         times = np.arange(len(rows)) / 60 + 1e3
@@ -186,7 +186,7 @@ def _trend(rows: np.ndarray, times: np.ndarray) -> np.ndarray:
 
 
 def test_a_body_in_one_point_has_numbers(loops: compiled.Loops) -> None:
-    """Where no joint is apart from another, and none ever moved, nothing is divided by nothing."""
+    """For a body in one point that never moved no division by zero takes place."""
     body = Body.of(BUILTIN.skeleton)
     parts, paths = np.full((3, len(PAIRS)), np.nan), np.ascontiguousarray(body.paths.T)
     sums, clock = np.zeros((4, len(PAIRS))), np.zeros(3)
@@ -232,7 +232,7 @@ def test_eigenpairs_of_any_size(loops: compiled.Loops, size: int) -> None:
 
 
 def test_what_is_no_number_has_no_eigenpairs(loops: compiled.Loops) -> None:
-    """A covariance that holds what is no number is told, and does not hang."""
+    """A covariance with NaN or infinity is reported, and does not hang."""
     matrices = np.full((1, 8, 8), np.nan)
     assert not loops.eigenpairs(matrices, np.empty((1, 4)), np.empty((1, 4, 8)))
 
@@ -317,7 +317,7 @@ def test_more_views_than_there_is_room_for_are_left_to_numpy() -> None:
 @pytest.mark.usefixtures("loops")
 @pytest.mark.parametrize("copied", [copy.deepcopy, lambda each: pickle.loads(pickle.dumps(each))])  # noqa: S301 - its own
 def test_an_index_can_be_copied(copied: Callable[[object], Any]) -> None:
-    """A deep copy, and what another process is handed, compare as the index does."""
+    """A deep copy, and a copy in another process, compare like the index."""
     index = WindowIndex.of(MotionLibrary.of_clips(BUILTIN.motions[:3]))
     eigenvector = np.eye(index.basis.directions.shape[1])[0]
     scores = index.eigenvector_scores(eigenvector)
@@ -700,7 +700,7 @@ _REFUSED: dict[str, tuple[Callable[[compiled.Loops], object], str]] = {
 
 @pytest.mark.parametrize("name", _REFUSED)
 def test_arrays_that_do_not_fit_are_refused(loops: compiled.Loops, name: str) -> None:
-    """An array of another shape or type raises ValueError, saying which, what was expected and what was got."""
+    """An array of another shape or type raises ValueError with its name, the expectation and what was got."""
     call, told = _REFUSED[name]
     with pytest.raises(ValueError, match=told):
         call(loops)

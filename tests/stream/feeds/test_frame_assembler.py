@@ -10,6 +10,8 @@ from golden import bundle, message
 from hypothesis import given
 from hypothesis import strategies as st
 
+from kinespace.library import hdm05
+from kinespace.stream.feeds import builtin_preset
 from kinespace.stream.feeds.frame_assembler import FORGET_AFTER, FrameAssembler
 from kinespace.stream.feeds.preset import parse_preset
 from kinespace.stream.frame import Announcement, Frame
@@ -254,6 +256,39 @@ def test_a_joint_that_never_came_is_not_made_up() -> None:
     target = assembler("end")
     assert pushed(target, [*whole(1.0)[:3], message("/end")] * 2, 0.0) == []
     assert (target.counts.incomplete, target.counts.absent) == (2, {"rhand": 2})
+
+
+def test_one_lost_joint_of_many_costs_no_frame() -> None:
+    """Of ten joints two may be absent for long, or never come: then they are NaN. Without three there is no frame."""
+    names = "abcdefghij"
+    joints = "\n".join(f'{name} = "{ours}"' for name, ours in zip(names, hdm05.SKELETON.joints, strict=False))
+    text = preset_text(["end"]).split("[joints]")[0] + f"[joints]\n{joints}\n"
+    target = FrameAssembler(parse_preset(text, "mine", "mine.toml"))
+    pushed(target, [*(joint(name, 0.0) for name in names[:9]), message("/end")], 0.0)
+    for lost, moment in ((0, 0.1), (1, 0.5), (2, 1.0)):
+        made = pushed(target, [*(joint(name, 1.0) for name in names[lost:9]), message("/end")], moment)
+        there = [[True] * lost + [False] * (9 - lost) + [True]] if lost < 2 else []
+        assert [np.isnan(values(frame)).tolist() for frame in made] == there
+    assert target.counts.incomplete == 1
+
+
+def test_what_hangs_on_a_lost_bone_is_lost() -> None:
+    """Of VMC's bones a hand that does not come any more is NaN, with its fingers; without a spine there is no frame."""
+    preset = builtin_preset("vmc")
+    bones = [bone.name for bone in preset.bones]
+
+    def made_without(lost: str) -> list[Frame]:
+        target = FrameAssembler(preset)
+        everything = [message("/VMC/Ext/Bone/Pos", "sfffffff", name, 0, 0, 0, 0, 0, 0, 1) for name in bones]
+        ended = message("/VMC/Ext/OK", "i", 1)
+        pushed(target, [*everything, ended], 0.0)
+        there = [packet for name, packet in zip(bones, everything, strict=True) if name != lost]
+        return pushed(target, [*there, ended], 1.0)
+
+    (frame,) = made_without("LeftHand")
+    gone = [name for name, row in zip(preset.joints, frame.positions, strict=True) if np.isnan(row).any()]
+    assert gone == ["lradius", "lhand"]
+    assert made_without("Spine") == []
 
 
 def test_a_joint_that_comes_back_is_taken() -> None:

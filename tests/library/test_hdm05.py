@@ -1,4 +1,4 @@
-"""HDM05: its file names, its body, and what must be true of its 288 clips."""
+"""HDM05: its file names, its body, and properties of its 288 clips."""
 
 from __future__ import annotations
 
@@ -140,7 +140,7 @@ def test_movement_is_smooth(hdm05_clips: tuple[Clip, ...]) -> None:
 
 
 def test_the_torn_clip_is_torn_in_its_file(hdm05_clips: tuple[Clip, ...], hdm05_folder: Path) -> None:
-    """The clip whose femur jumps stands where the slow twin puts it, in every frame: the file says so."""
+    """The clip whose femur jumps has, in every frame, the positions of the slow twin: the file itself is wrong."""
     clip = next(clip for clip in hdm05_clips if clip.name == TORN)
     path = hdm05_folder / clip.class_name / f"{TORN}.amc"
     expected = naive.clip_positions(hdm05_folder / f"HDM_{clip.actor}.asf", path)

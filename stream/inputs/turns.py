@@ -1,0 +1,114 @@
+"""Whose packets are dealt with last: those of senders that take more than their share of the time.
+
+A packet costs at most some milliseconds, but a sender can send many. What each sender's packets take is kept as a debt
+that time pays off. Packets of a sender whose debt is too high are put aside until nothing else waits, one at a time;
+beyond a few megabytes the oldest are thrown away. A sender that is alone is never put aside.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from typing import TYPE_CHECKING, NamedTuple
+
+if TYPE_CHECKING:
+    from kinespace.stream.inputs.receiver import Packet, Sender
+
+#: Share of the time that a sender may take for ever, and seconds that it may take at once.
+SHARE, MAX_AT_ONCE = 0.25, 0.05
+#: The highest debt, seconds: so that a sender that stops is soon treated as others are.
+_MAX_DEBT = 0.15
+#: What a frame takes after it was decoded, seconds; about what it takes to be recognised.
+PER_EVENT = 5e-5
+#: Seconds after which a sender is not there any more.
+_THERE = 1.0
+#: Senders whose debts are kept; only a program that sends each packet from another port gets there.
+_MAX_SENDERS = 1024
+#: Bytes and number of packets that are put aside.
+MAX_ASIDE, _MAX_PACKETS = 4 << 20, 1024
+
+
+class Waiting(NamedTuple):
+    """A packet that was put aside, its arrival in seconds on our clock, how long it had waited then, and its sender."""
+
+    packet: Packet
+    arrival: float
+    waited: float
+    sender: Sender
+
+
+class _Account:
+    """A sender's debt in seconds, and when it was that."""
+
+    __slots__ = ("at", "debt")
+
+    def __init__(self, now: float) -> None:
+        self.debt, self.at = 0.0, now
+
+    def due(self, now: float) -> float:
+        """Give the debt as it is now."""
+        self.debt, self.at = max(self.debt - SHARE * max(now - self.at, 0.0), 0.0), max(now, self.at)
+        return self.debt
+
+
+class Turns:
+    """Keeps the debts of one receiver's senders, and the packets that were put aside.
+
+    Attributes
+    ----------
+    thrown_away
+        Packets that were put aside, and for which no room was left.
+    """
+
+    def __init__(self) -> None:
+        self.thrown_away = 0
+        self._accounts: dict[Sender, _Account] = {}
+        self._aside = deque[Waiting]()
+        self._aside_bytes = 0
+        self._before: Sender = None
+        #: When a packet last came from another sender than the packet before it, seconds on our clock.
+        self._changed = float("-inf")
+
+    def __len__(self) -> int:
+        return len(self._aside)
+
+    def comes_last(self, sender: Sender, now: float) -> bool:
+        """Take note of a packet's sender, and say whether the packet is to be put aside; `now` in seconds."""
+        if sender != self._before:
+            self._before = sender
+            # The first sender of all is no other than the one before it.
+            self._changed = now if self._accounts else self._changed
+        account = self._accounts.get(sender)
+        return account is not None and now - self._changed < _THERE and account.due(now) > MAX_AT_ONCE
+
+    def charge(self, sender: Sender, seconds: float, events: int, now: float) -> None:
+        """Note what a packet took, seconds, and how many frames and announcements were in it."""
+        account = self._accounts.get(sender)
+        if account is None:
+            if len(self._accounts) >= _MAX_SENDERS:
+                del self._accounts[next(iter(self._accounts))]
+            account = self._accounts[sender] = _Account(now)
+        account.debt = min(account.due(now) + seconds + PER_EVENT * events, _MAX_DEBT)
+
+    def put_aside(self, waiting: Waiting) -> None:
+        """Keep a packet until nothing else waits; the oldest make room for it."""
+        self._aside.append(waiting)
+        self._aside_bytes += _size(waiting.packet)
+        while self._aside_bytes > MAX_ASIDE or len(self._aside) > _MAX_PACKETS:
+            self.take()
+            self.thrown_away += 1
+
+    def take(self) -> Waiting:
+        """Take the oldest packet that was put aside."""
+        waiting = self._aside.popleft()
+        self._aside_bytes -= _size(waiting.packet)
+        return waiting
+
+    def last(self, now: float) -> list[Sender]:
+        """Give the senders whose packets are put aside."""
+        if now - self._changed >= _THERE:
+            return []
+        return [sender for sender, account in self._accounts.items() if account.due(now) > MAX_AT_ONCE]
+
+
+def _size(packet: Packet) -> int:
+    return len(packet) if isinstance(packet, bytes) else sum(map(len, packet))

@@ -1,0 +1,1 @@
+"""What strangers and faults do to a running recogniser: `make chaos`."""

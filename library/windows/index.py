@@ -200,6 +200,10 @@ class WindowIndex:
         """
         return self._windows.compared(numbers)
 
+    def distances_of(self, vectors: Sequence[NDArray[np.float32]]) -> NDArray[np.float64]:
+        """Do what `log_distances` does of a window that is placed already, by the vector of each group."""
+        return self.blocks.agreed(self.blocks.nearest(self._windows.weighed(vectors)))
+
     def prepare(self) -> None:
         """Prepare now, so that the first comparison need not wait."""
         self._windows.prepare()

@@ -13,9 +13,6 @@ import numpy as np
 
 from kinespace.library import MotionLibrary
 from kinespace.library.windows.index import WindowIndex, teacher_of
-from kinespace.stream.frame import Frame
-from kinespace.stream.recognition import EventKind
-from kinespace.stream.recognizer import Recognizer
 from kinespace.tools.cli.arguments import (
     add_actor_in,
     add_json,
@@ -27,6 +24,7 @@ from kinespace.tools.cli.arguments import (
 )
 from kinespace.tools.cli.arguments import count as above_zero
 from kinespace.tools.evaluation.scoring.bootstrap import Percentile, Ratio
+from kinespace.tools.evaluation.scoring.hearing import heard, starts_heard, starts_of
 from kinespace.tools.evaluation.takes import Sources, read_takes, takes_of
 from kinespace.tools.terminal.console import console, progress
 from kinespace.tools.terminal.tables import narrow_table
@@ -36,7 +34,9 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from kinespace.library import Clip, Reading
+    from kinespace.stream.recognition import Event
     from kinespace.stream.recognizer import Settings
+    from kinespace.tools.evaluation.scoring.hearing import Hop
 
 #: Motions of a class that ask in one draw, at most: of the same person, and of all other persons.
 _ASKED_OWN, _ASKED_OTHERS = 4, 2
@@ -246,6 +246,7 @@ def evaluate(
     other: dict[int, list[Asked]] = {count: [] for count in examples}
     for place, (teaching, own) in enumerate(progress(sorted(by_person.items()), "Teaching", len(by_person))):
         taught = _person(own, beside=beside)
+        asking = _Asking(taught.index, settings)
         others = [clip for name, each in by_person.items() if name != teaching for _, clip in each]
         if beside:
             # The built-in library knows its own persons, so they do not ask.
@@ -258,8 +259,8 @@ def evaluate(
                     continue
                 index = taught.index.of_some([*taught.beside, *chosen])
                 known = {taught.index.library.motions[motion].class_name for motion in chosen}
-                same[count] += _ask(asked, index, known, _ASKED_OWN, settings=settings, generator=generator)
-                other[count] += _ask(others, index, known, _ASKED_OTHERS, settings=settings, generator=generator)
+                same[count] += asking.ask(asked, index, known, _ASKED_OWN, generator)
+                other[count] += asking.ask(others, index, known, _ASKED_OTHERS, generator)
     for count in examples:
         score.add(same[count], other[count])
     if as_json:
@@ -335,35 +336,41 @@ def _person(own: Sequence[tuple[str, Clip]], *, beside: bool) -> _Person:
     return _Person(index, takes, tuple(place for place, take in enumerate(takes) if not take))
 
 
-def _ask(
-    clips: Sequence[Clip],
-    index: WindowIndex,
-    known: set[str],
-    most: int,
-    *,
-    settings: Settings,
-    generator: np.random.Generator,
-) -> list[Asked]:
-    """Let some motions of each known class ask, drawn at random."""
-    asked = []
-    for class_name in sorted(known):
-        mine = [clip for clip in clips if clip.class_name == class_name]
-        places = generator.permutation(len(mine))[:most]
-        asked += [asked_of(mine[place], index, settings) for place in places.tolist()]
-    return asked
+class _Asking:
+    """Asks motions of one person's libraries; each motion is heard once.
+
+    Parameters
+    ----------
+    everything
+        The windows of all that the person may teach: the libraries are made of some of them.
+    settings
+        Of the recogniser.
+    """
+
+    def __init__(self, everything: WindowIndex, settings: Settings) -> None:
+        self._everything, self._settings = everything, settings
+        self._heard: dict[int, Sequence[Hop] | None] = {}
+
+    def ask(
+        self, clips: Sequence[Clip], index: WindowIndex, known: set[str], most: int, generator: np.random.Generator
+    ) -> list[Asked]:
+        """Ask some motions of each class that is known, drawn at random."""
+        asked = []
+        for class_name in sorted(known):
+            mine = [clip for clip in clips if clip.class_name == class_name]
+            places = generator.permutation(len(mine))[:most]
+            asked += [scored(mine[place], self._starts(mine[place], index)) for place in places.tolist()]
+        return asked
+
+    def _starts(self, clip: Clip, index: WindowIndex) -> list[Event]:
+        if id(clip) not in self._heard:
+            self._heard[id(clip)] = heard(clip, self._everything, self._settings)
+        hops = self._heard[id(clip)]
+        return starts_of(clip, index, self._settings) if hops is None else starts_heard(hops, index, self._settings)
 
 
-def asked_of(clip: Clip, index: WindowIndex, settings: Settings) -> Asked:
-    """Push a motion through a recogniser of its own, frame by frame, and collect its start events."""
-    recognizer = Recognizer(index, settings)
-    moving = clip.as_of(index.library.skeleton)
-    starts = [
-        event
-        for time, positions in zip(moving.times.tolist(), moving.positions, strict=True)
-        if (recognition := recognizer.push(Frame("clip", time, positions))) is not None
-        for event in recognition.events
-        if event.kind is EventKind.START
-    ]
+def scored(clip: Clip, starts: Sequence[Event]) -> Asked:
+    """Look at the start events of a motion that was asked."""
     first = starts[0] if starts else None
     return Asked(
         seconds=clip.duration,

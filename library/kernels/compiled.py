@@ -214,7 +214,7 @@ class Loops(Protocol):
         points
             (points, directions), the newest last.
         back, factor
-            How many points before the velocity begins, and what it is multiplied by.
+            How many points before the newest the velocity begins, and the factor on it.
         whitening
             (2 directions, axes).
         live

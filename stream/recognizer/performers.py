@@ -393,7 +393,7 @@ class Performers:
         return ended
 
     def take_gone(self) -> list[str]:
-        """Give the performers who were dropped since this was last asked."""
+        """Give the performers who were dropped since the last call."""
         gone, self._gone = self._gone, []
         return gone
 

@@ -139,7 +139,7 @@ def evaluate(
     picture: Path | None,
     as_json: bool,
 ) -> int:
-    """Run the paper's experiment and print, draw or write what came out.
+    """Run the paper's experiment and print, draw or write the results.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Raw recordings: what goes in comes out, byte for byte, also from a file that was cut off or damaged."""
+"""Raw recordings: packets come back byte for byte, also from a file that was cut off or damaged."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ PACKETS = [
 
 
 def write(path: Path, packets: Sequence[RawPacket] = PACKETS) -> Path:
-    """Write a recording."""
+    """Write the bytes for which there is room."""
     with RawWriter(path, SOURCES) as writer:
         for packet in packets:
             writer.write(packet)
@@ -57,7 +57,7 @@ def test_what_is_written_is_read(tmp_path: Path) -> None:
 
 
 def test_presets_are_kept_and_older_headers_read(tmp_path: Path) -> None:
-    """The presets come back as they were; a header without them has none, and one of another kind is no header."""
+    """Presets come back unchanged; a header without them has none, and one of another kind is no header."""
     presets = {"vmc": 'port = 1 # "søren"\n', "mine": ""}
     with RawWriter(tmp_path / "a.kinerec", SOURCES, presets):
         pass
@@ -88,14 +88,14 @@ def test_presets_are_kept_and_older_headers_read(tmp_path: Path) -> None:
     )
 )
 def test_any_packets_come_back(tmp_path: Path, packets: list[RawPacket]) -> None:
-    """Whatever the packets are, they are read as they were written."""
+    """Packets of any content are read as they were written."""
     path = tmp_path / "a.kinerec"
     path.write_bytes(encode_header(RawHeader("now", SOURCES)) + b"".join(map(encode_packet, packets)))
     assert list(RawFile(path).packets()) == packets
 
 
 def test_a_file_cut_off_anywhere_is_read_to_its_last_whole_record(tmp_path: Path) -> None:
-    """Wherever the file ends, every whole record is read and the rest is told by byte and length."""
+    """A file cut at any byte gives every whole record, and the byte and length of the rest."""
     path = write(tmp_path / "a.kinerec")
     whole = path.read_bytes()
     ends = [len(encode_header(RawFile(path).header))]
@@ -118,7 +118,7 @@ def test_a_file_cut_off_anywhere_is_read_to_its_last_whole_record(tmp_path: Path
 
 
 def test_a_changed_byte_ends_what_is_read(tmp_path: Path) -> None:
-    """A byte changed in a record is noticed: what is before it is read, nothing wrong is ever given."""
+    """A changed byte in a record is noticed: earlier records are read, and no wrong one is given."""
     path = write(tmp_path / "a.kinerec")
     whole = path.read_bytes()
     begin = len(encode_header(RawFile(path).header))
@@ -143,7 +143,7 @@ def test_a_changed_byte_ends_what_is_read(tmp_path: Path) -> None:
     ],
 )
 def test_another_kind_of_file_is_refused(tmp_path: Path, content: bytes, message: str) -> None:
-    """What does not begin with our header is refused by name."""
+    """A file without our header is refused by name."""
     path = tmp_path / "a.kinerec"
     path.write_bytes(content)
     with pytest.raises(RawFileError, match=re.escape(f"{path}: {message}")):
@@ -160,7 +160,7 @@ def test_a_later_version_is_refused(tmp_path: Path) -> None:
 
 
 def test_a_performance_is_never_overwritten(tmp_path: Path) -> None:
-    """An existing file is refused and stays as it was."""
+    """An existing file is refused and does not change."""
     path = write(tmp_path / "a.kinerec")
     before = path.read_bytes()
     with pytest.raises(FileExistsError):
@@ -209,7 +209,7 @@ def test_a_full_disk_costs_nothing_once_there_is_room_again(tmp_path: Path) -> N
 
 
 def test_what_cannot_be_written_is_counted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A disk that stays full costs packets, first those beyond the memory's limit; they are counted, never raised."""
+    """On a full disk packets beyond the memory's limit are lost first; they are counted, without an error."""
     monkeypatch.setattr(kinerec, "MAX_WAITING", 100)
     path = tmp_path / "a.kinerec"
     with RawWriter(path, SOURCES) as writer:

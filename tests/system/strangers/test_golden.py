@@ -64,7 +64,7 @@ def sent(layout: str, positions: NDArray[np.floating], rate: float) -> Iterator[
 
 
 def assembled(layout: str, positions: NDArray[np.floating], rate: float) -> tuple[FrameAssembler, list[Frame]]:
-    """Put frames together of what a product would send."""
+    """Make frames of a product's packets."""
     preset = builtin_preset(LAYOUTS[layout][0])
     assembler, unpack = FrameAssembler(preset), UNPACKERS[preset.packing]()
     events: list[Frame | Announcement] = []
@@ -138,7 +138,7 @@ def test_every_frame_sent_is_the_frame_made(layout: str) -> None:
 
 @pytest.mark.parametrize("layout", LAYOUTS)
 def test_axes_are_ours(layout: str) -> None:
-    """What comes out stands upright and is no mirror image: positions are those sent, moved as a whole at most."""
+    """The frames stand upright and are not mirrored: their positions are those sent, at most moved as a whole."""
     positions = ghost("squat1Reps", 0.1)
     assembler, frames = assembled(layout, positions, 120.0)
     kept = positions[:, [SKELETON.joints.index(joint) for joint in assembler.preset.joints]]
@@ -150,7 +150,7 @@ def test_axes_are_ours(layout: str) -> None:
 
 @pytest.mark.parametrize("preset_name", builtin_names())
 def test_a_feed_is_recognised_over_the_wire(preset_name: str, small_library: MotionLibrary) -> None:
-    """Sender, socket, feed, recogniser, answer: what is heard is what the same joints give without any transport."""
+    """From sender to answer, a feed gives the answers that its joints give without a transport."""
     preset = builtin_preset(preset_name)
     index = opened_for(small_library, frozenset(preset.joints))
     positions = ghost("kickLFront1Reps")
@@ -188,27 +188,27 @@ def test_a_feed_is_recognised_over_the_wire(preset_name: str, small_library: Mot
 
 
 class Piece(NamedTuple):
-    """One real motion, from somebody's clip or cut from somebody's take."""
+    """One real motion, a clip or cut from a take."""
 
     class_name: str
     positions: NDArray[np.floating]
 
 
 class Told(NamedTuple):
-    """What was told of one motion at every hop: whether the label was right, and whether the best guess was."""
+    """The answers to one motion at every hop: whether the label was right, and whether the best guess was."""
 
     labels: list[bool]
     guesses: list[bool]
 
     @classmethod
     def of(cls, answers: Sequence[Recognition], class_name: str) -> Told:
-        """Hold answers against what was performed."""
+        """Compare answers with the motion performed."""
         labels = [each.label == class_name for each in answers]
         return cls(labels, [each.classes[each.guess_index] == class_name for each in answers])
 
     @classmethod
     def all_of(cls, pieces: Sequence[Told]) -> Told:
-        """Join what was told of several motions."""
+        """Join the answers to several motions."""
         return cls(
             [each for told in pieces for each in told.labels], [each for told in pieces for each in told.guesses]
         )
@@ -241,7 +241,7 @@ def hdm05_pieces(small_library: MotionLibrary) -> Pieces:
 
 @pytest.fixture(scope="module")
 def cmu_pieces(cmu_folder: Path) -> Pieces:
-    """Give what the CMU takes, of people and a studio the library never saw, hold of its classes."""
+    """Give the motions of the CMU takes, of unknown people and another studio, that are of the library's classes."""
     pieces = []
     paths = find_recordings([cmu_folder])
     for path, take in zip(paths, read_recordings(paths), strict=True):

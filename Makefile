@@ -7,8 +7,10 @@ MADE := $(VENV)/.made
 # The matrices are small: threads of the linear algebra would only take the cores from each other.
 export OPENBLAS_NUM_THREADS := 1
 export OMP_NUM_THREADS := 1
+# Tests start some hundreds of programs: without compiled modules on disk each would compile them anew, for a second.
+export PYTHONDONTWRITEBYTECODE :=
 
-.PHONY: setup demo test quick lint types pytest sanitize fuzz wheel-check clean
+.PHONY: setup demo chaos test quick lint types pytest sanitize fuzz wheel-check clean
 
 setup: $(MADE)
 
@@ -19,6 +21,10 @@ $(MADE): pyproject.toml library/kernels/compiled.c library/kernels/loops.h
 	@# Two of setuptools' keys are still called experimental, as often as they are read.
 	PYTHONWARNINGS=ignore $(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev]'
 	@touch $@
+
+# Seven minutes of attacks and faults, and what they do to a performer; `make test` runs a short form.
+chaos: setup
+	$(BIN)/kinespace chaos
 
 demo: setup
 	@$(BIN)/kinespace demo

@@ -34,7 +34,7 @@ class BackgroundOpener(Generic[_Prepared]):
         self, prepare: Callable[[MotionLibrary, tuple[str, ...]], _Prepared], most: int = MAX_RESTRICTED
     ) -> None:
         self._prepare, self._most = prepare, most
-        #: In the place of a library that cannot be prepared stands the reason.
+        #: In place of a library that cannot be prepared: the reason.
         self._prepared: OrderedDict[tuple[MotionLibrary, tuple[str, ...]], _Prepared | str] = OrderedDict()
         self._thread: threading.Thread | None = None
 
@@ -53,7 +53,7 @@ class BackgroundOpener(Generic[_Prepared]):
             return None
         self._prepared.move_to_end(key)
         if isinstance(prepared, str):
-            raise ValueError(prepared)  # noqa: TRY004 - the reason why there is none
+            raise ValueError(prepared)  # noqa: TRY004 - a reason is kept as text
         return prepared
 
     def _start(self, library: MotionLibrary, joints: tuple[str, ...]) -> None:
@@ -78,7 +78,7 @@ def background_restricter(settings: Settings) -> BackgroundOpener[MotionLibrary]
 
     def prepare(library: MotionLibrary, joints: tuple[str, ...]) -> MotionLibrary:
         restricted = library.restricted_to(joints)
-        # What a recogniser opens is remembered: the next recogniser of this library has it at once.
+        # The windows that a recogniser opens are remembered: the next recogniser of this library has them at once.
         Recognizer(restricted, settings)
         return restricted
 

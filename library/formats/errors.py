@@ -1,4 +1,4 @@
-"""What every reader raises for a file that cannot be used, and numbers read from its words."""
+"""The error that every reader raises for a file that cannot be used, and numbers read from a file's words."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""When a body moves and when it stands still: the movements between two stillnesses of a take or a live feed."""
+"""When a body moves and when it stands still: the motions between two stillnesses of a take or a live feed."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 #: Movement, relative to the body's size, below which a body stands still: some 8 mm for an adult.
 STILLNESS = 0.01
-#: How many times as much movement begins a motion as may end it.
+#: A motion begins with so many times the movement with which it may end.
 _BEGINS = 2.0
 #: Seconds that movement must last to begin a motion, and stillness to end one.
 BEGINS_AFTER, ENDS_AFTER = 0.1, 0.5
@@ -28,28 +28,28 @@ BEGINS_AFTER, ENDS_AFTER = 0.1, 0.5
 MARGIN = 0.1
 #: Seconds that a motion lasts at least.
 MIN_SECONDS = 0.4
-#: Seconds over which movement is measured, and frames per second at which it is.
+#: Seconds over which movement is measured, and how often a second it is measured.
 WINDOW = 0.2
 _MEASURED_AT = 30.0
 #: Seconds without a frame after which the meter begins anew.
 _MAX_PAUSE = 0.5
-#: The variance of second differences of white noise, over the noise's.
+#: The variance of second differences of white noise, relative to the noise's variance.
 _SECOND_DIFFERENCE = 6.0
-#: Seconds within which two spans are as long: frame times are rounded.
+#: Seconds within which two spans count as equal, because frame times are rounded.
 _TIE = 1e-6
 
 
 class MovementMeter:
     """Measures how much a body moves, frame by frame.
 
-    The movement is the root mean square deviation of the distances over the last fifth of a second, over their root
-    mean square (as `windows.parts.movement`). White noise is taken out by its variance, which second differences of
-    the distances tell: a sensor's trembling is no movement.
+    The movement is the root mean square deviation of the distances over the last fifth of a second, relative to their
+    root mean square (as `windows.parts.movement`). The variance of white noise, estimated from the second differences
+    of the distances, is subtracted: a sensor's trembling is no movement.
 
     Parameters
     ----------
     skeleton
-        Whose joints the positions are.
+        The skeleton of the positions.
     """
 
     def __init__(self, skeleton: Skeleton) -> None:
@@ -69,8 +69,7 @@ class MovementMeter:
 
         Returns
         -------
-        The movement of the window that ends now; None for a frame between two that are measured, and while the window
-        fills.
+        The movement of the window that ends now; None for a frame between two measurements, and while the window fills.
         """
         if time < self._due - _TIE:
             return None
@@ -86,7 +85,7 @@ class MovementMeter:
 
 
 def relative_movement(rows: NDArray[np.float64]) -> float:
-    """Measure the movement in distance rows (frames, pairs) that follow each other evenly, at least three."""
+    """Measure the movement in evenly spaced distance rows (frames, pairs), at least three."""
     mean = rows.mean(axis=0)
     bends = rows[2:] - 2 * rows[1:-1] + rows[:-2]
     noise = float(np.square(bends).sum()) / (len(bends) * _SECOND_DIFFERENCE)
@@ -96,7 +95,7 @@ def relative_movement(rows: NDArray[np.float64]) -> float:
 
 
 class Stretch(NamedTuple):
-    """A time from `start` to `end`, seconds."""
+    """The time from `start` to `end`, seconds."""
 
     start: float
     end: float
@@ -126,12 +125,12 @@ class StretchFinder:
         self.clear()
 
     def clear(self) -> None:
-        """Forget what has been seen."""
+        """Forget all movements."""
         self.began: float | None = None
         self._rising = self._moved = math.nan
 
     def push(self, time: float, movement: float) -> Stretch | None:
-        """Take in the movement at a time; give a motion when it has ended, its margins with it."""
+        """Take in the movement at a time; give a motion, with its margins, when it has ended."""
         if self.began is None:
             if movement < _BEGINS * self._stillness:
                 self._rising = math.nan
@@ -146,10 +145,10 @@ class StretchFinder:
         return self.end() if time - self._moved >= ENDS_AFTER - _TIE else None
 
     def end(self) -> Stretch | None:
-        """End the motion that goes on; None when none does."""
+        """End the motion that goes on; None when no motion goes on."""
         if self.began is None:
             return None
-        # The window still holds the last movement for its own length.
+        # The window contains the last movement for as long as it lasts.
         found = Stretch(self.began - MARGIN, max(self._moved - WINDOW, self.began) + MARGIN)
         self.clear()
         return found

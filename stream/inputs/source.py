@@ -1,9 +1,12 @@
-"""A source: packets from a receiver, what a decoder makes of them, and a recording of them where one is wanted."""
+"""A source: a receiver of packets, their decoder, and perhaps a recorder."""
 
 from __future__ import annotations
 
+import time
 from dataclasses import replace
 from typing import TYPE_CHECKING
+
+from kinespace.stream.inputs.turns import Turns, Waiting
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -15,6 +18,11 @@ if TYPE_CHECKING:
     from kinespace.stream.recording.recorder import Recorder
     from kinespace.stream.status import InputCounts
 
+#: Senders that are named in the notes, at most.
+_MAX_TOLD = 3
+#: Packets of senders served last that are searched for a packet of another sender, at most.
+_MAX_LOOKED_THROUGH = 256
+
 
 class Source:
     """Frames from one address.
@@ -22,13 +30,18 @@ class Source:
     Parameters
     ----------
     receiver
-        Where packets come in; closed by `close`.
+        The receiver of packets; closed by `close`.
     decoder
-        What they mean.
+        The decoder of packets.
     recorder
         Keeps every packet before it is decoded; None for no recording.
     admission
-        Lets frames in or not, the same for all sources of a service; None for all.
+        Admits frames or refuses them, the same for all sources of a service; None admits all.
+
+    Attributes
+    ----------
+    waited
+        Seconds for which the last packet waited before it was taken in.
     """
 
     def __init__(
@@ -42,7 +55,11 @@ class Source:
         self.decoder = decoder
         self._recorder = recorder
         self._admission = admission
-        #: For what does not tell senders apart, or has done so itself.
+        self.waited = 0.0
+        self._turns = Turns()
+        self._last_was_aside = False
+        self._now = 0.0
+        #: The sender's name for transports that do not tell senders apart, or have done so themselves.
         self._itself = str(receiver), 0
 
     def __str__(self) -> str:
@@ -54,44 +71,70 @@ class Source:
         return self.receiver.socket
 
     @property
-    def waited(self) -> float:
-        """Seconds for which the last packet waited in the system before it was taken in."""
-        return self.receiver.waited
+    def has_put_aside(self) -> bool:
+        """Whether packets were put aside; the socket does not wake the loop for them."""
+        return len(self._turns) > 0
 
     @property
     def tended(self) -> bool:
-        """Whether `tend` has something to do even when nothing comes."""
+        """Whether `tend` has work to do even when no packet comes."""
         return self.decoder.expires
 
     @property
     def counts(self) -> InputCounts:
-        """What came in so far; a copy."""
+        """Counts of all that came in; a copy."""
         receiver = self.receiver
-        return replace(self.decoder.counts, overrun=receiver.kernel_drops, broken=receiver.broken())
+        excess = self._turns.thrown_away
+        return replace(self.decoder.counts, overrun=receiver.kernel_drops, broken=receiver.broken(), thrown_away=excess)
 
     @property
     def notes(self) -> list[str]:
-        """What a person should know of this source now, a line each."""
+        """Notes on this source for a person, a line each."""
         recording = [self._recorder.note] if self._recorder and self._recorder.note else []
-        return [*recording, *self.decoder.refusals.lines()]
+        last = [f"{_named(sender)} sends more than its share: served last" for sender in self._turns.last(self._now)]
+        return [*recording, *last[:_MAX_TOLD], *self.decoder.refusals.lines()]
 
     def take(self, arrival: float) -> Sequence[Admitted] | None:
-        """Take in one packet; what it held, in order, or None when nothing is waiting. Never raises."""
-        packet = self.receiver.receive()
-        if packet is None:
+        """Take in one packet; give its frames in order, or None when no packet waits. Never raises."""
+        self._now = arrival
+        taken = self._next(arrival)
+        if taken is None:
             return None
-        arrival -= self.receiver.waited
-        sender = self.receiver.sender
-        if self._recorder:
-            self._recorder.keep(packet, arrival, sender)
+        packet, arrival, self.waited, sender = taken
         known = None if self.decoder.expires else sender
-        admitted = self._admitted(self.decoder.decode(packet, arrival, sender), arrival, known)
-        if self._admission and sender:
+        begun = time.perf_counter()
+        decoded = self.decoder.decode(packet, arrival, sender)
+        self._turns.charge(sender, time.perf_counter() - begun, len(decoded), self._now)
+        admitted = self._admitted(decoded, arrival, known)
+        # Answers to senders go by OSC only.
+        if self._admission and sender and isinstance(packet, bytes):
             self._admission.replies_go_to(admitted, sender)
         return admitted
 
+    def _next(self, now: float) -> Waiting | None:
+        """Take the next packet; packets of senders served last only when nothing else waits, and one in a row."""
+        receiver, turns = self.receiver, self._turns
+        for _ in range(_MAX_LOOKED_THROUGH):
+            packet = receiver.receive()
+            if packet is None:
+                break
+            waited, sender = receiver.waited, receiver.sender
+            if self._recorder:
+                self._recorder.keep(packet, now - waited, sender)
+            taken = Waiting(packet, now - waited, waited, sender)
+            if not turns.comes_last(sender, now):
+                self._last_was_aside = False
+                return taken
+            turns.put_aside(taken)
+        if not turns or self._last_was_aside:
+            self._last_was_aside = False
+            return None
+        self._last_was_aside = True
+        taken = turns.take()
+        return taken._replace(waited=now - taken.arrival)
+
     def tend(self, now: float) -> Sequence[Admitted]:
-        """Do what is due by the clock; what came of it, in order. Never raises."""
+        """Do what is due by the clock; give the frames that it completed, in order. Never raises."""
         return self._admitted(self.decoder.expire(now), now, None)
 
     def _admitted(self, events: Sequence[Input], arrival: float, sender: Sender) -> Sequence[Admitted]:
@@ -102,3 +145,7 @@ class Source:
     def close(self) -> None:
         """Close the socket."""
         self.receiver.close()
+
+
+def _named(sender: Sender) -> str:
+    return f"{sender[0]}:{sender[1]}" if sender else "a sender"

@@ -24,7 +24,7 @@ class ZmqSink(Sink):
     Parameters
     ----------
     sender
-        Where to; closed by `close`.
+        Where to publish; closed by `close`.
     """
 
     def __init__(self, sender: ZmqSender) -> None:
@@ -59,7 +59,7 @@ class ZmqSink(Sink):
         self.sender.send(answers.encode_status(status))
 
     def publish_notice(self, notice: Notice) -> None:
-        """Send what teaching tells."""
+        """Send a notice of teaching."""
         told = as_json(notice)
         if told is not None:
             self.sender.send([b"teach/", json.dumps(told).encode()])

@@ -6,8 +6,8 @@ product's feed, `presets` (their TOML by name; older recordings lack it). Every 
 
     u8 source  f64 arrival  u16 bytes of sender  sender  (u32 bytes of part, part)*
 
-`arrival` is seconds on the recorder's clock, whose zero means nothing. A datagram is one part, a ZeroMQ message as many
-as it had. Records are only ever appended, so whatever ends the recorder leaves whole records and at most one torn one.
+`arrival` is seconds on the recorder's clock, whose zero means nothing. A datagram is one part; a ZeroMQ message keeps
+its parts. Records are only ever appended, so a recorder that is killed leaves whole records and at most one torn one.
 """
 
 from __future__ import annotations
@@ -28,15 +28,15 @@ if TYPE_CHECKING:
 ENDING = ".kinerec"
 FORMAT = "kinespace raw recording"
 VERSION = 1
-#: Seconds between two moments at which what has been written is surely on the disk.
+#: Seconds after which at the latest every packet is on the disk.
 SYNC_EVERY = 1.0
-#: The largest record: a ZeroMQ message of the largest size taken, and room for its head.
+#: Bytes of the largest record: a ZeroMQ message of the largest size that is received, and its head.
 MAX_RECORD = 1 << 21
 
-#: Bytes that wait in memory when the disk takes nothing: a minute of a large feed.
+#: Bytes that wait in memory when the disk does not take them: a minute of a large feed.
 MAX_WAITING = 16 << 20
 
-#: Seconds on any clock: a century after 1970, and what a program can wait for.
+#: Seconds on any clock, at most: a century after 1970, and as long as a program can wait.
 _MAX_ARRIVAL = 4e9
 
 _RECORD = struct.Struct("<II")
@@ -58,11 +58,11 @@ class RawPacket:
     arrival
         Seconds on the recorder's clock.
     source
-        Index of where it came in, in the header's `sources`.
+        Index of the source in the header's `sources`.
     sender
-        Who sent it, as far as the transport tells: `host:port` of a datagram, else empty.
+        The sender, if the transport tells: `host:port` of a datagram, else empty.
     parts
-        A datagram alone, or the parts of a ZeroMQ message.
+        A single datagram, or the parts of a ZeroMQ message.
     """
 
     arrival: float
@@ -73,17 +73,17 @@ class RawPacket:
 
 @dataclass(frozen=True, slots=True)
 class RawHeader:
-    """What a recording says about itself.
+    """The header of a recording.
 
     Attributes
     ----------
     began
-        When, UTC, ISO 8601.
+        Time of day at which it began, UTC, ISO 8601.
     sources
         Where packets came in: `osc` or `zmq`, a space, and the address; then perhaps ` feed ` and a preset's name.
     presets
-        The presets by which they were read, as text, by name: somebody's own may be called like a built-in one, and
-        the built-in ones change. What is not here was built in, as far as is known.
+        The texts of the presets by which packets were read, by name: a user's own preset may have the name of a
+        built-in one, and the built-in ones change. A preset that is missing here was built in, as far as is known.
     """
 
     began: str
@@ -120,7 +120,7 @@ def _record(body: bytes) -> bytes:
 
 
 def _decode_packet(body: bytes) -> RawPacket:
-    """Decode a record whose CRC is right; raises ValueError or struct.error when it is no packet all the same."""
+    """Decode a record whose CRC is right; raises ValueError or struct.error when it holds no packet."""
     kind, source, arrival, size = _PACKET.unpack_from(body)
     if kind != _ARRIVED:
         raise ValueError(f"kind {kind}")
@@ -142,23 +142,23 @@ def _decode_packet(body: bytes) -> RawPacket:
 class RawWriter:
     """Appends packets to a new file.
 
-    `write` copies the packet into memory. A thread writes what is there to the disk every second, so that neither a
-    crash nor a power cut costs more, and no packet waits for a disk. What the disk does not take stays in memory, up to
-    `MAX_WAITING` bytes, and is tried again every second; the file never holds a part of a record in its middle.
+    `write` copies the packet into memory. A thread writes the memory to the disk every second, so that a crash or a
+    power cut loses no more than that, and no packet waits for a disk. Bytes that the disk does not take stay in memory,
+    up to `MAX_WAITING`, and are tried again every second; the file never holds a part of a record in its middle.
 
     Parameters
     ----------
     path
-        The file; it must not exist, because a performance is not to be overwritten.
+        The file; it must not exist, because no performance may be overwritten.
     sources
         Where packets will come in: `osc` or `zmq`, a space, and the address.
     presets
-        TOML of the presets by which they are read, by name.
+        TOML of the presets by which packets are read, by name.
 
     Attributes
     ----------
     written
-        Packets so far, those that still wait in memory among them.
+        Packets so far, including packets that wait in memory.
     failed
         Packets that could not be written (the disk is full); they are lost, the feed goes on.
     trouble
@@ -199,7 +199,7 @@ class RawWriter:
         self.close()
 
     def write(self, packet: RawPacket) -> None:
-        """Append one packet; one for which there is no room is counted, and nothing is raised."""
+        """Append one packet; a packet without room is counted, and nothing is raised."""
         record = encode_packet(packet)
         with self._lock:
             if self._waiting_bytes + len(record) > MAX_WAITING:
@@ -210,7 +210,7 @@ class RawWriter:
             self.written += 1
 
     def close(self) -> None:
-        """Put everything on the disk and give the file back; what the disk does not take now is lost and counted."""
+        """Put everything on the disk and close the file; what the disk does not take now is lost and counted."""
         self._ended.set()
         self._syncing.join()
         self._try_to_sync()
@@ -232,12 +232,12 @@ class RawWriter:
             self.trouble = ""
 
     def _sync(self) -> None:
-        """Write what waits; after a failure nothing of it is in the file, and all of it waits again."""
+        """Write what waits; after a failure the file holds nothing of it, and all of it waits again."""
         with self._lock:
             batch, self._waiting, self._waiting_bytes = self._waiting, [], 0
         rest = memoryview(b"".join(batch))
         size = len(rest)
-        # Outside the lock: this may take as long as the disk likes.
+        # Outside the lock, because the disk may take long.
         try:
             while rest:
                 rest = rest[self._file.write(rest) :]
@@ -253,7 +253,7 @@ class RawWriter:
 
 
 class RawFile:
-    """A raw recording, read record by record; never more than one of them in memory.
+    """A raw recording, read record by record; only one record is in memory.
 
     Parameters
     ----------
@@ -263,14 +263,14 @@ class RawFile:
     Attributes
     ----------
     header
-        What it says of itself.
+        The recording's header.
     lost_from
-        Byte from which on the file could not be read when `packets` was last run to its end; None when it was whole.
+        Byte from which on the file could not be read when `packets` last ran to its end; None when the file was whole.
 
     Raises
     ------
     RawFileError
-        It is no raw recording, or of another version.
+        The file is no raw recording, or of another version.
     OSError
         The file cannot be opened.
     """
@@ -296,13 +296,13 @@ class RawFile:
 
     @property
     def size(self) -> int:
-        """Bytes."""
+        """Size in bytes."""
         return self.path.stat().st_size
 
     def packets(self) -> Iterator[RawPacket]:
         """Give the packets in the order in which they came, up to the last whole record.
 
-        Whether and where the file ends before its end is then in `lost_from`.
+        `lost_from` then tells whether and from where on the file could not be read.
         """
         self.lost_from = None
         with self.path.open("rb") as file:
@@ -321,7 +321,7 @@ class RawFile:
                 self.lost_from = place
 
     def damage(self) -> str:
-        """Say what could not be read; empty when all could."""
+        """Say which part of the file could not be read; empty when all could."""
         if self.lost_from is None:
             return ""
         lost = self.size - self.lost_from
@@ -329,7 +329,7 @@ class RawFile:
 
 
 def _next_body(file: BinaryIO) -> bytes | None:
-    """Read the next record; None at the end, and where no whole record stands."""
+    """Read the next record; None at the end, and where no whole record follows."""
     head = file.read(_RECORD.size)
     if len(head) < _RECORD.size:
         return None

@@ -76,6 +76,7 @@ class FakeSource:
     """Packets from a list; each is the events it holds. Something seems always to be waiting on its socket."""
 
     tended = False
+    has_put_aside = False
     notes = ()
     waited = 0.0
 
@@ -584,3 +585,40 @@ def test_what_waited_for_more_than_a_second_is_not_answered_as_if_it_were_now(
     assert status.stale == len(expected) - 1
     assert len(sink.events) == sum(len(answer.events) for answer in expected)
     assert status.hop_p50 > 0.2
+
+
+def test_after_a_stop_old_answers_of_a_transport_that_does_not_tell_are_not_sent(
+    library: MotionLibrary, source: FakeSource
+) -> None:
+    """A sender's own clock tells what waited while the process stood still; what is older than a second is not sent."""
+    clock, sink = FakeClock(), FakeSink()
+    frames = [Frame("ann", 50.0 + k / 30, each.positions) for k, each in enumerate(_frames("wave")[:60])]
+    with Service(Performers(library), [source], [sink], clock=clock) as service:
+        for frame in frames[:6]:
+            clock.now = 1000.0 + frame.time
+            source.waiting.append([frame])
+            service.step(0.0)
+        before = len(sink.recognitions)
+        assert before > 0
+        # Two seconds are slept away; ZeroMQ hands over first one half of what came, then the other.
+        clock.now = 1000.0 + frames[-1].time
+        source.waiting.extend([frame] for frame in frames[6:20])
+        service.step(0.0)
+        service.step(0.0)
+        assert len(sink.recognitions) == before
+        source.waiting.extend([frame] for frame in frames[20:])
+        service.step(0.0)
+        told = [answer.time for answer in sink.recognitions[before:]]
+        assert told
+        assert min(told) >= frames[-1].time - 1.0 - 1e-6
+        assert told[-1] == frames[-1].time
+        assert service.status().stale > 0
+        # Who sends nothing more has its newest answer after all.
+        before, clock.now = len(sink.recognitions), clock.now + 10.0
+        source.waiting.extend([Frame("ann", each.time + 5.0, each.positions)] for each in frames[:10])
+        service.step(0.0)
+        assert len(sink.recognitions) == before
+        clock.now += 1.5
+        source.pollable.recv(1)
+        service.step(0.0)
+        assert [answer.time for answer in sink.recognitions[before:]] == [frames[9].time + 5.0]

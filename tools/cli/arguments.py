@@ -43,14 +43,14 @@ def add_reading(parser: argparse.ArgumentParser) -> None:
 
 
 def add_names(parser: argparse.ArgumentParser, whose: str) -> None:
-    """Let a person say whose names joints have."""
+    """Add the option for the convention of joint names."""
     known = ", ".join(each.name for each in conventions())
     parser.add_argument(
         "--names",
         dest="naming",
         default=AUTO,
         metavar="NAME",
-        help=f"what the {whose} call their joints: {AUTO}, {AS_THEY_ARE}, {known}, or FILE.toml (default %(default)s)",
+        help=f"how the {whose} name joints: {AUTO}, {AS_THEY_ARE}, {known}, or FILE.toml (default %(default)s)",
     )
 
 
@@ -66,14 +66,14 @@ def add_keys(parser: argparse.ArgumentParser) -> None:
         "--keys",
         type=Path,
         metavar="DIR",
-        help="ZeroMQ with keys, made by kinespace keys: let in those alone whose .key is there",
+        help="ZeroMQ with keys, made by kinespace keys: let in only keys whose .key file is there",
     )
 
 
 def add_sender(parser: argparse.ArgumentParser) -> None:
     """Add the option for the host that is asked for frames."""
     parser.add_argument(
-        "--sender", metavar="HOST", default="127.0.0.1", help="host to ask for frames, if the feed must ask"
+        "--sender", metavar="HOST", default="127.0.0.1", help="host to ask for frames, for feeds that ask"
     )
 
 
@@ -113,7 +113,7 @@ def add_takes(parser: argparse.ArgumentParser, *, required: bool = False) -> Non
         default=[],
         required=required,
         metavar="CSV",
-        help="file,subject,contains,perhaps for each take; one with neither of the last shows nothing known",
+        help="file,subject,contains,perhaps for each take; a take with neither of the last two shows nothing known",
     )
 
 
@@ -151,7 +151,7 @@ def add_changes(parser: argparse.ArgumentParser) -> None:
 
 
 def add_json(parser: argparse.ArgumentParser) -> None:
-    """Add `--json`, with which a program prints for another program."""
+    """Add `--json`, for output that another program reads."""
     parser.add_argument(
         "--json", action="store_true", help="print JSON and nothing else (.github/docs/json.md says what)"
     )
@@ -189,7 +189,7 @@ def add_actor_in(parser: argparse.ArgumentParser) -> None:
 
 
 def reading_of(parsed: argparse.Namespace) -> Reading:
-    """Make the reading options of what was typed."""
+    """Make the reading options from the arguments."""
     return Reading(
         asf=parsed.asf,
         frame_rate=parsed.frame_rate,
@@ -202,7 +202,7 @@ def reading_of(parsed: argparse.Namespace) -> Reading:
 
 
 def _raw(path: Path, feed: str | None) -> Sequence[Clip]:
-    from kinespace.tools.feeding.raw_takes import read_raw  # noqa: PLC0415 - only who reads one loads what decodes it
+    from kinespace.tools.feeding.raw_takes import read_raw  # noqa: PLC0415 - decoders are loaded only for a raw recording
     from kinespace.tools.programs.feeds import preset_named  # noqa: PLC0415 - as above
 
     return read_raw(path, preset_named(feed) if feed else None)
@@ -237,7 +237,7 @@ def add_settings(parser: argparse.ArgumentParser) -> None:
 
 
 def settings_of(parsed: argparse.Namespace) -> Settings:
-    """Make settings of the options; an option that does not belong to the signature is refused."""
+    """Make settings from the arguments; an option that does not belong to the signature is refused."""
     return Settings(
         signature=LiveSignature(parsed.signature),
         window=parsed.window,

@@ -42,29 +42,29 @@ if TYPE_CHECKING:
     from kinespace.stream.recognition import Recognition
     from kinespace.tools.evaluation.scoring.protocols import Fold
 
-#: Seconds that an answer's segment must have lasted for the answer to count.
+#: Seconds for which an answer's segment must have lasted for the answer to count.
 _INSIDE = 1.0
 
 
 @dataclass(frozen=True, slots=True)
 class FaultScore:
-    """How takes with one fault were answered. Shares are 0 to 1; None where there is nothing to take a share of.
+    """How right the answers to takes with one fault were. Shares are 0 to 1; None where there is none.
 
     Attributes
     ----------
     fault
-        What went wrong with the joints.
+        The fault of the joints.
     answers
-        How many answers were given to motions that the library knows, the last second inside the segment.
+        The number of answers to motions that the library knows, with the last second inside the segment.
     right, guessed, wrong, implausible
-        Share of these that name the class performed, whose best guess it is, that name another class, and that are
-        `Outcome.IMPLAUSIBLE`.
+        The shares of these answers that name the class performed, that have it as best guess, that name another class,
+        and that are `Outcome.IMPLAUSIBLE`.
     unknown_named
-        Share of the answers to motions that the library does not know, the last second inside, that name a class.
+        Share of the answers to motions that the library does not know, last second inside, that name a class.
     noticed_s
-        Seconds until anything was noticed, the slowest take's; None when nothing was in some take.
+        Seconds until a fault was noticed, in the slowest take; None when none was noticed in some take.
     alarmed, seconds
-        In how many of the takes' seconds anything was noticed or done without, and how many seconds there are.
+        The number of seconds in which a fault was noticed or joints were left out, and the number of all seconds.
     segments, persons
         What the shares rest on.
     """
@@ -85,7 +85,7 @@ class FaultScore:
 
 @dataclass(slots=True)
 class _Counts:
-    """What was counted in one take."""
+    """The counts of one take."""
 
     answers: int = 0
     right: int = 0
@@ -100,7 +100,7 @@ class _Counts:
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Say which options the program takes."""
+    """Add the program's options."""
     parser.description = (
         "Plays takes into the live recogniser with joints frozen, lost, exchanged or out of order, and bodies that "
         "jump between two postures; counts answers with the last second inside the segment, and seconds of alarm."
@@ -125,7 +125,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Run the program as its options say; the exit status."""
+    """Run the program with these options; return the exit status."""
     sources = Sources(
         options.takes,
         tables=options.tables,

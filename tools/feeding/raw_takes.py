@@ -26,22 +26,22 @@ if TYPE_CHECKING:
     from kinespace.stream.feeds import Preset
     from kinespace.stream.frame import Frame
 
-#: Seconds by which a sender's clock may leave the recorder's before it is taken to have begun anew.
+#: Seconds by which a sender's clock may differ from the recorder's before the sender is taken to have begun anew.
 _ASTRAY = 1.0
 
 
 @dataclass(slots=True)
 class Seen:
-    """What a first look at a recording finds of a performer.
+    """A first look at one performer in a recording.
 
     Attributes
     ----------
     frames
-        How many there are.
+        The number of frames.
     joints
-        As first announced; empty when they never were.
+        The joints as first announced; empty when they never were.
     sizes
-        How many frames have how many joints.
+        The number of frames for each number of joints.
     clock
         Reads the times of the frames.
     """
@@ -56,7 +56,7 @@ class Seen:
         return SenderClock(self.clock.verdict)
 
     def skeleton(self) -> Skeleton:
-        """Name the joints as announced; unannounced, HDM05's when there are as many, as everywhere; else by number."""
+        """Name the joints as announced; else as HDM05's when there are as many; else by number."""
         if self.joints:
             return Skeleton(self.joints)
         size = max(self.sizes, key=lambda size: self.sizes[size])
@@ -73,7 +73,7 @@ def events_of(recording: RawFile, preset: Preset | None) -> Iterator[tuple[float
 
 
 def seen_in(events: Iterator[tuple[float, Frame | Announcement]]) -> dict[str, Seen]:
-    """Look through a recording for who performs in it."""
+    """List the performers of a recording."""
     seen: dict[str, Seen] = {}
     for arrival, event in events:
         each = seen.setdefault(event.performer, Seen())
@@ -87,12 +87,12 @@ def seen_in(events: Iterator[tuple[float, Frame | Announcement]]) -> dict[str, S
 
 
 class JointOrder:
-    """Puts a performer's frames in a skeleton's order, as announcements tell it.
+    """Puts a performer's frames in a skeleton's order, by the announcements.
 
     Parameters
     ----------
     skeleton
-        Whose order.
+        The skeleton whose order is wanted.
     """
 
     def __init__(self, skeleton: Skeleton) -> None:
@@ -101,7 +101,7 @@ class JointOrder:
         self._size = len(skeleton.joints)
 
     def announce(self, announcement: Announcement) -> None:
-        """Take in what the next frames hold."""
+        """Take in the joints of the next frames."""
         self._size = len(announcement.joints)
         try:
             self._order = self._skeleton.order_from(announcement.joints)
@@ -118,21 +118,21 @@ class JointOrder:
 def read_raw(path: Path, preset: Preset | None = None) -> list[Clip]:
     """Read a raw recording: a clip for each performer, by name, each from the recording's first packet on.
 
-    Frames have the sender's times, its clock laid on the recorder's; where a sender began anew it is laid on it again.
+    Frames have the sender's times, shifted to the recorder's clock; a sender that began anew is shifted anew.
 
     Parameters
     ----------
     path
         The recording.
     preset
-        Another product's feed that it is read as; None for what it says of itself.
+        Another product's feed to read it as; None for the feed that the recording names.
 
     Raises
     ------
     RecordingError
         No performer has two frames of the same joints.
     ValueError
-        It is no raw recording, or names a feed that is not known.
+        The file is no raw recording, or names an unknown feed.
     OSError
         The file cannot be opened.
     """

@@ -1,1 +1,1 @@
-"""Optical markers: readers of C3D and TRC, and the segments between markers."""
+"""Optical markers: readers of C3D and TRC."""

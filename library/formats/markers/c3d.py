@@ -1,11 +1,11 @@
 """C3D recordings (www.c3d.org) read into clips, by ezc3d (an extra: `pip install kinespace[c3d]`).
 
 A C3D holds labelled points: markers, joint centres that a model computed, and often, among the same labels, angles,
-forces and other results that stand nowhere. Those (listed by the file in POINT:ANGLES and its like) and markers that
-nobody labelled (`*12`) are no joints and are passed over unless they are asked for by name.
+forces and other results that are no positions. These results (the file lists them in POINT:ANGLES and similar
+parameters) and markers without a label (`*12`) are left out unless they are asked for by name.
 
-What a broken file says wrongly is told with its byte, as far as we look; whatever else it does to ezc3d happens in
-another process.
+Mistakes in the header that we check for are reported with their byte. Any other broken file can only crash ezc3d's own
+process, not ours.
 """
 
 from __future__ import annotations
@@ -29,12 +29,12 @@ if TYPE_CHECKING:
 
     from kinespace.library.clip import Clip
 
-#: Parameters of the group POINT in which files list the points that are no places.
+#: Parameters of the group POINT in which files list the points that are no positions.
 _NO_PLACES = ("ANGLES", "FORCES", "MOMENTS", "POWERS", "SCALARS", "REACTIONS")
 _BLOCK = 512
 _INTEL = 84
 _MAX_POINTS = 10_000
-#: Parameters by which the reader counts, however large a number below 0 is when it is taken for one above.
+#: Parameters that the reader counts by: a number below 0 would be taken for a huge one.
 _COUNTS = (b"USED", b"RATIO")
 _HEADER = struct.Struct("<BBHHHHHfHHf")
 
@@ -44,7 +44,7 @@ class C3dError(RecordingError):
 
 
 def _require_whole(path: Path) -> None:
-    """Refuse what is no C3D and what is cut short: the reader would make up what is missing."""
+    """Refuse a file that is no C3D or is cut short: the reader would make up the missing part."""
     with path.open("rb") as file:
         start = file.read(_HEADER.size).ljust(_HEADER.size, b"\0")
         parameters, key, points, analog, first, last, _, scale, data, samples, _ = _HEADER.unpack(start)
@@ -61,13 +61,13 @@ def _require_whole(path: Path) -> None:
     if data < 2 or points > _MAX_POINTS or (analog and not samples):
         raise C3dError(f"{path}: byte 2: a header that makes no sense ({points} points, {analog} analog values)")
     wanted = (data - 1) * _BLOCK + frames * (4 * points + analog) * number
-    # Of more than 65 535 frames the header does not tell how many.
+    # The header does not tell how many frames there are if there are more than 65 535.
     if first <= last < 0xFFFF and size < wanted:
         raise C3dError(f"{path}: byte {size}: the file ends, expected {wanted} bytes")
 
 
 def _require_sound_parameters(path: Path, start: int) -> None:
-    """Walk through the parameters and refuse what leads out of them: the reader trusts what they say of themselves."""
+    """Walk through the parameters and refuse any that points outside of them: the reader trusts their sizes."""
     with path.open("rb") as file:
         file.seek(start)
         blocks = file.read(4)[2:3]
@@ -103,7 +103,7 @@ def _require_sound_parameters(path: Path, start: int) -> None:
 
 
 def _end_of_data(section: bytes, at: int) -> int:
-    """Find where a parameter's data ends that begins with its type; 0 when it makes no sense."""
+    """Find the end of a parameter's data, which begins with its type; 0 when the data makes no sense."""
     kind: int
     dimensions: int
     kind, dimensions = struct.unpack_from("bB", section.ljust(at + 2, b"\0"), at)
@@ -140,11 +140,11 @@ def read_clip(
     path
         The file.
     metres_per_unit, frame_rate
-        What its numbers are, and frames per second; what POINT:UNITS and POINT:RATE say when not given.
+        Metres of the file's unit, and frames per second; as POINT:UNITS and POINT:RATE say when not given.
     joints
-        Which points, by name (`library.formats.joint_choice.chosen`); all labelled places when none are given.
+        Which points, by name (`library.formats.joint_choice.chosen`); all labelled positions when not given.
     process
-        Reads it; one for this file alone when not given. To start one takes some 0.3 s.
+        Reads the file; when not given, a process is started for this file alone, which takes a moment.
 
     Returns
     -------
@@ -153,8 +153,8 @@ def read_clip(
     Raises
     ------
     C3dError
-        ezc3d is not installed or breaks down on the file, the file is no C3D, is malformed or cut off, lacks a point
-        that is asked for, or has one out of sight for too long.
+        ezc3d is not installed or breaks down on the file; the file is no C3D, is malformed or cut off, lacks a point
+        that is asked for, or has a point out of sight for too long.
     OSError
         The file cannot be opened.
     """
@@ -176,7 +176,7 @@ def read_clip(
 def _places(
     points: NDArray[np.float64], said: dict[str, list[Any]], named: Sequence[str]
 ) -> tuple[list[str], NDArray[np.float64]]:
-    """Give the labels of points and where they are, (frames, points, 3), NaN where a point is out of sight."""
+    """Give the labels of points and their positions, (frames, points, 3), NaN where a point is out of sight."""
     labels = _texts("LABELS", said)
     positions = np.array(np.moveaxis(points[:3], 0, 2).swapaxes(0, 1))
     labels = labels[: positions.shape[1]]
@@ -191,9 +191,9 @@ def _places(
 
 
 def _texts(name: str, said: dict[str, list[Any]]) -> list[str]:
-    """Give a parameter's texts, with those of the parameters that go on with it.
+    """Give the texts of a parameter and of the parameters that continue it.
 
-    A parameter holds 255 entries at most, and LABELS goes on in LABELS2.
+    A parameter holds 255 entries at most; LABELS continues in LABELS2.
     """
     names = (name, *(f"{name}{number}" for number in range(2, 100)))
     texts = [text for each in names for text in said.get(each, ())]

@@ -1,13 +1,13 @@
-"""What ezc3d reads of a C3D, and the program that reads C3D files in a process of its own.
+"""The program that reads C3D files by ezc3d in a process of its own.
 
 ezc3d is C++ and trusts what it reads: a broken file can end its process, keep the process busy for ever, or ask for all
 memory there is. So ezc3d runs in this process, and `c3d_process` is the other side. The program is started by its path
 and imports nothing of ours, so that it is ready as soon as numpy and ezc3d are loaded.
 
-Asked:    a line of JSON for each file: `path`, and `memory`, how many bytes more than now it may take; the end of the
-          input ends it.
+Asked:    a line of JSON for each file: `path`, and `memory`, how many bytes more than now it may take. The program ends
+          with its input.
 Answered: `u64 bytes of JSON, u64 bytes of numbers`, then both. The JSON has `error`, or `point` (the group POINT's
-          parameters by name) and `shape` (points, frames); the numbers are x, y, z and residual of all of them, f8.
+          parameters by name) and `shape` (points, frames); the numbers are x, y, z and residual of all points, f8.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 SIZES = struct.Struct("<QQ")
-#: What ezc3d and its wrapping raise at what they do not understand.
+#: The errors that ezc3d and its Python wrapping raise for a file they do not understand.
 ERRORS = (OSError, RuntimeError, ValueError, IndexError, KeyError, TypeError, MemoryError)
 
 
@@ -41,7 +41,7 @@ def read_points(path: str) -> tuple[dict[str, list[Any]], NDArray[np.float64]]:
     Raises
     ------
     OSError, RuntimeError, ValueError, IndexError, KeyError, TypeError, MemoryError
-        It cannot be read.
+        The file cannot be read.
     """
     import ezc3d  # noqa: PLC0415 - an extra
 
@@ -57,7 +57,7 @@ def read_points(path: str) -> tuple[dict[str, list[Any]], NDArray[np.float64]]:
 
 
 def serve(asked: BinaryIO, answered: BinaryIO) -> None:
-    """Read one file after the other, as it is asked for, until nothing more is."""
+    """Read one file after the other, as each is asked for, until the input ends."""
     for line in asked:
         request = json.loads(line)
         numbers = b""
@@ -75,7 +75,7 @@ def serve(asked: BinaryIO, answered: BinaryIO) -> None:
 
 
 def _allow_memory(more: int) -> None:
-    """Let this process take so many bytes more than it has, where the system tells and limits that: on Linux."""
+    """Limit how many bytes more than now this process may take; only Linux can."""
     if sys.platform != "linux":
         return
     import resource  # noqa: PLC0415 - not on every system
@@ -88,9 +88,9 @@ def _allow_memory(more: int) -> None:
 
 def main() -> None:
     """Serve standard input and output."""
-    # Ctrl-C reaches every process of a terminal; this one ends when nobody asks any more.
+    # Ctrl-C reaches every process of a terminal; this process ends with its input.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    # What ezc3d prints is not part of the answer.
+    # ezc3d's own prints are not part of the answer.
     answered = os.fdopen(os.dup(1), "wb")
     with Path(os.devnull).open("wb") as nowhere:
         os.dup2(nowhere.fileno(), 1)

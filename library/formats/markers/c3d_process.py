@@ -1,4 +1,4 @@
-"""C3D files read in a process of their own, so that one that breaks ezc3d breaks nothing else."""
+"""C3D files read in a process of their own: a file that crashes ezc3d crashes nothing else."""
 
 from __future__ import annotations
 
@@ -27,9 +27,9 @@ _MEMORY, _MEMORY_TIMES = 512 << 20, 64
 
 
 class C3dProcess:
-    """Reads C3D files in another process, started when the first is asked for; a context manager.
+    """Reads C3D files in another process, which starts with the first file; a context manager.
 
-    Where Python cannot start itself again, because a program has it built in, they are read here.
+    Where Python cannot start itself again, because it is built into another program, files are read in this process.
     """
 
     def __init__(self) -> None:
@@ -43,15 +43,15 @@ class C3dProcess:
 
     @property
     def process_id(self) -> int | None:
-        """The system's number of the process; None when none runs."""
+        """The system's number of the process; None when no process runs."""
         return self._process.pid if self._process else None
 
     def close(self) -> None:
-        """End the process, if it runs; the next file starts another."""
+        """End the process, if it runs; the next file starts another one."""
         process, self._process = self._process, None
         if process is not None:
             process.kill()
-            # Its end of the pipe may be gone, with what was not yet written to it.
+            # The process's end of the pipe may be gone, and the bytes not yet written with it.
             with suppress(OSError):
                 process.communicate()
 
@@ -61,9 +61,9 @@ class C3dProcess:
         Raises
         ------
         ValueError
-            It cannot be read; or ezc3d, trying, ended, or took far more time or memory than such a file needs.
+            The file cannot be read; or ezc3d ended, or took far more time or memory than such a file needs.
         ImportError
-            There is no ezc3d.
+            ezc3d is not installed.
         """
         if find_spec("ezc3d") is None:
             raise ImportError("reading C3D needs ezc3d: pip install 'kinespace[c3d]'")
@@ -79,7 +79,7 @@ class C3dProcess:
         return told["point"], np.frombuffer(numbers, dtype="<f8").reshape(4, *told["shape"])
 
     def _answer(self, path: Path, size: int) -> tuple[dict[str, Any], bytes]:
-        """Ask for a file and wait for it; kill what takes too long for it."""
+        """Ask for a file and wait for the answer; kill the process when it takes too long."""
         process = self._process = self._process or _started()
         asked, answered = process.stdin, process.stdout
         if asked is None or answered is None:
@@ -104,7 +104,7 @@ class C3dProcess:
             ended = f"did not end within {patience:.0f} s" if given_up.is_set() else "broke down"
             raise ValueError(f"the reader {ended} on it") from error
         except BaseException:
-            # Interrupted in the middle of an answer: what is left of it must not be taken for the next one.
+            # Interrupted in the middle of an answer: the rest of that answer must not be taken for the next one.
             self.close()
             raise
         finally:
@@ -115,7 +115,7 @@ class C3dProcess:
 
 
 def _started() -> subprocess.Popen[bytes]:
-    """Start the program, with the modules that can be found here."""
+    """Start the program, with the same module path as here."""
     paths = os.pathsep.join(path for path in sys.path if path)
     return subprocess.Popen(  # noqa: S603 - our own program
         [sys.executable, "-P", c3d_child.__file__],
@@ -123,13 +123,13 @@ def _started() -> subprocess.Popen[bytes]:
         stdout=subprocess.PIPE,
         stderr=subprocess.DEVNULL,
         env={**os.environ, "PYTHONPATH": paths, "OPENBLAS_NUM_THREADS": "1"},
-        # On Windows a program without a console would open one.
+        # On Windows a program without a console would open a console.
         creationflags=getattr(subprocess, "CREATE_NO_WINDOW", 0),
     )
 
 
 def _exactly(file: IO[bytes], size: int) -> bytes:
-    """Read so many bytes; EOFError when the process ended before."""
+    """Read so many bytes; EOFError when the process ends before."""
     read = file.read(size)
     if len(read) < size:
         raise EOFError

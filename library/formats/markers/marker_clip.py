@@ -1,4 +1,4 @@
-"""Markers or joint centres over time, as C3D and TRC keep them, made into a clip."""
+"""Markers or joint centres over time, as in C3D and TRC, made into a clip."""
 
 from __future__ import annotations
 
@@ -25,15 +25,15 @@ def clip_of_markers(
 ) -> Clip:
     """Make a clip of the markers that are wanted.
 
-    A marker that stands at exactly 0, 0, 0 in some frames and elsewhere in others is missing in those: so do programs
-    write it that have no other sign. Missing ones are put on straight lines (`library.formats.gap_filling`).
+    A marker that is at exactly 0, 0, 0 in some frames and elsewhere in others is missing in the frames with zeros: some
+    programs write missing markers so. Missing markers are put on straight lines (`library.formats.gap_filling`).
 
     Parameters
     ----------
     path
-        Whose name the clip gets.
+        The clip is named after this file.
     labels
-        Of the markers; how they hang together is not known.
+        The markers' names; how markers are connected is not known.
     positions
         Shape (frames, markers, 3), metres, NaN where a marker is missing.
     frame_rate
@@ -44,7 +44,7 @@ def clip_of_markers(
     Raises
     ------
     ValueError
-        A wanted marker is not there, two are called alike, one is missing for too long, or fewer than two are left.
+        A wanted marker is missing, two have the same name, one is missing for too long, or fewer than two are left.
     """
     kept = chosen(labels, joints)
     skeleton = Skeleton(short_names([labels[index] for index in kept]))

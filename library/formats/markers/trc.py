@@ -1,8 +1,8 @@
-"""TRC recordings (Motion Analysis; OpenSim's and many markerless systems' exchange format) read into clips.
+"""TRC recordings read into clips: the format of Motion Analysis, OpenSim and many markerless systems.
 
-Five lines of header, of which the second names and the third tells rates, counts and the unit, the fourth labels the
-markers; then one line a frame: number, time, and three numbers for each marker, separated by tabs. Fields left empty,
-or NaN, are a marker out of sight.
+The header has five lines: the second names and the third gives rates, counts and the unit, the fourth labels the
+markers. Then each line is a frame: number, time, and three numbers for each marker, separated by tabs. Fields that are
+empty or NaN stand for a marker out of sight.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ class TrcMotion:
     frame_rate
         Frames per second.
     metres_per_unit
-        What the header's unit is.
+        Metres of the header's unit.
     """
 
     labels: tuple[str, ...]
@@ -72,7 +72,7 @@ def read_trc(path: Path) -> TrcMotion:
     Raises
     ------
     TrcError
-        It is no TRC, its header makes no sense, a line has too few or too many numbers, or frames are missing.
+        The file is no TRC, its header makes no sense, a line has too few or too many numbers, or frames are missing.
     OSError
         The file cannot be opened.
     """
@@ -113,7 +113,7 @@ def _header(path: Path, file: TextIO) -> _Header:
 
 def _count(path: Path, name: str, text: str) -> int:
     if not text.isdecimal() or len(text) > 9 or int(text) == 0:
-        _fail(path, 3, f"expected a number of them as {name}, got {text!r}")
+        _fail(path, 3, f"expected a number as {name}, got {text!r}")
     return int(text)
 
 
@@ -128,7 +128,7 @@ def _rate(path: Path, text: str) -> float:
 
 
 def _fields(line: str) -> list[str]:
-    """Split at tabs, which empty fields stand between; a line without tabs at white space. Empty for a blank line."""
+    """Split at tabs, between which fields may be empty; a line without tabs at white space. Empty for a blank line."""
     if not line.strip():
         return []
     return line.rstrip("\r\n").split("\t") if "\t" in line else line.split()
@@ -164,7 +164,7 @@ def read_clip(
     path
         The file.
     metres_per_unit, frame_rate
-        What its numbers are, and frames per second; what the header says when not given.
+        Metres of the file's unit, and frames per second; as the header says when not given.
     joints
         Which markers, by name (`library.formats.joint_choice.chosen`); all when none are given.
 
@@ -175,8 +175,8 @@ def read_clip(
     Raises
     ------
     TrcError
-        The file is no TRC, is malformed or cut off, lacks a marker that is asked for, or has one out of sight for too
-        long.
+        The file is no TRC, is malformed or cut off, lacks a marker that is asked for, or has a marker out of sight for
+        too long.
     OSError
         The file cannot be opened.
     """

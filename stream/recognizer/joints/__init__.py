@@ -1,1 +1,1 @@
-"""The joints of a feed: which of them a sender has, which can be believed, and a library restricted to them."""
+"""The joints of a feed: which are sent, which can be believed, and the library restricted to them."""

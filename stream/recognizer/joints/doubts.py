@@ -1,10 +1,10 @@
-"""What a recogniser does about joints that cannot be believed: it mends what can be mended, and does without the rest.
+"""Joints that cannot be believed: the recogniser mends them if it can, and leaves them out if it cannot.
 
-Sides that were exchanged in mid-stream, and a unit that changed, are put right from the next frame on. A joint that is
-lost (NaN, or 0, 0, 0 while its place was elsewhere) is held beside its parent for a fifth of a second. A joint that is
-wrong or lost for longer is done without: windows of the joints that are left are compared with the library as a body of
-those joints shows it, from the next hop on, the last two seconds included. After a jump to another posture the windows
-begin anew; of a body that goes on jumping, or of which hardly anything can be believed, nothing is named.
+Exchanged sides and a changed unit are corrected from the next frame on. A joint that is lost (NaN, or 0, 0, 0 while its
+position was elsewhere) is held beside its parent for a fifth of a second. A joint that is wrong, or lost for longer, is
+left out: windows of the other joints are compared with the library as a body of those joints shows it, from the next
+hop on, the last two seconds included. After a jump to another posture the windows begin anew. While a body goes on
+jumping, or most of its joints cannot be believed, no class is named.
 """
 
 from __future__ import annotations
@@ -35,15 +35,15 @@ if TYPE_CHECKING:
 HELD = 0.2
 #: Seconds after which a joint is believed again: longer than the longest window.
 BELIEVED_AFTER = 3.0
-#: Two jumps within so many seconds: nothing is named until as long has passed without one.
+#: Two jumps within so many seconds: no class is named until as many seconds have passed without a jump.
 JUMPING = 2.0
-#: Seconds for which a jump is told.
+#: Seconds for which the note on a jump is shown.
 _TOLD = 5.0
-#: Share of the joints that must be left for anything to be named.
+#: Share of the joints that must be left for a class to be named.
 _MIN_LEFT = 0.5
-#: A lost joint's zeros are no place when it was farther from the origin: metres.
+#: Metres: zeros are a lost joint only if the joint was farther than this from the origin.
 _ELSEWHERE = 0.05
-#: Seconds between two sets of joints that are asked for: a body that falls apart is not opened for at every step.
+#: Seconds between two sets of joints that are opened, so that a body that falls apart does not open one at every step.
 _ASKED_AGAIN = 0.5
 
 
@@ -53,9 +53,9 @@ class Doubts:
     Parameters
     ----------
     library
-        Whose joints the frames have, in its order.
+        The library whose joints the frames have, in its order.
     matcher
-        Compares all joints; the windows of fewer are filled from its own.
+        Compares all joints; the windows of fewer joints are filled from its windows.
     opener
         Gives the windows of fewer joints; `opened_restricted` when not given.
     """
@@ -71,7 +71,7 @@ class Doubts:
         joints = len(library.skeleton.joints)
         self._body = expected_body(library)
         self._plausibility = Plausibility(self._body, joints)
-        #: The last step of the hop before, and the steps of this one.
+        #: The last step of the hop before, and the steps of this hop.
         self._steps = np.empty((1 + MAX_PENDING, joints, 3))
         self._mirrored = False
         self._factor = 1.0
@@ -83,7 +83,8 @@ class Doubts:
         self._last: NDArray[np.float64] | None = None
         self._last_time = math.nan
         joints = len(self._library.skeleton.joints)
-        #: Of each joint until when it is not believed, and since when it is lost, seconds; NaN for one that is there.
+        #: For each joint the time until which it is not believed, and the time since which it is lost, seconds; NaN if
+        #: it is not lost.
         self._doubted_until = np.full(joints, -math.inf)
         self._lost_since = np.full(joints, math.nan)
         self._lost, self._any_lost = np.zeros(joints, dtype=np.bool_), False
@@ -95,7 +96,7 @@ class Doubts:
         self._jump: Jump | None = None
 
     def exchange(self, library: MotionLibrary) -> None:
-        """Do without the same joints in another library of the same skeleton from now on."""
+        """Leave out the same joints in another library of the same skeleton from now on."""
         self._library, self._fewer, self._asked_for = library, None, ()
 
     @property
@@ -106,7 +107,7 @@ class Doubts:
 
     @property
     def told(self) -> str:
-        """What was noticed, in words: joints that are not believed now, else a jump a moment ago; or nothing."""
+        """The note in words: joints that are not believed now, else a jump a moment ago, else nothing."""
         count = len(self._wanted)
         if self._too_few:
             every = len(self._doubted_until)
@@ -127,7 +128,7 @@ class Doubts:
         times
             Seconds, each later than the one before.
         positions
-            Shape (frames, joints, 3); a joint that is NaN is lost.
+            Shape (frames, joints, 3); a NaN joint is lost.
 
         Returns
         -------
@@ -151,7 +152,7 @@ class Doubts:
             begun = self._follow(times, positions, usual)
         self._steps[0], self._elapsed = steps[-1], usual or math.inf
         self._last, self._last_time = positions[-1].copy(), times[-1]
-        # A place that we made up says nothing of the body.
+        # A position that we made up says nothing about the body.
         seen = np.where(self._lost[:, None], math.nan, positions[-1]) if self._any_lost else positions[-1]
         if self._plausibility.look(times[-1], seen):
             for joint in self._plausibility.doubted:
@@ -161,7 +162,7 @@ class Doubts:
         return begun
 
     def _follow(self, times: Sequence[float], positions: NDArray[np.float64], usual: float) -> int | None:
-        """Go from frame to frame where one of them may be wrong."""
+        """Go from frame to frame, because one of them may be wrong."""
         begun, before, last = None, self._last, self._last_time
         assert before is not None  # noqa: S101
         step = Step(self._steps[0].copy(), self._elapsed)
@@ -192,7 +193,7 @@ class Doubts:
             positions *= factor
 
     def _begins_anew(self, time: float, since: float) -> bool:
-        """Say whether windows begin anew after a jump, so long after the one before: not of a body that goes on so."""
+        """Say whether windows begin anew after a jump, `since` seconds after the last; not while a body keeps on."""
         if since < JUMPING:
             self._jumping_until = time + JUMPING
         return time >= self._jumping_until
@@ -240,7 +241,7 @@ class Doubts:
     # --- windows ---
 
     def _settle(self, now: float) -> None:
-        """See which joints are done without."""
+        """Find the joints that are left out now."""
         wanted = tuple(np.flatnonzero(self._doubted_until > now).tolist())
         if wanted == self._wanted:
             if self._fewer is None and wanted:
@@ -250,7 +251,7 @@ class Doubts:
         self._open(now)
 
     def _open(self, now: float) -> None:
-        """Open the windows of the joints that are left, at once for the first and not too often for others."""
+        """Open the windows of the other joints: at once for the first set, and not too often for further sets."""
         if not self._wanted or self._too_few or not isinstance(self._matcher, WindowMatcher):
             return
         if self._wanted != self._asked_for:
@@ -262,7 +263,7 @@ class Doubts:
         try:
             index = self._opener(self._library, kept)
         except ValueError:
-            index = None  # no motion can be compared by the joints that are left
+            index = None  # these joints cannot be compared
         if index is not None:
             self._fewer = _Fewer(self._matcher.over(index), self._library, index)
             self._fewer.fill(self._matcher)
@@ -284,7 +285,7 @@ class Doubts:
             self._fewer.clear()
 
     def read(self, time: float, noise: float = 0.0) -> Reading | None:
-        """Read the windows of the joints that are believed, with noise as `stream.recognizer.matcher` takes it."""
+        """Read the windows of the joints that are believed; `noise` as in `Matcher.read`."""
         reading = self._fewer.read(noise) if self._fewer else self._matcher.read(noise)
         if reading is None or not (time < self._jumping_until or (self._wanted and not self._fewer)):
             return reading
@@ -299,7 +300,7 @@ class _Fewer:
         self._matcher = matcher
 
     def fill(self, whole: WindowMatcher) -> None:
-        """Take in what a matcher of all joints still has in its windows."""
+        """Take in the rows that are still in the windows of a matcher of all joints."""
         times, rows = whole.recent()
         for begin in range(0, len(times), MAX_PENDING):
             some = slice(begin, begin + MAX_PENDING)

@@ -16,7 +16,7 @@ MAX_RESTRICTED = 8
 #: Restricts a library to some of its joints; None while the restricted library is not ready. Raises ValueError where
 #: nothing can be compared by these joints.
 Restricter = Callable[[MotionLibrary, tuple[str, ...]], MotionLibrary | None]
-#: Gives a library's windows as a body of some of its joints shows them, in the same way.
+#: Gives a library's windows as a body of some of its joints shows them; None while they are not ready.
 Opener = Callable[[MotionLibrary, tuple[str, ...]], WindowIndex | None]
 
 
@@ -35,7 +35,7 @@ def opened_anew(library: MotionLibrary, joints: tuple[str, ...]) -> WindowIndex:
         No motion of the library is long enough for a window.
     """
     index = WindowIndex.of(library.restricted_to(joints))
-    _ = index.rejection  # is learned when it is first asked for: better here than while a frame waits
+    _ = index.rejection  # learned at the first use, which must not be while a frame waits
     return index
 
 

@@ -1,12 +1,12 @@
-"""Which joints of a feed can be believed: bodies keep the length of their segments, and no body moves at any speed.
+"""Which joints of a feed can be believed: a body's segments keep their length, and no body moves at any speed.
 
-Three things are noticed. The whole body is elsewhere between two frames (`Jump`): its sides were exchanged, its unit
-changed, or another posture is shown. A segment is longer, shorter or stretches more than the library's motions allow:
-a joint at one of its ends is wrong. A joint keeps one place to the last digit while the joints next to it move: the
-tracker lost it and repeats it.
+Three things are noticed. First, the whole body is elsewhere between two frames (`Jump`): its sides were exchanged, its
+unit changed, or another posture is shown. Second, a segment is longer or shorter, or stretches more, than the library's
+motions allow: a joint at one of its ends is wrong. Third, a joint keeps one position to the last digit while the joints
+next to it move: the tracker lost it and repeats it.
 
-All lengths are measured in the library's metres: a feed in millimetres is judged as one in metres is. The steps between
-frames are looked at once a hop; lengths and places are looked at in one frame a hop, three times a second.
+All lengths are measured in the library's metres, so the feed's unit does not matter. The steps between frames are
+checked once a hop; lengths and positions are collected once a hop and judged three times a second.
 """
 
 from __future__ import annotations
@@ -26,41 +26,43 @@ if TYPE_CHECKING:
 
     from kinespace.library.motion_library import MotionLibrary
 
-#: Metres that a sixth of the joints step between two frames, and metres per second, from which a body may have jumped:
-#: 99.9 % of the steps of CMU's takes are a quarter slower.
+#: A body may have jumped when a sixth of its joints step farther than these metres between two frames, and faster than
+#: these metres per second; 99.9 % of the steps of CMU's takes are a quarter slower.
 JUMP_STEP, JUMP_SPEED = 0.12, 7.0
 _JUMPING_JOINTS = 6
-#: A jump is so many times as far and as fast as the step before; or it goes back where that step came from: cosine
+#: A jump is so many times as far and as fast as the step before; or it goes back where that step came from: the cosine
 #: between them.
 SUDDEN, _BACK = 3.0, -0.5
 #: Share of the step that may be left when a correction explains a jump.
 _EXPLAINED = 0.34
 #: A change of unit scales all segments alike, by at least so much.
 _MIN_UNIT_CHANGE, _ALIKE = 1.25, 0.05
-#: Seconds over which lengths and places are looked at: this span and the one before it together.
+#: Seconds over which lengths and positions are judged: one span and the span before it together.
 SPAN = 1 / 3
-#: Metres by which a rigid segment may change, what each metre of the feed's own tremble adds, and the most that both
-#: may come to: a depth sensor stretches limbs by decimetres.
+#: Metres by which a rigid segment may change, further metres for each metre of the feed's own tremble, and a limit for
+#: both: a depth sensor stretches limbs by decimetres.
 RIGID, PER_TREMBLE, MAX_STRETCH = 0.03, 25.0, 0.5
-#: A segment may be so many times as long as the library's longest, or as short as its shortest, and metres beyond it.
+#: A segment may be so many times as long as the library's longest, or as short as its shortest, and so many metres
+#: beyond.
 PROPORTION, BEYOND = 1.7, 0.1
-#: Log of the factor between a segment and the library's, from which on, as the middle one of all segments, the joints
-#: stand in another order.
+#: The joints are in another order when the median factor between segments and the library's is beyond this, as a
+#: logarithm.
 DISORDER = 0.6
-#: A place is kept to the last digit: metres. A frozen joint's segment changes by more than this where bodies are rigid.
+#: Metres within which a position stays the same, and by which a frozen joint's segment changes at least on a rigid
+#: body.
 SAME_PLACE, FROZEN_STRETCH = 2e-5, 0.002
-#: Metres of tremble, the median of what segments change in two spans, from which a body is not rigid: then a joint that
-#: does not tremble is frozen, and a segment must be wrong for so many judgements in a row, because a hand that a sensor
-#: does not see strays for a moment. Each judgement keeps this share of the tremble.
+#: From this tremble on, metres (the median change of segments in two spans), a body is not rigid: then a joint that
+#: does not tremble is frozen, and a segment must be wrong in so many judgements in a row, because a hand that a sensor
+#: does not see strays for a moment. The share of the tremble that each judgement keeps.
 TREMBLES, _LASTING, _KEPT = 0.004, 3, 0.98
-#: Frames of the library from which lengths are measured.
+#: One in so many of the library's frames is measured for lengths.
 _EVERY = 4
-#: Frames of a span that are looked at: a slow feed has longer spans.
+#: Frames of a span that are looked at, at least and at most; a slow feed has longer spans.
 _MIN_LOOKS, _MAX_LOOKS = 6, 16
 
 
 class Change(StrEnum):
-    """What explains a jump of the whole body."""
+    """Explanations of a jump of the whole body."""
 
     POSTURE = "the whole body jumped"
     EXCHANGED = "left and right were exchanged, and are put right,"
@@ -68,14 +70,14 @@ class Change(StrEnum):
 
 
 class Step(NamedTuple):
-    """How far each joint goes from one frame to the next, shape (joints, 3), metres, and in how many seconds."""
+    """Each joint's step from one frame to the next, shape (joints, 3), metres, and the seconds between them."""
 
     step: NDArray[np.float64]
     elapsed: float
 
 
 class Jump(NamedTuple):
-    """The whole body is elsewhere between two frames: why, and the factor on its unit (1 but for `Change.UNIT`)."""
+    """A jump of the whole body between two frames: its explanation, and the factor on its unit (else 1)."""
 
     change: Change
     factor: float = 1.0
@@ -83,19 +85,19 @@ class Jump(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ExpectedBody:
-    """How long the segments of a library's bodies are, and which joints are each other's on the other side.
+    """The lengths of a library's segments, and the pairs of joints on the two sides of the body.
 
     Attributes
     ----------
     parents
-        Of each joint, as `Skeleton` has them; empty when they are not known: then segments are not judged.
+        The parent of each joint, as in `Skeleton`; empty when parents are not known: then segments are not judged.
     children
         The joint at the lower end of each segment, shape (segments,).
     mean, shortest, longest, spread
         Length of each segment in metres: mean, least, greatest, and the greatest change in one motion.
     mirrored
-        Index of each joint on the other side of the body, its own for a joint in the middle, shape (joints,); None for
-        names that tell no sides.
+        Index of each joint on the other side of the body, a joint's own index in the middle, shape (joints,); None when
+        the names tell no sides.
     """
 
     parents: NDArray[np.intp]
@@ -173,9 +175,9 @@ class Plausibility:
     Parameters
     ----------
     body
-        Of the library's skeleton.
+        The library's bodies.
     joints
-        How many joints a frame has.
+        The number of joints in a frame.
 
     Attributes
     ----------
@@ -215,31 +217,31 @@ class Plausibility:
     # --- steps ---
 
     def jumped(self, before: Step, now: Step) -> bool:
-        """Say whether a body's step is a jump of the whole body, of no kind with the step before it."""
+        """Say whether a body's step is a jump of the whole body, unlike the step before it."""
         length = self._step_length(now.step) * self._scale
         if length < max(JUMP_STEP, JUMP_SPEED * now.elapsed):
             return False
         usual = self._step_length(before.step) * self._scale
-        # Whoever turns or leaps steps as far in the frame before, and on in the same direction.
+        # A body that turns or leaps took as large a step before, in the same direction.
         sudden = length > SUDDEN * usual * max(1.0, now.elapsed / before.elapsed)
         return sudden or float(np.vdot(before.step, now.step)) < _BACK * np.sqrt(
             float(np.vdot(before.step, before.step)) * float(np.vdot(now.step, now.step))
         )
 
     def may_jump(self, squares: float, elapsed: float) -> bool:
-        """Say from the sum of squares of steps, m², whether a jump or a lost joint may be among them; quick."""
+        """Say quickly, from the sum of squares of steps, m², whether a jump or a lost joint may be among them."""
         least = max(JUMP_STEP, JUMP_SPEED * elapsed) / self._scale
-        # NaN is a lost joint.
+        # NaN means a lost joint.
         return not squares < self._jumping * least * least
 
     def _step_length(self, step: NDArray[np.float64]) -> float:
-        """Give how far a sixth of the joints step, metres, the step of the body as a whole apart."""
+        """Give how far a sixth of the joints step, metres, relative to the step of the body as a whole."""
         own = step - np.median(step, axis=0)
         lengths = np.sqrt(np.einsum("jc,jc->j", own, own))
         return float(np.partition(lengths, -self._jumping)[-self._jumping])
 
     def explained(self, before: NDArray[np.float64], after: NDArray[np.float64]) -> Jump:
-        """Say what explains a jump between two frames (joints, 3)."""
+        """Explain a jump between two frames (joints, 3)."""
         length = self._step_length(after - before)
         mirrored = self._body.mirrored
         if mirrored is not None and self._step_length(after[mirrored] - before) < _EXPLAINED * length:
@@ -260,7 +262,7 @@ class Plausibility:
     # --- spans ---
 
     def look(self, time: float, positions: NDArray[np.float64]) -> bool:
-        """Look at one frame (joints, 3) of a hop, lost joints NaN; say whether a span is over: `doubted` is new."""
+        """Look at one frame (joints, 3) of a hop, lost joints NaN; say whether a span is over and `doubted` is new."""
         self._since = min(self._since, time)
         if self._count < _MAX_LOOKS:
             self._looks[self._count] = positions
@@ -273,7 +275,7 @@ class Plausibility:
         return True
 
     def begin_again(self) -> None:
-        """Forget the frames before a jump: what lay between is no stretch of a segment."""
+        """Forget the frames before a jump: a segment did not stretch between them and the frames after it."""
         self._forget_spans()
 
     def _judge(self, span: _Span) -> None:
@@ -300,13 +302,13 @@ class Plausibility:
         self.doubted = frozenset(np.flatnonzero(self._in_a_row >= (1 if rigid else _LASTING)).tolist())
 
     def _in_disorder(self, lengths: NDArray[np.float64]) -> bool:
-        """Say whether segments have lengths as if the joints stood in another order."""
+        """Say whether the lengths of segments look as if the joints were in another order."""
         known = lengths > 0
         ratios = np.log(lengths[known] / self._body.mean[known])
         return len(ratios) > 0 and _middle(np.abs(ratios)) > DISORDER
 
     def _frozen(self, kept: NDArray[np.bool_], changed: NDArray[np.bool_]) -> set[int]:
-        """Give the joints that keep their place though a segment between them and the moving body changes."""
+        """Give the joints that keep their position though a segment between them and the moving body changes."""
         body = self._body
         if not kept.any() or kept.all():
             return set()
@@ -314,7 +316,7 @@ class Plausibility:
         border = changed & (kept[body.children] != kept[above])
         ends = zip(body.children[border].tolist(), above[border].tolist(), strict=True)
         frozen = {child if kept[child] else parent for child, parent in ends}
-        # What hangs on a frozen joint and keeps its place is frozen with it.
+        # Joints below a frozen joint that keep their position are frozen with it.
         inner = kept[body.children] & kept[above]
         segments = list(zip(body.children[inner].tolist(), above[inner].tolist(), strict=True))
         while more := {end for segment in segments if frozen & {*segment} for end in segment} - frozen:
@@ -323,9 +325,9 @@ class Plausibility:
 
 
 class _Span(NamedTuple):
-    """What was seen in a span: least and greatest length of each segment, least and greatest place of each joint.
+    """The extremes of a span: least and greatest length of each segment, least and greatest position of each joint.
 
-    Of a joint that was never there all is NaN, which is neither more nor less than anything.
+    All numbers of a joint that was never there are NaN, which compares as neither less nor greater.
     """
 
     lowest: NDArray[np.float64]
@@ -348,16 +350,16 @@ class _Span(NamedTuple):
 
 
 def _middle(numbers: NDArray[np.float64]) -> float:
-    """Give the upper median; numpy's own takes several times as long for a few numbers."""
+    """Give the upper median; numpy's own median is slow for a few numbers."""
     place = len(numbers) // 2
     return float(np.partition(numbers, place)[place])
 
 
 def _blamed(broken: NDArray[np.bool_], body: ExpectedBody, known: set[int]) -> set[int]:
-    """Give the fewest joints that explain all broken segments but those of joints known to be wrong.
+    """Give the fewest joints that explain all broken segments that the known wrong joints do not explain.
 
-    A joint at the end of several broken segments is wrong by itself. Of a single broken segment the smaller part of the
-    body that it separates is wrong.
+    A joint at the end of several broken segments is wrong itself. A single broken segment separates the body into two
+    parts, and the smaller part is wrong.
     """
     left = [(int(child), int(body.parents[child])) for child in body.children[broken]]
     left = [segment for segment in left if not known & {*segment}]
@@ -374,7 +376,7 @@ def _blamed(broken: NDArray[np.bool_], body: ExpectedBody, known: set[int]) -> s
 
 
 def _smaller_side(child: int, body: ExpectedBody) -> set[int]:
-    """Give the joints below a segment, or all others when those are fewer."""
+    """Give the joints below a segment, or all other joints when they are fewer."""
     below = {child}
     while more := {joint for joint in body.children.tolist() if body.parents[joint] in below} - below:
         below |= more

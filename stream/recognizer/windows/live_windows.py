@@ -1,4 +1,4 @@
-"""The signature of a live window: the moments of one performer's last seconds, and every part read off them."""
+"""The signature of a live window: the moments of one performer's last seconds, and every part computed from them."""
 
 from __future__ import annotations
 
@@ -34,12 +34,12 @@ if TYPE_CHECKING:
 
 
 class LiveSignature(NamedTuple):
-    """What the windows that end now are.
+    """The numbers of the windows that end now.
 
     Attributes
     ----------
     numbers
-        Of each part, (numbers,).
+        The numbers of each part, (numbers,).
     movement
         Movement (`library.windows.parts.movement`) over the longest window of distances.
     eigenvector
@@ -65,7 +65,7 @@ class LiveWindows:
     Parameters
     ----------
     body, basis
-        Of the library's skeleton.
+        The body and the basis of the library.
 
     Attributes
     ----------
@@ -77,7 +77,7 @@ class LiveWindows:
         self._set_body(body)
         self.longest = max(*DISTANCE_LENGTHS, *BASIS_LENGTHS)
         pairs = len(basis.directions)
-        # Rows are kept for as long as points are: in another basis they have other points.
+        # Rows are kept as long as points, because another basis gives other points.
         self._distances = SlidingWindow(self.longest, pairs)
         self._shorter = tuple(ShorterWindow(self._distances, seconds) for seconds in DISTANCE_LENGTHS)
         self._moments = tuple(RollingMoments(each, pairs) for each in self._shorter)
@@ -93,14 +93,14 @@ class LiveWindows:
         shorter = [ShorterWindow(self._points, seconds) for seconds in BASIS_LENGTHS[:-1]]
         windows: list[Window] = [*shorter, self._points]
         self._covariances = tuple(RollingCovariance(each, directions) for each in windows)
-        # What is shorter follows first.
+        # The windows of shorter lengths are updated first.
         self._rolling = (*self._moments, *self._covariances)
         self._windows: tuple[SlidingWindow | ShorterWindow, ...]
         self._windows = (self._distances, self._points, *self._shorter, *shorter)
         self._pairs_found = min(EIGENVECTORS, directions)
 
     def exchange(self, body: Body, basis: Basis) -> None:
-        """Follow the same rows, in another basis of the same distances and measured by another body."""
+        """Follow the same rows, in another basis of the same distances and with another body's measures."""
         self._set_body(body)
         if np.array_equal(basis.directions, self._directions):
             return
@@ -135,7 +135,7 @@ class LiveWindows:
         return point
 
     def recent(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Give the times and the distance rows of the longest window, views good until the next push."""
+        """Give the times and the distance rows of the longest window; views, valid until the next push."""
         return self._distances.times, self._distances.rows
 
     def read(self) -> LiveSignature:
@@ -158,7 +158,7 @@ class LiveWindows:
     def _read_compiled(self, loops: compiled.Loops) -> LiveSignature:
         pairs, directions = self._directions.shape
         distances = np.empty((len(self._moments), len(_KINDS), pairs))
-        # Of each window the eigenvectors as they are, and scaled.
+        # The eigenvectors of each window, unscaled and scaled.
         eigenvectors = np.empty((len(self._covariances), 2, self._pairs_found, directions))
         values = np.empty(self._pairs_found)
         moved = 0.0
@@ -183,10 +183,10 @@ class LiveWindows:
         return LiveSignature(numbers, moved, *Leading.of(totals[-1], values, eigenvectors[-1, 0, 0]))
 
 
-#: The kinds of parts of distances, as the compiled loops write them.
+#: The kinds of parts of distances, in the order in which the compiled loops write them.
 _KINDS = (Kind.SPREAD, Kind.POSTURE, Kind.TREND)
-#: Of each part its kind, None for eigen parts, and where the compiled loops write it: which of the lengths, and which
-#: of the kinds, or the eigenvectors that are scaled.
+#: For each part its kind, None for eigen parts, and where the compiled loops write it: the index of its length, and the
+#: index of its kind or of the scaled eigenvectors.
 _PLACES = tuple(
     (part, None, (BASIS_LENGTHS.index(part.seconds), 1))
     if part.kind is Kind.EIGEN
@@ -196,14 +196,14 @@ _PLACES = tuple(
 
 
 def _batches(window: SlidingWindow) -> Iterator[tuple[list[float], NDArray[np.float64]]]:
-    """Give the times and rows that are in a window, as many at a time as may be pushed to another."""
+    """Give the times and rows in a window, as many at a time as may be pushed to another window."""
     for begin in range(0, len(window), MAX_PENDING):
         some = slice(begin, begin + MAX_PENDING)
         yield window.times[some].tolist(), window.rows[some]
 
 
 class Leading(NamedTuple):
-    """The leading eigenvector of one window; fields are those of `LiveSignature`."""
+    """The leading eigenvector of one window; the fields are as in `LiveSignature`."""
 
     eigenvector: NDArray[np.float64]
     share: float
@@ -211,7 +211,7 @@ class Leading(NamedTuple):
 
     @classmethod
     def of(cls, total: float, values: NDArray[np.float64], eigenvector: NDArray[np.float64]) -> Leading:
-        """Read it off the trace of a covariance, its leading eigenvalues, and its leading eigenvector."""
+        """Compute it from a covariance's trace, leading eigenvalues and leading eigenvector."""
         listed: list[float] = [*values.tolist(), 0.0]
         first, second = (max(each, 0.0) for each in listed[:2])
         moves = total > 0 and first > 0
@@ -219,12 +219,12 @@ class Leading(NamedTuple):
 
 
 class PaperWindow:
-    """Follows the one window that the paper's signature looks at.
+    """Follows the one window of the paper's signature.
 
     Parameters
     ----------
     basis
-        Without weights.
+        The library's basis, without weights.
     seconds
         Length of the window.
     """

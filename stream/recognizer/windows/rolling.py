@@ -1,11 +1,11 @@
-"""Moments of a sliding window, kept up to date by what enters and what leaves.
+"""Moments of a sliding window, updated by the rows that enter and leave.
 
-Sums of values of a metre that move by a millimetre lose their digits, and the loss bites when a performer stands still
-right after moving: what left took large values along, and their rounding stays behind. Two habits keep the sums exact.
-Values are held relative to a reference row near the window's mean, so that they are as small as the movement. And the
-rounding that may have gathered is bounded as it gathers; when the bound is no longer small against the variance that
-is left, everything is computed afresh from the window's rows. While a performer moves that happens every ten seconds
-or so, right after a stop at once.
+Sums of values of a metre that move by a millimetre lose digits. The loss shows when a performer stands still right
+after moving: the rows that left had large values, and their rounding stays in the sums. Two habits keep the sums exact.
+Values are taken relative to a reference row near the window's mean, so that they are as small as the movement. And a
+bound of the rounding grows with every row; when the bound is no longer small against the variance that is left, the
+sums are computed afresh from the window's rows. That happens every ten seconds or so while a performer moves, and right
+after a stop.
 """
 
 from __future__ import annotations
@@ -28,11 +28,11 @@ if TYPE_CHECKING:
 
 Rows = NDArray[np.float64]
 
-#: Rounding, relative to the total variance, at which everything is computed afresh: well inside the promised 1e-9.
+#: Rounding, relative to the total variance, from which on sums are computed afresh: well inside the promised 1e-9.
 DRIFT_TOLERANCE = 1e-11
 #: Rounding of a number, relative to it.
 EPSILON = float(np.finfo(np.float64).eps)
-#: Movement, relative to the distance, below which lost digits are of no interest.
+#: Movement, relative to the distance, below which lost digits do not matter.
 _NO_MOVEMENT = 1e-6
 
 
@@ -42,14 +42,14 @@ class Rolling(ABC):
     Parameters
     ----------
     window
-        The window whose changes are followed; nothing else may take its changes.
+        The window whose changes are followed; no other object may take its changes.
 
     Attributes
     ----------
     count
-        How many rows there are.
+        Rows in the window.
     refreshes
-        How often the sums were computed afresh, from the window's rows alone.
+        How often the sums were computed afresh from the window's rows.
     """
 
     def __init__(self, window: Window) -> None:
@@ -87,19 +87,19 @@ class Rolling(ABC):
 
     @abstractmethod
     def _begin(self, rows: Rows, times: Rows) -> None:
-        """Forget all sums, and choose what rows are taken relative to."""
+        """Forget all sums, and choose the reference row."""
 
     @abstractmethod
     def _follow(self, change: Change) -> None:
-        """Add what entered, and take away what left."""
+        """Add the rows that entered, and subtract the rows that left."""
 
     @abstractmethod
     def _largest(self) -> float:
-        """Give the largest sum of squares: it bounds the rounding of all."""
+        """Give the largest sum of squares, which bounds the rounding of all sums."""
 
     @abstractmethod
     def _scatter(self) -> float:
-        """Give what is left of that sum relative to the mean, or below what it is of no interest."""
+        """Give the variance that is left in that sum, or the variance below which lost digits do not matter."""
 
 
 class RollingMoments(Rolling):
@@ -108,24 +108,24 @@ class RollingMoments(Rolling):
     Parameters
     ----------
     window
-        Of distance rows.
+        The window of distance rows.
     width
         Distances in a row.
 
     Attributes
     ----------
     sums
-        The reference row, and of the rows relative to it the sum, the sum of products with time, and the sum of
+        The reference row; and of the rows relative to it the sum, the sum of products with time, and the sum of
         squares, shape (4, width).
     clock
-        The reference time, and of the times relative to it the sum, and the sum of squares, shape (3,).
+        The reference time; and of the times relative to it the sum, and the sum of squares, shape (3,).
     """
 
     def __init__(self, window: Window, width: int) -> None:
         super().__init__(window)
         self.sums, self.clock = np.zeros((4, width)), np.zeros(3)
         self._no_movement = 0.0
-        # One distance that stood still while others moved must not be lost: the largest sum of squares, and its sum.
+        # The largest sum of squares, and its sum: a distance that stood still while others moved must not be lost.
         self._squares = self._sum = 0.0
 
     def _begin(self, rows: Rows, times: Rows) -> None:
@@ -184,16 +184,17 @@ class RollingCovariance(Rolling):
     Parameters
     ----------
     window
-        Of points in the basis.
+        The window of points in the basis.
     width
         Directions of the basis.
 
     Attributes
     ----------
     total, products
-        Of the points relative to a reference the sum, shape (width,), and the sum of products, shape (width, width).
+        The sum of the points relative to a reference, shape (width,), and the sum of their products, shape (width,
+        width).
     no_scatter
-        Trace of a covariance at which nothing moves.
+        Trace of a covariance below which nothing moves.
     """
 
     def __init__(self, window: Window, width: int) -> None:
@@ -204,7 +205,7 @@ class RollingCovariance(Rolling):
         # The trace of the products, and the squared length of the sum.
         self._trace = self._square = 0.0
 
-    def _begin(self, rows: Rows, times: Rows) -> None:  # noqa: ARG002 - a covariance has no use for times
+    def _begin(self, rows: Rows, times: Rows) -> None:  # noqa: ARG002 - a covariance needs no times
         np.mean(rows, axis=0, out=self._reference)
         self.no_scatter = _NO_MOVEMENT**2 * float(self._reference @ self._reference)
         self.total[:] = 0.0
@@ -229,7 +230,7 @@ class RollingCovariance(Rolling):
         return max(self._trace - self._square / self.count, self.count * self.no_scatter)
 
     def read(self) -> Rows:
-        """Give the covariance, shape (width, width); needs a row. A body that does not move has none."""
+        """Give the covariance, shape (width, width); needs a row. For a body that does not move it is 0."""
         mean = self.total / self.count
         covariance: Rows = self.products / self.count
         covariance -= mean[:, None] * mean
@@ -239,7 +240,7 @@ class RollingCovariance(Rolling):
 
 
 def _weighed(change: Change) -> tuple[Rows, Rows]:
-    """Copy what entered and what left to one array, and give 1 for each row of the former and -1 of the latter."""
+    """Copy the rows that entered and left to one array, and give their signs, 1 and -1."""
     rows = np.concatenate([change.entered, change.left])
     return rows, _signs(len(change.entered), len(change.left))
 

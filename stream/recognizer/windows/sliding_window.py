@@ -1,4 +1,4 @@
-"""The sliding window: the distance rows of the last seconds, however many frames that is."""
+"""The sliding window: the distance rows of the last seconds, at any frame rate."""
 
 from __future__ import annotations
 
@@ -19,19 +19,19 @@ if TYPE_CHECKING:
 
 #: Frames per second up to which a window holds all its seconds. A faster feed shortens the window.
 MAX_FEED_RATE = 500.0
-#: A process that forks and its child have windows of their own; where no process forks the word means something else.
+#: After a fork the child has windows of its own; on systems without fork the flag means something else.
 _PRIVATE = mmap.ACCESS_COPY if hasattr(os, "fork") else mmap.ACCESS_DEFAULT
 #: Rows that may enter before the changes must be taken.
 MAX_PENDING = 64
-#: Seconds within which two spans are as long. A feed's times are multiples of a frame with rounding, a quarter of a
-#: microsecond when they count from 1970; so ties are decided alike at every rate.
+#: Seconds within which two spans count as equal. A feed's times are multiples of a frame with rounding, a quarter of a
+#: microsecond for times since 1970; so ties are decided alike at every rate.
 _TIE = 1e-6
 
 
 class Change(NamedTuple):
-    """Rows that a window took in and let go since it was last asked, oldest first.
+    """Rows that entered and left a window since the last call, oldest first.
 
-    All are views into the window's memory: good until the next push.
+    All are views into the window's memory, valid until the next push.
 
     Attributes
     ----------
@@ -48,7 +48,7 @@ class Change(NamedTuple):
 
 
 class Window(Protocol):
-    """What sums that follow a window need of it."""
+    """The part of a window that rolling sums need."""
 
     @property
     def pending(self) -> int:
@@ -56,24 +56,24 @@ class Window(Protocol):
 
     @property
     def rows(self) -> NDArray[np.float64]:
-        """The rows in the window, shape (rows, width), oldest first; a view, good until the next push."""
+        """The rows in the window, shape (rows, width), oldest first; a view, valid until the next push."""
 
     @property
     def times(self) -> NDArray[np.float64]:
-        """Their times, shape (rows,), seconds; a view, good until the next push."""
+        """The times of the rows, shape (rows,), seconds; a view, valid until the next push."""
 
     def __len__(self) -> int: ...
 
     def take_change(self) -> Change:
-        """Say what entered and what left since the last call; a row that did both is in neither."""
+        """Give the rows that entered and left since the last call; a row that did both is in neither list."""
 
 
 class SlidingWindow:
     """Distance rows of the last seconds, ending with the newest frame.
 
-    A row at time t is in the window while the newest time is less than t + seconds; the newest always is. Rows lie
-    one after another in time order in memory allocated once. Before they reach its end they move back to the front, one
-    row's copy per row on average, which is what makes every read a plain slice.
+    A row at time t is in the window while the newest time is less than t + seconds; the newest row always is. Rows lie
+    one after another in time order in memory that is allocated once. Before they reach its end they move back to the
+    front, on average one copy of each row; so every read is a plain slice.
 
     Parameters
     ----------
@@ -102,37 +102,37 @@ class SlidingWindow:
             raise ValueError(f"width, fastest: expected positive numbers, got {width}, {fastest}")
         self.seconds = seconds
         self._most = max(2, math.ceil(seconds * fastest))
-        # Twice what may have to be kept, so that moving back never overlaps. The system commits only what is touched:
-        # a slow feed does not pay for a fast one's room.
+        # Twice the rows that may have to be kept, so that moving back never overlaps. The system commits only pages
+        # that are used: a slow feed does not pay for the room of a fast one.
         room = 2 * (self._most + 2 * MAX_PENDING)
         self._rows = _reserved(room, width)
         self._times = np.empty(room)
         self.clear()
 
     def clear(self) -> None:
-        """Forget all rows, as at the start; what had left or entered is forgotten with them."""
+        """Forget all rows, as at the start, and all changes."""
         self._kept = self._start = self._fresh = self.end = 0
         self.moved = 0
-        # Plain numbers beside the array: to look one up in it takes as long as all the rest of a push.
+        # Plain numbers beside the array, because looking one up in an array is slow.
         self._since = self._oldest = math.nan
         self._newest = -math.inf
 
     def push(self, times: Sequence[float], rows: NDArray[np.float64]) -> None:
-        """Take in rows, all at once as if one by one, and let go of those that are `seconds` old.
+        """Take in rows, all at once as if one by one, and drop the rows that are `seconds` old.
 
         Parameters
         ----------
         times
-            When each was, seconds; every one later than the one before.
+            The time of each row, seconds, later than the row before.
         rows
             Shape (rows, width).
 
         Raises
         ------
         ValueError
-            A time is not later than the one before, or there are more rows or fewer than times. None is taken in.
+            A time is not later than the one before, or rows and times differ in number. No row is taken in.
         RuntimeError
-            More than `MAX_PENDING` rows would have entered since `take_change` was last called. None is taken in.
+            More than `MAX_PENDING` rows would have entered since `take_change` was last called. No row is taken in.
         """
         count = len(times)
         if len(rows) != count:
@@ -158,7 +158,7 @@ class SlidingWindow:
 
     def _let_go(self, too_old: float) -> None:
         start, oldest, last = self._start, self._oldest, self.end - 1
-        # Times in other units may be so large that even the newest is not above `too_old`.
+        # Times in other units may be so large that even the newest time is not above `too_old`.
         while start < last and (oldest <= too_old or last - start >= self._most):
             start += 1
             oldest = self._times.item(start)
@@ -179,19 +179,19 @@ class SlidingWindow:
         return self.end - self._fresh
 
     def take_change(self) -> Change:
-        """Say what entered and what left since the last call; a row that did both is in neither."""
+        """Give the rows that entered and left since the last call; a row that did both is in neither list."""
         fresh = max(self._fresh, self._start)
         came, went = slice(fresh, self.end), slice(self._kept, min(self._start, self._fresh))
         self.pass_over()
         return Change(self._rows[came], self._rows[went], self._times[came], self._times[went])
 
     def pass_over(self) -> None:
-        """Pass over the changes: nobody follows this window."""
+        """Discard the changes, because no sums follow this window."""
         self._kept, self._fresh = self._start, self.end
 
     @property
     def rows(self) -> NDArray[np.float64]:
-        """The rows in the window, shape (rows, width), oldest first; a view, good until the next push.
+        """The rows in the window, shape (rows, width), oldest first; a view, valid until the next push.
 
         Each row is contiguous and begins with a cache line.
         """
@@ -199,7 +199,7 @@ class SlidingWindow:
 
     @property
     def times(self) -> NDArray[np.float64]:
-        """Their times, shape (rows,), seconds; a view, good until the next push."""
+        """The times of the rows, shape (rows,), seconds; a view, valid until the next push."""
         return self._times[self._start : self.end]
 
     @property
@@ -217,16 +217,16 @@ class SlidingWindow:
 
 
 class ShorterWindow:
-    """The last of a longer window's seconds, in the same memory; it moves on when its changes are taken.
+    """The last seconds of a longer window, in the same memory; it moves on when its changes are taken.
 
     Parameters
     ----------
     window
-        The longer one. Its changes must be taken after this one's, and with it this one must be cleared.
+        The longer window. Its changes must be taken after this window's, and both windows must be cleared together.
     seconds
         Length of the shorter window.
     fastest
-        Frames per second up to which it keeps its length.
+        Frames per second up to which the window keeps its length.
     """
 
     def __init__(self, window: SlidingWindow, seconds: float, fastest: float = MAX_FEED_RATE) -> None:
@@ -237,7 +237,7 @@ class ShorterWindow:
 
     def clear(self) -> None:
         """Forget all rows."""
-        # Places as they would be had no row moved back.
+        # Places as if no row had moved back.
         self._start = self._end = 0
 
     @property
@@ -246,7 +246,7 @@ class ShorterWindow:
         return self._window.end + self._window.moved - self._end
 
     def take_change(self) -> Change:
-        """Say what entered and what left since the last call; a row that did both is in neither."""
+        """Give the rows that entered and left since the last call; a row that did both is in neither list."""
         moved, end = self._window.moved, self._window.end
         kept, fresh, last = self._start - moved, self._end - moved, end - 1
         start, too_old = kept, self._times.item(last) - (self.seconds - _TIE)
@@ -264,7 +264,7 @@ class ShorterWindow:
 
     @property
     def times(self) -> NDArray[np.float64]:
-        """Their times, shape (rows,), seconds; a view."""
+        """The times of the rows, shape (rows,), seconds; a view."""
         moved = self._window.moved
         return self._times[self._start - moved : self._end - moved]
 
@@ -273,10 +273,9 @@ class ShorterWindow:
 
 
 def _reserved(rows: int, width: int) -> NDArray[np.float64]:
-    """Reserve memory of which only the pages that are touched are ever committed.
+    """Reserve memory of which only the used pages are committed.
 
-    An array of numpy's own above 4 MB asks for pages of 2 MB on Linux, and for a hundred performers the difference to
-    small ones is 70 MB.
+    numpy asks for pages of 2 MB on Linux for arrays above 4 MB, which wastes memory for many performers.
     """
     stride = numbers_per_row(width)
     size = rows * stride * np.dtype(np.float64).itemsize
@@ -285,8 +284,8 @@ def _reserved(rows: int, width: int) -> NDArray[np.float64]:
     except (OSError, OverflowError) as error:
         raise MemoryError(f"expected room for {rows} rows of {width} numbers, {size} bytes") from error
     if hasattr(mmap, "MADV_NOHUGEPAGE"):
-        # A kernel built without large pages refuses, and has no need of it.
+        # A kernel built without large pages refuses, and does not need the advice.
         with suppress(OSError):
             memory.madvise(mmap.MADV_NOHUGEPAGE)
-    # Memory of the system's begins with a page, so that every row begins with a cache line.
+    # The system's memory begins with a page, so that every row begins with a cache line.
     return np.frombuffer(memory, dtype=np.float64).reshape(rows, stride)[:, :width]

@@ -1,7 +1,7 @@
-"""Smoothing of a noisy feed: distances of a sensor that trembles are averaged over a moment, a clean feed's are not.
+"""Smoothing of a noisy feed: the distances of a trembling sensor are averaged over a moment, a clean feed's are not.
 
-The noise is read off the second differences of successive rows. For white noise of variance σ² their variance is 6 σ²,
-while a motion hardly bends between three frames; segments between a joint and its parent do not change at all.
+The noise is estimated from the second differences of successive rows. For white noise of variance σ² their variance is
+6 σ², while a motion hardly bends between three frames; the lengths of segments do not change at all.
 """
 
 from __future__ import annotations
@@ -20,11 +20,12 @@ if TYPE_CHECKING:
 NOISY = 0.0113
 #: Seconds over which the rows of a noisy feed are averaged, and over which the noise is estimated.
 _AVERAGED, _ESTIMATED = 0.1, 1.0
-#: The variance of second differences of white noise, over the noise's.
+#: The variance of second differences of white noise, relative to the noise's variance.
 _SECOND_DIFFERENCE = 6.0
-#: Seconds within which two spans are as long: frame times are rounded (`stream.recognizer.windows.sliding_window`).
+#: Seconds within which two spans count as equal, because frame times are rounded
+#: (`stream.recognizer.windows.sliding_window`).
 _TIE = 1e-6
-#: Rows kept to average over.
+#: Rows that are kept to average over.
 _MAX_ROWS = 64
 
 
@@ -34,7 +35,7 @@ class RowSmoother:
     Parameters
     ----------
     segments
-        The pairs that are segments, shape (segments,); when there are none, all pairs tell the noise.
+        The pairs that are segments, shape (segments,); when there are none, the noise is estimated from all pairs.
     width
         Pairs in a row.
 
@@ -59,7 +60,7 @@ class RowSmoother:
         self.noise = 0.0
 
     def smooth(self, times: Sequence[float], rows: NDArray[np.float64]) -> None:
-        """Average rows (frames, pairs), metres, in place, with the rows of the tenth of a second before each."""
+        """Average rows (frames, pairs), metres, in place, each with the rows of the tenth of a second before it."""
         begin = self._begin(len(times))
         self._end = begin + len(times)
         self._rows[begin : self._end] = rows
@@ -74,7 +75,7 @@ class RowSmoother:
             np.mean(self._rows[start : begin + index + 1], axis=0, out=rows[index])
 
     def _begin(self, new: int) -> int:
-        """Say where new rows begin, and move back those before them where there is no room."""
+        """Say where new rows begin; move back the rows before them when there is no room."""
         if self._end + new <= len(self._rows):
             return self._end
         kept = _MAX_ROWS - new
@@ -83,7 +84,7 @@ class RowSmoother:
         return kept
 
     def _estimate(self, first: int) -> None:
-        """Let the estimate follow the second differences from one kept row on."""
+        """Update the estimate by the second differences from one kept row on."""
         if self._end - first < 3:
             return
         raw = self._rows[first : self._end].take(self._segments, axis=1)

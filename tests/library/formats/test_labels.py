@@ -192,7 +192,7 @@ def test_what_is_odd_about_labels_is_said() -> None:
     ],
 )
 def test_a_line_that_makes_no_sense_is_named(tmp_path: Path, line: str, said: str) -> None:
-    """A bad line is refused naming the file, the line as an editor counts and what is wrong with it."""
+    """A bad line is refused with the file, the line number of an editor, and the mistake."""
     path = _file(tmp_path, f"{HEADER}0,1,bow\n\n{line}\n5,6,bow\n")
     with pytest.raises(LabelError, match=re.escape(f"{path}:4: {said}")):
         read_labels(path)
@@ -258,7 +258,7 @@ def test_a_cut_clip_is_its_segments_frames() -> None:
     st.lists(st.integers(1, 4000), min_size=2, max_size=6, unique=True).map(sorted),
 )
 def test_cuts_are_made_at_frame_boundaries(frame_rate: float, milliseconds: list[int]) -> None:
-    """A segment has the frames whose middles lie in it: neighbours share none and leave none out between them."""
+    """A segment has the frames whose middles lie in it: neighbours share no frame and omit none."""
     take = _take(70, frame_rate)
     times = [number / 1000 + 1e-7 for number in milliseconds]
     segments = [Segment(start, end, "bow") for start, end in pairwise(times)]

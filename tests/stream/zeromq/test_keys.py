@@ -115,7 +115,8 @@ def test_only_known_keys_are_let_in_on_both_ends(tmp_path: Path) -> None:
             assert heard(sender, frames.socket, longest=longest) is let_in
             assert heard(answers, listener.socket, longest=longest) is let_in
             while frames.receive():
-                pass
+                assert frames.sender
+                assert frames.sender[0] == "key ann"
             sender.close()
             listener.close()
 

@@ -70,7 +70,7 @@ def test_what_is_declared_as_data_is_there() -> None:
     setuptools = project()["tool"]["setuptools"]
     assert isinstance(setuptools, dict)
     declared = {(package, name) for package, names in setuptools["package-data"].items() for name in names}
-    assert declared >= {("kinespace.library.hdm05", "hdm05.npz"), ("kinespace.library.hdm05", "LICENSE-hdm05.txt")}
+    assert declared >= {("kinespace.library", "hdm05.npz"), ("kinespace.library", "LICENSE-hdm05.txt")}
     assert declared >= {(f"kinespace.{top}", "py.typed") for top in ("library", "stream", "tools")}
     for package, name in declared:
         with resources.as_file(resources.files(package)) as folder:
@@ -112,9 +112,7 @@ def test_nobody_needs_what_is_compiled() -> None:
 
 def test_the_librarys_terms_stand_beside_it() -> None:
     """The licence beside the built-in library names its terms and whom to name, and so does the library itself."""
-    text = " ".join(
-        (resources.files("kinespace.library.hdm05") / "LICENSE-hdm05.txt").read_text(encoding="utf-8").split()
-    )
+    text = " ".join((resources.files("kinespace.library") / "LICENSE-hdm05.txt").read_text(encoding="utf-8").split())
     assert "CC BY-SA 3.0" in text or "Attribution-ShareAlike 3.0" in text
     assert "HDM05" in text
     assert "Mueller" in text
@@ -122,12 +120,12 @@ def test_the_librarys_terms_stand_beside_it() -> None:
     assert (library.licence, library.attribution) == (hdm05.LICENCE, hdm05.ATTRIBUTION)
     licence = project()["project"]["license"]
     assert licence == "MIT AND CC-BY-SA-3.0"
-    assert project()["project"]["license-files"] == ["LICENSE", "library/hdm05/LICENSE-hdm05.txt"]
+    assert project()["project"]["license-files"] == ["LICENSE", "library/LICENSE-hdm05.txt"]
 
 
 def test_the_built_in_library_is_small() -> None:
     """The built-in library takes at most 3 MB."""
-    assert 0 < len((resources.files("kinespace.library.hdm05") / "hdm05.npz").read_bytes()) <= MAX_LIBRARY
+    assert 0 < len((resources.files("kinespace.library") / "hdm05.npz").read_bytes()) <= MAX_LIBRARY
 
 
 def test_the_built_in_library_is_the_one_the_recordings_give(hdm05_clips: tuple[Clip, ...]) -> None:

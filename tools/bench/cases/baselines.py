@@ -1,6 +1,6 @@
-"""What one would take instead: a class named at every hop from the last moments, by well-known means, plainly.
+"""Other well-known methods: each names a class at every hop from the last moments.
 
-All get what we have for nothing: distances by our own function, templates prepared beforehand.
+All of them get distances by our own function, and templates prepared beforehand, for free.
 """
 
 from __future__ import annotations
@@ -29,13 +29,13 @@ _EVERY = 0.25
 
 
 class Alternative(Protocol):
-    """Another way to compare the last moments with a library."""
+    """Another way of comparing the last moments with a library."""
 
     def push(self, positions: NDArray[np.floating]) -> None:
         """Take in a frame, (joints, 3), metres."""
 
     def read(self) -> NDArray[np.floating]:
-        """Compare the last moments: a score of each class, higher is nearer, shape (classes,)."""
+        """Compare the last moments: give a score for each class, higher is nearer, shape (classes,)."""
 
     def clear(self) -> None:
         """Forget the frames, as after a gap."""
@@ -47,11 +47,11 @@ class LeadingAxis:
     Parameters
     ----------
     library
-        Whose classes are asked for.
+        The library whose classes are named.
     axis
         Gives the leading eigenvector of distance rows (frames, pairs).
     frame_rate
-        Of the feed, frames per second.
+        Frames per second of the feed.
     """
 
     def __init__(
@@ -71,11 +71,11 @@ class LeadingAxis:
         self._starts = np.unique(names, return_index=True)[1]
 
     def push(self, positions: NDArray[np.floating]) -> None:
-        """Measure the frame's distances."""
+        """Append the frame's distances."""
         self._rows.append(distance_rows(positions[None], self._skeleton)[0])
 
     def read(self) -> NDArray[np.floating]:
-        """Compare the window's axis with all windows of the library."""
+        """Compare the window's leading eigenvector with those of all windows of the library."""
         products = np.abs(self._axes @ self._axis(np.array(self._rows)).astype(np.float32))
         best: NDArray[np.floating] = np.maximum.reduceat(products, self._starts)
         return best
@@ -100,16 +100,17 @@ def by_eigh(rows: NDArray[np.float64]) -> NDArray[np.float64]:
 class TimeWarping:
     """Dynamic time warping of the last second with any part of each motion: begin and end are open.
 
-    Poses in the body's own frame, thirty a second. A frame of the feed goes with the same frame of the motion as the
-    frame before, with the next or with the one after that: the asymmetric steps of Sakoe and Chiba (1978), which
-    matching with an open begin needs (Tormene et al. 2009). The score of a class is of its nearest part of a motion.
+    Poses in the body's own frame, thirty a second. A frame of the feed is matched with the motion's frame of the
+    previous match, with the next frame, or with the one after that: the asymmetric steps of Sakoe and Chiba (1978),
+    which matching with an open begin needs (Tormene et al. 2009). A class's score is that of the nearest part of a
+    motion.
 
     Parameters
     ----------
     library
-        Whose classes are asked for; of HDM05's joints.
+        The library whose classes are named, of HDM05's joints.
     frame_rate
-        Of the feed, frames per second.
+        Frames per second of the feed.
     """
 
     RATE = 30.0
@@ -164,7 +165,7 @@ def poses_in_body_frame(positions: NDArray[np.floating], skeleton: Skeleton) -> 
     positions
         Shape (frames, joints, 3), metres.
     skeleton
-        HDM05's.
+        HDM05's skeleton.
 
     Returns
     -------
@@ -181,7 +182,7 @@ def poses_in_body_frame(positions: NDArray[np.floating], skeleton: Skeleton) -> 
 
 
 def makers(library: MotionLibrary, frame_rate: float) -> dict[str, Callable[[], Alternative]]:
-    """Give, by name, how to make each alternative for a feed of so many frames per second."""
+    """Give, by name, the constructor of each alternative for a feed of so many frames per second."""
     return {
         "SVD of the window": lambda: LeadingAxis(library, by_svd, frame_rate),
         "np.cov + eigh": lambda: LeadingAxis(library, by_eigh, frame_rate),
@@ -195,14 +196,14 @@ class Hopping:
     Parameters
     ----------
     alternative
-        Who is asked.
+        The alternative that is asked.
     classes
-        The library's.
+        The library's class names.
     first, hop
-        Frames before the first answer, and between two.
+        Frames before the first answer, and between two answers.
     """
 
-    #: Seconds without a frame after which it starts anew.
+    #: Seconds without a frame after which the alternative starts anew.
     GAP = 0.5
 
     def __init__(self, alternative: Alternative, classes: Sequence[str], *, first: int, hop: int) -> None:
@@ -214,7 +215,7 @@ class Hopping:
         self._last = math.inf
 
     def push(self, frame: Frame) -> str | None:
-        """Take in a frame; the name of a class when an answer is due."""
+        """Take in a frame; give the name of a class when an answer is due."""
         if frame.time - self._last > self.GAP:
             self._alternative.clear()
             self._frames = 0

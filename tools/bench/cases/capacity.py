@@ -1,4 +1,4 @@
-"""Performers played at a recogniser in another process, by a sender in a process of its own, answers timed here."""
+"""Performers sent by one process to a recogniser in another process; this process times the answers."""
 
 from __future__ import annotations
 
@@ -34,52 +34,52 @@ if TYPE_CHECKING:
     from kinespace.tools.loopback.answer_listener import Heard
     from kinespace.tools.loopback.service_process import Transport
 
-#: p99 within which a performer's answer must be there: one frame at 120 Hz.
+#: The 99th percentile of the latency, at most: one frame at 120 Hz.
 MAX_P99 = 1 / 120
-#: Share by which a sender may take longer than it should before it is what is measured.
+#: Share by which a sender may be late; a later sender would limit the measurement.
 _BEHIND = 0.02
 #: Seconds in which ZeroMQ peers meet.
 _MEETING = 1.0
-#: Seconds answers are waited for after the last frame.
+#: Seconds after the last frame in which answers may still come.
 _LINGER = 1.0
-#: Seconds the parent listens between two looks at the sender.
+#: Seconds for which the parent listens before it checks the sender.
 _LISTEN = 0.05
-#: Seconds of answers that warm up and are not counted.
+#: Seconds of answers at the beginning that do not count.
 _WARM_UP = 0.5
-#: Steps in which the most performers are searched for, relative.
+#: Relative size of the steps in which the largest crowd is searched.
 _RESOLUTION = 1.1
-#: How often a crowd is tried before it counts as not held, and how often the search looks again above its end.
+#: How often a crowd is tried before it counts as too large, and how often the search continues above its end.
 _TRIES = 3
 _LOOKS = 3
-#: How many times as many are tried then.
+#: The factor by which the search then continues.
 _ABOVE = 1.25
-#: Seconds in which the sender's process must have everything encoded.
+#: Seconds in which the sender's process must have encoded everything.
 _MAX_START = 120.0
 
 
 @dataclass(frozen=True, slots=True)
 class Crowd:
-    """What became of so many performers' frames.
+    """The result for a number of performers.
 
     Attributes
     ----------
     performers
-        How many.
+        The number of performers.
     sent, expected, answered
         Frames sent, answers due and answers received.
     lost
-        Answers due that did not come, or more frames lost on the way in, if those were more.
+        Answers due that did not come, or frames lost on the way in if these were more.
     seconds
-        Latency of each answer from its frame's sending, shape (answers,), those of the first half second left out.
+        Latency of each answer since its frame was sent, shape (answers,), without the first half second.
     behind
-        Share by which sending took longer than the feed: above 0.02 the sender is what was measured.
+        Share by which sending took longer than the feed: above 0.02 the sender limited the measurement.
     resident_mb
-        Memory of the recogniser's process during the run, some samples from its start to its end.
+        Memory of the recogniser's process during the run, sampled from its start to its end.
     core_share
-        Of one core, by all of the recogniser's process while frames were sent; what other programs do to this machine
-        hardly changes it. None where the system does not say.
+        The share of one core that the recogniser's process used while frames were sent; other programs on the machine
+        hardly change it. None where the system does not tell.
     status
-        The recogniser's counters at its end; None where nothing was recognised.
+        The recogniser's counters at the end; None when nothing was recognised.
     """
 
     performers: int
@@ -107,23 +107,23 @@ class Crowd:
 def play(
     transport: Transport, performers: int, positions: NDArray[np.float32], settings: Settings, *, empty: bool = False
 ) -> Crowd:
-    """Let so many performers do the same, each at a moment of their own, 120 times a second.
+    """Let so many performers do the same motion, each at a moment of its own, 120 times a second.
 
     A performer's frames are sent at an even share of the frame time after the performer's before, and performers enter
-    one after the other, so that neither frames nor hops of all fall on one moment.
+    one after the other, so that neither frames nor hops of all performers coincide.
 
     Parameters
     ----------
     transport
         "osc" or "zmq".
     performers
-        How many.
+        The number of performers.
     positions
-        What each of them does, shape (frames, joints, 3), metres.
+        The positions of each performer, shape (frames, joints, 3), metres.
     settings
         Of the recogniser.
     empty
-        Recognise nothing: answer the same frames with an answer made beforehand.
+        Recognise nothing: answer the same frames with a fixed answer.
     """
     hop = max(1, round(settings.hop * FRAME_RATE))
     cues = [Cue(k / FRAME_RATE, Frame("p", 1.0 + k / FRAME_RATE, each), k) for k, each in enumerate(positions)]
@@ -164,7 +164,7 @@ class _Request:
 
 
 class _Used(NamedTuple):
-    """What the recogniser's process used: memory, some samples, and of a core."""
+    """The memory (sampled) and the share of a core that the recogniser's process used."""
 
     resident_mb: tuple[float, ...]
     core_share: float | None
@@ -173,7 +173,7 @@ class _Used(NamedTuple):
 def _run(
     request: _Request, listener: Listener, process_id: int | None
 ) -> tuple[NDArray[np.float64], float, list[Heard], _Used]:
-    """Start the sender, and listen until it is done and nothing more comes."""
+    """Start the sender, and listen until it is done and no more answers come."""
     context = multiprocessing.get_context("spawn")
     ours, theirs = context.Pipe()
     process = context.Process(target=_send, args=(theirs, request), daemon=True)
@@ -207,9 +207,9 @@ def _run(
 def _latencies(
     heard: Sequence[Heard], sent: NDArray[np.float64], due: Sequence[int]
 ) -> tuple[NDArray[np.float64], int]:
-    """Pair each performer's answers, in their order, with the frames they answer; give latencies and how many came.
+    """Pair each performer's answers, in order, with the frames they answer; give latencies and the number of answers.
 
-    Where one is missing the pairs of that performer cannot be told, so they do not count.
+    Where an answer is missing, the pairs of that performer are not known and do not count.
     """
     arrivals = defaultdict[str, list[float]](list)
     for each in heard:
@@ -224,7 +224,7 @@ def _latencies(
 
 
 def _send(connection: Connection, request: _Request) -> None:
-    """Run in the sender's process: encode everything, say so, send on schedule, tell when each frame was sent."""
+    """Run in the sender's process: encode everything, report, send on schedule, report when each frame was sent."""
     address = request.address
     sender = ZmqFrameSender(Endpoint(address, bind=False)) if isinstance(address, str) else OscFrameSender(*address)
     count, frames = request.performers, len(request.positions)
@@ -243,34 +243,34 @@ def _send(connection: Connection, request: _Request) -> None:
             k = moment - index % request.hop
             if 0 <= k < frames:
                 pace.wait_for((moment + index / count) / FRAME_RATE)
-                # Before the call, not after: the answer may be on its way before it returns.
+                # Before the call, because the answer may be on its way before the call returns.
                 sent[index, k] = time.perf_counter()
                 sender.send(packets[k][index])
     whole = (frames + request.hop - 1) / FRAME_RATE
     behind = max((time.perf_counter() - pace.moment(whole)) / whole, 0.0)
     connection.send((sent, behind))
-    connection.recv()  # until the answers are heard: closing would throw away what ZeroMQ still holds
+    connection.recv()  # until the answers are heard: closing would drop messages that ZeroMQ still holds
 
 
 def most_performers(
     transport: Transport, positions: NDArray[np.float32], settings: Settings, *, most: int = 1024, empty: bool = False
 ) -> Crowd | None:
-    """Find the largest crowd that one core holds: nothing lost, p99 within a frame's time.
+    """Find the largest crowd that one core holds: nothing is lost, and p99 is within a frame's time.
 
-    It is doubled until it fails and then searched for in steps of a tenth. Noise of the machine only ever makes a crowd
-    worse, so one that fails is tried again, and the search does not end where a longer disturbance may have ended it:
-    when it has an answer it tries a quarter more, and goes on from there if that is held.
+    The crowd is doubled until it fails, and then searched in steps of a tenth. Noise of the machine only ever makes a
+    crowd worse, so a crowd that fails is tried again. At the end the search tries a quarter more, in case a longer
+    disturbance ended it, and goes on from there if that crowd is held.
 
     Parameters
     ----------
     transport, positions, settings, empty
         As `play` has them.
     most
-        Performers at most.
+        The number of performers, at most.
 
     Returns
     -------
-    None when not even one performer is held.
+    None when one performer is too many.
     """
 
     def tried(performers: int) -> Crowd | None:
@@ -288,7 +288,7 @@ def most_performers(
 
 
 def _searched(tried: Callable[[int], Crowd | None], held: Crowd | None, trying: int, most: int) -> Crowd | None:
-    """Go up from a crowd that is held in doublings, then close in on the largest between those held and not held."""
+    """Double a crowd that is held, then close in on the largest crowd that is held."""
     low, high = held.performers if held else 0, most + 1
     while low < trying < high and (low == 0 or high / low > _RESOLUTION):
         found = tried(trying)

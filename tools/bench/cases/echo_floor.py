@@ -1,4 +1,4 @@
-"""The floor under a crowd: a loop that receives and answers as we do, and recognises nothing."""
+"""The floor of a crowd's cost: a loop that receives and answers like the service, and recognises nothing."""
 
 from __future__ import annotations
 
@@ -22,28 +22,28 @@ if TYPE_CHECKING:
 
 
 class EmptyRecognizer:
-    """Stands in for a recogniser: looks up whose a packet is, and answers when that is due, always the same.
+    """Takes a recogniser's place: finds a packet's performer, and sends the same answer whenever an answer is due.
 
     Parameters
     ----------
     due
-        Which of a performer's frames are answered, counted from 0.
+        Indices of a performer's frames that are answered.
     recognition
-        The answer, whoever performs.
+        The answer, for every performer.
     joints
-        In each frame.
+        Joints in each frame.
     """
 
     def __init__(self, due: Collection[int], recognition: Recognition, joints: int) -> None:
         self._due = frozenset(due)
         self._recognition = recognition
-        #: Bytes of an OSC frame that are not the same in all of a performer's: a time and positions.
+        #: Bytes of an OSC frame that change from frame to frame: the time and the positions.
         self._changing = 8 + 12 * joints
         self._seen: dict[bytes, int] = {}
         self._answers: dict[bytes, Packet] = {}
 
     def answer(self, packet: Packet) -> Packet | None:
-        """Give a performer's answer when it is due; a greeting comes back as it is."""
+        """Give a performer's answer when it is due; give a greeting back unchanged."""
         whose = packet[: -self._changing] if isinstance(packet, bytes) else packet[0]
         seen = self._seen.get(whose, 0)
         self._seen[whose] = seen + 1
@@ -67,7 +67,7 @@ def answer_to(positions: NDArray[np.float32], settings: Settings) -> Recognition
     Raises
     ------
     ValueError
-        They are too short for an answer.
+        The positions are too few for an answer.
     """
     recognizer = Recognizer(MotionLibrary.builtin(), settings)
     answers = [answer for frame in Feed(positions).take(len(positions)) if (answer := recognizer.push(frame))]

@@ -1,6 +1,6 @@
 """`kinespace bench peers`: the recogniser and its alternatives on one feed, speed and accuracy side by side.
 
-The feed is the motions of one person of the built-in library, and everybody compares with those of the others.
+The feed is the motions of one person of the built-in library; all methods compare them with the other persons' motions.
 """
 
 from __future__ import annotations
@@ -28,22 +28,22 @@ if TYPE_CHECKING:
     #: Takes a frame, and names a class when an answer is due.
     Contender = Callable[[Frame], str | None]
 
-#: Seconds of a motion before answers count: nobody is asked sooner.
+#: Seconds of a motion before answers count; no method answers sooner.
 _FIRST = 0.5
 
 
 @dataclass(frozen=True, slots=True)
 class Peer:
-    """What one contender came to.
+    """The result of one method.
 
     Attributes
     ----------
     name
-        Who.
+        The method's name.
     us_per_frame
         Microseconds per frame, from joint positions to a class, median of the rounds.
     ratios
-        How many times as long as each of our signatures it took, median of the rounds' ratios.
+        Its cost relative to each of our signatures, median of the rounds' ratios.
     accuracy
         Share of the answers after half a second of a motion whose best guess was the motion's class.
     """
@@ -55,22 +55,22 @@ class Peer:
 
     @property
     def frames_per_second(self) -> float:
-        """How many frames of the feed it answers in a second."""
+        """How many frames of the feed it handles in a second."""
         return 1e6 / self.us_per_frame
 
 
 @dataclass(frozen=True, slots=True)
 class Peers:
-    """All contenders, ours first, and of how many motions and answers their accuracy is.
+    """All methods, ours first, and the motions and answers on which their accuracy rests.
 
     Attributes
     ----------
     peers
-        In their order.
+        The methods in their order.
     person
-        Whose motions were played.
+        The person whose motions were played.
     motions, answers
-        How many motions were played, and how many answers of each contender count, about.
+        The number of motions, and the number of answers of each method that count, about.
     """
 
     peers: tuple[Peer, ...]
@@ -79,21 +79,21 @@ class Peers:
     answers: int
 
     def peer(self, name: str) -> Peer | None:
-        """Give a contender; None when it is not there."""
+        """Give a method's result; None when it was not measured."""
         return next((peer for peer in self.peers if peer.name == name), None)
 
 
 def measure(whole: MotionLibrary, *, person: str, rounds: int) -> Peers:
-    """Race everybody over the motions of one person, each compared with the motions of the others.
+    """Measure all methods on the motions of one person, compared with the other persons' motions.
 
     Parameters
     ----------
     whole
         Motions of several people who share classes, of HDM05's joints.
     person
-        Whose motions are played.
+        The person whose motions are played.
     rounds
-        Pieces of the feed of which medians are taken; before them one warms up.
+        Pieces of the feed, of which medians are taken; a further piece before them warms up.
     """
     library = whole.without(actors=[person])
     played = [resampled(motion, FRAME_RATE) for motion in whole.motions if motion.actor == person]
@@ -132,7 +132,7 @@ def measure(whole: MotionLibrary, *, person: str, rounds: int) -> Peers:
 
 
 def _settings(signature: LiveSignature) -> Settings:
-    """Let the paper's signature look at as much as the alternatives that compute the same."""
+    """Give the paper's signature the same window as the alternatives that compute the same."""
     return Settings(signature=signature, window=baselines.WINDOW if signature is LiveSignature.PAPER else None)
 
 
@@ -147,20 +147,20 @@ def _ours(library: MotionLibrary, settings: Settings) -> Contender:
 
 
 def _pieces(motions: Sequence[Clip], count: int) -> list[list[Cue]]:
-    """Deal out motions, so that each piece has some of each class; a second lies between two motions."""
+    """Distribute motions, so that each piece has some of each class; a second lies between two motions."""
     cues = list(clip_cues((motion for piece in range(count) for motion in motions[piece::count]), "bench"))
     ends = np.cumsum([sum(motion.frames for motion in motions[piece::count]) for piece in range(count)])
     return [cues[begin:end] for begin, end in zip([0, *ends[:-1]], ends, strict=True)]
 
 
 def _judged(piece: Sequence[Cue], answers: Sequence[str | None]) -> list[bool]:
-    """Say of each answer that counts whether it is the class performed."""
+    """Say for each answer that counts whether it is the class performed."""
     begin, last, judged = 0.0, -np.inf, list[bool]()
     for cue, answer in zip(piece, answers, strict=True):
         if cue.due - last > _FIRST:
             begin = cue.due
         last = cue.due
-        # A frame more or less is rounding.
+        # A difference of one frame is rounding.
         if answer is not None and cue.due - begin >= _FIRST - 1.5 / FRAME_RATE:
             judged.append(answer == cue.class_name)
     return judged

@@ -1,4 +1,4 @@
-"""`kinespace bench growth`: how the cost grows with joints and library, and the exponent of it."""
+"""`kinespace bench growth`: how the cost grows with joints and library, and with which exponent."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
     from kinespace.library import Clip
 
-#: The joints that smaller feeds have, in the order they are added (15 as from OpenNI, 20 as from a Kinect).
+#: The order in which joints are added to smaller bodies (15 as from OpenNI, 20 as from a Kinect).
 _ORDER = (
     *("root", "thorax", "head", "lhumerus", "lradius", "lhand", "rhumerus", "rradius", "rhand"),
     *("lfemur", "ltibia", "lfoot", "rfemur", "rtibia", "rfoot"),
@@ -30,7 +30,7 @@ _ORDER = (
 )
 #: Seconds of each motion of an enlarged library: enough for one window.
 _STRETCH = 0.25
-#: How many times as fast as recorded they are played.
+#: How many times as fast as recorded motions are played.
 _SPEEDS = tuple(np.linspace(0.7, 1.2, 11).tolist())
 #: Seconds of feed.
 _SECONDS = 30.0
@@ -38,7 +38,7 @@ _SECONDS = 30.0
 
 @dataclass(frozen=True, slots=True)
 class Sizes:
-    """What is grown, each to several sizes."""
+    """The sizes to which joints and libraries grow."""
 
     joints: tuple[int, ...] = (15, 20, 31, 55)
     motions: tuple[int, ...] = (288, 2_337, 20_000, 200_000)
@@ -51,13 +51,13 @@ class Growth:
     Attributes
     ----------
     of
-        What is grown.
+        The quantity that grows.
     cost
-        What a cost is, in microseconds.
+        The cost, as text; it is in microseconds.
     labels
-        The sizes as a reader calls them.
+        The sizes in a reader's words.
     sizes
-        What the exponent counts in: pairs for joints.
+        The numbers for the exponent: pairs for joints.
     us
         The cost at each size, median.
     exponent
@@ -73,7 +73,7 @@ class Growth:
 
 
 def measure(settings: Settings, *, sizes: Sizes, rounds: int) -> tuple[Growth, ...]:
-    """Grow one thing after another; everything else stays as usual: 31 joints, the built-in library."""
+    """Grow one quantity after another; the others stay at their default: 31 joints, the built-in library."""
     parts: list[Callable[[], Growth]] = [
         lambda: by_joints(settings, sizes.joints, rounds),
         lambda: by_library(settings, sizes.motions, rounds),
@@ -96,7 +96,7 @@ def by_joints(settings: Settings, joints: Sequence[int], rounds: int) -> Growth:
 
 
 def by_library(settings: Settings, motions: Sequence[int], rounds: int) -> Growth:
-    """Time an answer with libraries of each size, their motions as long as one window."""
+    """Time an answer with libraries of each size, whose motions are as long as one window."""
     builtin = MotionLibrary.builtin()
     jobs = {f"{count}": _answering(enlarged(builtin, count), _played(builtin), settings) for count in motions}
     return _grown("library", "an answer", {f"{count}": float(count) for count in motions}, jobs, rounds)
@@ -107,7 +107,7 @@ def _played(library: MotionLibrary) -> NDArray[np.float32]:
 
 
 def _answering(library: MotionLibrary, positions: NDArray[np.float32], settings: Settings) -> Callable[[], float]:
-    """Make a job of pushing frames, microseconds for each that is answered: the matching is among them."""
+    """Make a job of pushing frames: microseconds for each answered frame, the matching included."""
     recognizer, feed = Recognizer(library, settings), Feed(positions)
     for frame in feed.take(WARM_UP):
         recognizer.push(frame)
@@ -126,19 +126,19 @@ def _answering(library: MotionLibrary, positions: NDArray[np.float32], settings:
 def with_joints(library: MotionLibrary, count: int) -> MotionLibrary:
     """Give a library of HDM05's body with another number of joints.
 
-    Fewer are the most important ones; more are the 31 and points half way between a joint and its parent.
+    Fewer joints are the most important ones; more are the 31 joints and points half way between a joint and its parent.
 
     Parameters
     ----------
     library
-        Of HDM05's skeleton.
+        A library of HDM05's skeleton.
     count
-        How many joints, 5 to 20, 31, or up to 61.
+        The number of joints: 5 to 20, 31, or up to 61.
 
     Raises
     ------
     ValueError
-        No such number of joints is known.
+        No body with so many joints is known.
     """
     joints = len(library.skeleton.joints)
     if count <= len(_ORDER):
@@ -158,21 +158,21 @@ def _with_points_between(motion: Clip, count: int) -> Clip:
 
 
 def enlarged(library: MotionLibrary, count: int) -> MotionLibrary:
-    """Give a library of so many short motions: stretches of a library's, begun at other frames, at other speeds.
+    """Give a library of so many short motions: stretches of a library's motions, from other frames on, at other speeds.
 
     They share the library's positions: no copy is made.
 
     Parameters
     ----------
     library
-        Whose motions.
+        The library whose motions are cut.
     count
-        How many motions there shall be, as many as there are stretches at most.
+        The number of motions, at most the number of stretches.
 
     Raises
     ------
     ValueError
-        There are not so many.
+        There are fewer stretches.
     """
     places = [
         (motion, start, round(_STRETCH * motion.frame_rate))

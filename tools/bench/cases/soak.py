@@ -1,4 +1,4 @@
-"""`kinespace bench soak`: a day of feed as fast as it goes, and minutes over real sockets, to see what piles up."""
+"""`kinespace bench soak`: a day of feed at full speed, and minutes over real sockets, to see whether anything grows."""
 
 from __future__ import annotations
 
@@ -29,13 +29,13 @@ if TYPE_CHECKING:
 
 #: Frames of a day at 120 Hz.
 DAY = round(24 * 3600 * FRAME_RATE)
-#: Frames between two checks of the leading eigenvector: a prime number, so that checks fall on ever other places.
+#: Frames between two checks of the leading eigenvector: a prime number, so that checks fall on different places.
 _CHECK_EVERY = 9973
-#: Frames between two looks at the progress.
+#: Frames between two updates of the progress bar.
 _PIECE = 1000
-#: Pieces after which memory is looked at for the first time: everything is allocated and touched by then.
+#: Pieces after which memory is first measured: by then everything is allocated and used.
 _SETTLED = 20
-#: Seconds that a recogniser has seen that answers anew: more than the longest window.
+#: Seconds that a fresh recogniser sees before it is compared: more than the longest window.
 _LOOK_BACK = 3.0
 #: Performers of the feed over sockets.
 _PERFORMERS = 4
@@ -44,7 +44,7 @@ _OVER: tuple[Transport, ...] = ("osc",)
 
 @dataclass(frozen=True, slots=True)
 class Day:
-    """What a long feed came to.
+    """The result of a long feed.
 
     Attributes
     ----------
@@ -53,12 +53,12 @@ class Day:
     seconds
         How long that took, checks included.
     resident_mb
-        Resident memory at the start, in the middle and at the end, MB; None where the system does not say.
+        Resident memory at the start, in the middle and at the end, MB; None where the system does not tell.
     checked
-        Answers that were compared with those of a recogniser that had seen the last three seconds only.
+        Answers that were compared with a recogniser that had seen the last three seconds only.
     max_error
-        Largest difference of the two in the leading eigenvector's share of the variance, gap, or |inner product|; None
-        when none was checked.
+        Largest difference between the two in the leading eigenvector's share of the variance, gap, or |inner product|;
+        None when no answer was checked.
     answers
         Recognitions that were given.
     counts
@@ -75,7 +75,7 @@ class Day:
 
     @property
     def consistent(self) -> bool:
-        """Whether the counts are what was pushed and given, nothing refused and nothing begun anew."""
+        """Whether the counts match the frames pushed and the answers given, with nothing refused and no restart."""
         counts = self.counts
         refused = counts.out_of_order + counts.restarts
         return counts.frames == self.frames and counts.hops == self.answers and refused == 0
@@ -83,7 +83,7 @@ class Day:
 
 @dataclass(frozen=True, slots=True)
 class Soak:
-    """A long feed without sockets, and one with; None for what was not asked for."""
+    """A long feed without sockets, and one with sockets; None for a feed that was not asked for."""
 
     day: Day
     over_sockets: Crowd | None
@@ -95,15 +95,15 @@ def measure(positions: NDArray[np.float32], *, signature: LiveSignature, frames:
     Parameters
     ----------
     positions
-        What the feed plays again and again, shape (frames, joints, 3), metres.
+        Positions that the feed repeats, shape (frames, joints, 3), metres.
     signature
         Of the recogniser.
     frames
-        How many without sockets.
+        The number of frames without sockets.
     minutes
-        How long over UDP; 0 for not at all.
+        The minutes over UDP; 0 for none.
     """
-    # In a process of its own: what other parts left in this one's memory is not the recogniser's.
+    # In a process of its own, whose memory holds nothing of other parts.
     settings = Settings(signature=signature, plausibility=False)
     with ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as process:
         day = process.submit(pushed, positions, settings, frames).result()
@@ -120,11 +120,11 @@ def pushed(positions: NDArray[np.float32], settings: Settings, frames: int) -> D
     Parameters
     ----------
     positions
-        What the feed plays again and again, shape (frames, joints, 3), metres.
+        Positions that the feed repeats, shape (frames, joints, 3), metres.
     settings
         Of the recogniser.
     frames
-        How many to push.
+        The number of frames.
     """
     library, feed = MotionLibrary.builtin(), Feed(positions)
     recognizer = Recognizer(library, settings)
@@ -156,7 +156,7 @@ def pushed(positions: NDArray[np.float32], settings: Settings, frames: int) -> D
 
 
 def _error(answer: Recognition, library: MotionLibrary, settings: Settings, feed: Feed) -> float:
-    """Compare the numbers of an answer's leading eigenvector with those of a recogniser that has just begun."""
+    """Compare the numbers of an answer's leading eigenvector with a recogniser that has just begun."""
     anew = Recognizer(library, replace(settings, hop=0.0))
     begin, last = feed.sent - round(_LOOK_BACK * FRAME_RATE), None
     for index, positions in enumerate(feed.last(feed.sent - begin)):

@@ -1,4 +1,4 @@
-"""`kinespace bench sockets`: what is felt outside: latency, losses, performers, start-up and memory."""
+"""`kinespace bench sockets`: latency, losses, performers, start-up and memory, over real sockets."""
 
 from __future__ import annotations
 
@@ -24,23 +24,23 @@ if TYPE_CHECKING:
 
 RATES = (60.0, 120.0, 240.0, 360.0)
 TRANSPORTS: tuple[Transport, ...] = get_args(Transport)
-#: Seconds of each try of a crowd, the window's filling included.
+#: Seconds of each try of a crowd, with the time to fill its windows.
 _CROWD_SECONDS = 6.0
 
 
 @dataclass(frozen=True, slots=True)
 class Sockets:
-    """What was measured over real sockets on this machine.
+    """The measurements over real sockets on this machine.
 
     Attributes
     ----------
     latencies
-        By transport and frame rate, beside a bare echo of the same packets.
+        Latency by transport and frame rate, beside a bare echo of the same packets.
     crowds
-        By transport the largest crowd that one core holds; None when not even one performer is.
+        By transport the largest crowd that one core holds; None when one performer is too many.
     floors
-        The same of a loop that only receives and answers, each right after its crowd: as near as anything in Python can
-        come. Where it ends may be what the sender's core holds.
+        The same for a loop that only receives and answers, measured right after its crowd: a lower bound for any Python
+        program. The sender's core may be its limit.
     running
         Start-up and memory.
     """
@@ -51,7 +51,7 @@ class Sockets:
     running: Running
 
     def share(self, transport: Transport) -> float | None:
-        """Give the crowd's size over that of the empty loop's; None when nothing was held."""
+        """Give the ratio of the crowd's size to the empty loop's; None when no crowd was held."""
         crowd, floor = self.crowds[transport], self.floors[transport]
         return crowd.performers / floor.performers if crowd and floor else None
 
@@ -75,7 +75,7 @@ def measure(
     Parameters
     ----------
     positions
-        What performers do, shape (frames, joints, 3), metres; latency runs play a feed of their own.
+        The performers' positions, shape (frames, joints, 3), metres; latency runs play a feed of their own.
     signature
         Of the recogniser.
     seconds
@@ -83,7 +83,7 @@ def measure(
     rates
         Frames per second of the latency runs.
     most
-        Performers at most.
+        The number of performers, at most.
     starts
         How often the program is started for the start-up time.
     """

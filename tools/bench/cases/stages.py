@@ -1,4 +1,4 @@
-"""`kinespace bench stages`: what each step from packet to answer costs."""
+"""`kinespace bench stages`: the cost of each step from packet to answer."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ if TYPE_CHECKING:
 
     from kinespace.stream.recognizer import LiveSignature
 
-#: From packet to answer; a transport's own steps have its name.
+#: The steps from packet to answer; steps of one transport contain its name.
 STEPS = ("decode OSC", "decode ZeroMQ", "recognise", "encode OSC", "encode ZeroMQ")
-#: Frames that fill every window and warm every cache before anything is counted.
+#: Frames that fill every window and every cache before measuring.
 WARM_UP = 300
 #: Frames of one round: four seconds.
 ROUND = 480
@@ -34,16 +34,16 @@ ROUND = 480
 
 @dataclass(frozen=True, slots=True)
 class Stages:
-    """What one signature's steps cost.
+    """The costs of one signature's steps.
 
     Attributes
     ----------
     us
-        Microseconds per frame of each of `STEPS`, the hops' share included; `recognise` is `Recognizer.push`.
+        Microseconds per frame of each of `STEPS`, with its share of the hops; `recognise` is `Recognizer.push`.
     us_per_frame_numpy
-        Of `Recognizer.push` where nothing is compiled.
+        Microseconds of `Recognizer.push` without the compiled loops.
     osc_decode_python_osc_us
-        Of a frame's datagram, decoded by python-osc.
+        Microseconds to decode a frame's datagram by python-osc.
     """
 
     us: dict[str, float]
@@ -61,7 +61,7 @@ class Stages:
         return 1e6 / self.us_per_frame
 
     def share(self, step: str) -> float:
-        """Give a step's share, 0 to 1, of all that is done between a packet and its answer on its transport."""
+        """Give a step's share, 0 to 1, of all steps between a packet and its answer on its transport."""
         other = "OSC" if "ZeroMQ" in step else "ZeroMQ"
         return self.us[step] / sum(us for name, us in self.us.items() if other not in name)
 
@@ -72,11 +72,11 @@ def measure(positions: NDArray[np.float32], *, signatures: Sequence[LiveSignatur
     Parameters
     ----------
     positions
-        What the feed plays, shape (frames, 31, 3), metres.
+        The positions of the feed, shape (frames, 31, 3), metres.
     signatures
-        Of the recogniser, one after the other.
+        The recogniser's signatures, one after the other.
     rounds
-        Of four seconds of feed each.
+        Rounds of four seconds of feed each.
 
     Returns
     -------
@@ -141,9 +141,9 @@ def pushing(
     library, settings
         Of the recogniser.
     positions
-        What the feed plays, shape (frames, joints, 3), metres.
+        The positions of the feed, shape (frames, joints, 3), metres.
     by_numpy
-        Leave the compiled loops aside.
+        Disable the compiled loops.
     """
     arithmetic = compiled.left_aside if by_numpy else nullcontext
     feed = Feed(positions)

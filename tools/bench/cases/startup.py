@@ -1,4 +1,4 @@
-"""`kinespace live` as a person starts it: how soon it can answer, and how much memory it then holds."""
+"""`kinespace live` as a person starts it: the time until it can answer, and its memory then."""
 
 from __future__ import annotations
 
@@ -23,28 +23,28 @@ if TYPE_CHECKING:
 
     from kinespace.stream.recognizer import LiveSignature
 
-#: Seconds a start may take before it is given up.
+#: Seconds after which a start is given up.
 _MAX_START = 60.0
-#: Frames sent before the answers are looked at.
+#: Frames that are sent before the answers are checked.
 _AT_ONCE = 10
-#: Frames after which every window is full and has moved through all its memory.
+#: Frames after which every window is full and has moved through its memory.
 _SETTLED = 600
-#: Seconds given to a frame, so that none is lost when many performers' come together.
+#: Seconds for each frame, so that no frame of many performers is lost.
 _PER_FRAME = 0.0003
-#: Starts of which the median is told.
+#: Starts, of which the median is taken.
 _STARTS = 5
 
 
 @dataclass(frozen=True, slots=True)
 class Running:
-    """What starting and running costs.
+    """The costs of starting and running.
 
     Attributes
     ----------
     startup_s
-        Seconds from starting the command to its first answer, its window's frames sent at once; median.
+        Seconds from starting the command to its first answer, when the frames of a window are sent at once; median.
     resident_mb, resident_100_mb
-        Memory with one performer and with a hundred; None where the system does not say.
+        Memory with one performer and with a hundred; None where the system does not tell.
     """
 
     startup_s: float
@@ -64,9 +64,9 @@ def measure(
     signature
         Of the recogniser.
     starts
-        How often it is started for the start-up time.
+        How often the program is started to measure the start-up time.
     many
-        Performers that stand for a hundred.
+        The number of performers for `resident_100_mb`.
     """
     return Running(
         startup_s=median(_startup(positions, signature) for _ in range(starts)),

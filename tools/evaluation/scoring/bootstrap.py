@@ -1,8 +1,8 @@
-"""Figures and how sure they are: what they would have been, had chance picked other segments of the same kind.
+"""Figures and their uncertainty: how they vary when other segments of the same kind are drawn.
 
-A figure is of units: segments, takes or clips. Units are drawn with replacement as often as there are units, a thousand
-times; the middle 95 % of what the figure comes to then is its interval (Efron 1979). All that was counted in one unit
-is drawn together: it is not independent.
+A figure is computed from units: segments, takes or clips. Units are drawn with replacement, as many as there are, a
+thousand times; the middle 95 % of the figures of these draws is the interval (Efron 1979). All counts of one unit are
+drawn together, because they are not independent.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-#: How often units are drawn, and the seeds of the draws: the same figures have the same interval.
+#: The number of draws, and their seeds: the same figures have the same interval.
 RESAMPLES = 1000
 _SEED, _OTHER_SEED = 2012, 2013
 _LEVEL = 95.0
@@ -27,25 +27,25 @@ Interval = tuple[float, float]
 
 
 class Figure(Protocol):
-    """A number of some units."""
+    """A figure computed from units."""
 
     def value(self) -> float | None:
-        """Give the figure of all units; None when there is nothing to take it of."""
+        """Give the figure of all units; None when there are no units for it."""
 
     def interval(self) -> Interval | None:
-        """Give the ends of its 95 % interval; None likewise."""
+        """Give the ends of its 95 % interval; None when there is none."""
 
 
 @dataclass(frozen=True, slots=True)
 class Ratio:
-    """A sum over units divided by another: a share, or a rate.
+    """One sum over units divided by another: a share, or a rate.
 
     Attributes
     ----------
     counted, among
-        Of each unit.
+        The numbers of each unit.
     scale
-        What the quotient is multiplied by.
+        A factor on the quotient.
     """
 
     counted: Sequence[float]
@@ -53,19 +53,19 @@ class Ratio:
     scale: float = 1.0
 
     def value(self) -> float | None:
-        """Give the figure of all units; None when they come to nothing."""
+        """Give the figure of all units; None when the second sum is 0."""
         among = sum(self.among)
         return self.scale * sum(self.counted) / among if among > 0 else None
 
     def interval(self) -> Interval | None:
-        """Give the ends of its 95 % interval; None likewise."""
+        """Give the ends of its 95 % interval; None when there is none."""
         drawn = _draws(len(self.among))
         return _middle(self.scale * _quotient(drawn @ _array(self.counted), drawn @ _array(self.among)))
 
 
 @dataclass(frozen=True, slots=True)
 class Percentile:
-    """A percentile of values, of which each unit has none, one or several."""
+    """A percentile of values; each unit has none, one or several values."""
 
     values: Sequence[Sequence[float]]
     percent: float
@@ -76,7 +76,7 @@ class Percentile:
         return float(np.percentile(values, self.percent)) if values.size else None
 
     def interval(self) -> Interval | None:
-        """Give the ends of its 95 % interval; None likewise."""
+        """Give the ends of its 95 % interval; None when there is none."""
         values = _array([value for each in self.values for value in each])
         unit = np.repeat(np.arange(len(self.values)), [len(each) for each in self.values])
         found = [
@@ -89,7 +89,7 @@ class Percentile:
 
 @dataclass(frozen=True, slots=True)
 class RocArea:
-    """Probability that a value of the first units is above one of the second, ties counting half (Mann-Whitney).
+    """The probability that a value of the first units is above one of the second, ties counting half (Mann-Whitney).
 
     Attributes
     ----------
@@ -106,7 +106,7 @@ class RocArea:
         return float(self._wins().sum() / pairs) if pairs else None
 
     def interval(self) -> Interval | None:
-        """Give the ends of its 95 % interval; None likewise."""
+        """Give the ends of its 95 % interval; None when there is none."""
         if self.value() is None:
             return None
         first, second = _draws(len(self.higher)), _draws(len(self.lower), _OTHER_SEED)
@@ -129,14 +129,14 @@ class RocArea:
 
 
 def _draws(units: int, seed: int = _SEED) -> NDArray[np.float64]:
-    """Draw units with replacement, again and again: how often each was drawn, shape (RESAMPLES, units)."""
+    """Draw units with replacement, many times; give how often each was drawn, shape (RESAMPLES, units)."""
     if not units:
         return np.zeros((0, 0))
     return np.random.default_rng(seed).multinomial(units, np.full(units, 1 / units), size=RESAMPLES).astype(np.float64)
 
 
 def _middle(values: NDArray[np.float64]) -> Interval | None:
-    """Give the middle 95 % of what a figure came to; draws in which there was none (NaN) are left out."""
+    """Give the middle 95 % of a figure's draws; draws without a figure (NaN) are left out."""
     there = values[np.isfinite(values)]
     if not there.size:
         return None

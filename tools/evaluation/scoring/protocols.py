@@ -1,4 +1,4 @@
-"""Which library recognises which take: one library for all, or each take by motions of others."""
+"""The protocols: which library recognises which take."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ if TYPE_CHECKING:
 class Protocol(StrEnum):
     """Which library recognises which take."""
 
-    #: The given one recognises all.
+    #: The given library recognises all takes.
     LIBRARY = "library"
-    #: What is cut from the other takes.
+    #: A take is recognised by motions cut from the other takes.
     LEAVE_ONE_TAKE_OUT = "leave-one-take-out"
-    #: What is cut from the other persons' takes.
+    #: A take is recognised by motions cut from the other persons' takes.
     LEAVE_ONE_PERSON_OUT = "leave-one-person-out"
-    #: What is cut from one person's takes, for every person in turn: it recognises all others.
+    #: A library is cut from one person's takes, for every person in turn, and recognises all other takes.
     ONE_PERSON = "one-person"
 
 
@@ -34,12 +34,12 @@ class Fold:
     Attributes
     ----------
     library
-        One object for all of them: what is learned of it when it is opened is learned once.
+        One object for all takes, so that it is opened once.
     takes
         At least one.
     person
-        Who asks, where everybody else's motions are the library; whose library is asked, where it is one person's;
-        else empty.
+        The person who asks, where the other persons' motions make the library; the person whose motions make the
+        library, where it is one person's; else empty.
     """
 
     library: MotionLibrary = field(repr=False)
@@ -50,8 +50,8 @@ class Fold:
 def folds_of(takes: Sequence[Take], protocol: Protocol, library: Callable[[], MotionLibrary]) -> list[Fold]:
     """Say which library recognises which takes.
 
-    Takes in which nothing is labelled are recognised by every library of the protocol that knows nothing of their
-    person: where one take is left out, by what is cut from all.
+    Takes without labels are recognised by every library of the protocol that has no motions of their person; where one
+    take is left out at a time, by the library of all takes.
 
     Parameters
     ----------
@@ -60,12 +60,12 @@ def folds_of(takes: Sequence[Take], protocol: Protocol, library: Callable[[], Mo
     protocol
         How libraries are made.
     library
-        Gives the library of `Protocol.LIBRARY`; is not called for others.
+        Gives the library of `Protocol.LIBRARY`; not called for other protocols.
 
     Raises
     ------
     ValueError
-        Nobody has said who performs, or nothing is left to make a library of.
+        The performers are not known, or no motion is left to make a library of.
     """
     if protocol is Protocol.LIBRARY:
         return [Fold(library(), tuple(takes))]

@@ -1,4 +1,4 @@
-"""How right a stream of answers was: what was published at each moment against what was performed at that moment."""
+"""How right a stream of answers was: the answer at each moment against the motion performed at that moment."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 _Item = TypeVar("_Item")
 
-#: Figures of which less is better; of all others more is.
+#: Figures of which less is better; for all others more is better.
 LOWER_IS_BETTER = frozenset(
     (
         *("median_delay_s", "p90_delay_s", "median_seen", "median_event_delay_s"),
@@ -32,7 +32,7 @@ LOWER_IS_BETTER = frozenset(
 
 @dataclass(frozen=True, slots=True)
 class ClassScore:
-    """How one class fared: seconds performed, share of them guessed right, and of those with the last second inside."""
+    """The result of one class: seconds performed, the share guessed right, and the same with the last second inside."""
 
     seconds: float
     right: float
@@ -41,9 +41,9 @@ class ClassScore:
 
 @dataclass(frozen=True, slots=True)
 class Basis:
-    """What figures rest on: seconds, segments (or takes), and persons, None where nobody has said who they are.
+    """What figures rest on: seconds, segments (or takes), and persons; None when the persons are not known.
 
-    Whatever was asked of several libraries counts once.
+    A segment that several libraries were asked about counts once.
     """
 
     seconds: float
@@ -60,35 +60,36 @@ class StreamScore:
     frame_accuracy
         Of the labelled time of known classes, the share in which the moment's best guess was the class performed.
     segment_accuracy
-        The same where the last second lies wholly inside the segment.
+        The same, for moments whose last second lies wholly inside the segment.
     known_answered
-        Share of that time, last second inside, in which a class was named, not held back as unknown or still.
+        Share of that time, last second inside, in which a class was named, not answered unknown or still.
     segments_found
         Share of the known segments with a lasting right guess.
     median_delay_s, p90_delay_s
         Seconds from a found segment's start to its first lasting right guess.
     median_seen
-        How much of a found segment had been seen at its first lasting right guess: share of its seconds.
+        Share of a found segment's seconds that had passed at its first lasting right guess.
     median_event_delay_s
-        Seconds from a segment's start to the start event of its class, of those that have one.
+        Seconds from a segment's start to the start event of its class, for segments with such an event.
     false_per_minute
-        Class answers begun during motions the library does not know, per minute of those.
+        Named classes that begin during motions the library does not know, per minute of such motions.
     unknown_answered
         Share of the time of such motions in which a class was named.
     changes_per_minute, true_changes_per_minute
-        How often the motion going on changed, by the events and by the labels.
+        How often the motion that goes on changed, by the events and by the labels.
     auc_unknown
         Area under the ROC curve of the raw score, known against unknown motions, windows wholly inside a segment.
     classes
-        By class name.
+        The result of each class, by name.
     segment_majority
-        Share of the known segments in most of whose time the best guess was the class performed.
+        Share of the known segments for most of whose time the best guess was the class performed.
     false_starts_per_minute
-        Start events during motions the library does not know, per minute of those.
+        Start events during motions the library does not know, per minute of such motions.
     takes_found
-        Of the classes that takes contain, nobody has said when, the share that was named at some time in the take.
+        For takes that only say which classes they contain: the share of these classes named at some time in the take.
     known, unknown, containing
-        What figures of known and of unknown motions rest on, and `takes_found` (whose segments are takes).
+        What the figures of known motions, of unknown motions, and `takes_found` rest on (segments are takes for the
+        last).
     intervals
         Lower and upper end of the 95 % interval of each figure, by name (`tools.evaluation.scoring.bootstrap`);
         empty where none was asked for.
@@ -130,13 +131,13 @@ def score_courses(
     Parameters
     ----------
     courses
-        At least one. Courses of the same name are of the same take, asked of several libraries.
+        At least one. Courses of the same name belong to the same take, recognised by several libraries.
     classes
         The library's class names.
     window
-        Seconds that "inside" looks back.
+        Seconds before a moment that must lie inside the segment.
     intervals
-        Whether to say how sure the figures are.
+        Whether to compute the intervals of the figures.
     """
     stretches = list(stretches_of(courses, window))
     known = _Counting([each for each in stretches if each.known])
@@ -170,7 +171,7 @@ def score_courses(
 
 
 class _Counting:
-    """Stretches by segment: what several libraries answered to one segment goes together."""
+    """Stretches by segment: the answers of several libraries to one segment belong together."""
 
     def __init__(self, stretches: Sequence[Stretch]) -> None:
         self._units = list(_grouped(stretches, lambda each: each.key).values())
@@ -181,7 +182,7 @@ class _Counting:
         return Ratio(above, below, scale)
 
     def percentile(self, measured: Callable[[Stretch], float | None], percent: float) -> Percentile:
-        """Take a percentile of what was measured in the stretches that have it."""
+        """Take a percentile of a number over the stretches that have it."""
         values = [[value for value in map(measured, unit) if value is not None] for unit in self._units]
         return Percentile(values, percent)
 
@@ -190,7 +191,7 @@ class _Counting:
         return [np.concatenate([each.scores for each in unit]) for unit in self._units]
 
     def basis(self) -> Basis:
-        """Say how much there is."""
+        """Count seconds, segments and persons."""
         first = [unit[0] for unit in self._units]
         return _basis([each.seconds for each in first], [each.person for each in first])
 
@@ -224,7 +225,7 @@ def _changes_per_minute(courses: Sequence[Course], track: Callable[[Course], NDA
 
 
 def _changes(track: NDArray[np.intp]) -> int:
-    """Count changes from the first motion on: that one begins within the take is no change from another."""
+    """Count changes after the first motion: that motion begins within the take and is no change from another."""
     begun = np.flatnonzero(track != NONE)
     return int(np.count_nonzero(np.diff(track[begun[0] :]))) if begun.size else 0
 

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from kinespace.tools.evaluation.scoring.protocols import Protocol
     from kinespace.tools.evaluation.scoring.stream_score import Basis, StreamScore
 
-    #: What figures are called, and how their values are written.
+    #: The names of figures, and the form of their values.
     _Rows = Mapping[str, tuple[str, Callable[[float], str]]]
 
 #: Characters that the figures beside classes' names need.
@@ -62,7 +62,7 @@ _SHOWN_OF_PERSONS = ("frame_accuracy", "segment_accuracy", "segment_majority", "
 
 
 def print_score(score: StreamScore) -> None:
-    """Print the figures with their intervals and what they rest on, and how each class fared."""
+    """Print the figures with their intervals and what they rest on, and each class's result."""
     table = narrow_table("Answers against what was performed at that moment")
     table.add_column("")
     table.add_column("", justify="right")
@@ -101,7 +101,7 @@ def print_persons(
 
 
 def interval(ends: Interval | None, write: Callable[[float], str]) -> str:
-    """Write the ends of an interval; the sign of both stands behind the second."""
+    """Write the ends of an interval; their unit is written once, after the second."""
     if ends is None:
         return "-"
     low, high = map(write, ends)

@@ -1,4 +1,4 @@
-"""What is counted in one segment of a take: how long it was guessed right, named, how late it was found."""
+"""The counts of one segment of a take: how long it was guessed right and named, and how late it was found."""
 
 from __future__ import annotations
 
@@ -16,34 +16,34 @@ if TYPE_CHECKING:
 
     from kinespace.tools.evaluation.scoring.timeline import Course
 
-#: Seconds an answer must stay right to be called lasting; to the segment's end when that comes sooner.
+#: Seconds for which a lasting answer stays right; until the segment's end if that comes sooner.
 LASTING = 0.3
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Stretch:
-    """One segment of one take, as one recogniser answered it.
+    """One segment of one take, with the answers of one recogniser.
 
     Attributes
     ----------
     key
-        Name of the take and index of the segment: the same, whoever was asked.
+        Name of the take and index of the segment; the same for every recogniser.
     person
-        Who performs; empty where nobody has said.
+        The person who performs; empty when not known.
     truth
-        Index of the class performed, NONE where the recogniser's library does not know it.
+        Index of the class performed, NONE when the recogniser's library does not know the class.
     seconds
-        How long it lasts, as far as the take has frames.
+        Its length, as far as the take has frames.
     frames, right, named
-        How many frames it has; of how many the best guess was the class performed; in how many a class was named.
+        The numbers of its frames, of frames whose best guess was the class performed, and of frames with a named class.
     inside, right_inside, named_inside
-        The same of the frames whose last second lies wholly in it.
+        The same for the frames whose last second lies wholly in the segment.
     begun, started
-        How many class answers and how many start events begin in it.
+        The numbers of named classes and of start events that begin in it.
     delay, seen
         Seconds to the first lasting right guess, and as a share of the segment; None when there is none.
     event_delay
-        Seconds until an event of the class performed goes on; None when none does.
+        Seconds until an event of the class performed goes on; None when there is no such event.
     scores
         Raw scores of the frames inside, where there was an answer.
     """
@@ -72,7 +72,7 @@ class Stretch:
 
     @property
     def mostly_right(self) -> bool:
-        """Whether the guess was right in more than half of it."""
+        """Whether the guess was right for more than half of it."""
         return 2 * self.right > self.frames
 
 
@@ -84,7 +84,7 @@ def stretches_of(courses: Sequence[Course], window: float) -> Iterator[Stretch]:
     courses
         The takes.
     window
-        Seconds that "inside" looks back.
+        Seconds before a moment that must lie inside the segment.
     """
     for course in courses:
         frame = course.seconds / max(len(course.times), 1)
@@ -122,7 +122,7 @@ def stretches_of(courses: Sequence[Course], window: float) -> Iterator[Stretch]:
 
 
 def _begun(track: NDArray[np.intp]) -> NDArray[np.bool_]:
-    """Say of each frame whether a class begins with it."""
+    """Say for each frame whether a class begins with it."""
     begun: NDArray[np.bool_] = (track != NONE) & np.append(True, track[1:] != track[:-1])
     return begun
 

@@ -1,6 +1,6 @@
-"""One take beside its answers: what was performed and what was published, at the time of every frame.
+"""One take beside its answers: the motion performed and the answer given, at the time of every frame.
 
-Nothing looks ahead: at every frame's time the answer is the last one published by then. Seconds before a take's first
+Nothing looks ahead: at every frame's time the answer is the last one given by then. Seconds before a take's first
 answer count as unanswered.
 """
 
@@ -21,40 +21,40 @@ if TYPE_CHECKING:
     from kinespace.library.formats.labels import Segment
     from kinespace.stream.recognition import Event, Recognition
 
-#: What stands for "no class" among class indices.
+#: The index that stands for "no class".
 NONE = -1
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Course:
-    """One take: what was performed and what was published, at the time of every frame.
+    """One take: the motion performed and the answer given, at the time of every frame.
 
     Attributes
     ----------
     name
-        The take's.
+        The take's name.
     times
         Shape (frames,), seconds from the take's start.
     segments
-        What was performed, in the library's class names where it knows them.
+        The segments performed, with the library's class names where it knows them.
     truth
         Index of the class performed; NONE where the library does not know it or nobody labelled it.
     labelled
-        Whether somebody said what was performed.
+        Whether the moment is labelled, shape (frames,).
     segment
         Index of the segment, -1 outside all.
     guess
-        Index of the moment's best guess last published, named or not; NONE before the first and where still.
+        Index of the best guess, named or not; NONE before the first answer and while still.
     published
-        Index of the class last named, NONE for none.
+        Index of the class named last, NONE for none.
     event
-        Index of the class whose event is going on, NONE for none.
+        Index of the class whose event goes on, NONE for none.
     score
         Raw score of the best guess; NaN before the first answer.
     person
-        Who performs; empty where nobody has said.
+        The person who performs; empty when not known.
     contains
-        Indices of the classes that are performed at some time, nobody has said when.
+        Indices of the classes that are performed at some time in the take.
     """
 
     name: str
@@ -72,7 +72,7 @@ class Course:
 
     @property
     def seconds(self) -> float:
-        """From the first frame to the last."""
+        """Seconds from the first frame to the last."""
         return float(self.times[-1] - self.times[0]) if len(self.times) > 1 else 0.0
 
 
@@ -88,28 +88,28 @@ def course_of(
     person: str = "",
     contains: Sequence[str] = (),
 ) -> Course:
-    """Lay what was performed and what was published beside each other, at every frame's time.
+    """Put the motions performed beside the answers, at every frame's time.
 
     Parameters
     ----------
     name, times
         The take's name, and its frames' times, seconds, shape (frames,).
     segments
-        What was performed, by start.
+        The segments performed, by start.
     classes
-        Class names that indices count in.
+        The class names in which indices count.
     known
-        Those that the recogniser's library knows.
+        The classes that the recogniser's library knows.
     recognitions, events
-        What was published, by time.
+        The answers and events, by time.
     person
-        Who performs.
+        The person who performs.
     contains
-        Classes that are performed at some time; those that the library does not know are passed over.
+        Classes that are performed at some time; classes that the library does not know are ignored.
     """
     places = {class_name: index for index, class_name in enumerate(classes)}
     inside = np.searchsorted([each.start for each in segments], times, side="right") - 1
-    # What stands last is for frames before the first segment, whose index is -1.
+    # The last element is for frames before the first segment, whose index is -1.
     ends = np.array([*(each.end for each in segments), -np.inf])
     segment = np.where(times < ends[inside], inside, -1)
     performed = np.array([*(places[each.label] if each.label in known else NONE for each in segments), NONE])
@@ -135,12 +135,12 @@ def course_of(
 
 
 def _held(values: Sequence[float], last: NDArray[np.intp], before: float) -> NDArray[Any]:
-    """Hold each value until the next; `before` the first."""
+    """Hold each value until the next one; `before` the first."""
     return np.array([*values, before])[np.where(last < 0, len(values), last)]
 
 
 def confusion(courses: Sequence[Course], classes: Sequence[str]) -> tuple[list[str], list[str], NDArray[np.float64]]:
-    """Lay out the time of each label performed over what was published.
+    """Compute the share of each answer in the time of each label.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""TRC and C3D: markers by name, units, gaps, what is no place, and every bad input."""
+"""TRC and C3D: markers by name, units, gaps, points that are no positions, and every bad input."""
 
 from __future__ import annotations
 
@@ -119,7 +119,7 @@ def test_a_longer_gap_is_refused_unless_its_marker_is_not_asked_for(
 
 @FORMATS
 def test_a_marker_always_at_the_origin_is_there(tmp_path: Path, write: Write, read: Read, ending: str) -> None:
-    """A marker that never leaves 0, 0, 0 is the origin of what the others are measured from, not missing."""
+    """A marker that never leaves 0, 0, 0 is the origin of the others' measurement, not missing."""
     positions = walk()
     positions[:, 0] = 0.0
     assert read(write(tmp_path / f"walk.{ending}", positions)).filled == 0
@@ -134,7 +134,7 @@ def test_a_performers_prefix_is_left_out_and_two_are_refused(
     assert read(path).skeleton.joints == LABELS
     both = np.concatenate([walk(), walk() + 500], axis=1)
     write(path, both, tuple(f"{who}:{label}" for who in ("ann", "bob") for label in LABELS))
-    with pytest.raises(RecordingError, match=r"several performers are in it \(ann, bob\)"):
+    with pytest.raises(RecordingError, match=r"the file has several performers \(ann, bob\)"):
         read(path)
     clip = read(path, joints=("bob:*",))
     assert clip.skeleton.joints == LABELS
@@ -209,17 +209,17 @@ GOOD = trc_text(LABELS, walk(3))
         ("\tmm\t", "\tparsec\t", ":3: expected Units like mm or m, got 'parsec'"),
         ("100.0\t100.0", "0\t100.0", ":3: expected a positive DataRate, got '0'"),
         ("\t3\t3\t", "\t3\t4\t", ":4: expected 4 names of markers, got 3"),
-        ("\t3\t3\t", "\tx\t3\t", ":3: expected a number of them as NumFrames, got 'x'"),
+        ("\t3\t3\t", "\tx\t3\t", ":3: expected a number as NumFrames, got 'x'"),
         ("\t3\t3\t", "\t4\t3\t", ":9: the file ends after 3 of 4 frames"),
         ("\t3\t3\t", "\t2\t3\t", ":9: the file ends after 3 of 2 frames"),
         ("X1\t", "Q1\t", ":5: expected X1 Y1 Z1"),
         ("\n2\t", "\n2\tone\t", ":8: expected 11 fields, got 12"),
         ("\n2\t0.02\t", "\n2\t0.02\tone", ":8: expected numbers, got 'one"),
-        ("knee", "hip", ": 'hip' stands in it twice"),
+        ("knee", "hip", ": the file has 'hip' twice"),
     ],
 )
 def test_a_trc_that_makes_no_sense_is_refused(tmp_path: Path, old: str, new: str, message: str) -> None:
-    """Each thing that can be wrong is told with the file and the line."""
+    """Each mistake is reported with the file and the line."""
     assert old in GOOD
     path = tmp_path / "walk.trc"
     path.write_text(GOOD.replace(old, new, 1))
@@ -275,7 +275,7 @@ def test_a_c3d_cut_off_anywhere_is_refused(tmp_path: Path) -> None:
     ],
 )
 def test_parameters_that_make_no_sense_are_refused(tmp_path: Path, old: bytes, new: bytes, message: str) -> None:
-    """What the reader would trust and run away on is refused before, with the byte."""
+    """Parameters that would lead ezc3d astray are refused beforehand, with their byte."""
     path = written_c3d(tmp_path / "walk.c3d", walk())
     content = path.read_bytes()
     # The program that writes them marks some parameters as locked by a name of negative length.
@@ -298,7 +298,7 @@ BREAKS_THE_READER = (b"RATE\x09\x00\x04\x00", b"RATE\x09\x00\xff\x00")
 
 
 def test_a_c3d_that_breaks_its_reader_breaks_nothing_else(tmp_path: Path) -> None:
-    """What ends ezc3d's process, whatever it is read in, is one error that names the file; the next file is read."""
+    """A file that ends ezc3d's process gives one error that names it; the next file is read."""
     good = written_c3d(tmp_path / "a.c3d", walk())
     bad = tmp_path / "b.c3d"
     bad.write_bytes(good.read_bytes().replace(*BREAKS_THE_READER, 1))
@@ -319,7 +319,7 @@ def test_a_c3d_that_breaks_its_reader_breaks_nothing_else(tmp_path: Path) -> Non
 def test_a_c3d_that_is_never_done_is_given_up(
     tmp_path: Path, process: C3dProcess, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """What takes far longer than such a file may is ended and named, and the next file is read."""
+    """A file that takes far too long is given up and named, and the next file is read."""
     path = written_c3d(tmp_path / "a.c3d", walk())
     assert c3d.read_clip(path, process=process).frames == 120
     assert process.process_id is not None
@@ -336,7 +336,7 @@ def test_a_c3d_that_is_never_done_is_given_up(
 def test_a_c3d_that_takes_all_memory_is_given_up(
     tmp_path: Path, process: C3dProcess, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """What needs far more memory than such a file may is ended and named, and the next file is read."""
+    """A file that needs far too much memory is given up and named, and the next file is read."""
     path = written_c3d(tmp_path / "a.c3d", np.tile(walk(), (200, 1, 1)))
     monkeypatch.setattr("kinespace.library.formats.markers.c3d_process._MEMORY", 1 << 18)
     monkeypatch.setattr("kinespace.library.formats.markers.c3d_process._MEMORY_TIMES", 0)
@@ -347,7 +347,7 @@ def test_a_c3d_that_takes_all_memory_is_given_up(
 
 
 def test_a_built_in_python_reads_c3d_itself(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Where the program that runs is no Python that could be started again, nothing is started."""
+    """When Python cannot be started again, no process is started."""
     path = written_c3d(tmp_path / "a.c3d", walk())
     expected = c3d.read_clip(path)
     monkeypatch.setattr(sys, "executable", "/opt/TouchDesigner/bin/TouchDesigner.exe")
@@ -377,7 +377,7 @@ def test_rubbish_in_a_c3d_is_refused_by_name_or_read(
 
 
 def test_a_c3d_with_one_marker_is_refused(tmp_path: Path) -> None:
-    """Where fewer than two points have a label there is nothing to measure."""
+    """A file with fewer than two labelled points is refused."""
     path = written_c3d(tmp_path / "walk.c3d", walk()[:, :1], ("hip",))
     with pytest.raises(C3dError, match="expected at least 2 labelled points, got 1"):
         c3d.read_clip(path)
@@ -394,12 +394,12 @@ def test_a_file_that_is_not_there_is_an_os_error(tmp_path: Path, reader: Read) -
 
 
 def test_names_are_chosen_by_pattern_in_the_files_order() -> None:
-    """Patterns fit whole labels or what follows the colon; order is the file's; no match is an error."""
+    """Patterns fit whole labels or the part after the colon; the order is the file's; no match is an error."""
     labels = ["a:hip", "a:knee", "b:hip", "toe"]
     assert chosen(labels, ()) == [0, 1, 2, 3]
     assert chosen(labels, ("toe", "hip")) == [0, 2, 3]
     assert chosen(labels, ("a:*", "t?e")) == [0, 1, 3]
-    with pytest.raises(ValueError, match="nothing in it is called 'nose'"):
+    with pytest.raises(ValueError, match="no joint is called 'nose'"):
         chosen(labels, ("hip", "nose"))
     assert short_names(labels[1:]) == ("knee", "hip", "toe")
 

@@ -1,0 +1,123 @@
+"""Senders that take more than their share are served last: others' packets are never kept waiting behind theirs."""
+
+from __future__ import annotations
+
+import pytest
+
+from kinespace.stream.inputs import Source
+from kinespace.stream.inputs.refusals import Refusals
+from kinespace.stream.inputs.turns import MAX_ASIDE, MAX_AT_ONCE, PER_EVENT, SHARE, Turns, Waiting
+from kinespace.stream.status import InputCounts
+
+ANN, EVE = ("10.0.0.1", 4000), ("10.0.0.2", 4000)
+
+
+def greedy(turns: Turns, now: float) -> None:
+    """Let Eve take a second, of which no more is held against her than takes half a second to pay off."""
+    turns.comes_last(ANN, now)
+    turns.comes_last(EVE, now)
+    turns.charge(EVE, 1.0, 0, now)
+
+
+def test_who_takes_too_much_comes_last_until_it_is_paid_off() -> None:
+    """A sender within its share never comes last; one that took too much does, and not for long after it stops."""
+    turns = Turns()
+    for step in range(1000):
+        now = step / 100
+        assert not turns.comes_last(ANN, now)
+        assert not turns.comes_last(EVE, now)
+        turns.charge(ANN, 0.9 * SHARE / 100, 0, now)
+    greedy(turns, 10.0)
+    assert turns.comes_last(EVE, 10.0)
+    assert not turns.comes_last(ANN, 10.1)
+    assert turns.last(10.1) == [EVE]
+    assert not turns.comes_last(EVE, 11.0)
+
+
+def test_frames_count_as_what_they_take() -> None:
+    """What a packet makes others do is part of its price: a few thousand frames are too many."""
+    turns = Turns()
+    turns.charge(ANN, 0.0, 1, 1.0)
+    turns.comes_last(EVE, 1.0)
+    turns.charge(EVE, 0.0, round(MAX_AT_ONCE / PER_EVENT) - 1, 1.0)
+    assert not turns.comes_last(EVE, 1.0)
+    turns.charge(EVE, 0.0, 2, 1.0)
+    assert turns.comes_last(EVE, 1.0)
+
+
+def test_who_is_alone_never_comes_last() -> None:
+    """There is nobody to be kept waiting."""
+    turns = Turns()
+    for step in range(100):
+        assert not turns.comes_last(EVE, 10 + step / 10)
+        turns.charge(EVE, 0.1, 100, 10 + step / 10)
+
+
+def test_what_is_put_aside_is_bounded() -> None:
+    """The oldest packets make room for new ones, and are counted."""
+    turns = Turns()
+    for number in range(100):
+        turns.put_aside(Waiting([bytes([number]), bytes(65_000)], 1.0, 0.0, EVE))
+    assert len(turns) == MAX_ASIDE // 65_001
+    assert turns.thrown_away == 100 - len(turns)
+    assert turns.take().packet[0] == bytes([turns.thrown_away])
+
+
+class Receiver:
+    """Gives what it is told to: packets, each with its sender."""
+
+    waited, kernel_drops = 0.0, 0
+
+    def __init__(self) -> None:
+        self.packets: list[tuple[bytes, tuple[str, int]]] = []
+        self.sender: tuple[str, int] | None = None
+
+    def broken(self) -> int:
+        """Have no connections."""
+        return 0
+
+    def receive(self) -> bytes | None:
+        """Give the next packet."""
+        if not self.packets:
+            return None
+        packet, self.sender = self.packets.pop(0)
+        return packet
+
+
+class Costly:
+    """Makes of a packet what it was made of: as many events as its bytes."""
+
+    expires = False
+    counts, refusals = InputCounts(), Refusals()
+
+    def decode(self, packet: bytes, arrival: float, sender: object) -> list[bytes]:  # noqa: ARG002 - as a decoder has it
+        """Give the packet so many times."""
+        return [packet] * len(packet)
+
+
+@pytest.fixture
+def source() -> Source:
+    """Give a source in whose account Ann and Eve stand, and Eve has taken too much."""
+    made = Source(Receiver(), Costly())  # type: ignore[arg-type]  # fakes
+    made.receiver.packets = [(b"a", ANN), (b"e" * 2000, EVE)]  # type: ignore[attr-defined]
+    assert made.take(1.0)
+    assert made.take(1.0)
+    return made
+
+
+def test_others_go_before_who_comes_last(source: Source) -> None:
+    """What waits of others is taken first; then one packet of the greedy sender, and others are looked for again."""
+    receiver = source.receiver
+    receiver.packets = [(b"e" * 2000, EVE)] * 3 + [(b"a", ANN), (b"b", ANN)]  # type: ignore[attr-defined]
+    assert source.take(1.01) == [b"a"]
+    assert source.has_put_aside
+    assert source.notes == ["10.0.0.2:4000 sends more than its share: served last"]
+    assert source.take(1.01) == [b"b"]
+    assert len(source.take(1.02) or ()) == 2000
+    assert source.waited == pytest.approx(0.01)
+    assert source.take(1.02) is None
+    receiver.packets = [(b"c", ANN)]  # type: ignore[attr-defined]
+    assert source.take(1.03) == [b"c"]
+    assert [len(source.take(1.04) or ()) for _ in range(4)] == [2000, 0, 2000, 0]
+    assert not source.has_put_aside
+    assert source.counts.thrown_away == 0

@@ -1,0 +1,1 @@
+"""Strangers and faults against a running recogniser: `make chaos`."""

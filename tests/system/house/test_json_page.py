@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from kinespace.tools.chaos.run import Outcome
+from kinespace.tools.chaos.trial import Outcome
 from kinespace.tools.cli.main import EXPERIMENTS, PROGRAMS, whole_parser
 from kinespace.tools.evaluation.evaluate_faults import FaultScore
 from kinespace.tools.evaluation.evaluate_noise import NoiseScore

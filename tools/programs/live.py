@@ -62,8 +62,8 @@ if TYPE_CHECKING:
 
 #: Where answers go by default: a port that no usual receiver uses.
 OSC_OUT = "127.0.0.1:9311"
-#: The addresses of all of a machine's networks, and of the machine itself.
-_ANY_HOST, _THIS_MACHINE = ("0.0.0.0", "::"), ("127.0.0.1", "::1")  # noqa: S104 - compared, not bound
+#: The addresses of all of a machine's networks.
+_ANY_HOST = ("0.0.0.0", "::")  # noqa: S104 - compared, not bound
 #: Times a second the table is drawn.
 _REDRAWS = 5
 #: Seconds for which a thread may keep Python's lock while another waits. Drawing takes longer than a frame may wait.
@@ -461,13 +461,21 @@ def _require_no_loop(receivers: Sequence[_AnyReceiver], sinks: Sequence[Sink]) -
     """Refuse answers to a port on which frames come in: they would be taken for frames."""
     heard = [receiver.address for receiver in receivers if isinstance(receiver, osc.OscReceiver)]
     for sink in sinks:
-        sender = sink.sender if isinstance(sink, LayoutSink) else None
-        if not isinstance(sender, osc.OscSender):
-            continue
-        host, port = sender.target[:2]
         for own, listening in heard:
-            if port == listening and (host == own or (own in _ANY_HOST and host in (*_ANY_HOST, *_THIS_MACHINE))):
+            if _reaches(sink, own, listening):
                 raise ValueError(f"--out: expected another place than {own}:{listening}, where frames come in: {sink}")
+
+
+def _reaches(sink: Sink, own: str, listening: int) -> bool:
+    """Say whether what a sink sends comes to one of our own addresses."""
+    if isinstance(sink, ReplySink):
+        # The sender may be on this machine.
+        return sink.port == listening
+    sender = sink.sender if isinstance(sink, LayoutSink) else None
+    if not isinstance(sender, osc.OscSender):
+        return False
+    host, port = sender.target[:2]
+    return port == listening and (host == own or (own in _ANY_HOST and (host in _ANY_HOST or osc.is_ours(host))))
 
 
 def _writer(record: Path, receivers: Sequence[_AnyReceiver], preset: Preset | None) -> RawWriter:

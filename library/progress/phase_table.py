@@ -1,4 +1,4 @@
-"""The moments of a library's motions with their phases: what a live body is compared with to say how far it is."""
+"""The moments of a library's motions with their phases: a live body is compared with them to find its progress."""
 
 from __future__ import annotations
 
@@ -27,17 +27,17 @@ if TYPE_CHECKING:
 MOMENTS_PER_SECOND = 15.0
 #: Seconds over which a moment's velocity is taken.
 VELOCITY_SECONDS = 2 / MOMENTS_PER_SECOND
-#: How much a velocity counts beside a posture, both in the basis.
+#: Weight of a velocity beside a posture, both in the basis.
 VELOCITY = 3.0
-#: How much of the scatter between actors gives way to equal scatter.
+#: The share of the scatter between actors that is replaced by equal scatter.
 _SHRINKAGE = 0.1
 #: Phases at which recordings are compared to learn how actors differ.
 _COMPARED_AT = np.linspace(0.0, 1.0, 10)
-#: Bins in which phases are alike.
+#: Bins of phases that count as the same.
 _BINS = 40
-#: Seconds over which the swing of the body is taken.
+#: Seconds over which the swing of the body is measured.
 SWING_SECONDS = 1.0
-#: A class is cyclic when its recordings end this near to where they begin, relative to how far they go between, and
+#: A class is cyclic when its recordings end this near to their beginning, relative to the farthest point between, and
 #: in this direction (the cosine).
 _SAME_PLACE, _SAME_DIRECTION = 0.35, 0.3
 
@@ -49,13 +49,13 @@ class Moments:
     Attributes
     ----------
     vectors
-        Posture and velocity, whitened by how actors differ at the same phase, shape (numbers, moments).
+        Posture and velocity, whitened by the differences of actors at the same phase, shape (numbers, moments).
     phases
-        How far in the motion each moment is, shape (moments,), 0 to 1.
+        The phase of each moment, shape (moments,), 0 to 1.
     starts
         Where each recording begins, ascending, shape (recordings,).
     speeds
-        Mean squared length of each moment's velocity, as the library's mean recording would have it, (moments,).
+        Mean squared length of each moment's velocity, relative to the library's mean recording, (moments,).
     usual_speeds
         Mean of `speeds` over all moments at the same phase, (moments,).
     usual_swings
@@ -78,7 +78,7 @@ class Moments:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PhaseTable:
-    """What the progress of a body is read from.
+    """The moments and the basis from which the progress of a body is computed.
 
     Attributes
     ----------
@@ -87,7 +87,7 @@ class PhaseTable:
     whitening
         Posture and velocity times this are a vector of the table, shape (2 × directions, numbers).
     basis
-        The directions that postures are measured in.
+        The basis of postures.
     """
 
     classes: Mapping[str, Moments]
@@ -98,7 +98,7 @@ class PhaseTable:
     def of(cls, motions: Iterable[Clip], body: Body, basis: Basis) -> PhaseTable:
         """Find the phases of motions that share a skeleton.
 
-        Motions shorter than twice `VELOCITY_SECONDS` are passed over: they have no course that can be followed.
+        Motions shorter than twice `VELOCITY_SECONDS` are left out, because they cannot be followed.
         """
         performed: dict[str, list[Clip]] = {}
         for clip in motions:
@@ -110,9 +110,9 @@ class PhaseTable:
 
 
 class _Courses(NamedTuple):
-    """What is measured of the recordings of one class, whatever other classes there are."""
+    """The numbers of the recordings of one class, which do not depend on other classes."""
 
-    #: Of each recording, (moments, 2 × directions), (moments,) and (moments,).
+    #: For each recording arrays (moments, 2 × directions), (moments,) and (moments,).
     moving: list[NDArray[np.float64]]
     phases: list[NDArray[np.float64]]
     swings: list[NDArray[np.float64]]
@@ -122,7 +122,7 @@ class _Courses(NamedTuple):
 
 @lru_cache(maxsize=64)
 def _courses(clips: tuple[Clip, ...], body: Body, basis: Basis) -> _Courses:
-    """Measure the recordings of a class; kept, because a library to which a class is added has the others still."""
+    """Compute the numbers of a class; kept, because a library with one more class keeps its other classes."""
     points = [points_of(clip, body, basis) for clip in clips]
     moving = [with_velocity(each) for each in points]
     scale = math.sqrt(np.mean([each.var(axis=0).mean() for each in moving])) or 1.0
@@ -150,9 +150,9 @@ def points_of(clip: Clip, body: Body, basis: Basis) -> NDArray[np.float64]:
 
 
 def with_velocity(points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Put beside each point how far it moved in the last `VELOCITY_SECONDS`, weighed, (moments, 2 × directions).
+    """Append to each point its movement in the last `VELOCITY_SECONDS`, weighted, (moments, 2 × directions).
 
-    The first points have no past: they are given the velocity with which the recording begins.
+    The first points have no past: they get the velocity with which the recording begins.
     """
     lag = round(VELOCITY_SECONDS * MOMENTS_PER_SECOND)
     later = np.minimum(np.maximum(np.arange(len(points)), lag), len(points) - 1)
@@ -161,12 +161,12 @@ def with_velocity(points: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def moving_point(before: NDArray[np.float64], now: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Put beside a point how far it moved since the point `VELOCITY_SECONDS` before, weighed, (2 × directions,)."""
+    """Append to a point its movement since the point `VELOCITY_SECONDS` before, weighted, (2 × directions,)."""
     return np.concatenate([now, VELOCITY * (now - before)])
 
 
 def _whitening(courses: Iterable[_Courses], width: int) -> NDArray[np.float64]:
-    """Learn how recordings of a class differ at the same phase; a class of one recording tells nothing."""
+    """Learn how recordings of a class differ at the same phase; a class of one recording is ignored."""
     scatters = []
     for each in courses:
         places = [np.searchsorted(phases, _COMPARED_AT).clip(0, len(phases) - 1) for phases in each.phases]
@@ -208,7 +208,7 @@ def _usual(phases: NDArray[np.float64], numbers: NDArray[np.float64]) -> NDArray
 
 
 def _is_cyclic(points: Sequence[NDArray[np.float64]], velocities: Sequence[NDArray[np.float64]]) -> bool:
-    """Say whether the recordings of a class end where they begin, and moving as they begin."""
+    """Say whether the recordings of a class end where, and in the direction in which, they begin."""
     apart, along = [], []
     for places, ways in zip(points, velocities, strict=True):
         farthest = np.linalg.norm(places - places[0], axis=1).max()
@@ -219,7 +219,7 @@ def _is_cyclic(points: Sequence[NDArray[np.float64]], velocities: Sequence[NDArr
 
 
 def _swings(points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Log of the swing over the last second at each moment; what is shorter than a second swings less."""
+    """Log of the swing over the last second at each moment; at the beginning over the time that has passed."""
     span = round(SWING_SECONDS * MOMENTS_PER_SECOND)
     return np.array([swing_of(points[max(0, end - span) : end + 1]) for end in range(len(points))])
 

@@ -1,7 +1,7 @@
-"""Examples that a person teaches: what is kept of each, the library that they make, how well they are told apart.
+"""Examples that a person teaches: their recordings, the library that they make, and how well they are told apart.
 
-Rosters are values: a change gives a new one, so that undo is to go back to the one before. The windows of an example
-are cut once, however often the roster changes.
+Rosters are values: a change gives a new roster, so that undo goes back to an old one. The windows of an example are
+computed once, however often the roster changes.
 """
 
 from __future__ import annotations
@@ -22,16 +22,16 @@ if TYPE_CHECKING:
 
     from kinespace.library.clip import Clip
 
-#: Examples that a roster holds at most.
+#: Examples in a roster, at most.
 MAX_EXAMPLES = 2000
 #: Seconds between two windows of an example.
 _EVERY = 0.1
-#: Share of an example's windows that another class wins, up to which the example is good, and from which on the two
-#: classes cannot be told apart.
+#: Share of an example's windows that another class wins: up to the first number the example is good, and from the
+#: second number on the two classes cannot be told apart.
 _GOOD, _NOT_TOLD = 0.05, 0.5
-#: How many times as far from its own class as the class's other examples an unlike example is.
+#: An unlike example is so many times as far from its class's other examples as these from each other.
 _UNLIKE = 2.0
-#: Other examples of a class, and windows of one, that a check looks at.
+#: Other examples of a class, and windows of an example, that a check uses, at most.
 _CHECKED, _WINDOWS = 5, 60
 
 
@@ -42,13 +42,13 @@ class Example:
     Attributes
     ----------
     number
-        Counted from 1 over all examples ever taught in a library; tells which class was known first.
+        Counted from 1 over all examples ever taught in a library; the order of the classes follows it.
     class_name
-        What it is an example of.
+        The example's class.
     recording
-        All that was recorded, over the library's joints; its actor is the performer.
+        The whole recording, over the library's joints; its actor is the performer.
     begin, end
-        What is kept of the recording, seconds from its beginning.
+        The part of the recording that is kept, seconds from its beginning.
     """
 
     number: int
@@ -59,12 +59,12 @@ class Example:
 
     @property
     def seconds(self) -> float:
-        """Seconds that are kept."""
+        """Seconds of the part that is kept."""
         return self.end - self.begin
 
     @property
     def motion(self) -> Clip:
-        """What is kept, as a library's motion."""
+        """The part that is kept, as a library's motion."""
         first = max(math.floor(self.begin * self.recording.frame_rate), 0)
         last = math.ceil(self.end * self.recording.frame_rate) + 1
         return replace(
@@ -77,20 +77,20 @@ class Example:
 
     @property
     def whole(self) -> Example:
-        """The same without trimming."""
+        """The same example without trimming."""
         return replace(self, begin=0.0, end=self.recording.duration)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Roster:
-    """All examples, and which classes are answered.
+    """All examples, and the classes that are answered.
 
     Attributes
     ----------
     examples
         In the order in which they were taught.
     disabled
-        Classes that are not answered for now, taught or not.
+        Classes, taught or not, that are not answered for now.
     """
 
     examples: tuple[Example, ...] = ()
@@ -98,7 +98,7 @@ class Roster:
 
     @property
     def classes(self) -> tuple[str, ...]:
-        """Taught classes, the one taught first in front."""
+        """Taught classes, in the order of their first examples."""
         return tuple(dict.fromkeys(each.class_name for each in sorted(self.examples, key=lambda each: each.number)))
 
     @property
@@ -111,12 +111,12 @@ class Roster:
         return tuple(each for each in self.examples if each.class_name == class_name)
 
     def with_example(self, example: Example) -> Roster:
-        """Add an example; one of the same number gives way to it."""
+        """Add an example; it replaces an example of the same number."""
         others = (each for each in self.examples if each.number != example.number)
         return replace(self, examples=(*others, example))
 
     def renamed(self, old: str, new: str) -> Roster:
-        """Give a class another name; two that get the same name become one."""
+        """Rename a class; two classes that get the same name become one."""
         examples = tuple(replace(each, class_name=new) if each.class_name == old else each for each in self.examples)
         return Roster(examples, frozenset(new if name == old else name for name in self.disabled))
 
@@ -126,7 +126,7 @@ class Roster:
         return Roster(kept, self.disabled - {class_name})
 
     def enabled(self, class_name: str, *, on: bool) -> Roster:
-        """Answer a class, or do not."""
+        """Answer a class, or stop answering it."""
         return replace(self, disabled=self.disabled - {class_name} if on else self.disabled | {class_name})
 
     def library(self) -> MotionLibrary | None:
@@ -135,7 +135,7 @@ class Roster:
 
     @classmethod
     def of_library(cls, library: MotionLibrary) -> Roster:
-        """Take a library's motions as examples, in the order of their takes' numbers where these are numbers."""
+        """Take a library's motions as examples, in the order of their takes' numbers if these are numbers."""
         numbered = sorted(enumerate(library.motions), key=lambda each: (_number(each[1]), each[0]))
         return cls(
             tuple(
@@ -150,14 +150,14 @@ def _number(motion: Clip) -> float:
 
 
 class TaughtWindows:
-    """Opens rosters for recognition, cutting the windows of each example once.
+    """Opens rosters for recognition; the windows of each example are computed once.
 
     Parameters
     ----------
     base
-        Windows in whose metrics examples are compared. None: the examples teach their own, anew each time.
+        Windows in whose metrics examples are compared. None: the examples learn their own metrics, anew each time.
     beside
-        Whether the base's own motions are compared with too.
+        Whether the base's own motions take part in comparisons.
     """
 
     def __init__(self, base: WindowIndex | None, *, beside: bool) -> None:
@@ -167,18 +167,18 @@ class TaughtWindows:
 
     @property
     def base_classes(self) -> tuple[str, ...]:
-        """Classes that are known without any example."""
+        """Classes that are known without examples."""
         return self._base.library.classes if self._base and self._beside else ()
 
     def index_of(self, roster: Roster) -> WindowIndex | None:
-        """Open a roster; None when nothing is left to compare with."""
+        """Open a roster; None when there is no motion to compare with."""
         enabled = [each for each in roster.examples if each.class_name not in roster.disabled]
         if self._base is None:
             library = Roster(tuple(enabled)).library()
             return WindowIndex.of(library) if library else None
         new = [each for each in enabled if _key(each) not in self._known]
         if new and self._everything is not None:
-            # One person's way must do: performers' examples of a class stand together as if one had taught them.
+            # One person is enough: all performers' examples of a class count as one person's.
             motions = [replace(each.motion, actor="") for each in new]
             before = {id(motion) for motion in self._everything.library.motions}
             self._everything = self._everything.with_motions(motions, every=_EVERY)
@@ -196,7 +196,7 @@ class TaughtWindows:
         if not np.isin(self._everything.motions, places).any():
             return None
         kept = self._everything.of_some(places)
-        # What is unknown a base tells that was taught by strangers; else the examples themselves do.
+        # A base taught by strangers tells what is unknown; without one the examples do.
         index = kept if self._beside else replace(kept, judged_by=None)
         index = replace(index, judged_by=index.rejection)
         index.prepare()
@@ -208,16 +208,16 @@ def _key(example: Example) -> tuple[str, float, float, int]:
 
 
 class Check(NamedTuple):
-    """How well an example can be told from other classes, and how like its own it is.
+    """How well an example can be told from other classes, and how like its own class it is.
 
     Attributes
     ----------
     share_at_risk
-        Share of its windows that another class wins, the example itself left out.
+        Share of its windows that another class wins, with the example itself left out.
     nearest
-        The class that wins most of them, else the nearest; empty when there is no other.
+        The class that wins most of these windows, else the nearest class; empty when there is no other.
     to_own
-        How many times as far from its own class's other examples as those from each other; NaN when there are none.
+        Its distance to its class's other examples, relative to theirs from each other; NaN when there are none.
     """
 
     share_at_risk: float
@@ -226,7 +226,7 @@ class Check(NamedTuple):
 
     @property
     def words(self) -> str:
-        """The check in words."""
+        """The result in words."""
         if self.nearest and self.share_at_risk > _NOT_TOLD:
             return f"cannot be told from {self.nearest}"
         if self.nearest and self.share_at_risk > _GOOD:
@@ -237,21 +237,21 @@ class Check(NamedTuple):
 
 
 def checked(index: WindowIndex, number: int) -> Check | None:
-    """Let an example's windows ask the rest of the library.
+    """Let an example's windows ask the other motions.
 
-    A window is at risk when another class is nearer than the class's other examples. Where there are none, it is at
-    risk when another class is as near as two people who do the same are to each other.
+    A window is at risk when another class is nearer than the class's other examples. If there are none, it is at risk
+    when another class is as near as two people who perform the same are to each other.
 
     Parameters
     ----------
     index
-        A roster, opened (`TaughtWindows`).
+        An opened roster (`TaughtWindows`).
     number
-        Of the example.
+        The example's number.
 
     Returns
     -------
-    The check; None when the example is not among the motions compared with.
+    The check; None when the example is not among the motions of the index.
     """
     motions = index.library.motions
     asked = {place for place in np.unique(index.motions).tolist() if _is_example(motions[place], number)}
@@ -290,7 +290,7 @@ def _likeness(index: WindowIndex, place: int, own: int, distances: NDArray[np.fl
 
 
 def _left_out(index: WindowIndex, place: int) -> NDArray[np.float64]:
-    """Give the log distance of each class to some windows of a motion that is left out, shape (windows, classes)."""
+    """Give the log distances of each class to some windows of a motion that is left out, shape (windows, classes)."""
     mine = index.motions == place
     windows = np.flatnonzero(mine)
     windows = windows[:: max(-(-len(windows) // _WINDOWS), 1)]

@@ -1,4 +1,4 @@
-"""What arrives on a port, whatever it is: kinds of messages, rates, senders, gaps; which preset it looks like."""
+"""Detection: kinds of messages on a port, rates, senders, gaps, and the preset that fits best."""
 
 from __future__ import annotations
 
@@ -32,18 +32,18 @@ if TYPE_CHECKING:
     from kinespace.stream.inputs.decoder import Decoder
     from kinespace.stream.osc.packet import Message
 
-#: Kinds of messages told apart; only somebody who makes up addresses gets there.
+#: Kinds of messages that are told apart, at most; only a sender that makes up addresses reaches the limit.
 MAX_KINDS = 200
 _MAX_SENDERS = 50
-#: Messages and packets kept to be looked at as each preset's.
+#: Messages and packets that are kept for reading by each preset, at most.
 _MAX_KEPT = 20_000
 #: The preset of our own messages, and their addresses.
 NATIVE, OURS = "native", ("/motion/frame", SKELETON)
-#: Ways to pack that tell by themselves whether a packet is of theirs.
+#: Packings whose packets can be recognised.
 _PACKINGS = ("osc", "rokoko", "zigsim", "xsens")
-#: Joints a message must bring, relative to those a preset has, to say that this is it.
+#: Share of a preset's joints that must come for the preset to fit.
 _LIKELY = 0.25
-#: Share of its length by which a segment may change, and of the segments that may change by more.
+#: Share of its length by which a segment may change, and share of the segments that may change by more.
 _STRETCHES, _MANY = 0.1, 0.25
 _NUMBERED = re.compile(r"\d+")
 _TAGS = {float: "f", int: "i", str: "s", bytes: "b", bool: "T", type(None): "N", list: "[", tuple: "m"}
@@ -51,7 +51,7 @@ _TAGS = {float: "f", int: "i", str: "s", bytes: "b", bool: "T", type(None): "N",
 
 @dataclass(slots=True)
 class Kind:
-    """Messages of one address, numbers in it aside, and one list of types."""
+    """Messages of one address, apart from numbers in it, and of one list of types."""
 
     address: str
     types: str
@@ -69,24 +69,24 @@ class Kind:
 
 
 class Guess(NamedTuple):
-    """How well a preset explains what came.
+    """How well a preset explains the messages.
 
     Attributes
     ----------
     preset
         The preset.
     understood
-        Share of the messages that it understands.
+        Share of the messages that the preset can read.
     joints
         Joints that came, by the motion library's names.
     missing
-        Joints of the preset that did not.
+        Joints of the preset that did not come.
     frames
-        Frames that were made of what came.
+        Frames made of the messages.
     rate
         Frames a second of one performer.
     performers
-        Who was there.
+        The performers' names.
     """
 
     preset: Preset
@@ -101,16 +101,16 @@ class Guess(NamedTuple):
 
 
 class Findings(NamedTuple):
-    """What is odd about the frames of a feed.
+    """Oddities of a feed's frames.
 
     Attributes
     ----------
     clocks
-        By performer, what times are read as that are no seconds.
+        By performer, the conversion of times that are not seconds.
     stretching
         Performers many of whose segments change their length by more than a tenth.
     refusals
-        The last packets that could not be read, and why, a line each.
+        The last packets that could not be read, with the reason, a line each.
     """
 
     clocks: dict[str, str]
@@ -120,7 +120,7 @@ class Findings(NamedTuple):
 
 @dataclass(slots=True)
 class Survey:
-    """Collects what arrives.
+    """Collects packets.
 
     Attributes
     ----------
@@ -133,7 +133,7 @@ class Survey:
     kinds
         Messages by address and types.
     announced
-        The joint names that a sender of our own messages said last.
+        The joint names of the last announcement in our own messages.
     """
 
     packets: int = 0
@@ -144,11 +144,11 @@ class Survey:
     kinds: dict[tuple[str, str], Kind] = field(default_factory=dict)
     announced: tuple[str, ...] = ()
     _kept: list[tuple[bytes, float, str]] = field(default_factory=list)
-    #: What was kept as each packing reads it; with how much there was then.
+    #: The kept packets as each packing reads them, and how many there were then.
     _read: dict[str, tuple[int, list[tuple[list[Message], float, bool]]]] = field(default_factory=dict)
 
     def see(self, datagram: bytes, sender: str, arrival: float) -> None:
-        """Take in one datagram, from `host:port`, at a moment in seconds."""
+        """Take in one datagram from `host:port`, at a moment in seconds."""
         self.packets += 1
         self.largest = max(self.largest, len(datagram))
         if sender in self.senders or len(self.senders) < _MAX_SENDERS:
@@ -180,7 +180,7 @@ class Survey:
         kind.last = arrival
 
     def looked_at_as(self, preset: Preset) -> Guess:
-        """Say what a preset makes of everything that came."""
+        """Read all packets by a preset, and say how well it fits."""
         if preset.name == NATIVE and self.announced:
             return self._as_our_own(preset)
         mapper, assembler = Mapper(preset), FrameAssembler(preset)
@@ -199,7 +199,7 @@ class Survey:
                     times.setdefault(made.performer, []).append(arrival)
         came = {preset.joint_map[name] for name in joints} - {""}
         if preset.bones and came:
-            # A bone that does not come stays as it is at rest.
+            # A bone that does not come stays at rest.
             came = set(preset.joints)
         longest = max(times.values(), key=len, default=[])
         span = longest[-1] - longest[0] if longest else 0.0
@@ -216,7 +216,7 @@ class Survey:
         )
 
     def _as_our_own(self, preset: Preset) -> Guess:
-        """Read our own messages, whose senders name their joints, as the recogniser does: by our names for them."""
+        """Read our own messages, whose senders name their joints, as the recogniser does: by our joint names."""
         named = set(Naming().read(self.announced).joints)
         frames, times = 0, dict[str, list[float]]()
         for datagram, arrival, _ in self._kept:
@@ -241,7 +241,7 @@ class Survey:
         )
 
     def findings(self, preset: Preset) -> Findings:
-        """Say what is odd about what came, read as a preset's feed."""
+        """List the oddities of the packets, read by a preset."""
         decoder: Decoder = OscDecoder() if preset.name == NATIVE else FeedDecoder(preset)
         joints: dict[str, tuple[str, ...]] = {}
         clocks: dict[str, SenderClock] = {}
@@ -264,7 +264,7 @@ class Survey:
         )
 
     def _unpacked_as(self, packing: str) -> list[tuple[list[Message], float, bool]]:
-        """Give what was kept as messages, by one way to pack; packets of other ways hold none."""
+        """Give the kept packets as messages, by one packing; packets of other packings hold none."""
         if packing not in self._read or self._read[packing][0] != len(self._kept):
             unpack = UNPACKERS[packing]()
             read = [
@@ -275,9 +275,9 @@ class Survey:
         return self._read[packing][1]
 
     def guess(self, presets: Sequence[Preset]) -> Guess | None:
-        """Give the preset that explains most of what came, None when none explains anything.
+        """Give the preset that explains most of the packets, None when none explains any.
 
-        Frames made count first, then joints found, then messages understood.
+        It is chosen by the frames made, then the joints found, then the messages read.
         """
         guesses = [self.looked_at_as(preset) for preset in presets]
         likely = [each for each in guesses if len(each.joints) >= _LIKELY * len(each.preset.joints)]
@@ -285,7 +285,7 @@ class Survey:
 
 
 def _unpacked(unpack: Unpacker, datagram: bytes) -> list[Message] | None:
-    """Give a packet's messages, None where it is packed otherwise."""
+    """Give a packet's messages, None when it is packed otherwise."""
     try:
         return unpack(datagram)
     except PacketError:
@@ -308,8 +308,8 @@ def _segment_lengths(joints: Sequence[str], positions: NDArray[np.floating]) -> 
 
 
 def _stretches(lengths: NDArray[np.float64]) -> bool:
-    """Say whether many segments of (frames, segments) change by more than a tenth, stray frames aside."""
-    # A segment of which an end was lost is not judged.
+    """Say whether many segments of (frames, segments) change by more than a tenth, apart from stray frames."""
+    # A segment with a lost end is not judged.
     lengths = lengths[:, np.isfinite(lengths).all(axis=0)]
     if not lengths.any():
         return False

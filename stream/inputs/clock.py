@@ -1,12 +1,12 @@
-"""What a sender's times mean: seconds, milliseconds, frame numbers, or nothing, as their arrivals show.
+"""The meaning of a sender's times: seconds, milliseconds, frame numbers, or none, found by their arrivals.
 
-Times that go on about as fast as the arrivals are seconds and stay as they are. Milliseconds, and the smaller units
-that programs count in, go on a thousand times as fast and more. Frame numbers go on by one from frame to frame. Times
-that stand still tell nothing: so does a clock of 1970 in a 32-bit float, which goes on every two minutes. In place of
-times that tell nothing the arrivals are used.
+Times that advance about as fast as the arrivals are seconds and are not changed. Milliseconds, and smaller units,
+advance a thousand times as fast or more. Frame numbers advance by one from frame to frame. Times that stand still mean
+nothing; a clock of 1970 in a 32-bit float, which advances every two minutes, does so too. In place of times that mean
+nothing the arrivals are used.
 
-A verdict rests on the frames of some tenths of a second. The middle of their steps is looked at, so that neither a
-frame that was lost, nor a recording that begins again, nor frames that arrive in bursts change it.
+A verdict rests on the frames of some tenths of a second. It takes the median of their steps, so that a lost frame, a
+recording that begins again, and frames that arrive in bursts do not change it.
 """
 
 from __future__ import annotations
@@ -17,33 +17,33 @@ from typing import NamedTuple
 _SPAN, _MIN_FRAMES = 0.4, 7
 #: Seconds without a frame after which the frames before are forgotten.
 _PAUSE = 1.0
-#: Frames a second above which frames are not sent as they are made, but all at once: nothing is said of their times.
+#: Frames a second above which frames come all at once, not as they are made: then there is no verdict.
 _MAX_RATE = 2000.0
-#: Share of the times that repeat the time before, from which on they tell nothing.
+#: Share of times that repeat the time before, from which on the times mean nothing.
 _STILL = 0.15
-#: Units that programs count time in, by how many of them a second has.
+#: Units of time in programs, by their number in a second.
 _UNITS = {1e3: "milliseconds", 1e6: "microseconds", 1e7: "ticks of 100 nanoseconds", 1e9: "nanoseconds"}
-#: Factor by which the pace of a unit may be missed: frames are lost, and a first span is short.
+#: Factor by which the pace may differ from a unit's: frames are lost, and the first span is short.
 _TOLERANCE = 1.6
-#: What seconds may seem to go on per second: a feed is sent again faster or slower than it was recorded.
+#: Pace of times that still count as seconds: a feed may be sent again faster or slower than it was recorded.
 _SLOWEST, _FASTEST = 0.01, 500.0
-#: Frame numbers a second at least, and what they may go on by: some programs send every second frame only.
+#: Frame numbers a second, at least, and steps of frame numbers: some programs send every second frame only.
 _MIN_NUMBERS, _MAX_NUMBER_STEP = 4.0, 10.0
-#: Seconds over which the rate of frame numbers is measured, better and better.
+#: Seconds over which the rate of frame numbers is measured.
 _MEASURED = 10.0
-#: Seconds by which a time may differ from what the arrivals say and be of the same clock.
+#: Seconds by which a time may differ from the arrivals and still be of the same clock.
 _SAME_CLOCK = 5.0
 
 
 class Verdict(NamedTuple):
-    """What a clock's times are.
+    """The meaning of a clock's times.
 
     Attributes
     ----------
     seconds
-        Seconds of one unit; 0: the times tell nothing, and the arrivals are used.
+        Seconds of one unit; 0: the times mean nothing, and the arrivals are used.
     told
-        What is said of them; empty for seconds.
+        A note for a person; empty for seconds.
     """
 
     seconds: float
@@ -59,17 +59,17 @@ _NUMBERS = "times are frame numbers: scaled"
 
 
 class SenderClock:
-    """Reads one sender's times.
+    """Converts one sender's times.
 
     Parameters
     ----------
     verdict
-        What the times are, where that was seen before; else they are seconds until something else is seen.
+        The meaning of the times, if known from before; else they are seconds until a verdict.
 
     Attributes
     ----------
     verdict
-        What the times are taken to be now.
+        The current meaning of the times.
     """
 
     def __init__(self, verdict: Verdict | None = None) -> None:
@@ -78,26 +78,26 @@ class SenderClock:
         self._arrival = 0.0
         self._steps: list[float] = []
         self._gaps: list[float] = []
-        #: The verdict before, as long as it is not believed.
+        #: A new verdict, until it is believed.
         self._perhaps: Verdict | None = None
         self._has_judged = verdict is not None
-        #: A time of the sender's, and the seconds that it was read as.
+        #: One of the sender's times, and its conversion to seconds.
         self._origin = 0.0, 0.0
         #: The time and the arrival from which on the rate of frame numbers is measured.
         self._measured_from = 0.0, 0.0
 
     @property
     def told(self) -> str:
-        """What a person should know of the times; empty while they are seconds."""
+        """A note on the times for a person; empty while they are seconds."""
         return self.verdict.told
 
     def read(self, time: float, arrival: float) -> float:
-        """Read the time of one frame.
+        """Convert the time of one frame.
 
         Parameters
         ----------
         time
-            As sent; the arrival itself where the sender said 0, which stands for "on arrival".
+            The time as sent; the arrival itself where the sender sent 0, which means "on arrival".
         arrival
             When the frame came, seconds on our clock.
 
@@ -109,7 +109,7 @@ class SenderClock:
         if time == arrival and (last is None or abs(last - time + arrival - before) > _SAME_CLOCK):
             if last is None:
                 return arrival
-            # Other times were told before and after: the sender's clock begins at 0.
+            # The sender's clock begins at 0: the times before and after are other times.
             time = 0.0
         self._time, self._arrival = time, arrival
         if last is not None:
@@ -122,7 +122,7 @@ class SenderClock:
         return seconds + (time - begun) * self.verdict.seconds
 
     def _look(self, step: float, gap: float) -> None:
-        """Take in a step of the sender's clock and how long after the frame before the frame came; perhaps judge."""
+        """Take in a step of the sender's clock and the time since the frame before; perhaps give a verdict."""
         if gap > _PAUSE or len(self._steps) > _MAX_RATE:
             self._forget()
             return
@@ -139,7 +139,7 @@ class SenderClock:
         self._gaps.clear()
 
     def _believe(self, verdict: Verdict) -> None:
-        """Take a verdict for true: the first at once, another than before when it is given twice in a row."""
+        """Believe a verdict: the first one at once, another one when it is given twice in a row."""
         same = verdict.told == self.verdict.told
         if same or (self._has_judged and (self._perhaps is None or self._perhaps.told != verdict.told)):
             self._perhaps = None if same else verdict
@@ -153,7 +153,7 @@ class SenderClock:
             self._origin = (self._time, self._arrival) if verdict.told == _NUMBERS else (0.0, 0.0)
 
     def _measure(self) -> None:
-        """Measure the rate of frame numbers over all that came since they were first believed to be some."""
+        """Measure the rate of frame numbers over all frames since they were first believed to be frame numbers."""
         begun, since = self._measured_from
         if self._time is None or not 0 < self._arrival - since <= _MEASURED:
             return
@@ -166,11 +166,11 @@ class SenderClock:
 
 
 def _judged(steps: list[float], gaps: list[float], span: float) -> Verdict | None:
-    """Say what times are that went on by these steps while so many seconds passed; None when nothing can be said."""
+    """Say what times are that advanced by these steps in so many seconds; None when that is not clear."""
     count = len(steps)
     if count / span > _MAX_RATE:
         return None
-    # A packet that comes twice comes twice at once; a clock that stands still stands still as long as a frame lasts.
+    # A packet that comes twice comes twice at once; a clock that stands still does so for a frame's duration.
     waited = [step for step, gap in zip(steps, gaps, strict=True) if 2 * gap * count > span]
     still = sum(step == 0 for step in waited)
     if still >= max(_STILL * len(waited), 1):
@@ -180,9 +180,9 @@ def _judged(steps: list[float], gaps: list[float], span: float) -> Verdict | Non
 
 
 def _of_pace(step: float, pace: float) -> Verdict:
-    """Say what times are whose middle step is this, and that go on by so much a second."""
+    """Say what times are with this median step and this pace."""
     unit = next((unit for unit in _UNITS if unit / _TOLERANCE < pace < unit * _TOLERANCE), None)
-    # Milliseconds go on by several too.
+    # Milliseconds advance by several, too.
     largest = 1 if unit else _MAX_NUMBER_STEP
     if step.is_integer() and 1 <= step <= largest and pace / step >= _MIN_NUMBERS:
         return Verdict(1 / pace, _NUMBERS)

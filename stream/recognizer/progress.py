@@ -1,9 +1,9 @@
-"""How far in a motion a performer is, how fast and how large: a forward filter over the moments of the library.
+"""A performer's progress in a motion, its speed and its size: a forward filter over the moments of the library.
 
-The filter holds how probable each moment of each recording of the class is (a hidden Markov model whose states are the
-moments; Bevilacqua et al. 2010 follow one recording so). At each step it moves every probability on along its
-recording, lets some change to other recordings at the same phase, and weighs all by how alike the live body is. The
-compiled loops do a step in one go, and numpy does the same.
+The filter holds the probability of each moment of each recording of the class (a hidden Markov model whose states are
+the moments; Bevilacqua et al. 2010 follow one recording in this way). Each step moves every probability on along its
+recording, lets some change to other recordings at the same phase, and weighs all by their likeness to the live body.
+The compiled loops compute a step at once, and numpy computes the same.
 """
 
 from __future__ import annotations
@@ -32,27 +32,26 @@ if TYPE_CHECKING:
 
 #: Seconds between two steps of the filter: two steps a moment at the library's speed.
 STEP = 0.5 / MOMENTS_PER_SECOND
-#: How probable it is that a step goes on by 0, 1, 2 moments: standing still to four times the library's speed.
+#: Probabilities that a step goes on by 0, 1, 2 moments: standing still to four times the library's speed.
 _GOES_ON = (0.55, 0.36, 0.09)
-#: How probable a step changes to another recording at the same phase, and begins anew.
+#: Probabilities that a step changes to another recording at the same phase, and that it begins anew.
 _CHANGES, _BEGINS = 0.1, 1e-6
-#: Of what begins, how much begins in the first phases, and which phases those are; the rest begins later, the less
-#: probably the nearer to the end: before a motion a body often stands as it stands after it.
+#: The share that begins in the first phases, and these phases. The rest begins later, with a probability that falls
+#: towards the end, because before a motion a body often stands as it does after it.
 _AT_START, _FIRST_PHASES, _FALLING = 0.9, 0.12, 4
-#: How much a vector's squared distance counts, spread over its numbers.
+#: Weight of a vector's squared distance, divided among its numbers.
 _SHARPNESS = 4.0
-#: At the end of a recording, how probable a step that would go beyond begins the next round, of a cyclic motion and of
-#: another.
+#: Probability that a step beyond the end of a recording begins the next round: of a cyclic motion, and of another.
 _NEXT_ROUND, _ONCE_MORE = 0.5, 0.02
-#: Bins in which phases are alike.
+#: Bins of phases that count as the same.
 _BINS = 40
-#: Phases this near count as the same when the filter says how sure it is.
+#: Phases this near count as the same for `sure`.
 _NEAR = 0.1
 #: A scrubbed phase goes back when the phase is this much behind it.
 _BACK = 0.15
 #: Seconds over which speed and amplitude are smoothed.
 _SPEED_SMOOTHED, _SIZE_SMOOTHED = 0.15, 0.4
-#: How many of the class's mean squared velocity speak for the library's speed before the body is seen.
+#: Weight of the library's speed before the body is seen, relative to the class's mean squared velocity.
 _PRIOR_SPEED = 0.1
 #: Points of the past that are replayed when a class is named, half a second, and points that are kept.
 _REPLAYED = round(0.5 / STEP)
@@ -61,7 +60,7 @@ _PAST = round(2 * SWING_SECONDS / STEP) + 1
 _ROUNDING = 1e-3
 #: Points before the newest at which a velocity begins.
 _BACK_POINTS = round(VELOCITY_SECONDS / STEP)
-#: Numbers that the compiled loops need beyond those of the moments.
+#: Numbers that the compiled loops need beside those of the moments.
 _REGISTER = 16
 
 
@@ -96,7 +95,7 @@ class ProgressFollower:
         self._begin(name)
 
     def push(self, time: float, point: NDArray[np.float64], class_name: str | None) -> Progress | None:
-        """Take in where the body is.
+        """Take in the body's position.
 
         Parameters
         ----------
@@ -105,11 +104,11 @@ class ProgressFollower:
         point
             The body in the library's basis, relative to its size, shape (directions,).
         class_name
-            The motion that goes on; None for none, and then there is no progress.
+            The motion that goes on; None for none, which gives no progress.
 
         Returns
         -------
-        The progress of the motion that goes on, as of the filter's last step; None without one.
+        The progress of the motion that goes on, at the filter's last step; None without a motion.
         """
         steps = self._steps_until(time)
         if steps:
@@ -131,7 +130,7 @@ class ProgressFollower:
         return steps
 
     def _extend(self, point: NDArray[np.float64], steps: int) -> None:
-        """Keep the newest point; between two hops the body is taken to have moved in a straight line."""
+        """Keep the newest point; between two hops the body is assumed to move in a straight line."""
         if self._count + steps > len(self._points):
             self._points[:_PAST] = self._points[self._count - _PAST : self._count]
             self._count = _PAST
@@ -158,7 +157,7 @@ class ProgressFollower:
 
 
 class _Course(NamedTuple):
-    """What a step of the filter reads of the moments of one class; as `Loops.follow_phase` has it, but for `ends`."""
+    """The arrays of one class that a step of the filter reads; as in `Loops.follow_phase`, apart from `ends`."""
 
     course: NDArray[np.float64]
     indices: NDArray[np.intp]
@@ -190,7 +189,7 @@ class _Course(NamedTuple):
 
 @lru_cache(maxsize=64)
 def _course(moments: Moments) -> _Course:
-    """Give what followers of a class share."""
+    """Give the arrays that followers of a class share."""
     return _Course.of(moments)
 
 
@@ -204,7 +203,7 @@ class _Filter:
         count = len(moments.phases)
         self._belief = self._course.course[1].copy()
         self._live = np.zeros(len(moments.vectors), dtype=np.float32)
-        # What the compiled loops write to, and their room to work.
+        # The arrays that the compiled loops write, and their working memory.
         self._told, self._after = np.zeros(2 + len(self._course.expected)), np.zeros(count)
         self._room = np.zeros(count + _REGISTER, dtype=np.float32)
         self._squares = self._expected = self._usual = self._weight = 0.0
@@ -214,7 +213,7 @@ class _Filter:
         self._cycles, self._last = 0, 0.0
 
     def step(self, points: NDArray[np.float64]) -> Progress:
-        """Go on by a step, and weigh with the newest of the points, shape (points, directions)."""
+        """Go on by a step, and weigh by the newest of the points, shape (points, directions)."""
         span = max(2, round(SWING_SECONDS / STEP / min(max(self._speed, 0.5), 1.5)))
         square, swing = self._moved(points[-span:])
         self._follow()
@@ -238,7 +237,7 @@ class _Filter:
         return square, log_swing(variance)
 
     def _follow(self) -> None:
-        """Take one step of the filter; tell the phase, how probable the phases near it are, and what is expected."""
+        """Take one step of the filter; give the phase, the probability of phases near it, and expected speeds."""
         course, moments = self._course, self._moments
         if compiled.loops:
             compiled.loops.follow_phase(
@@ -272,7 +271,7 @@ class _Filter:
         _, beginning, rounds, alike = course.course
         stay, one, two, changes, begins, again, *_ = course.constants.tolist()
         by_one, by_two = before.copy(), before.copy()
-        # A recording's last moments have none to go on to in the recording after it.
+        # A recording's last moments must not go on to the next recording.
         by_one[ends] = by_two[ends] = by_two[ends - 1] = 0.0
         after: NDArray[np.float64] = stay * before
         after[1:] += one * by_one[:-1]
@@ -286,7 +285,7 @@ class _Filter:
         return moved
 
     def _measure(self, square: float, expected: float, usual: float) -> None:
-        """Follow how fast the body moves beside the moments it is likely at, and beside their class at that phase."""
+        """Follow the body's speed relative to its likely moments, and relative to its class at that phase."""
         self._squares = _SPEED_KEPT * self._squares + square
         self._expected = _SPEED_KEPT * self._expected + expected
         self._usual = _SPEED_KEPT * self._usual + usual
@@ -306,5 +305,5 @@ class _Filter:
         return Progress(self._class_name, phase, self._scrub, self._speed, amplitude, sure, self._cycles)
 
 
-#: Share of what is smoothed that a step keeps.
+#: Share of a smoothed number that a step keeps.
 _SPEED_KEPT, _SIZE_KEPT = math.exp(-STEP / _SPEED_SMOOTHED), math.exp(-STEP / _SIZE_SMOOTHED)

@@ -21,7 +21,7 @@ def test_a_clip_measures_its_time_from_its_first_frame(frames: int, rate: float)
 
 
 def test_a_moved_clip_keeps_what_is_said_of_it() -> None:
-    """Other positions make a new clip of the same labels and leave the old one as it was."""
+    """Other positions make a new clip with the same labels and do not change the old one."""
     clip = stick_clip("wave", seed=4, actor="bb")
     before = clip.positions.copy()
     moved = clip.moved_to(clip.positions + 1.0)

@@ -72,7 +72,7 @@ def test_every_skeleton_is_the_body_written_down(data_folder: Path, name: str) -
 
 
 def test_uncut_takes_find_their_skeleton(tmp_path: Path) -> None:
-    """An uncut take is read with its actor's skeleton, beside it or one folder up, and says who performs."""
+    """An uncut take is read with its actor's skeleton, beside it or one folder up, and names the actor."""
     (tmp_path / "bd").mkdir()
     (tmp_path / "HDM_bd.asf").write_text(ARM.asf())
     take = tmp_path / "bd" / "HDM_bd_03-03_01_120.amc"

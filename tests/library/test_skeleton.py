@@ -104,7 +104,7 @@ def test_bad_skeletons_are_refused(joints: tuple[str, ...], parents: tuple[int, 
 
 
 def test_a_part_of_a_skeleton_hangs_together() -> None:
-    """Each kept joint hangs on the nearest kept one above it, the first holds what nothing else does."""
+    """A kept joint's parent is the nearest kept joint above it; the first kept joint is the root."""
     whole = Skeleton(("hip", "chest", "head", "arm", "hand"), (-1, 0, 1, 1, 3))
     assert whole.restricted_to([0, 2, 4]) == Skeleton(("hip", "head", "hand"), (-1, 0, 0))
     assert whole.restricted_to([4, 3, 1]) == Skeleton(("hand", "arm", "chest"), (1, 2, -1))

@@ -1,4 +1,4 @@
-"""`kinespace evaluate teach`: a person teaches by few examples; their other motions, and other people's, are asked."""
+"""`kinespace evaluate teach`: a person teaches by few examples; other motions of the same and of other persons ask."""
 
 from __future__ import annotations
 
@@ -38,24 +38,24 @@ if TYPE_CHECKING:
     from kinespace.stream.recognizer import Settings
     from kinespace.tools.evaluation.scoring.hearing import Hop
 
-#: Motions of a class that are asked in one draw, at most: of the same person, and of all others.
+#: Motions of a class that ask in one draw, at most: of the same person, and of all other persons.
 _ASKED_OWN, _ASKED_OTHERS = 4, 2
-#: Seconds between two windows of a motion that is taught.
+#: Seconds between two windows of a taught motion.
 _EVERY = 0.1
 
 
 @dataclass(frozen=True, slots=True)
 class Asked:
-    """What came of one motion that was asked.
+    """The result of one motion that asked.
 
     Attributes
     ----------
     seconds
-        How long it lasts.
+        Its length in seconds.
     first
         Class of the first start event; empty when there was none.
     right
-        Whether that is the class performed.
+        Whether this is the class performed.
     delay
         Seconds from the motion's first frame to the first start event; NaN when there was none.
     false_starts
@@ -71,27 +71,27 @@ class Asked:
 
 @dataclass(frozen=True, slots=True)
 class TeachScore:
-    """Figures for each number of examples, in the order of `examples`; None where nothing could be asked.
+    """Figures for each number of examples, in the order of `examples`; None where no motion could ask.
 
     Attributes
     ----------
     examples
-        Examples of each class that were taught.
+        The numbers of examples of each class that were taught.
     same_first_right, other_first_right
         Share of the motions whose first start event names the class performed, of the person who taught and of others.
-        A motion without a start event is not right.
+        A motion without a start event counts as wrong.
     same_started, other_started
         Share of the motions that had a start event.
     same_first_right_of_started, other_first_right_of_started
-        Share of those that had one, whose first is right.
+        Share of the motions with a start event whose first start event is right.
     delay_s, other_delay_s
-        Seconds from a motion's first frame to its first start event, where that is right, median.
+        Seconds from a motion's first frame to its first start event, if that is right, median.
     false_per_minute, other_false_per_minute
         Start events of other classes than the one performed, per minute.
     same_asked, other_asked
-        How many motions were asked, over all draws; the same motion may be asked in several.
+        The number of motions that asked, over all draws; a motion may ask in several draws.
     persons, draws
-        Who taught, and how often each.
+        The number of persons who taught, and of draws for each person.
     """
 
     examples: list[int]
@@ -111,7 +111,7 @@ class TeachScore:
     draws: int = 0
 
     def add(self, same: Sequence[Asked], other: Sequence[Asked]) -> None:
-        """Score what was asked with the next number of examples."""
+        """Score the motions that asked with the next number of examples."""
         for whose, asked in (("same", same), ("other", other)):
             prefix = "" if whose == "same" else "other_"
             right, one = [each.right for each in asked], [1.0] * len(asked)
@@ -132,16 +132,16 @@ class TeachScore:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Person:
-    """One person's motions, as one library whose windows are measured once; each draw opens some of them.
+    """One person's motions as one library, whose windows are computed once; each draw opens some of them.
 
     Attributes
     ----------
     index
-        The windows of all that the person may teach.
+        The windows of all motions that the person may teach.
     takes
-        Name of the recording that each of the library's motions was cut from.
+        For each of the library's motions the name of the recording that it was cut from.
     beside
-        Indices of the library's motions that are taught by nobody: the built-in ones.
+        Indices of the library's motions that nobody teaches: the built-in ones.
     """
 
     index: WindowIndex
@@ -206,27 +206,27 @@ def evaluate(
     settings: Settings,
     as_json: bool,
 ) -> int:
-    """Draw examples, teach them, ask what was not taught, and print how right the first start events were.
+    """Draw examples, teach them, let other motions ask, and print how right the first start events were.
 
     Parameters
     ----------
     sources
         Labelled takes or clips; with none the built-in library's motions.
     reading
-        How they are read.
+        How to read them.
     person
-        Who performs in takes that do not say so.
+        The person who performs in takes that name none.
     examples
-        How many of each class are taught.
+        The numbers of examples of each class.
     draws
-        How often examples are drawn for each person.
+        How many times examples are drawn for each person.
     seed
-        Of the draws.
+        The seed of the draws.
     beside
         Teach beside the built-in library instead of alone. The person who teaches is left out of it, and the taught
-        classes are called `my ...`: they must win over the built-in ones, even over those of the same motion.
+        classes are called `my ...`: they must win over the built-in classes, even over those of the same motion.
     settings
-        Of the recogniser.
+        The recogniser's settings.
     as_json
         Print one JSON object and nothing else.
     """
@@ -249,7 +249,7 @@ def evaluate(
         asking = _Asking(taught.index, settings)
         others = [clip for name, each in by_person.items() if name != teaching for _, clip in each]
         if beside:
-            # The built-in library's persons are known to it, and not asked.
+            # The built-in library knows its own persons, so they do not ask.
             others = [clip for clip in others if clip.actor not in builtin.actors]
         for draw in range(draws):
             for count in examples:
@@ -273,11 +273,10 @@ def evaluate(
 def drawn(
     own: Sequence[tuple[str, Clip]], taught: _Person, count: int, generator: np.random.Generator
 ) -> tuple[list[int], list[Clip]]:
-    """Draw the examples of each class, and say which motions of the same person are left to ask.
+    """Draw the examples of each class, and give the motions of the same person that are left to ask.
 
-    Recordings come in a drawn order, and each class is taught by the first motions of it; what was recorded together
-    with an example is not asked. So a person whose motions are cut from whole takes teaches from one and is asked in
-    another.
+    Recordings come in a drawn order, and each class is taught by its first motions; motions from the same recording as
+    an example do not ask. So a person whose motions are cut from whole takes teaches from one take and asks in another.
 
     Parameters
     ----------
@@ -286,13 +285,13 @@ def drawn(
     taught
         The same motions as a library.
     count
-        Examples of each class.
+        The number of examples of each class.
     generator
-        Of the draw.
+        The generator of the draw.
 
     Returns
     -------
-    Indices of the examples in the library, and the motions to ask; none and none where no class has as many.
+    Indices of the examples in the library, and the motions to ask; empty where no class has enough examples.
     """
     classes = {clip.class_name for _, clip in own}
     places = defaultdict(list)
@@ -313,12 +312,12 @@ def drawn(
 
 
 def _person(own: Sequence[tuple[str, Clip]], *, beside: bool) -> _Person:
-    """Measure the windows of all that one person may teach, in metrics that do not know the person."""
+    """Compute the windows of all motions that one person may teach, in metrics learned without the person."""
     library = MotionLibrary.of_clips([clip for _, clip in own])
     person = own[0][1].actor
     builtin = MotionLibrary.builtin().restricted_to(library.skeleton.joints)
     strangers = builtin.without(actors=[person]) if person in builtin.actors else builtin
-    # A library's motions are sorted, and stay in their order within a class and person.
+    # A library's motions are sorted, but keep their order within a class and person.
     names = [name for name, _ in sorted(own, key=lambda each: each[1].class_name)]
     if not beside:
         teacher = teacher_of(library)

@@ -1,4 +1,4 @@
-"""`kinespace build`: recordings and libraries in, one motion library file out."""
+"""`kinespace build`: makes one motion library file of recordings and libraries."""
 
 from __future__ import annotations
 
@@ -31,29 +31,29 @@ if TYPE_CHECKING:
 
     from kinespace.library import Reading
 
-#: Seconds that one motion hardly lasts; HDM05's longest cut clip has eight.
+#: Seconds: a longer recording hardly is one motion; HDM05's longest cut clip has eight.
 _MAX_SECONDS = 15.0
-#: Seconds of the shortest window that motions are compared by.
+#: Seconds of the shortest window by which motions are compared.
 _MIN_WINDOW = 0.25
 
 
 @dataclass(frozen=True, slots=True)
 class Changes:
-    """What becomes of the sources' motions once they are together.
+    """Changes to the motions of all sources together.
 
     Attributes
     ----------
     without
         Classes and persons to leave out.
     names
-        New names of classes, by the old ones; what is left out is not renamed.
+        New names of classes, by their old names; classes that are left out are not renamed.
     """
 
     without: Sequence[str] = ()
     names: Mapping[str, str] = field(default_factory=dict)
 
     def made_in(self, library: MotionLibrary) -> MotionLibrary:
-        """Leave out and rename; ValueError names what the library does not hold."""
+        """Leave out and rename; ValueError names a class or person that the library lacks."""
         classes, actors = {motion.class_name for motion in library.motions}, library.actors
         for name in self.without:
             if name not in classes and name not in actors:
@@ -69,13 +69,13 @@ class Changes:
 
 @dataclass(frozen=True, slots=True)
 class Terms:
-    """Under what terms motions may be passed on, and whom to name; HDM05's own when not given and named as HDM05's."""
+    """The terms of motions, and the authors to name; by default HDM05's for files named like HDM05's."""
 
     licence: str | None = None
     attribution: str | None = None
 
     def put_on(self, clip: Clip, path: Path) -> Clip:
-        """Say of a clip where it comes from and under what terms."""
+        """Set a clip's source and terms."""
         usual = (hdm05.SOURCE, hdm05.LICENCE, hdm05.ATTRIBUTION) if hdm05.read_clip_name(path) else (path.name, "", "")
         source, licence, attribution = usual
         return replace(
@@ -131,7 +131,7 @@ def build(
     changes: Changes,
     overwrite: bool,
 ) -> int:
-    """Build a library from recordings and libraries, save it, and say what it holds.
+    """Build a library from recordings and libraries, save it, and print its contents.
 
     Parameters
     ----------
@@ -142,14 +142,14 @@ def build(
     nothing
         Folders and recordings whose motions are to be answered "unknown".
     labels
-        For each recording among the sources, in their order, what is performed when: its segments become the motions.
-        None: those that lie beside a recording; a recording without is one motion.
+        For each recording among the sources, in their order, a file of labels: its segments become the motions. None:
+        the files beside the recordings; a recording without one is one motion.
     reading
-        How recordings are read.
+        How to read recordings.
     terms
-        Of the recordings' motions; a library's keep their own.
+        The terms of the recordings' motions; a library's motions keep their own.
     changes
-        Made in all motions together.
+        Changes to all motions together.
     overwrite
         Whether a file that is there may be written over.
     """
@@ -181,14 +181,14 @@ def build(
 
 
 class _Recordings:
-    """Reads recordings: each is one motion, or labels cut it into several, whose label is their class.
+    """Reads recordings: each is one motion, or labels cut it into several motions of these classes.
 
     Attributes
     ----------
     uncut
         Recordings that are one motion each.
     told
-        What a person should know of the labels, a line each.
+        Notes on the labels for a person, a line each.
     """
 
     def __init__(self, reading: Reading, terms: Terms) -> None:
@@ -197,7 +197,7 @@ class _Recordings:
         self.told: list[str] = []
 
     def motions(self, places: Sequence[Path], labels: Sequence[Path] = ()) -> Iterator[Clip]:
-        """Give the motions of recordings, by the labels given or those that lie beside them."""
+        """Give the motions of recordings, by the given labels or the labels beside the recordings."""
         paths = find_recordings(places)
         if labels and len(labels) != len(paths):
             raise ValueError(f"--labels: expected one for each of {len(paths)} recordings, got {len(labels)}")
@@ -220,7 +220,7 @@ class _Recordings:
             yield from self._cut([performed(clip, path, self._reading.actor_in) for clip in clips], labels)
 
     def _cut(self, takes: Sequence[Clip], file: Path) -> Iterator[Clip]:
-        """Cut the takes of one recording: with several performers each label says whose it is."""
+        """Cut the takes of one recording: with several performers each label names its performer."""
         segments = read_labels(file)
         performers = {take.actor for take in takes}
         for segment in segments:
@@ -234,7 +234,7 @@ class _Recordings:
 
 
 def _unshared(libraries: Sequence[MotionLibrary], merged: MotionLibrary) -> Iterator[str]:
-    """Say which joints were lost because some of the sources have not got them."""
+    """List the joints that were lost because some sources lack them."""
     every = dict.fromkeys(name for library in libraries for name in library.skeleton.joints)
     lost = [name for name in every if name not in merged.skeleton.joints]
     if lost:
@@ -249,7 +249,7 @@ def _filled(clips: Sequence[Clip]) -> Iterator[str]:
 
 
 def _short(library: MotionLibrary) -> Iterator[str]:
-    """Say which motions are too short to be compared with."""
+    """List the motions that are too short to be compared with."""
     short = [motion for motion in library.motions if motion.duration < _MIN_WINDOW]
     if short:
         yield (
@@ -259,7 +259,7 @@ def _short(library: MotionLibrary) -> Iterator[str]:
 
 
 def _long(clips: Sequence[Clip]) -> Iterator[str]:
-    """Say that takes which look like several motions were taken as one each."""
+    """Say that long recordings, which may have several motions, were taken as one motion each."""
     long = [clip for clip in clips if clip.duration > _MAX_SECONDS]
     if long:
         longest = max(long, key=lambda clip: clip.duration)

@@ -1,4 +1,4 @@
-"""`kinespace convert`: a raw recording or a motion file as plain numbers, `.npz` or CSV."""
+"""`kinespace convert`: writes a raw recording or a motion file as plain numbers, `.npz` or CSV."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ _Posture = tuple[float, "NDArray[np.floating]"]
 
 @dataclass(slots=True)
 class _Motion:
-    """Frames of one performer, as they come; how many is known where they were counted."""
+    """Frames of one performer, one after the other; their number is known if they were counted."""
 
     skeleton: Skeleton
     performer: str
@@ -96,7 +96,7 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _in_folder(folder: Path, output: Path, ending: str) -> list[tuple[Path, Path]]:
-    """Pair each recording of a folder with the file to write, laid out alike in another folder, which is made."""
+    """Pair each recording of a folder with the file to write, in the same layout below another, new folder."""
     if output.suffix.lower() in (".npz", ".csv"):
         raise ValueError(f"--output: expected a folder to write to, for {folder} is one, got {output}")
     if output.resolve() == folder.resolve():
@@ -105,7 +105,7 @@ def _in_folder(folder: Path, output: Path, ending: str) -> list[tuple[Path, Path
     pairs = [(path, (output / path.relative_to(folder)).with_suffix(ending)) for path in found]
     written = {target for _, target in pairs}
     if len(written) < len(pairs):
-        # Two files that differ in their ending alone would become one.
+        # Two files that differ only in their endings would become one.
         pairs = [(path, target.with_name(path.name + ending)) for path, target in pairs]
     for _, target in pairs:
         target.parent.mkdir(parents=True, exist_ok=True)
@@ -126,11 +126,11 @@ def convert(
         `joints`; `parents`, empty when they are not known; `performer`) or `.csv` (a column for the time and three for
         each joint).
     performer
-        Whose frames, where a raw recording has several performers.
+        The performer, if a raw recording has several.
     feed
-        Name or file of the preset that a raw recording's packets are read by; None for what it says of itself.
+        Name or file of the preset for a raw recording's packets; None for the preset that the recording names.
     reading
-        How a motion file is read.
+        How to read a motion file.
     overwrite
         Whether a file that is there may be written over.
     """
@@ -178,7 +178,7 @@ def _postures_of(clips: Iterable[Clip]) -> Iterator[_Posture]:
 
 
 def _of_raw(recording: RawFile, performer: str | None, preset: Preset | None) -> tuple[_Motion, int]:
-    """Look through a recording once for who is in it, then give one performer's frames; how many are left out."""
+    """Look through a recording once for its performers, then give one performer's frames, and how many are left out."""
     seen = seen_in(progress(events_of(recording, preset), "Looking", None))
     performing = [name for name, each in seen.items() if each.frames]
     if performer is None and len(performing) > 1:
@@ -213,14 +213,14 @@ def _write_csv(output: Path, motion: _Motion) -> int:
         rows = csv.writer(file)
         rows.writerow(["time", *(f"{joint}_{axis}" for joint in motion.skeleton.joints for axis in "xyz")])
         for moment, positions in motion.postures:
-            # Nine digits give every 32-bit number back as it was.
+            # Nine digits give every 32-bit number back exactly.
             rows.writerow([repr(float(moment)), *(f"{number:.9g}" for number in positions.ravel().tolist())])
             frames += 1
     return frames
 
 
 def _write_npz(output: Path, motion: _Motion) -> int:
-    """Write the arrays without ever holding them: positions go to a scratch file first, and from there into the zip."""
+    """Write the arrays piece by piece: positions go to a scratch file first, and from there into the zip."""
     times = array("d")
     with tempfile.TemporaryFile(dir=output.absolute().parent) as scratch:
         for moment, positions in motion.postures:

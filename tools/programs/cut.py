@@ -1,4 +1,4 @@
-"""`kinespace cut`: a row for each movement of a recording that lies between two stillnesses, for a person to name."""
+"""`kinespace cut`: lists the movements between stillnesses of a recording, for a person to name."""
 
 from __future__ import annotations
 
@@ -55,9 +55,9 @@ def propose(source: Path, output: Path | None, *, reading: Reading, stillness: f
     source
         The recording.
     output
-        The CSV to write; beside the recording, called like it, when not given.
+        The CSV to write; by default beside the recording, with its name.
     reading
-        How the recording is read.
+        How to read the recording.
     stillness
         Movement below which a body stands still (`library.teaching.movement`).
     overwrite

@@ -1,4 +1,4 @@
-"""`kinespace info`: what is in a motion library, or in recordings."""
+"""`kinespace info`: describes a motion library, or recordings."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ from kinespace.tools.terminal.console import console, printable, progress
 from kinespace.tools.terminal.named_joints import read_and_tell
 from kinespace.tools.terminal.tables import add_names, narrow_table
 
-#: Characters that the figures beside names of recordings, and of classes and persons, need.
+#: Characters of the columns beside names of recordings, and of classes and persons.
 _BESIDE_RECORDINGS, _BESIDE_CLASSES = 34, 52
 
 if TYPE_CHECKING:
@@ -71,16 +71,16 @@ def run(options: argparse.Namespace) -> int:
 def describe(
     file: Path | None, reading: Reading, *, feed: str | None = None, clips: bool = False, as_json: bool = False
 ) -> int:
-    """Say what a file holds, or a folder's recordings.
+    """Describe a library or recordings.
 
     Parameters
     ----------
     file
         A library, a recording or a folder; None for the built-in library.
     reading
-        How motion files are read.
+        How to read motion files.
     feed
-        Name or file of the preset that a raw recording's packets are read by; None for what it says of itself.
+        Name or file of the preset for a raw recording's packets; None for the preset that the recording names.
     clips
         List every motion or recording too.
     as_json
@@ -106,7 +106,7 @@ def describe(
 
 
 def _raw(file: Path, preset: Preset | None) -> dict[str, Any]:
-    """Look through a raw recording: who sent how much, whose frames came, and whether it is cut off."""
+    """Look through a raw recording: its senders with packets, its performers with frames, and whether it is cut off."""
     recording = RawFile(file)
     senders, performers = Counter[str](), Counter[str]()
     arrivals = list[float]()
@@ -164,17 +164,17 @@ class _Motion(NamedTuple):
 
     @classmethod
     def of(cls, clip: Clip, name: str) -> _Motion:
-        """Keep what is told of a clip."""
+        """Make it from a clip."""
         return cls(name, clip.class_name, clip.actor, clip.take, round(clip.duration, 3), clip.frame_rate)
 
     def listed(self) -> dict[str, Any]:
-        """Give it as a row for JSON."""
+        """Give its row for JSON."""
         row = self._asdict()
         return {"name": row.pop("name"), "class": row.pop("class_name"), **row}
 
 
 def _sums(motions: Sequence[_Motion], what: str, others: str) -> list[dict[str, Any]]:
-    """Sum up motions by class or by person: how many, of how many of the others, how long, at which frame rates."""
+    """Sum up motions by class or by person: number, number of the other names, seconds, frame rates."""
     groups: dict[str, list[_Motion]] = {}
     for motion in motions:
         groups.setdefault(motion.class_name if what == "class" else motion.person, []).append(motion)
@@ -209,7 +209,7 @@ def _show_sums(title: str, rows: Sequence[Mapping[str, Any]], what: str, others:
     for heading in ("motions", others, "seconds", "Hz"):
         table.add_column(heading, justify="right")
     for row in rows:
-        # What is answered "unknown" has none.
+        # The class `nothing` has no index.
         index = ["" if row["index"] is None else str(row["index"])] if indexed else []
         table.add_row(
             *index,
@@ -223,7 +223,7 @@ def _show_sums(title: str, rows: Sequence[Mapping[str, Any]], what: str, others:
 
 
 def _recordings(place: Path, reading: Reading, *, clips: bool) -> dict[str, Any]:
-    """Read a recording, or those of a folder, and sum them up; list them where there is one or it is asked for."""
+    """Read recordings and sum them up; list them if there is one, or if asked for."""
     paths = find_recordings([place])
     names = [str(path.relative_to(place)) if place.is_dir() else path.name for path in paths]
     motions, listed = list[_Motion](), list[dict[str, Any]]()
@@ -245,7 +245,7 @@ def _recordings(place: Path, reading: Reading, *, clips: bool) -> dict[str, Any]
 
 
 def _show_recordings(told: Mapping[str, Any]) -> None:
-    """Print what recordings hold: a single one in a row, with its joints; of several the sums, and rows if asked."""
+    """Print recordings: a single one as a row with its joints; of several the sums, and their rows if asked for."""
     if "clips" in told:
         table = narrow_table(told["place"])
         table.padding = 0

@@ -1,4 +1,4 @@
-"""`kinespace listen`: what arrives on a port, which feed it looks like, and what recognition lacks."""
+"""`kinespace listen`: shows the packets on a port, the feed they look like, and what recognition lacks."""
 
 from __future__ import annotations
 
@@ -31,14 +31,14 @@ if TYPE_CHECKING:
 
     from kinespace.stream.feeds import Preset
 
-#: The preset of our own messages, in which joints need not be named.
+#: The preset of our own messages, whose joints need not be named.
 _NATIVE = "native"
-#: Kinds of messages that are shown.
+#: Kinds of messages that are shown, at most.
 _MAX_SHOWN = 40
-#: Gaps that are worth a word, seconds, and in intervals of the message's own rate.
+#: Gaps that are reported: seconds, and intervals of the message's own rate.
 _GAP_SECONDS, _GAP_INTERVALS = 0.2, 4.0
 _MAX_WAIT = 100
-#: Characters that what stands beside addresses needs.
+#: Characters of the columns beside addresses.
 _BESIDE_ADDRESSES = 48
 
 
@@ -67,7 +67,7 @@ def run(options: argparse.Namespace) -> int:
 
 
 def listen(address: str | None, *, feed: str | None, sender: str, seconds: float, as_json: bool) -> int:
-    """Listen for some seconds and say what came: 0 when it can be recognised, 1 when not."""
+    """Listen for some seconds and report: 0 when the feed can be recognised, 1 when not."""
     preset = preset_named(feed) if feed else None
     host, port = host_and_port(address) if address else ("127.0.0.1", preset.port if preset else 0)
     try:
@@ -98,7 +98,7 @@ def listen(address: str | None, *, feed: str | None, sender: str, seconds: float
 
 
 def heard(receiver: OscReceiver, seconds: float, preset: Preset | None, sender: str) -> Survey:
-    """Collect what arrives for some seconds, or until Ctrl-C; ask for it where the preset must be asked."""
+    """Collect packets for some seconds, or until Ctrl-C; send the preset's messages to the sender if it has any."""
     survey = Survey()
     poller = zmq.Poller()
     poller.register(receiver.socket, zmq.POLLIN)
@@ -129,7 +129,7 @@ def _tell(receiver: OscReceiver, packet: bytes, target: LookedUp | None) -> None
 
 
 def advice(survey: Survey, guess: Guess | None, address: str | None) -> list[str]:
-    """Say what is missing for recognition, and what to do about it; nothing to say means that all is well."""
+    """Say what is missing for recognition, and what to do about it; empty when all is well."""
     if not survey.packets:
         lines = ["nothing arrived: is the sender's port this one, and its address this machine's?"]
         if not (address or "").startswith("0.0.0.0"):  # noqa: S104 - compared, not bound
@@ -157,7 +157,7 @@ def advice(survey: Survey, guess: Guess | None, address: str | None) -> list[str
 
 
 def _lacking(survey: Survey, guess: Guess) -> list[str]:
-    """Say what a feed lacks to be recognised."""
+    """Say what a feed lacks for recognition."""
     if guess.preset.name == _NATIVE and survey.announced:
         return _named_otherwise(survey)
     if guess.missing and guess.preset.name == _NATIVE and not any(k.address == SKELETON for k in survey.kinds.values()):
@@ -181,14 +181,14 @@ def _lacking(survey: Survey, guess: Guess) -> list[str]:
 
 
 def _listing(count: int) -> str:
-    """Name the presets that list so many joints in the order of their frames, the first as an option has it."""
+    """Name the presets that list so many joints in the order of their frames, the first as an option takes it."""
     known = {name: builtin_preset(name) for name in builtin_names() if name != _NATIVE}
     first, *others = [name for name, preset in known.items() if len(preset.order) == count] or ["A,B,..."]
     return f"{first} (or {', '.join(others)})" if others else first
 
 
 def _odd(survey: Survey, guess: Guess) -> list[str]:
-    """Say what is odd about the frames, and why packets could not be read."""
+    """Describe oddities of the frames, and the reasons why packets could not be read."""
     clocks, stretching, refusals = survey.findings(guess.preset)
     return [
         *(f"performer {name}: {told}" for name, told in clocks.items()),
@@ -202,7 +202,7 @@ def _odd(survey: Survey, guess: Guess) -> list[str]:
 
 
 def command(guess: Guess, feed: str | None, place: tuple[str, int]) -> str:
-    """Give the command that recognises what came in at a host and port; `feed` as typed, where it was."""
+    """Give the command that recognises the feed on a host and port; `feed` as typed, if it was."""
     native = guess.preset.name == _NATIVE
     named = "" if native else f" --feed {shlex.quote(feed or guess.preset.name)}"
     usual = OSC_IN if native else f"127.0.0.1:{guess.preset.port}"
@@ -211,12 +211,12 @@ def command(guess: Guess, feed: str | None, place: tuple[str, int]) -> str:
 
 
 def named_joints(survey: Survey) -> NamedJoints | None:
-    """Give the joints that a sender of our own messages announced by our names; None where none did."""
+    """Give the announced joints of our own messages, by our names; None without an announcement."""
     return Naming().read(survey.announced) if survey.announced else None
 
 
 def _named_otherwise(survey: Survey) -> list[str]:
-    """Say what announced joints lack: they may be fewer, and others' names, but five must be ours."""
+    """Say what announced joints lack: they may be fewer, with other names, but five must be ours."""
     shared = set(Naming().read(survey.announced).joints) & set(hdm05.SKELETON.joints)
     if len(shared) >= MIN_JOINTS:
         return []

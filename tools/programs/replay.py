@@ -1,4 +1,4 @@
-"""`kinespace replay`: recordings, or motions of the built-in library, as a fake live feed, and what was answered."""
+"""`kinespace replay`: sends recordings, or motions of the built-in library, as a fake live feed, and scores answers."""
 
 from __future__ import annotations
 
@@ -62,19 +62,19 @@ if TYPE_CHECKING:
     from kinespace.tools.feeding.feed import Cue, FrameSender
     from kinespace.tools.loopback.answer_listener import Heard
 
-#: Seconds without an answer after which the last one has come, and the most seconds waited after the last frame.
+#: Seconds without an answer after which no more are expected, and seconds to wait after the last frame, at most.
 _LINGER, _MAX_LINGER = 0.3, 3.0
-#: Seconds ZeroMQ peers get to meet before the first frame; what is sent before is lost to whoever is not there yet.
+#: Seconds for ZeroMQ peers to connect before the first frame; a peer that connects later loses the first messages.
 _MEETING = 0.5
-#: Characters that the figures beside classes' names need.
+#: Characters of the columns beside classes' names.
 _BESIDE_CLASSES = 24
-#: Seconds a feed may stand still that nobody notices.
+#: Seconds for which a feed may stand still without a note.
 _NOTICED = 0.05
 
 
 @dataclass(frozen=True, slots=True)
 class Course:
-    """Who performs, how fast, with which pauses, once or for ever, from when to when of each recording (seconds)."""
+    """How recordings are played: performer, speed, pause, loop, and the part of each recording (seconds)."""
 
     performer: str
     speed: float = 1.0
@@ -90,12 +90,12 @@ class Course:
 
 @dataclass(frozen=True, slots=True)
 class Faults:
-    """What goes wrong on the way, by chance from a seed.
+    """Faults of the feed, drawn from a seed.
 
     Attributes
     ----------
     drop, reorder
-        Shares of the frames, 0 to 1, that are lost or change places with the next.
+        Shares of the frames, 0 to 1, that are dropped or change places with the next frame.
     jitter
         Seconds by which frames may be late.
     """
@@ -106,7 +106,7 @@ class Faults:
     seed: int = 0
 
     def applied(self, cues: Iterator[Cue]) -> Iterator[Cue]:
-        """Let a feed suffer them."""
+        """Apply the faults to a feed."""
         generator = np.random.default_rng(self.seed)
         if self.drop:
             cues = with_drops(cues, self.drop, generator)
@@ -119,14 +119,14 @@ class Faults:
 
 @dataclass(slots=True)
 class Score:
-    """How many answers were right while each class was performed.
+    """The share of right answers while each class was performed.
 
     Attributes
     ----------
     answers, right
         By class.
     unlabelled
-        Answers while nobody has said what was performed.
+        Answers at moments without a label.
     """
 
     answers: Counter[str] = field(default_factory=Counter)
@@ -143,7 +143,7 @@ class Score:
 
     @property
     def heard(self) -> int:
-        """How many answers there were, of labelled stretches and others."""
+        """The number of answers, at labelled moments and others."""
         return self.answers.total() + self.unlabelled
 
     def share(self) -> float | None:
@@ -235,18 +235,18 @@ def play(
     as_json: bool,
     keys: Path | None = None,
 ) -> int:
-    """Send the recordings; with `listen`, print what share of the answers was right.
+    """Send the recordings; with `listen`, print the share of right answers.
 
     Parameters
     ----------
     places
         Recordings, folders of them, and classes of the built-in library; all its motions when there are none.
     reading
-        How recordings are read.
+        How to read recordings.
     osc_to, zmq_to, listen
         Where frames go, and where answers come in.
     course, faults
-        How they are played, and what goes wrong.
+        How they are played, and the faults.
     as_json
         Print one JSON object and nothing else.
     keys
@@ -254,13 +254,12 @@ def play(
 
     Returns
     -------
-    The exit status: 1 when answers were listened for and none came, else 0.
+    The exit status: 1 when listening and no answers came, else 0.
 
     Raises
     ------
     ValueError
-        A place is no recording, folder or class, a recording cannot be used, or something was asked for that the
-        places have no use for.
+        A place is no recording, folder or class, a recording cannot be used, or an option does not apply to the places.
     """
     raw = [place for place in places if place.suffix.lower() == ENDING]
     if raw:
@@ -288,7 +287,7 @@ def play(
         sender = _sender(osc_to, zmq_to, keyring)
         opened.callback(sender.close)
         replaying = _Replay(sender, listener, announcement)
-        # Neither Ctrl-C nor a recording that cannot be read ends the report.
+        # Ctrl-C, or a recording that cannot be read, does not end the report.
         opened.callback(replaying.report, as_json=as_json)
         with suppress(KeyboardInterrupt):
             if zmq_to:
@@ -298,7 +297,7 @@ def play(
 
 
 def _to_play(places: Sequence[Path], reading: Reading) -> list[Path | Clip]:
-    """List the files to be read and the built-in library's motions, place by place, each once."""
+    """List the files to read and the built-in library's motions, place by place, each once."""
     found = [each for place in places for each in _in_place(place)] if places else [*MotionLibrary.builtin().motions]
     if reading != Reading() and not any(isinstance(each, Path) for each in found):
         raise ValueError(
@@ -308,13 +307,13 @@ def _to_play(places: Sequence[Path], reading: Reading) -> list[Path | Clip]:
 
 
 def _in_place(place: Path) -> Sequence[Path | Clip]:
-    """Give the motions of the built-in library, or of its class of that name, where it is not the path of anything."""
+    """Give the motions of the built-in library, or of its class of that name, if no path has that name."""
     motions = () if place.exists() else MotionLibrary.builtin().motions
     return [each for each in motions if place == BUILT_IN or each.class_name == str(place)] or find_recordings([place])
 
 
 def _pieces(recordings: Sequence[Path | Clip], reading: Reading, course: Course) -> Iterator[Piece]:
-    """Read what is to be played, one recording after the other, in a loop for ever; all with the first one's joints."""
+    """Read the recordings, one after the other, in a loop for ever; all with the first recording's joints."""
     skeleton: Skeleton | None = None
     teller = NameTeller()
     with RecordingReader(reading) as reader:
@@ -328,7 +327,7 @@ def _pieces(recordings: Sequence[Path | Clip], reading: Reading, course: Course)
 
 
 def _read(reader: RecordingReader, recording: Path | Clip) -> Iterator[Clip]:
-    """Read a recording in consecutive pieces: each is of one class, by labels that lie beside the recording if any."""
+    """Read a recording in consecutive pieces, each of one class, by labels beside the recording if there are any."""
     if isinstance(recording, Clip):
         yield replace(recording, name=recording.name or f"{recording.class_name} {recording.actor}".strip())
         return
@@ -343,7 +342,7 @@ def _read(reader: RecordingReader, recording: Path | Clip) -> Iterator[Clip]:
 
 
 def _by_label(clip: Clip, start: int, segments: Sequence[Segment]) -> Iterator[Clip]:
-    """Part a clip whose first frame is a recording's frame `start` where labels begin and end."""
+    """Divide a clip, whose first frame is a recording's frame `start`, where labels begin and end."""
     spans = [(round(each.start * clip.frame_rate), round(each.end * clip.frame_rate), each.label) for each in segments]
     ends = (place - start for span in spans for place in span[:2])
     places = sorted({0, clip.frames, *(place for place in ends if 0 < place < clip.frames)})
@@ -378,7 +377,7 @@ def _run_raw(
     faults: Faults,
     json: bool,
 ) -> int:
-    """Send a raw recording; what would change its packets, or needs to know what they say, is refused."""
+    """Send a raw recording; options that would change its packets, or need their contents, are refused."""
     if len(places) != 1:
         raise ValueError(f"replay: expected one {ENDING} alone, got {len(places)} recordings")
     if listen or faults != Faults(seed=faults.seed):
@@ -397,7 +396,7 @@ def _run_raw(
 
 
 def _cut(clips: Iterable[Clip], begin: float, end: float | None) -> Iterator[Piece]:
-    """Give the part of a recording between two moments, seconds from its start; no more of it is read."""
+    """Give the part of a recording between two moments, seconds from its start; only this part is read."""
     start = given = 0
     clip: Clip | None = None
     for clip in clips:
@@ -414,13 +413,13 @@ def _cut(clips: Iterable[Clip], begin: float, end: float | None) -> Iterator[Pie
 
 
 class _Replay:
-    """One feed on its way, and what is answered to it."""
+    """One feed with its answers."""
 
     def __init__(self, sender: FrameSender, listener: Listener | None, announcement: Announcement) -> None:
         self._sender = sender
         self._listener = listener
         self._announcement = announcement
-        # OSC answers name the performer in their address, where not every character may stand.
+        # OSC answers name the performer in their address, which cannot hold every character.
         self._names = {announcement.performer, osc.address_part(announcement.performer)}
         self._score = Score()
         self._sent = self._heard = 0
@@ -430,8 +429,8 @@ class _Replay:
     def play(self, cues: Iterable[Cue], pieces: ReadAhead[Piece]) -> None:
         """Send every frame when it is due, the skeleton before the first and every second.
 
-        When a recording is not read in time the feed stands still, and goes on from there at its own pace: frames
-        that were all sent at once to make up for it would be no feed.
+        When a recording is not read in time the feed stands still, and then goes on at its own pace: frames sent all at
+        once to catch up would be no feed.
         """
         pace, next_announcement, waited = Pace(), 0.0, pieces.waited
         for cue in cues:
@@ -459,7 +458,7 @@ class _Replay:
             pace.wait_for(due)
 
     def _hear(self, heard: Sequence[Heard]) -> bool:
-        """Count what was heard; say whether an answer about our performer was among it."""
+        """Count the answers that came; say whether one about our performer was among them."""
         self._heard += len(heard)
         before = self._score.heard
         for each in heard:
@@ -474,7 +473,7 @@ class _Replay:
         return bool(self._score.heard)
 
     def _silence(self) -> str:
-        """Say that no answer came, and where to look."""
+        """Say that no answer came, and what to check."""
         if self._heard:
             return (
                 f"no answers about {self._announcement.performer!r} heard, but {self._heard} other packets: do the "
@@ -483,7 +482,7 @@ class _Replay:
         return "no answers heard: is a recogniser running, and does it send its answers here?"
 
     def report(self, *, as_json: bool) -> None:
-        """Print what was sent and, where answers were listened for, which share was right."""
+        """Print the counts and, when listening, the share of right answers."""
         score = self._score
         if as_json:
             share = score.share()

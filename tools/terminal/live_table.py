@@ -1,4 +1,4 @@
-"""A running recogniser as the user sees it: a table, or a line per change; a summary at the end."""
+"""A running recogniser as the user sees it: a table, or a line for each change; a summary at the end."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ if TYPE_CHECKING:
     from kinespace.stream.status import Status
     from kinespace.stream.teaching.notices import Notice
 
-#: Characters of a full score bar at most, and of the least that shows anything.
+#: Characters of a full score bar, and of the shortest useful bar.
 _BAR, _MIN_BAR = 20, 5
-#: Characters of a performer's name at most, of a class's at least, and of the heading above classes.
+#: Characters of a performer's name at most, of a class's name at least, and of the heading above classes.
 _PERFORMER, _CLASS, _HEADING = 16, 8, len("this moment")
 #: Characters between two columns.
 _BETWEEN = 2
-#: Notices of teaching, and of each performer motions that are over, that are shown.
+#: Notices of teaching, and ended motions of each performer, that are shown, at most.
 _NOTICES, _MOTIONS = 3, 3
 
 
@@ -41,10 +41,9 @@ def score_shown(score: float, bar: int) -> Text:
 
 
 class _Widths(NamedTuple):
-    """Characters of the columns of performers and of classes and of a score's bar; the figures for which there is room.
+    """Widths of the columns of performers, classes and bars, and the figures for which there is room.
 
-    Figures make room for nobody: names are shortened for them, and only on a terminal of few characters some are left
-    out.
+    Names are shortened to make room for the figures; only on a terminal of few characters some figures are left out.
     """
 
     performer: int
@@ -57,7 +56,7 @@ class _Widths(NamedTuple):
         performer = min(max(map(len, ("performer", *performers))), _PERFORMER)
         longest = max(map(len, classes), default=0)
         figures = {"score": len("0.000"), "margin": len("margin"), "frames/s": len("frames/s")}
-        # Behind the last column there is a blank too.
+        # The last column is followed by a space, too.
         room = width - 1 - performer - 2 * _BETWEEN - sum(figures.values()) - len(figures) * _BETWEEN
         while room < 2 * max(_CLASS, _HEADING) and len(figures) > 1:
             room += _BETWEEN + figures.popitem()[1]
@@ -75,11 +74,11 @@ class PlainLines(Sink):
     def __init__(self) -> None:
         self._labels: dict[str, str] = {}
         self._notes: set[str] = set()
-        #: What was said of performers at the last status.
+        #: The notes on performers at the last status.
         self._said: list[str] = []
 
     def publish(self, recognition: Recognition) -> None:
-        """Print the recognition if it says something new."""
+        """Print the recognition if its label is new."""
         if self._labels.get(recognition.performer) != recognition.label:
             self._labels[recognition.performer] = recognition.label
             console.print(
@@ -95,7 +94,7 @@ class PlainLines(Sink):
         )
 
     def publish_status(self, status: Status) -> None:
-        """Forget performers that have left, so that their return is printed again."""
+        """Forget performers that have left, so that their return is printed."""
         self._labels = {name: label for name, label in self._labels.items() if name in status.performers}
         said = said_of(status)
         for line in said:
@@ -103,41 +102,41 @@ class PlainLines(Sink):
                 console.print(line, soft_wrap=True)
         self._said = said
         for note in status.notes:
-            # A sender may find a new mistake each second: one line of each kind is enough while it runs.
+            # A sender may make a new mistake each second: one line of each kind is enough.
             kind = note.partition(":")[0]
             if kind not in self._notes:
                 self._notes.add(kind)
                 console.print(printable(note), soft_wrap=True)
 
     def publish_notice(self, notice: Notice) -> None:
-        """Print it."""
+        """Print the notice."""
         if line := as_line(notice):
             console.print(printable(line), soft_wrap=True, markup=False)
 
 
 class LiveTable(Sink):
-    """A sink that remembers what to draw: the last recognition of each performer, the last status."""
+    """A sink that keeps what the table shows: the last recognition of each performer, the last status."""
 
     def __init__(self, classes: Sequence[str]) -> None:
         self._classes = classes
-        #: The performer in each row; empty in the row of one who has left, until a newcomer takes it.
+        #: The performer in each row; empty when the performer has left, until a newcomer takes the row.
         self._rows: list[str] = []
         self._latest: dict[str, Recognition] = {}
         self._going_on: dict[str, Event] = {}
-        #: Of each performer the last motions that are over, and how long they took.
+        #: For each performer the last ended motions, with their lengths.
         self._over: dict[str, tuple[str, ...]] = {}
         self._status: Status | None = None
-        #: What is said below the table while somebody may be taught.
+        #: The line below the table while somebody may be taught.
         self.hint = ""
         self._taught: list[str] = []
 
     def publish_notice(self, notice: Notice) -> None:
-        """Remember the last ones."""
+        """Keep the last notices."""
         if line := as_line(notice):
             self._taught = [*self._taught, printable(line)][-_NOTICES:]
 
     def publish(self, recognition: Recognition) -> None:
-        """Remember the recognition."""
+        """Keep the recognition."""
         name = recognition.performer
         self._latest[name] = recognition
         if name not in self._rows:
@@ -145,7 +144,7 @@ class LiveTable(Sink):
             self._rows[place : place + 1] = [name]
 
     def publish_event(self, event: Event) -> None:
-        """Remember the motion that is going on, and those that are over."""
+        """Keep the motion that goes on, and ended ones."""
         if event.kind is EventKind.START:
             self._going_on[event.performer] = event
         elif begun := self._going_on.pop(event.performer, None):
@@ -153,11 +152,11 @@ class LiveTable(Sink):
             self._over[event.performer] = (*self._over.get(event.performer, ()), told)[-_MOTIONS:]
 
     def publish_classes(self, classes: Sequence[str]) -> None:
-        """Remember the classes."""
+        """Keep the classes."""
         self._classes = classes
 
     def publish_status(self, status: Status) -> None:
-        """Remember the status, and forget performers that have left: the others keep their rows."""
+        """Keep the status, and forget performers that have left; the others keep their rows."""
         self._status = status
         here = status.performers
         rows = [name if name in here else "" for name in self._rows]
@@ -169,7 +168,7 @@ class LiveTable(Sink):
         self._over = {name: over for name, over in self._over.items() if name in here}
 
     def drawn(self) -> Table:
-        """Draw the table as it is now; from any thread."""
+        """Draw the current table; from any thread."""
         table = narrow_table("kinespace live", self._caption())
         rows, latest, rates = list(self._rows), dict(self._latest), self._status.performers if self._status else {}
         going_on = dict(self._going_on)
@@ -209,21 +208,21 @@ class LiveTable(Sink):
 
 
 def said_of(status: Status) -> list[str]:
-    """Say what was noticed of performers' joints and clocks, and why frames are refused, a line each."""
+    """List notes on performers' joints and clocks, and why frames are refused, a line each."""
     noticed = (*status.compared.items(), *status.clocks.items(), *status.doubted.items())
     told = [f"performer {printable(name)}: {what}" for name, what in noticed]
     return [*told, *(refused_frames(name, why) for name, why in status.refused.items())]
 
 
 def refused_frames(performer: str, why: str) -> str:
-    """Say why a performer's frames are refused, and what can be done about it."""
+    """Say why a performer's frames are refused, and what to do about it."""
     return (
         f"performer {printable(performer)}: frames refused: {why}. Let the sender send them, or say them with --joints"
     )
 
 
 def counts(status: Status) -> str:
-    """Say in one line what came in and what was lost."""
+    """Count in one line all that came in and was lost."""
     inputs, outcomes = status.inputs, status.outcomes
     recognizers = outcomes.recognizers
     return (

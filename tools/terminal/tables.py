@@ -30,16 +30,16 @@ def narrow_table(title: str, caption: str | None = None) -> Table:
 
 
 def add_names(table: Table, heading: str, names: Iterable[str], *, beside: int) -> None:
-    """Add a column of names, as wide as the longest name: other columns give way before a name is broken.
+    """Add a column of names, as wide as the longest name: other columns are narrowed first.
 
     Parameters
     ----------
     table
-        Without rows so far.
+        A table without rows.
     heading
-        Of the column.
+        The column's heading.
     names
-        The names that will stand in it.
+        The names in the column.
     beside
         Characters that the other columns need at least; this column takes at most the rest.
     """
@@ -48,7 +48,7 @@ def add_names(table: Table, heading: str, names: Iterable[str], *, beside: int) 
 
 
 def shortened(name: str, width: int) -> str:
-    """Give a name in at most so many characters; what is left out was in its middle, for ends tell classes apart."""
+    """Give a name in at most so many characters; its middle is left out, because ends tell classes apart."""
     if len(name) <= width:
         return name
     end = width // 2

@@ -378,7 +378,7 @@ def test_turning_is_repeatable(some_motions: tuple[Clip, ...]) -> None:
 
 
 def test_rotations_of_a_clip_without_any_are_refused() -> None:
-    """A clip whose source has no rotations is refused by name."""
+    """When a clip's source has no rotations, asking for them is refused with the clip's name."""
     with pytest.raises(ValueError, match="space: clip 'wave_3' has no rotations"):
         motion_axes([stick_clip("wave", seed=3)], Space.ROTATIONS)
 

@@ -37,7 +37,7 @@ def _roster(*taught: tuple[str, str, int]) -> Roster:
 
 
 def test_a_roster_is_a_value() -> None:
-    """Each change gives a new roster and leaves the old one as it was."""
+    """Each change gives a new roster and does not change the old one."""
     roster = _roster(("bend", "squat1Reps", 0), ("kick", "kickLFront1Reps", 0), ("bend", "squat1Reps", 1))
     assert roster.classes == ("bend", "kick")
     assert roster.next_number == 4
@@ -96,7 +96,7 @@ def test_disabled_classes_have_no_windows() -> None:
 
 
 def test_nothing_taught_beside_nothing_is_none() -> None:
-    """Without a library and without examples there is nothing to compare with."""
+    """Without a library and without examples there is no index."""
     windows = TaughtWindows(_base(), beside=False)
     assert windows.index_of(Roster()) is None
     assert windows.base_classes == ()
@@ -132,5 +132,5 @@ def test_a_check_tells_what_resembles() -> None:
     ],
 )
 def test_a_check_in_words(check: Check, words: str) -> None:
-    """Every outcome of the check is told in the words of the page."""
+    """Every outcome of the check has the words of the page."""
     assert check.words == words

@@ -45,7 +45,7 @@ def test_nobody_is_found_moving_who_stands_still() -> None:
 
 
 def test_stretches_end_at_gaps() -> None:
-    """A gap in the middle of a motion parts it: what happened there nobody knows."""
+    """A gap in the middle of a motion divides it, because nobody knows the movement in the gap."""
     take, moving = _take(1.0)
     middle = (moving[0].start + moving[0].end) / 2
     parted = replace(take, gaps=((middle, middle + 0.6),))

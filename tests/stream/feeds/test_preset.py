@@ -1,4 +1,4 @@
-"""Presets: those that come along are whole, and a mistake in one's own is one line that says what and where."""
+"""Presets: the built-in ones are complete, and a mistake in a user's own is one line that says what and where."""
 
 from __future__ import annotations
 
@@ -154,7 +154,7 @@ def test_the_least_that_is_needed_is_little() -> None:
     ],
 )
 def test_a_mistake_is_one_line(old: str, new: str, said: str) -> None:
-    """File, key, expectation and what was got, in one line."""
+    """The line has the file, the key, the expectation and what was got."""
     assert old in GOOD
     with pytest.raises(PresetError) as caught:
         parse_preset(GOOD.replace(old, new), "mine", "mine.toml")
@@ -181,7 +181,7 @@ def test_a_file_that_is_no_text_is_said(tmp_path: Path) -> None:
 
 
 def refusal(text: str) -> str:
-    """Say why a preset is refused; nothing when it is not."""
+    """Give the reason why a preset is refused; empty when it is not."""
     try:
         parse_preset(text, "mine", "mine.toml")
     except PresetError as error:

@@ -57,7 +57,7 @@ NUMBERS = [
 
 @pytest.mark.parametrize("changes", NUMBERS, ids=lambda changes: "".join(f"{k} {v[:12]!r}" for k, v in changes.items()))
 def test_numbers_beyond_their_bounds_are_malformed(changes: dict[str, bytes]) -> None:
-    """A header whose numbers are beyond any use is counted, and spoils no counter."""
+    """A header with absurd numbers is counted as malformed, and changes no other counter."""
     decoder = ZmqDecoder()
     assert decoder.decode(message(**changes), 1.0, None) == ()
     assert (decoder.counts.malformed, decoder.counts.missing) == (1, 0)
@@ -89,7 +89,7 @@ HOSTILE: dict[str, tuple[Callable[[], Decoder], bytes]] = {
 
 @pytest.mark.parametrize("name", HOSTILE)
 def test_a_hostile_packet_is_refused_by_its_size(name: str) -> None:
-    """What is larger or deeper than any sender's packets is refused before it is parsed, in a thousandth second."""
+    """A packet larger or more deeply nested than any sender's is refused before it is parsed."""
     make, packet = HOSTILE[name]
     whole = packet or [b"frame/ann/", b'{"x":' + b"[" * 60_000, BUFFER]
     seconds = []

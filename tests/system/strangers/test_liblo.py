@@ -47,7 +47,7 @@ START = Event("ghost", EventKind.START, "squat1Reps", CLASSES.index("squat1Reps"
 
 @pytest.fixture(scope="module")
 def recognition() -> Recognition:
-    """Give what a ghost's last window was recognised as."""
+    """Give the recognition of a ghost's last window."""
     recognizer = Recognizer(builtin_library())
     answers = [recognizer.push(cue.frame) for cue in ghost_cues("squat1Reps", 1.5)]
     return [answer for answer in answers if answer][-1]
@@ -67,7 +67,7 @@ def taken(source: Source, packets: int) -> list[Frame | Announcement]:
 
 
 def test_oscsend_announces_joints_and_sends_a_frame(liblo_tools: LibloTools) -> None:
-    """What oscsend makes of words typed in a shell is an announcement and a frame, number for number."""
+    """Words typed for oscsend arrive as an announcement and a frame, number for number."""
     positions = ghost_cues("squat1Reps", 0.1)[0].frame.positions
     numbers = [f"{number:.9g}" for number in positions.ravel().tolist()]
     with closing(Source(osc.OscReceiver(LOOPBACK, 0), OscDecoder())) as source:
@@ -108,7 +108,7 @@ def test_oscsend_sends_joints_one_by_one(liblo_tools: LibloTools) -> None:
 
 
 def same(printed: Dumped, packet: bytes) -> bool:
-    """Hold what oscdump printed against the one message of a packet."""
+    """Compare oscdump's line with the one message of a packet."""
     (sent,) = decode_packet(packet)
     assert printed.address == sent.address
     assert len(printed.values) == len(sent.arguments)
@@ -140,7 +140,7 @@ def test_oscdump_prints_what_we_answer(liblo_tools: LibloTools, recognition: Rec
 
 
 def test_a_file_of_packets_is_answered(liblo_tools: LibloTools) -> None:
-    """Between oscsendfile and oscdump nothing is ours but `kinespace live`: a feed, dumped, sent again, is named."""
+    """A feed that oscdump wrote and oscsendfile sends again is named by `kinespace live`."""
     # OSCeleton's messages: oscsendfile cannot read lines as long as those of our frames.
     cues = ghost_cues("kickLFront1Reps", 2.5)[::4]
     with ExitStack() as stack:
@@ -178,7 +178,7 @@ Understood = tuple[str, list[object]]
 
 @pytest.fixture
 def understood(pyliblo: ModuleType) -> Iterator[Callable[[bytes], list[Understood]]]:
-    """Give what liblo understands of a datagram: addresses and arguments."""
+    """Give liblo's reading of a datagram: addresses and arguments."""
     server, came = pyliblo.Server(None), list[Understood]()
     server.add_method(None, None, lambda address, arguments: came.append((address, arguments)))
 
@@ -202,7 +202,7 @@ def ours(datagram: bytes) -> list[Understood]:
 def test_liblo_reads_other_products_packets_as_we_do(
     name: str, understood: Callable[[bytes], list[Understood]]
 ) -> None:
-    """Each golden packet, bundles unpacked, is to liblo what it is to our decoder."""
+    """Each golden packet, bundles unpacked, is read by liblo as by our decoder."""
     (cue,) = ghost_cues("squat1Reps", 0.1)[:1]
     packets = LAYOUTS[name][1](Moment(dict(zip(SKELETON.joints, cue.frame.positions, strict=True)), 1.0, 0))
     packets.append(PACKETS[LAYOUTS[name][0]].packet)
@@ -214,7 +214,7 @@ def test_liblo_reads_other_products_packets_as_we_do(
 def test_liblo_reads_our_answers_in_every_layout(
     name: str, understood: Callable[[bytes], list[Understood]], recognition: Recognition
 ) -> None:
-    """Answers, events, classes and status of each layout are to liblo what was meant."""
+    """Answers, events, classes and status of each layout are read by liblo as they were written."""
     layout = layouts.LAYOUTS[name]()
     told = (layout.recognition(recognition), layout.event(START), layout.classes(CLASSES), layout.status(STATUS))
     packets = [packet for packet in told if packet is not None]
@@ -245,7 +245,7 @@ def test_liblo_sends_bundles(pyliblo: ModuleType) -> None:
 
 
 def test_liblo_and_we_agree_on_every_type(understood: Callable[[bytes], list[Understood]]) -> None:
-    """Integers, floats, doubles, text with spaces and nothing at all, in bundles in bundles."""
+    """Integers, floats, doubles, text with spaces and empty text, in nested bundles."""
     inner = bundle(message("/c", "sN", "x y"), message("/d", "d", -2.5e300))
     packet = bundle(message("/a", "if", -7, 0.1), inner, message("/e"))
     assert understood(packet) == ours(packet) != []

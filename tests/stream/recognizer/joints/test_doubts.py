@@ -1,4 +1,4 @@
-"""What a recogniser does about joints that cannot be believed."""
+"""Joints that cannot be believed: mended or left out."""
 
 from __future__ import annotations
 
@@ -85,7 +85,7 @@ def test_windows_that_cannot_be_opened_leave_the_body_implausible(small_library:
 
 
 def test_a_joint_lost_for_a_moment_is_held(small_library: MotionLibrary, squat: Clip) -> None:
-    """A hand that is gone for less than a fifth of a second costs nothing."""
+    """A hand that is lost for less than a fifth of a second changes no label."""
     positions = squat.positions.copy()
     positions[40:44, _places(small_library, "lhand", "lfingers")] = np.nan
     recognizer = Recognizer(small_library)

@@ -62,7 +62,7 @@ def test_lengths_are_those_of_the_twin(small_library: MotionLibrary, kick: Clip)
 
 
 def test_a_jump_is_judged_by_the_step_of_the_twin(small_library: MotionLibrary, kick: Clip) -> None:
-    """A body jumps when its sixth farthest joint steps too far, and none of its own frames is such a step."""
+    """A body jumps when its sixth farthest joint steps too far; none of its own frames has such a step."""
     watched, still = _watch(small_library), Step(np.zeros_like(kick.positions[0]), 1 / RATE)
     for before, after in ((0, 1), (0, kick.frames // 2), (3, kick.frames - 1)):
         one, other = kick.positions[before], kick.positions[after]
@@ -72,7 +72,7 @@ def test_a_jump_is_judged_by_the_step_of_the_twin(small_library: MotionLibrary, 
 
 
 def test_a_sound_motion_is_believed(small_library: MotionLibrary) -> None:
-    """Nothing is doubted in any motion of the library."""
+    """No joint is doubted in any motion of the library."""
     for motion in small_library.motions:
         assert not _doubted(small_library, resampled(motion, RATE).positions)
 
@@ -99,7 +99,7 @@ def test_exchanged_wrists_are_doubted(small_library: MotionLibrary, kick: Clip) 
 
 
 def test_joints_in_another_order_are_all_doubted(small_library: MotionLibrary, kick: Clip) -> None:
-    """Where the middle segment is of another length than any, nothing is believed, within a second."""
+    """When the median segment has an impossible length, all joints are doubted within a second."""
     order = np.random.default_rng(5).permutation(31)
     assert _doubted(small_library, kick.positions[: round(2.5 * SPAN * RATE), order]) == {
         *small_library.skeleton.joints
@@ -132,5 +132,5 @@ def test_names_tell_the_other_side(joints: tuple[str, ...], others: tuple[int, .
 
 
 def test_names_without_sides_have_none() -> None:
-    """Of markers without sides nothing is exchanged."""
+    """Markers without sides are never exchanged."""
     assert mirrored_places(("root", "a", "b")) is None

@@ -45,7 +45,7 @@ def _assert_moments(read: Moments, times: np.ndarray, rows: np.ndarray) -> None:
 def test_moments_and_covariance_are_the_textbooks_whatever_came_and_went(
     seed: int, seconds: float, start: float, *, loud: bool
 ) -> None:
-    """At every read, with rows in batches of any size at uneven times, both are those of the window's rows."""
+    """At every read, after batches of any size at uneven times, both equal those of the window's rows."""
     generator = np.random.default_rng(seed)
     rows = 1.0 + generator.normal(scale=0.1 if loud else 1e-3, size=(120, WIDTH)) * generator.uniform(0, 1, WIDTH)
     times = start + np.cumsum(generator.choice([1 / 120, 1 / 30, 0.2], size=len(rows)))
@@ -78,7 +78,7 @@ def test_a_single_row_does_not_move(kind: type[RollingMoments | RollingCovarianc
 
 @BOTH
 def test_only_rows_all_new_are_computed_afresh(kind: type[Rolling]) -> None:
-    """The first rows, those after a clear and those after a gap are computed from the window alone, others are not."""
+    """Sums are computed afresh at the start, after a clear and after a gap, and not otherwise."""
     window = SlidingWindow(1.0, WIDTH)
     rolling, counted = kind(window, WIDTH), []
     for begin, end in ((0, 10), (10, 12), (12, 30), (30, 31)):

@@ -50,7 +50,7 @@ def windows(small_index: WindowIndex) -> LiveWindows:
 
 
 def _assert_by_definition(read: LiveSignature, index: WindowIndex, times: np.ndarray, rows: np.ndarray) -> None:
-    """Hold all numbers of a reading against those of the rows up to now."""
+    """Compare all numbers of a reading with those computed from the rows up to now."""
     parts = [(str(part.kind), part.seconds) for part in PARTS]
     body = body_of(index.library.skeleton)
     expected = naive_windows.numbers_of(parts, times[-1], times, rows, index.basis.directions, body)
@@ -81,7 +81,7 @@ def _batches(count: int, seed: int) -> Iterator[slice]:
 def test_every_part_by_definition(
     windows: LiveWindows, small_index: WindowIndex, rows: np.ndarray, start: float
 ) -> None:
-    """Whatever the batches that frames come in, all parts are those of the window's rows, on any clock."""
+    """With frames in any batches and on any clock, all parts equal those of the window's rows."""
     times = start + np.arange(len(rows)) / 120
     for batch in _batches(len(rows), 3):
         windows.push(times[batch].tolist(), rows[batch])
@@ -91,7 +91,7 @@ def test_every_part_by_definition(
 
 @pytest.mark.slow
 def test_at_uneven_times_and_after_gaps(windows: LiveWindows, small_index: WindowIndex, rows: np.ndarray) -> None:
-    """With frames lost by chance and gaps of up to half a second all parts are those of the rows there are."""
+    """With frames lost at random and gaps of up to half a second, all parts equal those of the rows."""
     generator = np.random.default_rng(4)
     kept = np.flatnonzero(generator.random(len(rows)) > 0.4)
     times = kept / 120 + np.cumsum(
@@ -113,7 +113,7 @@ def test_many_frames_without_a_reading(windows: LiveWindows, small_index: Window
 
 
 def test_cleared_windows_begin_anew(windows: LiveWindows, small_index: WindowIndex, rows: np.ndarray) -> None:
-    """After a clear nothing is left of the rows before, and time may run from anywhere."""
+    """After a clear the rows before have no influence, and times may begin anywhere."""
     windows.push((100 + np.arange(60) / 120).tolist(), rows[:60])
     windows.read()
     windows.clear()

@@ -36,7 +36,7 @@ def _assert_alike(window: SlidingWindow, twin: NaiveWindow) -> None:
 
 
 def _assert_change_alike(window: SlidingWindow, twin: NaiveWindow) -> None:
-    """Hold what entered and left against the plain list, oldest first."""
+    """Compare the rows that entered and left with the plain list, oldest first."""
     change = window.take_change()
     marks = change.entered[:, 0].tolist(), change.left[:, 0].tolist()
     times = change.entered_times.tolist(), change.left_times.tolist()
@@ -149,7 +149,7 @@ def test_every_rate_fills_the_same_seconds(rate: int, seconds: float, start: flo
 
 
 def test_dropped_frames_leave_the_seconds_alone() -> None:
-    """With half of the frames lost the window still speaks of the same seconds: those rows of them that came."""
+    """With half of the frames lost the window still holds the same seconds."""
     kept = np.flatnonzero(np.random.default_rng(1).random(600) < 0.5)
     window = SlidingWindow(1.0, 2)
     for index in kept.tolist():
@@ -161,7 +161,7 @@ def test_dropped_frames_leave_the_seconds_alone() -> None:
 
 
 def test_a_gap_longer_than_the_window_leaves_the_newest_row() -> None:
-    """After a gap only the newest row is in the window, and what had entered and gone meanwhile is in no change."""
+    """After a gap only the newest row is in the window; rows that entered and left are in no change."""
     window = SlidingWindow(1.0, 2)
     _push(window, [0.0, 0.1, 0.2])
     window.push([0.3], _rows(0.3))
@@ -195,7 +195,7 @@ def test_the_memory_is_allocated_once() -> None:
 
 
 def test_changes_must_be_taken_in_time() -> None:
-    """One row more than may be pending raises, what was pending is still there, and taking it makes room again."""
+    """One pending row too many raises; the pending rows stay, and taking them makes room again."""
     window = SlidingWindow(10.0, 2)
     for index in range(MAX_PENDING):
         window.push([float(index) / 100], _rows(index))
@@ -211,7 +211,7 @@ def test_changes_must_be_taken_in_time() -> None:
 
 @pytest.mark.parametrize("time", [1.0, 0.999, -5.0])
 def test_time_runs_forward(time: float) -> None:
-    """A row that is not later than the newest is the caller's mistake and leaves the window as it was."""
+    """A row that is not later than the newest is the caller's mistake and does not change the window."""
     window = SlidingWindow(1.0, 2)
     _push(window, [0.5, 1.0])
     with pytest.raises(ValueError, match=r"time: expected later than 1\.0"):
@@ -222,7 +222,7 @@ def test_time_runs_forward(time: float) -> None:
 
 @pytest.mark.parametrize("times", [[1.1, 1.2, 1.2], [1.1, 1.3, 1.2], [1.0, 1.1], [0.9, 1.1]])
 def test_a_batch_is_taken_in_whole_or_not_at_all(times: list[float]) -> None:
-    """Time standing still or running back anywhere in a batch leaves the window as it was."""
+    """A time that stands still or runs back anywhere in a batch leaves the window unchanged."""
     window = SlidingWindow(1.0, 2)
     _push(window, [0.5, 1.0])
     with pytest.raises(ValueError, match="time: expected later than"):
@@ -235,7 +235,7 @@ def test_a_batch_is_taken_in_whole_or_not_at_all(times: list[float]) -> None:
 
 @pytest.mark.parametrize("count", [0, 1, 3])
 def test_every_row_has_its_time(count: int) -> None:
-    """Rows and times of different numbers are refused, and the window stays as it was."""
+    """Different numbers of rows and times are refused, and the window stays unchanged."""
     window = SlidingWindow(1.0, 2)
     _push(window, [0.5])
     with pytest.raises(ValueError, match=f"rows: expected 2, as many as times, got {count}"):
@@ -256,7 +256,7 @@ def test_the_newest_row_always_stays(start: float) -> None:
 
 
 def test_nothing_is_in_an_empty_window() -> None:
-    """Before the first row the window is empty, not full, and nothing has changed."""
+    """Before the first row the window is empty, not full, and has no changes."""
     window = SlidingWindow(1.0, 3)
     assert (len(window), window.full, window.pending) == (0, False, 0)
     assert window.rows.shape == (0, 3)
@@ -285,7 +285,7 @@ def test_windows_that_make_no_sense_are_refused(seconds: float, width: int, fast
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="processes do not fork here")
 def test_a_child_process_has_windows_of_its_own() -> None:
-    """What a forked child pushes does not show in its parent's window."""
+    """Rows that a forked child pushes do not appear in its parent's window."""
     code = (
         "import os, numpy as np\n"
         "from kinespace.stream.recognizer.windows.sliding_window import SlidingWindow\n"

@@ -36,7 +36,7 @@ def test_a_clean_feed_is_left_as_it_is() -> None:
 
 @pytest.mark.parametrize("noise", [0.01, 0.02, 0.03])
 def test_the_noise_is_estimated(noise: float) -> None:
-    """The noise of a distance between two shaken joints is √2 times that of a coordinate."""
+    """The noise of a distance between two shaken joints is √2 times the noise of a coordinate."""
     times, _, shaken = _rows(noise)
     smoother = _smoother()
     smoother.smooth(times[:60], shaken[:60].copy())

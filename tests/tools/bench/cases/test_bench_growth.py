@@ -1,4 +1,4 @@
-"""`kinespace bench growth`: what is grown is what it says. No figure is held against a limit here."""
+"""`kinespace bench growth`: the grown bodies and libraries are right. No figure has a limit here."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from kinespace.tools.bench.timing import exponent
 
 @pytest.mark.parametrize("count", [15, 20, 31, 55])
 def test_a_body_of_any_number_of_joints_moves_as_recorded(count: int) -> None:
-    """Joints that stay keep their positions; those added lie half way along a bone."""
+    """Joints that stay keep their positions; added joints lie half way along a bone."""
     library = MotionLibrary.builtin().without(classes=MotionLibrary.builtin().classes[1:])
     other = with_joints(library, count)
     assert len(other.skeleton.joints) == count
@@ -56,7 +56,7 @@ def test_more_motions_than_there_are_stretches_are_refused() -> None:
 
 
 def test_everything_is_grown_and_its_exponent_fitted() -> None:
-    """Each growth has a cost for each size, in order, and the exponent is the fit of just those."""
+    """Each growth has a cost for each size, in order, and the exponent fitted to these costs."""
     found = scaling.measure(Settings(), sizes=Sizes(joints=(15, 20), motions=(288, 600)), rounds=1)
     assert [(each.of, each.labels, each.sizes) for each in found] == [
         ("joints", ("15", "20"), (105.0, 190.0)),

@@ -41,7 +41,7 @@ def test_a_long_feed_is_accounted_for(
 
 @pytest.mark.parametrize("name", ["share", "gap", "eigenvector_score"])
 def test_what_drifts_is_seen(name: str, played: NDArray[np.float32], monkeypatch: pytest.MonkeyPatch) -> None:
-    """A recogniser whose numbers wander off by a millionth with each frame is found out."""
+    """A recogniser whose numbers drift by a millionth with each frame is detected."""
 
     class Drifting(Recognizer):
         def push(self, frame: Frame) -> Recognition | None:
@@ -55,7 +55,7 @@ def test_what_drifts_is_seen(name: str, played: NDArray[np.float32], monkeypatch
 
 
 def test_a_short_feed_is_not_checked(played: NDArray[np.float32]) -> None:
-    """Before three seconds there is nothing to compare; without minutes nothing goes over sockets."""
+    """A feed shorter than three seconds is not checked; without minutes there is no feed over sockets."""
     found = soak.measure(played, signature=LiveSignature.WINDOWS, frames=300, minutes=0.0)
     assert found.over_sockets is None
     assert (found.day.checked, found.day.max_error) == (0, None)

@@ -36,7 +36,7 @@ NOBODY = Crowd(1, 10, 5, 5, 0, np.full(1000, 0.001), 0.0, (), None, None)
 
 @pytest.mark.parametrize("transport", ["osc", "zmq"])
 def test_a_crowd_is_answered_and_accounted_for(transport: Transport, played: NDArray[np.float32]) -> None:
-    """Everybody's frames are sent, every answer due is answered or lost, latencies are those after the warm-up."""
+    """All frames are sent, every answer due comes or is counted as lost, latencies exclude the warm-up."""
     found = play(transport, 3, played[:120], SETTINGS)
     assert (found.performers, found.sent) == (3, 360)
     # The first window is full with frame 19; from then on every fourth frame is answered.
@@ -54,7 +54,7 @@ def test_a_crowd_is_answered_and_accounted_for(transport: Transport, played: NDA
 
 
 def test_what_is_lost_is_seen(played: NDArray[np.float32], monkeypatch: pytest.MonkeyPatch) -> None:
-    """When a crowd is larger than the recogniser has room for, the frames it refused are lost and nothing is held."""
+    """When the recogniser has no room for all performers, their frames count as lost and no crowd is held."""
     service = capacity.BackgroundService
     monkeypatch.setattr(capacity, "BackgroundService", lambda *a, **k: service(*a, **{**k, "performers": 1}))
     found = play("osc", 2, played[:60], SETTINGS)
@@ -66,7 +66,7 @@ def test_what_is_lost_is_seen(played: NDArray[np.float32], monkeypatch: pytest.M
 
 @pytest.mark.parametrize("transport", ["osc", "zmq"])
 def test_under_a_crowd_is_a_floor(transport: Transport, played: NDArray[np.float32]) -> None:
-    """Where nothing is recognised the same frames are answered, with answers as large as ours, and timed alike."""
+    """The empty loop answers the same frames with answers of the same size, timed in the same way."""
     found = play(transport, 3, played[:120], SETTINGS, empty=True)
     assert (found.performers, found.sent, found.expected) == (3, 360, 3 * 26)
     assert found.answered + found.lost == found.expected
@@ -167,7 +167,7 @@ def test_the_program_is_started_fed_and_ended(played: NDArray[np.float32]) -> No
 
 
 def test_memory_is_of_the_process_asked_for() -> None:
-    """What a process takes shows in its resident memory, asked for by number or not; nobody's is unknown."""
+    """A process's memory shows in its resident memory; the memory of a missing process is unknown."""
     before = memory.resident_mb()
     if before is None:
         pytest.skip("this system does not say how much memory a process holds")
@@ -182,7 +182,7 @@ def test_memory_is_of_the_process_asked_for() -> None:
 
 @pytest.mark.skipif(sys.platform != "linux", reason="only Linux is asked")
 def test_time_on_a_core_is_of_the_process_asked_for() -> None:
-    """A process that computes has had a core for about as long as it says itself; one that is not there, for none."""
+    """A busy process's time agrees with its own count; the time of a missing process is unknown."""
     before, begun = memory.core_seconds(), time.process_time()
     while time.process_time() < begun + 0.3:
         pass
@@ -195,7 +195,7 @@ def test_time_on_a_core_is_of_the_process_asked_for() -> None:
 
 
 def test_memory_is_asked_of_ps_where_there_is_no_proc(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Without `/proc` `ps` tells about the same; without `ps` nobody does."""
+    """Without `/proc`, `ps` gives about the same; without `ps` the memory is unknown."""
     monkeypatch.setattr(memory, "Path", lambda _: (_ for _ in ()).throw(FileNotFoundError))
     told = memory.resident_mb()
     monkeypatch.setattr(memory.shutil, "which", lambda _: None)

@@ -1,4 +1,4 @@
-"""Figures and their intervals: against drawing by hand, and what they are of few units."""
+"""Figures and their intervals: compared with drawing by hand, and for few units."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def _repeated(values: list[list[float]], counts: list[int]) -> list[float]:
 
 @given(st.integers(0, 2**32 - 1), st.integers(1, 12))
 def test_a_ratio_is_drawn_by_units(seed: int, units: int) -> None:
-    """A share of units drawn again is the sum of what was counted in them over the sum of what there was."""
+    """A share of drawn units is the quotient of the two sums over them."""
     generator = np.random.default_rng(seed)
     among = generator.integers(0, 20, units).tolist()
     counted = [int(generator.integers(0, each + 1)) for each in among]
@@ -43,7 +43,7 @@ def test_a_ratio_is_drawn_by_units(seed: int, units: int) -> None:
 
 
 def test_more_units_make_a_figure_surer() -> None:
-    """The interval of 400 segments of which nine in ten are right is about a quarter as wide as that of 25."""
+    """With nine in ten right, the interval of 400 segments is about a quarter as wide as that of 25."""
     widths = []
     for units in (25, 400):
         right = [float(index % 10 != 0) for index in range(units)]
@@ -63,7 +63,7 @@ def test_a_ratio_of_units_that_agree_is_sure() -> None:
 
 @given(st.integers(0, 2**32 - 1), st.sampled_from([50.0, 90.0]))
 def test_a_percentile_is_drawn_by_units(seed: int, percent: float) -> None:
-    """A percentile of units drawn again is that of all their values, a unit without any adding none."""
+    """A percentile of drawn units is that of all their values; a unit without values adds none."""
     generator = np.random.default_rng(seed)
     values = [generator.random(generator.integers(0, 3)).tolist() for _ in range(6)]
     figure = Percentile(values, percent)

@@ -1,4 +1,4 @@
-"""Which library recognises which take: nobody is recognised by what the protocol leaves out."""
+"""Which library recognises which take: no library contains a motion that the protocol leaves out."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ def test_each_person_is_recognised_by_the_others(takes: list[Take]) -> None:
 
 
 def test_each_person_recognises_all_others(takes: list[Take]) -> None:
-    """A library of one person alone is asked by everybody else, never by that person."""
+    """A library of one person is asked by all other persons, never by that person."""
     folds = {fold.person: fold for fold in folds_of(takes, Protocol.ONE_PERSON, _unused)}
     assert {person: _names(fold) for person, fold in folds.items()} == {
         "ann": ["ben3", "ben4", "cid5"],
@@ -89,7 +89,7 @@ def test_each_person_recognises_all_others(takes: list[Take]) -> None:
 
 
 def test_unlabelled_takes_are_asked_of_whoever_is_another(takes: list[Take]) -> None:
-    """A take without labels is asked of every library that knows nothing of its person."""
+    """A take without labels is recognised by every library without motions of its person."""
     unlabelled = [_take("ann", 6, NOTHING), _take("zoe", 7, NOTHING), replace(_take("", 8), segments=())]
     everything = [*takes, *unlabelled]
     asked = {
@@ -116,13 +116,13 @@ def test_unlabelled_takes_are_asked_of_whoever_is_another(takes: list[Take]) -> 
     ],
 )
 def test_nobody_left_is_an_error(takes: list[Take], kept: slice, protocol: Protocol, message: str) -> None:
-    """One take, or one person, leaves nothing to make a library of; unlabelled takes do not help."""
+    """One take, or one person, leaves no motion for a library; unlabelled takes do not help."""
     with pytest.raises(ValueError, match=message):
         folds_of([*takes[kept], _take("zoe", 7, NOTHING)], protocol, _unused)
 
 
 @pytest.mark.parametrize("protocol", [Protocol.LEAVE_ONE_PERSON_OUT, Protocol.ONE_PERSON])
 def test_persons_must_be_told(takes: list[Take], protocol: Protocol) -> None:
-    """A labelled take of nobody is named, and the option that tells persons."""
+    """A labelled take without a person is named, with the option that tells persons."""
     with pytest.raises(ValueError, match=r"^9: expected a name that tells the actor, .* --actor-in"):
         folds_of([*takes, _take("", 9)], protocol, _unused)

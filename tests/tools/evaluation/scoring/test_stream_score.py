@@ -53,7 +53,7 @@ def _segment(times: np.ndarray, segments: Sequence[Segment]) -> np.ndarray:
 
 
 def _course() -> Course:
-    """Lay out by hand what was performed and answered."""
+    """Write a course by hand."""
     segment = _segment(TIMES, SEGMENTS)
     guess = _held(GUESSES, NONE)
     published = guess.copy()
@@ -103,7 +103,7 @@ def _figures(courses: Sequence[Course], window: float = 1.0) -> dict[str, float 
 
 @pytest.mark.parametrize("name", KNOWN_ANSWERS)
 def test_a_course_counted_by_hand(name: str) -> None:
-    """Each figure of a take of eight seconds is what counting by hand gives."""
+    """Each figure of a take of eight seconds equals one counted by hand."""
     assert _figures([_course()])[name] == (KNOWN_ANSWERS[name] and pytest.approx(KNOWN_ANSWERS[name], rel=1e-12))
 
 
@@ -131,7 +131,7 @@ def test_a_take_twice_has_the_figures_of_once() -> None:
 
 
 def test_figures_say_what_they_rest_on() -> None:
-    """Seconds, segments and persons of known and unknown motions are told; nobody's name is no person."""
+    """Seconds, segments and persons of known and unknown motions are counted; an unknown person counts as none."""
     named = replace(_course(), person="ann")
     score = score_courses([named, replace(named, name="other", person="ben")], CLASSES, 1.0)
     assert score.known == Basis(pytest.approx(2 * 40 / 64 * SECONDS), 6, 2)
@@ -141,7 +141,7 @@ def test_figures_say_what_they_rest_on() -> None:
 
 
 def test_a_take_asked_of_two_libraries_counts_once() -> None:
-    """What several libraries answered to one segment goes into the figure, but the segment is one."""
+    """The answers of several libraries to one segment enter the figure, but the segment counts once."""
     right = _course()
     wrong = replace(right, guess=np.full(64, NONE))
     score = score_courses([right, wrong], CLASSES, 1.0)
@@ -194,7 +194,7 @@ def test_every_figure_has_an_interval_around_it() -> None:
 
 
 def test_intervals_are_those_of_segments_drawn_again() -> None:
-    """An interval is that of the share in segments drawn with replacement, each with all that was answered to it."""
+    """An interval is that of shares over segments drawn with replacement, each with all answers to it."""
     generator = np.random.default_rng(6)
     one, other = (_random_course(generator, 300) for _ in range(2))
     known = sorted({int(index) for index in one.segment[one.truth != NONE]})
@@ -211,14 +211,14 @@ def test_intervals_are_those_of_segments_drawn_again() -> None:
 
 
 def test_it_is_known_of_every_figure_which_way_is_better() -> None:
-    """Names of figures of which less is better are those of figures."""
+    """All names in `LOWER_IS_BETTER` are names of figures."""
     assert set(KNOWN_ANSWERS) > LOWER_IS_BETTER
     assert "true_changes_per_minute" not in LOWER_IS_BETTER
     assert set(StreamScore.__slots__) > set(KNOWN_ANSWERS)
 
 
 def test_no_frame_between_two_takes_is_a_change() -> None:
-    """Where one take ends and another begins nothing changes, whatever each was doing."""
+    """The border between two takes is no change."""
     course = _course()
     still = np.full(64, NONE)
     quiet = Course("quiet", TIMES, SEGMENTS[:1], still, still >= 0, still, still, still, still, np.full(64, np.nan))
@@ -239,7 +239,7 @@ def test_no_frame_between_two_takes_is_a_change() -> None:
     ],
 )
 def test_the_first_motion_is_no_change(track: tuple[int, ...], changes: int) -> None:
-    """Changes are counted from the first motion on, in what was answered and in what was performed alike."""
+    """Changes count after the first motion, in the answers and in the labels."""
     course = _course()
     event = np.full(64, track[-1] if track else NONE)
     event[: len(track)] = track
@@ -413,7 +413,7 @@ def _recognition(time: float, best: int, score: float, outcome: Outcome = Outcom
 
 
 def test_a_course_holds_each_answer_until_the_next() -> None:
-    """What was published by hops and events is laid out at every frame, nothing ahead of its time, as by hand."""
+    """Answers of hops and events hold from their time until the next, at every frame."""
     changes = sorted({*GUESSES, *SCORES, *(edge for stretch in HELD_BACK for edge in stretch)} - {2.5, 8.0})
     hand = _course()
     recognitions = [
@@ -438,7 +438,7 @@ def test_a_course_holds_each_answer_until_the_next() -> None:
 
 
 def test_an_answer_between_two_frames_counts_from_the_next() -> None:
-    """Nothing looks ahead: what is published after a frame's time is not that frame's."""
+    """An answer after a frame's time does not count for that frame."""
     recognitions = [_recognition(1.01, BOW, 0.9), _recognition(2.0, JUMP, 0.8)]
     course = course_of("take", TIMES, SEGMENTS, classes=CLASSES, known=CLASSES, recognitions=recognitions, events=[])
     assert course.guess[7:10].tolist() == [NONE, NONE, BOW]
@@ -447,7 +447,7 @@ def test_an_answer_between_two_frames_counts_from_the_next() -> None:
 
 
 def test_still_is_no_guess_and_unknown_is_one() -> None:
-    """Where nothing moves there is no guess; one held back as unknown is a guess that is not published."""
+    """A still body has no guess; an unknown motion has a guess that is not named."""
     recognitions = [_recognition(1.0, BOW, 0.9, Outcome.STILL), _recognition(2.0, BOW, 0.9, Outcome.UNKNOWN)]
     course = course_of("take", TIMES, SEGMENTS, classes=CLASSES, known=CLASSES, recognitions=recognitions, events=[])
     assert set(course.guess[:16]) == {NONE}
@@ -456,7 +456,7 @@ def test_still_is_no_guess_and_unknown_is_one() -> None:
 
 
 def test_a_take_without_labels_has_no_segment() -> None:
-    """Where nobody said what is performed nothing is labelled; classes it contains that are unknown are passed over."""
+    """Without labels no frame is labelled; classes that the library does not know are ignored."""
     course = course_of(
         "take",
         TIMES,

@@ -45,7 +45,7 @@ def require_place_for_picture(path: Path) -> None:
 def draw_phases(
     path: Path,
     class_name: str,
-    courses: Mapping[float, tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]],
+    courses: Mapping[float, tuple[NDArray[np.floating], NDArray[np.floating], NDArray[np.floating]]],
 ) -> None:
     """Draw the phase of one motion against time, played at several speeds.
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, replace
+from functools import cache
 from importlib import resources
 from typing import TYPE_CHECKING
 
@@ -107,8 +108,9 @@ class MotionLibrary:
         return cls(skeleton, tuple(_as_motion(clip, skeleton) for clip in given), learned)
 
     @classmethod
+    @cache
     def builtin(cls) -> MotionLibrary:
-        """Load the library of 288 HDM05 motions that comes with kinespace (CC BY-SA 3.0)."""
+        """Load the library of 288 HDM05 motions that comes with kinespace (CC BY-SA 3.0); always the same object."""
         with resources.as_file(resources.files("kinespace.library") / "hdm05.npz") as path:
             return cls.load(path)
 

@@ -112,14 +112,18 @@ def free_udp_port() -> int:
         return port
 
 
+_OF_INPUT = ("received", "malformed", "foreign", "overrun", "missing", "out of order", "other joints", "no room")
+#: What `summary_counts` reads.
+COUNTED = (*_OF_INPUT, "answers", "frames", "restarts", "unsent")
+
+
 def summary_counts(output: str) -> dict[str, int]:
     """Read the counts out of the last lines of `kinespace live`."""
-    names = ("received", "malformed", "foreign", "overrun", "missing", "out of order", "other joints", "no room")
-    found = re.search(", ".join(rf"{name} (\d+)" for name in names), output)
+    found = re.search(", ".join(rf"{name} (\d+)" for name in _OF_INPUT), output)
     told = re.search(r"(\d+) answers of (\d+) frames, (\d+) windows started anew, (\d+) answers not sent", output)
     assert found
     assert told
-    counts = zip((*names, "answers", "frames", "restarts", "unsent"), (*found.groups(), *told.groups()), strict=True)
+    counts = zip(COUNTED, (*found.groups(), *told.groups()), strict=True)
     return {name: int(number) for name, number in counts}
 
 

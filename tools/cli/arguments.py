@@ -152,7 +152,9 @@ def add_changes(parser: argparse.ArgumentParser) -> None:
 
 def add_json(parser: argparse.ArgumentParser) -> None:
     """Add `--json`, for output that another program reads."""
-    parser.add_argument("--json", action="store_true", help="print one JSON object and nothing else")
+    parser.add_argument(
+        "--json", action="store_true", help="print JSON and nothing else (.github/docs/json.md says what)"
+    )
 
 
 def add_clips(parser: argparse.ArgumentParser, usual: str) -> None:

@@ -37,6 +37,7 @@ PROGRAMS: Programs = {
     "chaos": ("chaos.run", "attack a recogniser in every way, and measure what that does to a performer"),
     "feeds": ("programs.feeds", "list the products whose feeds are understood, and their settings"),
     "listen": ("programs.listen", "show the packets on a port, guess the feed, say what is missing"),
+    "completion": ("programs.completion", "print what completes these commands in a shell"),
 }
 #: The experiments of `kinespace evaluate`.
 EXPERIMENTS: Programs = {
@@ -109,15 +110,24 @@ class _ProgramParser(argparse.ArgumentParser):
 
     def parse_known_args(self, *arguments: Any, **options: Any) -> Any:  # noqa: ANN401 - argparse's own has four overloads
         """Parse as argparse does, once the program has said which arguments it takes."""
+        self.fill()
+        return super().parse_known_args(*arguments, **options)
+
+    def fill(self) -> None:
+        """Let the program say which arguments it takes."""
         if self.module:
             program = import_module(f"kinespace.tools.{self.module}")
             self.module = ""
             program.add_arguments(self)
             self.set_defaults(run=program.run)
-        return super().parse_known_args(*arguments, **options)
 
 
-def _parser() -> argparse.ArgumentParser:
+def whole_parser() -> argparse.ArgumentParser:
+    """Make the parser with the arguments of all programs, for what completes them in a shell."""
+    return _parser(filled=True)
+
+
+def _parser(*, filled: bool = False) -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="kinespace",
         description="Names the movement a performer is doing, live, from joint positions arriving by OSC or ZeroMQ.",
@@ -130,7 +140,10 @@ def _parser() -> argparse.ArgumentParser:
         help="memory that one file may take when it is read, like 500MB or 4GB (default 1GB)",
     )
     programs = _add_programs(parser, PROGRAMS, title="programs", metavar="PROGRAM")
-    _add_programs(programs["evaluate"], EXPERIMENTS, title="experiments", metavar="EXPERIMENT")
+    experiments = _add_programs(programs["evaluate"], EXPERIMENTS, title="experiments", metavar="EXPERIMENT")
+    if filled:
+        for each in (*programs.values(), *experiments.values()):
+            each.fill()
     return parser
 
 

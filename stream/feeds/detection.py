@@ -8,11 +8,14 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from kinespace.library.motion_library import MIN_JOINTS
 from kinespace.library.naming import Naming
+from kinespace.stream.feeds.decoder import FeedDecoder
 from kinespace.stream.feeds.frame_assembler import FrameAssembler
 from kinespace.stream.feeds.message_reader import Mapper, MessageError
 from kinespace.stream.feeds.preset import Means
 from kinespace.stream.feeds.unpackers import UNPACKERS
 from kinespace.stream.frame import Frame
+from kinespace.stream.inputs.decoder import OscDecoder
+from kinespace.stream.inputs.refusals import Refusals
 from kinespace.stream.osc.frames import SKELETON, decode
 from kinespace.stream.osc.packet import PacketError
 
@@ -21,6 +24,7 @@ if TYPE_CHECKING:
 
     from kinespace.stream.feeds.preset import Preset
     from kinespace.stream.feeds.unpackers import Unpacker
+    from kinespace.stream.inputs.receiver import Sender
     from kinespace.stream.osc.packet import Message
 
 #: Kinds of messages told apart; only somebody who makes up addresses gets there.
@@ -114,7 +118,8 @@ class Survey:
     senders: dict[str, int] = field(default_factory=dict)
     kinds: dict[tuple[str, str], Kind] = field(default_factory=dict)
     announced: tuple[str, ...] = ()
-    _kept: list[tuple[bytes, float]] = field(default_factory=list)
+    _kept: list[tuple[bytes, float, Sender]] = field(default_factory=list)
+    _refusals: Refusals = field(default_factory=Refusals)
     #: What was kept as each packing reads it; with how much there was then.
     _read: dict[str, tuple[int, list[tuple[list[Message], float, bool]]]] = field(default_factory=dict)
 
@@ -128,6 +133,8 @@ class Survey:
         messages = next((each for each in read if each is not None), None)
         if messages is None:
             self.undecodable += 1
+            why = "neither a message nor a bundle"
+            self._refusals.note("packet that is no OSC", why, _host_and_port(sender), datagram)
             return
         self.bundles += datagram[:1] == b"#"
         for message in messages:
@@ -135,7 +142,7 @@ class Survey:
             if message.address == SKELETON and all(isinstance(each, str) for each in message.arguments):
                 self.announced = tuple(map(str, message.arguments[1:]))
         if len(self._kept) < _MOST_KEPT:
-            self._kept.append((datagram, arrival))
+            self._kept.append((datagram, arrival, _host_and_port(sender)))
 
     def _count(self, message: Message, arrival: float) -> None:
         types = shortened("".join(_TAGS.get(type(argument), "?") for argument in message.arguments))
@@ -190,7 +197,7 @@ class Survey:
         """Read our own messages, whose senders name their joints, as the recogniser does: by our names for them."""
         named = set(Naming().read(self.announced).joints)
         frames, times = 0, dict[str, list[float]]()
-        for datagram, arrival in self._kept:
+        for datagram, arrival, _ in self._kept:
             for event in decode(datagram, arrival).events:
                 if isinstance(event, Frame) and len(event.positions) == len(self.announced):
                     times.setdefault(event.performer, []).append(arrival)
@@ -211,13 +218,20 @@ class Survey:
             refused=frames - whole,
         )
 
+    def reasons(self, preset: Preset | None) -> list[str]:
+        """Say why packets were refused last, a line for each kind, as a recogniser says it that reads this preset."""
+        decoder = FeedDecoder(preset) if preset and preset.name != NATIVE else OscDecoder()
+        for datagram, arrival, sender in self._kept:
+            decoder.decode(datagram, arrival, sender)
+        return [*self._refusals.lines(), *decoder.refusals.lines()]
+
     def _unpacked_as(self, packing: str) -> list[tuple[list[Message], float, bool]]:
         """Give what was kept as messages, by one way to pack; packets of other ways hold none."""
         if packing not in self._read or self._read[packing][0] != len(self._kept):
             unpack = UNPACKERS[packing]()
             read = [
                 (_unpacked(unpack, datagram) or [], arrival, packing != "osc" or datagram[:1] == b"#")
-                for datagram, arrival in self._kept
+                for datagram, arrival, _ in self._kept
             ]
             self._read[packing] = len(self._kept), read
         return self._read[packing][1]
@@ -230,6 +244,11 @@ class Survey:
         guesses = [self.looked_at_as(preset) for preset in presets]
         likely = [each for each in guesses if len(each.joints) >= _LIKELY * len(each.preset.joints)]
         return max(likely, key=_likelihood, default=None)
+
+
+def _host_and_port(sender: str) -> Sender:
+    host, _, port = sender.rpartition(":")
+    return (host, int(port)) if port.isdigit() else None
 
 
 def _unpacked(unpack: Unpacker, datagram: bytes) -> list[Message] | None:

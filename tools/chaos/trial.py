@@ -175,7 +175,7 @@ def running(folder: Path, options: Sequence[str], place: Place | None = None) ->
             preexec_fn=_as_usual if os.name == "posix" else None,  # noqa: PLW1509 - no thread of ours holds a lock
         )
     try:
-        pattern = re.compile(r"listening on OSC (\S+):(\d+), ZeroMQ (\S+); answering to ZeroMQ ([^\s;,]+)")
+        pattern = re.compile(r"listening on OSC (\S+):(\d+), ZeroMQ (\S+); answering to .*?ZeroMQ ([^\s;,]+)")
         until = time.monotonic() + _PATIENCE
         while not (found := pattern.search(output.read_text(encoding="utf-8", errors="replace"))):
             if process.poll() is not None or time.monotonic() > until:
@@ -311,7 +311,7 @@ def _noticed(performance: Performance, begin: float) -> float | None:
 def _counted(printed: str) -> str:
     """Give what was counted, beside what was received: every count that is not 0."""
     summary = printed.rpartition("received ")[2]
-    told = re.findall(r"([a-z][a-z ]*?) (\d+)(?=[,\n ])", summary.partition(" answers of")[0].rpartition("\n")[0])
+    told = re.findall(r"([a-z][a-z ]*?) (\d+)(?=[,\n ])", summary.partition(" answers of")[0])
     found = [f"{name} {int(count):,}" for name, count in told if int(count)]
     found += [f"{int(each):,} too old to be sent" for each in re.findall(r"(\d+) too old to be sent", summary)]
     found += [f"{int(each):,} frames lost" for each in re.findall(r"(\d+) could not be written", summary) if int(each)]

@@ -86,7 +86,7 @@ def listen(address: str | None, *, feed: str | None, sender: str, seconds: float
         receiver.close()
     presets = [preset] if preset else [builtin_preset(name) for name in builtin_names()]
     guess = survey.looked_at_as(preset) if preset else survey.guess(presets)
-    told = advice(survey, guess, address)
+    told = [*advice(survey, guess, address), *survey.reasons(guess.preset if guess else None)]
     if as_json:
         print(json.dumps(as_object(survey, guess, told)))
     else:

@@ -91,6 +91,19 @@ def test_somebody_who_makes_up_addresses_finds_an_end() -> None:
     assert len(survey.kinds) == MOST_KINDS
 
 
+def test_the_last_reasons_are_told() -> None:
+    """What a recogniser would refuse is told with the reason, the sender and the packet's beginning."""
+    survey = Survey()
+    survey.see(b"hello", "10.0.0.7:1", 0.0)
+    survey.see(message("/motion/frame", "sdf", "ann", 1.0, 2.0), "10.0.0.8:1", 0.0)
+    survey.see(message("/elsewhere", "s", "x"), "10.0.0.9:1", 0.0)
+    told = survey.reasons(None)
+    assert told[0] == "last packet that is no OSC: neither a message nor a bundle, from 10.0.0.7:1: 'hello'"
+    assert told[1].startswith("last malformed: /motion/frame of ann: ")
+    assert "from 10.0.0.8:1" in told[1]
+    assert told[2].startswith("last foreign: /elsewhere, from 10.0.0.9:1")
+
+
 def test_runs_of_a_type_are_counted() -> None:
     """Many floats are written as one f and how many."""
     assert [shortened(types) for types in ("", "sifff", "i" + "f" * 93)] == ["", "sifff", "if*93"]

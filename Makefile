@@ -7,6 +7,8 @@ MADE := $(VENV)/.made
 # The matrices are small: threads of the linear algebra would only take the cores from each other.
 export OPENBLAS_NUM_THREADS := 1
 export OMP_NUM_THREADS := 1
+# Tests start some hundreds of programs: without compiled modules on disk each would compile them anew, for a second.
+export PYTHONDONTWRITEBYTECODE :=
 
 .PHONY: setup demo chaos test quick lint types pytest sanitize fuzz wheel-check clean
 

@@ -31,22 +31,21 @@ class Clip:
         Frames per second.
     name
         The clip's name, usually its file's name without the ending.
-    class_name, actor, take
-        Which movement it shows, by whom, which repetition; empty where the source does not say.
+    The movement it shows, the person who performs it, and which repetition it is; empty where the source does not say.
     source, licence, attribution
         The file or database that the clip comes from, the terms under which it may be passed on, and the authors to
         name; empty where they are not known.
     rotations
-        Joint rotations as recorded, shape (frames, angles), radians; (frames, 0) when the source has none. Only
-        the comparison of spaces (`library.retrieval.experiment`) looks at them.
+        Joint rotations as recorded, shape (frames, angles), radians; (frames, 0) when the source has none. Only the
+        comparison of spaces (`library.retrieval.experiment`) uses them.
     naming
-        Whose names its joints had where it was recorded, as a person says it (`library.naming`); empty where they had
-        these.
+        The convention by which the recording named its joints, as a person asks for it (`library.naming`); empty where
+        the names were not changed.
     filled
         How many of the frames × joints positions were missing in the source and were interpolated linearly.
     gaps
-        From when to when nothing was seen for longer than straight lines may stand for, seconds from the clip's start:
-        the body stands there where it was last seen. Motions are not cut across them.
+        Times between which nothing was seen for longer than straight lines may last, seconds from the clip's start. The
+        body stays there where it was last seen, and motions are not cut across these times.
 
     Raises
     ------
@@ -104,7 +103,7 @@ class Clip:
         Raises
         ------
         SkeletonMismatchError
-            One of the two has a joint that the other has not.
+            One of the two has a joint that the other lacks.
         """
         if self.skeleton.joints == skeleton.joints:
             return replace(self, skeleton=skeleton)

@@ -1,4 +1,4 @@
-"""From joint positions to distance rows: the space the whole method works in."""
+"""From joint positions to distance rows, the numbers by which motions are compared."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from kinespace.library.skeleton import Skeleton
 
 
-#: Frames measured at once of a long recording: more would not stay in the cache.
+#: Frames of a long recording that are measured at once: more would not fit into the processor's cache.
 _BLOCK = 16
 
 
@@ -27,12 +27,12 @@ def distance_rows(positions: NDArray[np.floating], skeleton: Skeleton) -> NDArra
     positions
         Joint positions, shape (..., joints, 3), metres.
     skeleton
-        Whose pairs are measured.
+        The skeleton whose pairs are measured.
 
     Returns
     -------
-    Distances, shape (..., pairs), metres, in the order of `skeleton.pairs`. The same numbers come out wherever
-    the body stands and whichever way it faces, and one frame gives bit for bit what it gives among many.
+    Distances, shape (..., pairs), metres, in the order of `skeleton.pairs`. They do not change with the body's place
+    and heading, and one frame gives bit for bit the same numbers alone and among many.
 
     Raises
     ------
@@ -52,12 +52,12 @@ def distance_rows(positions: NDArray[np.floating], skeleton: Skeleton) -> NDArra
 
 
 class DistanceMeasurer:
-    """Measures some frames at a time, as `distance_rows` does, again and again in the same memory.
+    """Measures some frames at a time, as `distance_rows` does, and reuses its memory.
 
     Parameters
     ----------
     skeleton
-        Whose pairs are measured.
+        The skeleton whose pairs are measured.
     most
         Frames at a time, at most.
     """
@@ -74,7 +74,7 @@ class DistanceMeasurer:
         Parameters
         ----------
         positions
-            Shape (frames, joints, 3), metres; not more frames than were said.
+            Shape (frames, joints, 3), metres; at most `most` frames.
         rows
             Where to write the distances: contiguous, shape (frames, pairs), metres.
         """
@@ -83,14 +83,14 @@ class DistanceMeasurer:
             loops.measure_distances(np.ascontiguousarray(positions, dtype=np.float64), self._pairs, rows)
             return
         frames, joints, _ = positions.shape
-        # Two or four frames lie side by side, number by number: to pick out a pair's joints is then to copy 16 or 32
-        # bytes at once, for which numpy has a quick way.
+        # Two or four frames lie side by side, number by number, so that picking out a pair's joints copies 16 or 32
+        # bytes at once, for which numpy has a fast path.
         together = math.gcd(frames, 4)
         coordinates, difference, second = self._by_frames.get(frames) or self._memory(frames, together)
         coordinates[...] = positions.reshape(frames // together, together, joints, 3).transpose(3, 0, 2, 1)
         pairs = self._skeleton.pairs
-        # One coordinate at a time: a strided (pairs, 3) difference costs twice as much. No index is out of range, and
-        # only when told so does numpy write where it should without a detour.
+        # One coordinate at a time, because a strided (pairs, 3) difference is slower. No index is out of range; numpy
+        # writes straight into `out` only when the mode says so.
         coordinates.take(pairs[:, 0], axis=2, out=difference, mode="clip")
         coordinates.take(pairs[:, 1], axis=2, out=second, mode="clip")
         difference -= second
@@ -102,7 +102,7 @@ class DistanceMeasurer:
         rows.reshape(frames // together, together, len(pairs))[...] = squared.transpose(0, 2, 1)
 
     def _memory(self, frames: int, together: int) -> _Memory:
-        """Lay out the memory for so many frames."""
+        """Lay out the memory for a number of frames."""
         joints, pairs = len(self._skeleton.joints), len(self._skeleton.pairs)
         shape, begin, half = (3, frames // together, -1, together), 3 * frames * joints, 3 * frames * pairs
         memory = _Memory(

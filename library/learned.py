@@ -25,5 +25,5 @@ class Learned:
 
     @classmethod
     def of_arrays(cls, arrays: Mapping[str, NDArray[np.float32]]) -> Self:
-        """Make it of the arrays of a library's file."""
+        """Make it from the arrays of a library's file."""
         return cls({name: np.asarray(array, dtype=np.float32) for name, array in arrays.items()})

@@ -1,8 +1,8 @@
-"""The file of a motion library: a header and arrays in one `.npz` without pickle, written atomically, read warily.
+"""The file of a motion library: a header and arrays in one `.npz` without pickle, written atomically.
 
 The header is JSON. `positions` holds the second differences along time of all motions, one after the other, in whole
-millimetres from each motion's first root position; `starts` holds those first positions. Differences are taken, and
-added up again, modulo the integers' range, which loses nothing. Zip's checksums tell whether a file is damaged.
+millimetres from each motion's first root position; `starts` holds those first positions. Differences and sums wrap
+around at the integers' range, so nothing is lost. Zip's checksums tell whether a file is damaged.
 """
 
 from __future__ import annotations
@@ -34,23 +34,23 @@ if TYPE_CHECKING:
     from numpy.typing import DTypeLike, NDArray
 
 FORMAT = "kinespace motion library"
-#: 3: the motions themselves; before, numbers computed from them.
+#: Version 3 keeps the motions themselves; older versions kept numbers computed from them.
 VERSION = 3
 
 MAX_MOTIONS = 100_000
 MAX_JOINTS = 512
-#: Frames × joints × 3 of all motions together: some five hours of 31 joints, and 0.8 GB once they are read.
+#: Frames × joints × 3 of all motions together, at most: some five hours of 31 joints, 0.8 GB when read.
 MAX_COORDINATES = 100_000_000
-#: Of any joint from the origin.
+#: Metres of any joint from the origin, at most.
 MAX_METRES = 1000.0
 MAX_HEADER_BYTES = 16_000_000
 MAX_LEARNED_BYTES = 64_000_000
-#: Of what a zip file says of the arrays in it.
+#: Bytes of a zip file's directory, at most.
 _MAX_DIRECTORY_BYTES = 64_000
-#: What an array's file has before its numbers: numpy's own limit.
+#: Bytes in front of an array's numbers, at most: numpy's own limit.
 _MAX_PREFIX_BYTES = 10_000
 
-#: Of each coordinate: the steps as they are in the file, added up, and metres.
+#: Bytes of memory for each coordinate: the differences in the file, their sums, and metres.
 _BYTES_READ = 16
 
 _MILLIMETRES = 1000.0
@@ -58,7 +58,7 @@ _SMALL, _LARGE = np.dtype("<i2"), np.dtype("<i4")
 _LEARNED = "learned_"
 _TEXTS = ("class_name", "actor", "take", "name")
 _ORIGIN = ("source", "licence", "attribution")
-#: What zipfile, zlib and numpy raise for a file that is cut short, overwritten in the middle, or of another kind.
+#: The errors of zipfile, zlib and numpy for a file that is cut short, overwritten in the middle, or of another kind.
 _DAMAGE = (
     *(zipfile.BadZipFile, zlib.error, struct.error, tokenize.TokenError),
     *(EOFError, KeyError, OverflowError, RuntimeError, SyntaxError, TypeError),
@@ -70,7 +70,7 @@ class LibraryFileError(ValueError):
 
 
 class Contents(NamedTuple):
-    """What a library's file holds."""
+    """The contents of a library's file."""
 
     skeleton: Skeleton
     motions: tuple[Clip, ...]
@@ -78,7 +78,7 @@ class Contents(NamedTuple):
 
 
 def rounded(positions: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Round positions of any shape, metres, to the whole millimetres that a file keeps."""
+    """Round positions of any shape, metres, to the whole millimetres of a file."""
     return np.rint(positions * _MILLIMETRES) / _MILLIMETRES
 
 
@@ -86,7 +86,7 @@ def rounded(positions: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def write(path: Path, contents: Contents) -> None:
-    """Write a library's file so that a reader sees the old one or the new one, never a half.
+    """Write a library's file so that a reader sees the old file or the new one, never a part.
 
     Parameters
     ----------
@@ -142,7 +142,7 @@ def _encoded(motions: Sequence[Clip]) -> dict[str, NDArray[Any]]:
     """Give `positions`, shape (joints, 3, frames of all motions), and `starts`, shape (motions, 3), millimetres."""
     starts = np.array([np.rint(motion.positions[0, 0] * _MILLIMETRES) for motion in motions])
     relative = [np.rint(motion.positions * _MILLIMETRES) - start for motion, start in zip(motions, starts, strict=True)]
-    # Along time, because numbers that follow each other are alike there: the file is a sixteenth smaller.
+    # Along time, because neighbouring numbers are alike there and the file gets smaller.
     along = np.concatenate([each.transpose(1, 2, 0) for each in relative], axis=2)
     _require_near(starts, along)
     along = along.astype(_SMALL if np.abs(along).max() <= np.iinfo(_SMALL).max else _LARGE)
@@ -152,14 +152,14 @@ def _encoded(motions: Sequence[Clip]) -> dict[str, NDArray[Any]]:
 
 @contextmanager
 def _replacing(path: Path) -> Iterator[BinaryIO]:
-    """Open a file that takes another's place once it is whole and on the disk."""
+    """Open a file that takes another file's place once it is whole and on the disk."""
     handle, temporary = tempfile.mkstemp(dir=path.absolute().parent, prefix=f".{path.name}.", suffix=".part")
     try:
         with os.fdopen(handle, "wb") as file:
             yield file
             file.flush()
             os.fsync(file.fileno())
-        # mkstemp makes a private file; a library is as readable as any other file its maker writes.
+        # mkstemp makes a private file; a library gets the permissions of any new file.
         mask = os.umask(0)
         os.umask(mask)
         Path(temporary).chmod(0o666 & ~mask)
@@ -177,7 +177,7 @@ def read(path: Path) -> Contents:
 
     Returns
     -------
-    What was given to `write`, positions rounded to whole millimetres and read-only.
+    The contents that were written, positions rounded to whole millimetres and read-only.
 
     Raises
     ------
@@ -205,7 +205,7 @@ def read(path: Path) -> Contents:
         raise LibraryFileError(f"{path}: not a usable motion library ({error})") from error
 
 
-def _require(condition: bool, otherwise: str) -> None:  # noqa: FBT001 - reads as an assertion does
+def _require(condition: bool, otherwise: str) -> None:  # noqa: FBT001 - reads like an assertion
     if not condition:
         raise ValueError(otherwise)
 
@@ -220,7 +220,7 @@ def _require_sizes(joints: int, frames: Sequence[int]) -> None:
 
 
 def _require_small_directory(file: BinaryIO) -> None:
-    """Refuse a zip whose directory, which zipfile holds in memory, is larger than the few arrays' need."""
+    """Refuse a zip whose directory, which zipfile holds in memory, is larger than these few arrays need."""
     file.seek(-42, os.SEEK_END)
     end = file.read()
     signature, size = struct.unpack("<20x4s8xL6x", end)
@@ -229,7 +229,7 @@ def _require_small_directory(file: BinaryIO) -> None:
 
 
 def _content(archive: zipfile.ZipFile, name: str, most: int) -> bytes:
-    """Unpack one array's file; zip's own checksum is compared on the way."""
+    """Unpack one array's file; zipfile compares its checksum."""
     info = archive.getinfo(f"{name}.npy")
     if info.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
         raise zipfile.BadZipFile
@@ -238,14 +238,14 @@ def _content(archive: zipfile.ZipFile, name: str, most: int) -> bytes:
         f"{name}: expected at most {most} bytes, got {info.file_size}",
     )
     with archive.open(info) as member:
-        # Never more than it is said to be, whatever comes out of it.
+        # Never read more bytes than the directory says.
         return member.read(info.file_size)
 
 
 def _numbers(
     content: bytes, name: str, kinds: Sequence[DTypeLike], shape: tuple[int, ...] | None = None
 ) -> NDArray[Any]:
-    """Give the array of an array's file, which must be of one of some kinds and, where it is given, of a shape."""
+    """Give the array of an array's file; it must have one of some kinds and, where a shape is given, that shape."""
     file = io.BytesIO(content)
     if np.lib.format.read_magic(file) != (1, 0):
         raise zipfile.BadZipFile
@@ -280,10 +280,10 @@ def _require_version(path: Path, header: dict[str, Any]) -> None:
 
 @dataclass(frozen=True, slots=True)
 class _Header:
-    """What the header says, each of it of the right kind and size."""
+    """The header, every field of the right kind and size."""
 
     skeleton: Skeleton
-    #: What a clip says of itself in words, for each motion.
+    #: The text fields of a clip, for each motion.
     texts: tuple[dict[str, Any], ...]
     frame_rates: tuple[float, ...]
     frames: tuple[int, ...]
@@ -371,7 +371,7 @@ def _decoded(
 
 
 def _require_near(starts: NDArray[Any], relative: NDArray[Any]) -> None:
-    """Refuse positions that are nowhere near the origin, or wander off."""
+    """Refuse positions that are far from the origin."""
     farthest = [max(float(each.max()), -float(each.min())) / _MILLIMETRES for each in (starts, relative)]
     _require(
         farthest[0] <= MAX_METRES and farthest[1] <= 2 * MAX_METRES,

@@ -1,4 +1,4 @@
-"""How much memory a file may take when it is read: asked before it is taken, so that no file fills a machine."""
+"""How much memory a file may take when it is read; checked before the memory is taken."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-#: Bytes, where nobody has said otherwise.
+#: Bytes that one file may take unless another limit is set.
 MAX_MEMORY = 1_000_000_000
 _limit = ContextVar("max_memory", default=MAX_MEMORY)
 
@@ -35,7 +35,7 @@ def require(needed: int, what: str) -> None:
     Raises
     ------
     ValueError
-        More are needed; the message says what for, and how to allow it.
+        The file needs more bytes; the message says for what, and how to allow it.
     """
     if needed > limit():
         raise ValueError(
@@ -45,12 +45,12 @@ def require(needed: int, what: str) -> None:
 
 
 def size_of(text: str) -> int:
-    """Read bytes as they are typed: a number, perhaps with kB, MB or GB behind it.
+    """Read a number of bytes as a person types it: a number, perhaps followed by kB, MB or GB.
 
     Raises
     ------
     ValueError
-        It is no positive number.
+        The text is no positive number.
     """
     units = {"kb": 1e3, "mb": 1e6, "gb": 1e9}
     unit = text[-2:].lower()

@@ -1,9 +1,10 @@
-"""The motion library: motions of one skeleton, by class and person. Whatever a comparison needs is computed of them."""
+"""The motion library: motions of one skeleton, by class and person. Everything that a comparison needs is computed."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, replace
+from functools import cache
 from importlib import resources
 from typing import TYPE_CHECKING
 
@@ -21,34 +22,34 @@ if TYPE_CHECKING:
     from kinespace.library.learned import Learned
     from kinespace.library.naming import Naming
 
-#: The class of motions that compete as any other does, and are answered "unknown".
+#: The class of motions that compete like any other class and are answered "unknown".
 NOTHING = "nothing"
-#: With fewer, postures are hardly told apart.
+#: With fewer joints postures can hardly be told apart.
 MIN_JOINTS = 5
 MIN_FRAME_RATE, MAX_FRAME_RATE = 1.0, 75.0
-#: Metres by which a distance changes through rounding positions to whole millimetres, at most: not a movement.
+#: Metres by which rounding positions to whole millimetres changes a distance, at most: this is no movement.
 _ROUNDING = 0.0035
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MotionLibrary:
-    """Motions of one skeleton, sorted by class and, in a class, by person; otherwise as they were given.
+    """Motions of one skeleton, sorted by class and, within a class, by person; otherwise in the given order.
 
     Attributes
     ----------
     skeleton
-        Whose joints the positions of all motions are; its parents where the recordings say them.
+        The skeleton of all motions; with parents where the recordings name them.
     motions
         Positions in metres, rounded to whole millimetres; 1 to 75 frames per second.
     learned
-        What was learned from people about comparing motions; None when nothing was.
+        Numbers learned from people for comparing motions; None when nothing was learned.
 
     Raises
     ------
     ValueError
-        There is no motion, or one has no class name, fewer than two frames, or another frame rate.
+        There is no motion; or a motion has no class name, fewer than two frames, or another frame rate.
     SkeletonMismatchError
-        Fewer than five joints, or a motion of other joints.
+        Fewer than five joints, or a motion with other joints.
     """
 
     skeleton: Skeleton
@@ -82,15 +83,15 @@ class MotionLibrary:
     def of_clips(cls, clips: Iterable[Clip], *, learned: Learned | None = None) -> MotionLibrary:
         """Make a library of clips; each becomes one motion.
 
-        Joints get the first clip's order, or HDM05's if they are HDM05's. Of clips with more than 75 frames per second
-        every second, third ... frame is kept, so that at most 75 remain: 60 of 120.
+        Joints get the first clip's order, or HDM05's order if they are HDM05's joints. Of clips with more than 75
+        frames per second every second, third ... frame is kept, so that at most 75 remain: of 120 remain 60.
 
         Parameters
         ----------
         clips
-            With the same joints, in whatever order.
+            Clips with the same joints, in any order.
         learned
-            What was learned from people.
+            Numbers learned from people.
 
         Raises
         ------
@@ -98,7 +99,7 @@ class MotionLibrary:
             There is no clip, or a clip has no class name, too few frames, no movement, or joints more than a kilometre
             away.
         SkeletonMismatchError
-            The clips have not all the same joints, or fewer than five.
+            The clips differ in their joints, or have fewer than five.
         """
         given = list(clips)
         if not given:
@@ -107,8 +108,9 @@ class MotionLibrary:
         return cls(skeleton, tuple(_as_motion(clip, skeleton) for clip in given), learned)
 
     @classmethod
+    @cache
     def builtin(cls) -> MotionLibrary:
-        """Load the library of 288 HDM05 motions that comes with kinespace (CC BY-SA 3.0)."""
+        """Load the library of 288 HDM05 motions that comes with kinespace (CC BY-SA 3.0); always the same object."""
         with resources.as_file(resources.files("kinespace.library") / "hdm05.npz") as path:
             return cls.load(path)
 
@@ -146,22 +148,22 @@ class MotionLibrary:
 
     @property
     def classes(self) -> tuple[str, ...]:
-        """Class names, sorted, `NOTHING` not among them; none in a library that holds only that."""
+        """Class names, sorted, without `NOTHING`; empty in a library that holds only that class."""
         return tuple(sorted({motion.class_name for motion in self.motions} - {NOTHING}))
 
     @property
     def actors(self) -> tuple[str, ...]:
-        """Names of the persons, sorted; none where the recordings do not say who performs."""
+        """Names of the persons, sorted; empty where the recordings do not say who performs."""
         return tuple(sorted({motion.actor for motion in self.motions} - {""}))
 
     @property
     def licence(self) -> str:
-        """Terms that the motions may be passed on under, each said once; empty where nobody has said."""
+        """Terms under which the motions may be passed on, each once; empty where none are known."""
         return _joined(motion.licence for motion in self.motions)
 
     @property
     def attribution(self) -> str:
-        """Whom to name with the motions, each once; empty where nobody has said."""
+        """The authors to name with the motions, each once; empty where none are known."""
         return _joined(motion.attribution for motion in self.motions)
 
     def with_motions(self, clips: Iterable[Clip]) -> MotionLibrary:
@@ -172,7 +174,7 @@ class MotionLibrary:
         ValueError
             A clip has no class name, too few frames, no movement, or joints more than a kilometre away.
         SkeletonMismatchError
-            A clip has not the library's joints.
+            A clip has other joints than the library.
         """
         added = (_as_motion(clip, self.skeleton) for clip in clips)
         return replace(self, motions=(*self.motions, *added))
@@ -185,7 +187,7 @@ class MotionLibrary:
         Raises
         ------
         ValueError
-            One of them is not in this library, or no motion would be left.
+            A class, a person or a motion is not in this library, or no motion would be left.
         """
         held = {motion.class_name for motion in self.motions}
         _require_known(classes, held, "classes")
@@ -200,7 +202,7 @@ class MotionLibrary:
         return replace(self, motions=left)
 
     def renamed(self, names: Mapping[str, str]) -> MotionLibrary:
-        """Give classes other names; two that get the same name become one.
+        """Rename classes; two classes that get the same name become one.
 
         Raises
         ------
@@ -212,7 +214,7 @@ class MotionLibrary:
         return replace(self, motions=tuple(changed))
 
     def in_our_names(self, naming: Naming) -> MotionLibrary:
-        """Give the same motions with the joints called as other libraries call them, where a convention is known."""
+        """Give the same motions with our names for the joints, where a convention fits."""
         named = naming.read(self.skeleton.joints).joints
         if named == self.skeleton.joints:
             return self
@@ -226,11 +228,11 @@ class MotionLibrary:
         Parameters
         ----------
         joints
-            Names of the joints there are; those that this library has not are passed over.
+            Names of the joints that a body has; names that this library lacks are ignored.
 
         Returns
         -------
-        A library over the shared joints, in this library's order; this library itself when it has no others.
+        A library over the shared joints, in this library's order; this library itself when it has no other joints.
 
         Raises
         ------
@@ -252,13 +254,13 @@ class MotionLibrary:
     def merged_with(self, other: MotionLibrary) -> MotionLibrary:
         """Put the motions of two libraries together, over the joints that both have, in this library's order.
 
-        A motion that both have, number for number, is kept once. What this library learned goes before what the other
-        did.
+        A motion that both have, number for number, is kept once. Where both have learned numbers, this library's are
+        kept.
 
         Raises
         ------
         SkeletonMismatchError
-            They share fewer than five joints.
+            The libraries share fewer than five joints.
         """
         first = self.restricted_to(other.skeleton.joints)
         second = other.restricted_to(first.skeleton.joints)
@@ -272,7 +274,7 @@ class MotionLibrary:
 
 
 def _over(skeleton: Skeleton, motions: Iterable[Clip]) -> tuple[Clip, ...]:
-    """Give motions over a skeleton of some of their joints, in its order."""
+    """Give motions over a skeleton of some of their joints, in the skeleton's order."""
     return tuple(
         motion
         if motion.skeleton == skeleton
@@ -286,7 +288,7 @@ def _over(skeleton: Skeleton, motions: Iterable[Clip]) -> tuple[Clip, ...]:
 
 
 def _in_canonical_order(skeleton: Skeleton) -> Skeleton:
-    """Give a skeleton that measures all pairs, with its joints in HDM05's order if they are HDM05's."""
+    """Give a skeleton over all pairs, with its joints in HDM05's order if they are HDM05's joints."""
     usual = hdm05.SKELETON.joints
     return _reordered(skeleton, usual if set(skeleton.joints) == set(usual) else skeleton.joints)
 
@@ -299,7 +301,7 @@ def _reordered(skeleton: Skeleton, joints: Sequence[str]) -> Skeleton:
 
 
 def _as_motion(clip: Clip, skeleton: Skeleton) -> Clip:
-    """Bring a clip to the skeleton, the frame rate and the precision of a library's motions."""
+    """Convert a clip to the skeleton, the frame rate and the precision of a library's motions."""
     every = max(1, math.ceil(clip.frame_rate / MAX_FRAME_RATE))
     if clip.frames <= every:
         raise ValueError(f"clip {clip.name!r}: expected at least {every + 1} frames, got {clip.frames}")
@@ -314,7 +316,7 @@ def _as_motion(clip: Clip, skeleton: Skeleton) -> Clip:
         skeleton=skeleton,
         positions=positions,
         frame_rate=clip.frame_rate / every,
-        # What the recording said of its frames, of which some are gone, and of the time before it was a motion.
+        # The recording's notes on its frames and times do not apply to the motion cut from it.
         rotations=np.zeros((0, 0)),
         filled=0,
         gaps=(),

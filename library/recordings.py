@@ -1,4 +1,4 @@
-"""Recorded files of every format that we read, found in folders and opened by their ending."""
+"""Recorded files of every format that can be read, found in folders and opened by their ending."""
 
 from __future__ import annotations
 
@@ -8,10 +8,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
 from kinespace.library import memory
-from kinespace.library.formats import acclaim, bvh, c3d, joint_table, trc, utkinect
-from kinespace.library.formats.c3d_process import C3dProcess
+from kinespace.library.formats import acclaim, bvh, joint_table, utkinect
 from kinespace.library.formats.errors import RecordingError
 from kinespace.library.formats.joint_choice import chosen
+from kinespace.library.formats.markers import c3d, trc
+from kinespace.library.formats.markers.c3d_process import C3dProcess
 from kinespace.library.formats.units import metres_of
 from kinespace.library.naming import Naming
 
@@ -33,18 +34,18 @@ __all__ = [
 ]
 
 _AMC, _BVH, _C3D = ".amc", ".bvh", ".c3d"
-#: A raw recording of a feed: decoded by who receives feeds, so its reader is handed in (`Reading.raw`).
+#: A raw recording of a feed: `stream` decodes feeds, so its reader is handed in (`Reading.raw`).
 RAW = ".kinerec"
 #: Readers of the files that hold their own skeleton, by ending.
 _READERS: dict[str, Callable[..., Clip]] = {_BVH: bvh.read_clip, _C3D: c3d.read_clip, ".trc": trc.read_clip}
 _ENDINGS = (_AMC, *_READERS, RAW)
 _TABLES = (".csv", ".npz")
-#: Bytes that a byte of text takes once it is read: a number of two characters takes eight. C3D has a limit of its own.
+#: Bytes of memory for each byte of text in a file: a number of two characters takes eight. C3D has its own limit.
 _TIMES_TEXT = 4
 
 
 class ActorIn(StrEnum):
-    """Where the actor's name stands in a recording's path, if the file is not named like a file of HDM05."""
+    """The part of a recording's path that names the actor, if the file is not named like HDM05's files."""
 
     NOWHERE = "nowhere"
     #: `class/ann_3.bvh`: the file's name up to its first underscore.
@@ -67,20 +68,20 @@ class Reading:
         Unit of length of all BVH, C3D and TRC files, by name or in metres; when empty, the file's own, or a guess from
         the body's size.
     joints
-        Which joints or markers, by patterns of the file's own names (`library.formats.joint_choice.chosen`); all when
-        there are none.
+        The joints or markers to read, by patterns of the file's own names (`library.formats.joint_choice.chosen`); all
+        when there are none.
     naming
-        How the files' joint names are read: ours are found for them when nothing else is said.
+        How the files' joint names are read; by default our names are found for them.
     actor_in
-        Where `labelled` finds the actor.
+        The part of the path in which `labelled` finds the actor.
     raw
-        Reads a raw recording: one clip for each performer, each from the recording's beginning. None: such a file is
-        refused.
+        Reads a raw recording: one clip for each performer, each from the recording's beginning. When None, such files
+        are refused.
 
     Raises
     ------
     ValueError
-        The unit is none we know.
+        The unit is not known.
     """
 
     asf: Path | None = None
@@ -100,7 +101,7 @@ class Reading:
 
 
 def is_recording(path: Path) -> bool:
-    """Whether a file is of a format we read: by its ending, or UTKinect's kind of name, or the columns of a table."""
+    """Say whether a file can be read, by its ending, UTKinect's kind of name, or a table's columns."""
     ending = path.suffix.lower()
     return ending in _ENDINGS or utkinect.is_take(path) or (ending in _TABLES and joint_table.is_joint_table(path))
 
@@ -111,7 +112,7 @@ def find_recordings(places: Sequence[Path]) -> list[Path]:
     Raises
     ------
     RecordingError
-        A place does not exist, or no recording is in any of them.
+        A place does not exist, or no place holds a recording.
     """
     found = list[Path]()
     for place in places:
@@ -127,21 +128,21 @@ def find_recordings(places: Sequence[Path]) -> list[Path]:
 
 
 def read_recordings(paths: Sequence[Path], reading: Reading | None = None) -> Iterator[Clip]:
-    """Read recordings one after the other, each Acclaim skeleton once.
+    """Read recordings one after the other; each Acclaim skeleton is read once.
 
     Parameters
     ----------
     paths
-        Files, as `find_recordings` lists them.
+        Files, in the order of `find_recordings`.
     reading
-        How; as each file says when not given.
+        How to read them; by default as each file says.
 
     Raises
     ------
     RecordingError
-        A file of a kind we do not read, or one that cannot be used: the format's own error.
+        The file is of no kind that can be read, or cannot be used (the format's own error).
     OSError
-        A file that cannot be opened.
+        The file cannot be opened.
     """
     with RecordingReader(reading) as reader:
         for path in paths:
@@ -154,7 +155,7 @@ class RecordingReader:
     Parameters
     ----------
     reading
-        How; as each file says when not given.
+        How to read them; by default as each file says.
     """
 
     def __init__(self, reading: Reading | None = None) -> None:
@@ -169,14 +170,14 @@ class RecordingReader:
         self._process.close()
 
     def clips(self, path: Path) -> Sequence[Clip]:
-        """Read one: a clip for each performer that it tells apart, as only a raw recording does.
+        """Read one recording: one clip, or of a raw recording one clip for each performer.
 
         Raises
         ------
         RecordingError
-            A file of a kind we do not read, or one that cannot be used: the format's own error.
+            The file is of no kind that can be read, or cannot be used (the format's own error).
         OSError
-            A file that cannot be opened.
+            The file cannot be opened.
         """
         if path.suffix.lower() != RAW:
             return [self.clip(path)]
@@ -185,20 +186,21 @@ class RecordingReader:
         return [self._named(self._chosen(clip, path)) for clip in self._reading.raw(path)]
 
     def clip(self, path: Path) -> Clip:
-        """Read one of a single performer.
+        """Read one recording of a single performer.
 
         Raises
         ------
         RecordingError
-            As `clips`, or a recording of several.
+            As `clips`, or the recording has several performers.
         OSError
-            A file that cannot be opened.
+            The file cannot be opened.
         """
         self._require_recording(path)
         if path.suffix.lower() == RAW:
             clips = self.clips(path)
             if len(clips) > 1:
-                raise RecordingError(f"{path}: several performers are in it ({', '.join(c.actor for c in clips)})")
+                told = ", ".join(clip.actor for clip in clips)
+                raise RecordingError(f"{path}: the recording has several performers ({told})")
             return clips[0]
         if path.suffix.lower() != _C3D:
             self._require_memory(path)
@@ -210,14 +212,14 @@ class RecordingReader:
         return self._named(self._chosen(clip, path))
 
     def pieces(self, path: Path) -> Iterator[Clip]:
-        """Read one recording as consecutive clips: AMC and BVH some seconds at a time, so that it is never held whole.
+        """Read one recording as consecutive clips: AMC and BVH some seconds at a time, to save memory.
 
         C3D and TRC come in one piece, because missing markers are interpolated over the whole recording.
 
         Raises
         ------
         RecordingError, OSError
-            As `clip`, when the place is reached where something is wrong.
+            As `clip`, once the place of the mistake is reached.
         """
         ending = path.suffix.lower()
         if ending == _BVH:
@@ -268,14 +270,14 @@ class RecordingReader:
 
 
 def labelled(clip: Clip, path: Path, actor_in: ActorIn = ActorIn.NOWHERE) -> Clip:
-    """Complete a clip whose name tells no class: class from the folder's name, take from its own, actor from path."""
+    """Complete a clip whose name tells no class by its folder's name, its file's name and the actor in its path."""
     if clip.class_name:
         return clip
     return replace(performed(clip, path, actor_in), class_name=path.absolute().parent.name, take=clip.name)
 
 
 def performed(clip: Clip, path: Path, actor_in: ActorIn) -> Clip:
-    """Give a clip the actor that its path tells; where the path tells none, the clip keeps its own."""
+    """Give a clip the actor that its path tells; where the path tells none, the clip keeps its actor."""
     match actor_in:
         case ActorIn.NOWHERE:
             return clip

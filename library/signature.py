@@ -1,4 +1,4 @@
-"""The paper's signature of a motion: the first principal axis of its centred distances."""
+"""The paper's signature of a motion: the leading eigenvector of the covariance of its distances."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ def signature_of(rows: NDArray[np.float64]) -> NDArray[np.float64]:
     Parameters
     ----------
     rows
-        Distance rows of a motion, shape (frames, pairs), at least two frames; or other numbers of each frame.
+        Distance rows of a motion, shape (frames, pairs), at least two frames; other numbers of each frame work as well.
 
     Returns
     -------
-    Unit vector, shape (pairs,). Its sign is arbitrary; `similarity` ignores signs. Where nothing moves, some unit
+    Unit vector, shape (pairs,). Its sign is arbitrary; `similarity` ignores signs. Where nothing moves, any unit
     vector.
 
     Raises
@@ -34,7 +34,7 @@ def signature_of(rows: NDArray[np.float64]) -> NDArray[np.float64]:
     frames, pairs = centred.shape
     if pairs <= frames:
         return _leading(centred.T @ centred)
-    # X = UΣVᵀ: the leading row of Vᵀ is uᵀX up to its length, and X Xᵀ, whose eigenvector u is, is the smaller matrix.
+    # X = UΣVᵀ: the leading row of Vᵀ is uᵀX up to its length. u is the leading eigenvector of X Xᵀ, the smaller matrix.
     axis: NDArray[np.float64] = _leading(centred @ centred.T) @ centred
     length = float(np.linalg.norm(axis))
     return axis / length if length > 0 else np.full(pairs, pairs**-0.5)
@@ -62,7 +62,7 @@ def similarity(axes: NDArray[np.floating], axis: NDArray[np.floating]) -> NDArra
 
 def _leading(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
     """Find the eigenvector of a symmetric matrix's largest eigenvalue."""
-    from scipy.linalg import eigh  # noqa: PLC0415 - slow to load, and a live feed does without
+    from scipy.linalg import eigh  # noqa: PLC0415 - slow to load, and a live feed does not need it
 
     last = len(matrix) - 1
     _, vectors = eigh(matrix, subset_by_index=[last, last])

@@ -1,4 +1,4 @@
-"""The skeleton: which joints a posture has, and which pairs of them are measured."""
+"""The skeleton: the joints of a posture, and the pairs of joints that are measured."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 class SkeletonMismatchError(ValueError):
-    """Two skeletons that should describe the same body do not."""
+    """Two skeletons that should describe the same body differ."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,10 +22,8 @@ class Skeleton:
     """Joint names and the joint pairs whose distances describe a posture.
 
     Le Naour et al. (2012, section 2) count every pair of the 31 joints, 465 distances, and also say that the
-    30 rigid segments carry no movement and are not retained. Both readings are available: `with_segments`
-    keeps every pair (the default, 465), without it the parent-child pairs are left out (435). A rigid segment
-    has no variance, so after centring it adds nothing to any inner product; a markerless feed, whose segments
-    do stretch, is better served by all pairs.
+    30 rigid segments carry no movement and are not retained. Here every pair is measured: a rigid segment has no
+    variance, so after centring it adds nothing to any inner product, and the segments of a markerless feed do stretch.
 
     Attributes
     ----------
@@ -33,33 +31,23 @@ class Skeleton:
         Joint names, in the order of the position arrays.
     parents
         For each joint the index of its parent, -1 for a root. Empty when the hierarchy is not known.
-    with_segments
-        Whether the distances between a joint and its parent are among the pairs.
     pairs
         Joint indices, shape (pairs, 2), first index below second, rows in lexicographic order. Read-only.
 
     Raises
     ------
     ValueError
-        Fewer than two joints, a name twice or empty, parents that do not fit, or segments left out of a skeleton
-        whose parents are not known.
+        Fewer than two joints, a name twice or empty, or parents that do not fit.
     """
 
     joints: tuple[str, ...]
     parents: tuple[int, ...] = ()
-    with_segments: bool = True
     pairs: NDArray[np.intp] = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         self._check()
         first, second = np.triu_indices(len(self.joints), k=1)
         pairs = np.stack([first, second], axis=1)
-        if not self.with_segments:
-            segments = {frozenset(segment) for segment in enumerate(self.parents)}
-            kept = [frozenset((int(a), int(b))) not in segments for a, b in pairs]
-            pairs = pairs[np.array(kept)]
-            if not len(pairs):
-                raise ValueError("with_segments: False leaves no pair to measure")
         # Column by column in memory: `pairs[:, 0]` and `pairs[:, 1]` are then contiguous.
         pairs = np.asfortranarray(pairs)
         pairs.setflags(write=False)
@@ -75,17 +63,11 @@ class Skeleton:
             raise ValueError(f"parents: expected one per joint ({count}), got {len(self.parents)}")
         if any(not -1 <= parent < count or parent == joint for joint, parent in enumerate(self.parents)):
             raise ValueError(f"parents: expected joint indices or -1, got {self.parents}")
-        if not self.with_segments and not self.parents:
-            raise ValueError("with_segments: False needs the parents, got none")
 
     @classmethod
     def of_joints(cls, joints: Sequence[str]) -> Self:
         """Make a skeleton of joint names alone, as a live feed announces them."""
         return cls(tuple(joints))
-
-    def without_segments(self) -> Skeleton:
-        """Give the same joints, the rigid parent-child pairs left out (the paper's section 2)."""
-        return Skeleton(self.joints, self.parents, with_segments=False)
 
     def restricted_to(self, kept: Sequence[int]) -> Skeleton:
         """Give a skeleton of some of the joints; the parent of each is the nearest kept joint above it.
@@ -107,7 +89,7 @@ class Skeleton:
         root = parents.index(-1)
         parents = [root if parent < 0 and place != root else parent for place, parent in enumerate(parents)]
         names = tuple(self.joints[joint] for joint in kept)
-        return Skeleton(names, tuple(parents) if self.parents else (), self.with_segments)
+        return Skeleton(names, tuple(parents) if self.parents else ())
 
     def places_of(self, fewer: Skeleton) -> NDArray[np.intp]:
         """Give the index, among these pairs, of each pair of a skeleton with some of these joints in the same order."""
@@ -121,7 +103,7 @@ class Skeleton:
         Parameters
         ----------
         joints
-            The other list, in any order; joints that this skeleton has not are skipped.
+            The other list, in any order; joints that this skeleton lacks are ignored.
 
         Returns
         -------
@@ -147,7 +129,8 @@ class Skeleton:
         Raises
         ------
         SkeletonMismatchError
-            Joints, their order or the measured pairs differ. Parents are not compared: they do not enter a distance.
+            Joints, their order or the measured pairs differ. Parents are not compared, because distances do not depend
+            on them.
         """
         if self.joints != other.joints or not np.array_equal(self.pairs, other.pairs):
             raise SkeletonMismatchError(

@@ -1,4 +1,4 @@
-"""An answer as a receiver reads it off the wire, whichever transport it came by."""
+"""An answer as a receiver reads it off the wire, by any transport."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ class Answer:
     Attributes
     ----------
     performer
-        Who.
+        The performer's name.
     class_index
         Index of the named class, -1 for none.
     score, margin
-        Of the best class, 0 to 1.
+        Score and margin of the best class, 0 to 1.
     label
-        The class's name, or the word for why there is none.
+        The class's name, or the word that says why no class is named.
     """
 
     performer: str

@@ -1,51 +1,90 @@
-"""Libraries of fewer joints opened in a thread, so that no performer waits for another's joints to be done without."""
+"""Libraries of fewer joints prepared in a thread, so that no performer waits while another's joints are restricted."""
 
 from __future__ import annotations
 
 import threading
 from collections import OrderedDict
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Generic, TypeVar
 
-from kinespace.stream.recognizer.doubts import MAX_RESTRICTED, opened_anew
+from kinespace.stream.recognizer import Recognizer
+from kinespace.stream.recognizer.joints.fewer_joints import MAX_RESTRICTED, opened_anew
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from kinespace.library.motion_library import MotionLibrary
     from kinespace.library.windows.index import WindowIndex
+    from kinespace.stream.recognizer import Settings
 
-    _Key = tuple[MotionLibrary, tuple[str, ...]]
+_Prepared = TypeVar("_Prepared")
 
 
-class BackgroundOpener:
-    """Opens one library at a time; the last ones stay open.
+class BackgroundOpener(Generic[_Prepared]):
+    """Prepares one library at a time, and keeps the last ones.
 
     Parameters
     ----------
+    prepare
+        Prepares a library restricted to some of its joints; raises ValueError where nothing can be compared by them.
     most
-        How many stay open.
+        How many prepared libraries are kept.
     """
 
-    def __init__(self, most: int = MAX_RESTRICTED) -> None:
-        self._most = most
-        #: None for one that cannot be opened: no motion is left of it.
-        self._opened: OrderedDict[_Key, WindowIndex | None] = OrderedDict()
+    def __init__(
+        self, prepare: Callable[[MotionLibrary, tuple[str, ...]], _Prepared], most: int = MAX_RESTRICTED
+    ) -> None:
+        self._prepare, self._most = prepare, most
+        #: In place of a library that cannot be prepared: the reason.
+        self._prepared: OrderedDict[tuple[MotionLibrary, tuple[str, ...]], _Prepared | str] = OrderedDict()
         self._thread: threading.Thread | None = None
 
-    def __call__(self, library: MotionLibrary, joints: tuple[str, ...]) -> WindowIndex | None:
-        """Give a library's windows as a body of some of its joints shows it; None while they are not ready."""
-        key = library, joints
-        if key in self._opened:
-            self._opened.move_to_end(key)
-            return self._opened[key]
-        if self._thread is None or not self._thread.is_alive():
-            # What is opened when the program ends is of no use to anybody.
-            self._thread = threading.Thread(target=self._open, args=(key,), name="kinespace opening", daemon=True)
-            self._thread.start()
-        return None
+    def __call__(self, library: MotionLibrary, joints: tuple[str, ...]) -> _Prepared | None:
+        """Give the library prepared for these joints; None while it is not ready.
 
-    def _open(self, key: _Key) -> None:
+        Raises
+        ------
+        ValueError
+            Nothing can be compared by these joints.
+        """
+        key = library, joints
+        prepared = self._prepared.get(key)
+        if prepared is None:
+            self._start(library, joints)
+            return None
+        self._prepared.move_to_end(key)
+        if isinstance(prepared, str):
+            raise ValueError(prepared)  # noqa: TRY004 - a reason is kept as text
+        return prepared
+
+    def _start(self, library: MotionLibrary, joints: tuple[str, ...]) -> None:
+        if self._thread is None or not self._thread.is_alive():
+            # A daemon, so that Ctrl-C need not wait for the thread.
+            self._thread = threading.Thread(
+                target=self._run, args=(library, joints), name="kinespace opening", daemon=True
+            )
+            self._thread.start()
+
+    def _run(self, library: MotionLibrary, joints: tuple[str, ...]) -> None:
         try:
-            self._opened[key] = opened_anew(*key)
-        except ValueError:
-            self._opened[key] = None
-        while len(self._opened) > self._most:
-            self._opened.popitem(last=False)
+            self._prepared[library, joints] = self._prepare(library, joints)
+        except (ValueError, MemoryError) as error:
+            self._prepared[library, joints] = str(error) or type(error).__name__
+        while len(self._prepared) > self._most:
+            self._prepared.popitem(last=False)
+
+
+def background_restricter(settings: Settings) -> BackgroundOpener[MotionLibrary]:
+    """Restrict libraries in a thread, and open their windows for recognisers with these settings."""
+
+    def prepare(library: MotionLibrary, joints: tuple[str, ...]) -> MotionLibrary:
+        restricted = library.restricted_to(joints)
+        # The windows that a recogniser opens are remembered: the next recogniser of this library has them at once.
+        Recognizer(restricted, settings)
+        return restricted
+
+    return BackgroundOpener(prepare)
+
+
+def background_windows() -> BackgroundOpener[WindowIndex]:
+    """Open the windows of restricted libraries in a thread."""
+    return BackgroundOpener(opened_anew)

@@ -11,30 +11,30 @@ import numpy as np
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-#: Longer performer ids are a sender's mistake, and would bloat every answer's address.
+#: The longest performer's name; a longer one is a sender's mistake and would make every answer's address long.
 MAX_PERFORMER_LENGTH = 64
-#: Metres from the origin beyond which a joint is a sender's mistake; squares of what is below never overflow.
+#: Metres from the origin beyond which a joint is a sender's mistake; squares of smaller numbers never overflow.
 MAX_DISTANCE = 1e8
 _MAX_DISTANCE_SQUARE = MAX_DISTANCE**2
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Frame:
-    """Where the joints of one performer are at one moment.
+    """The positions of one performer's joints at one moment.
 
     Attributes
     ----------
     performer
-        Who; any text of 1 to 64 characters.
+        The performer's name; any text of 1 to 64 characters.
     time
-        When, in seconds on the sender's clock or ours; only differences matter.
+        Seconds on the sender's clock or ours; only differences matter.
     positions
         Joint positions, shape (joints, 3), metres. A joint with a NaN among its three numbers is lost.
 
     Raises
     ------
     ValueError
-        The performer is empty or too long, the time is not finite, all joints are lost, one is farther than
+        The performer is empty or too long, the time is not finite, all joints are lost, a joint is farther than
         `MAX_DISTANCE`, or the shape is another.
     """
 
@@ -50,8 +50,8 @@ class Frame:
         shape = self.positions.shape
         if len(shape) != 2 or shape[1] != 3:
             raise ValueError(f"positions: expected (joints, 3), got {shape}")
-        # One sum of squares meets every NaN, infinity and absurdity at a fifth of the price of asking each number, and
-        # of vdot, unlike of dot, numpy does not turn the processor's flags into warnings.
+        # One sum of squares shows any NaN, infinity or absurd number, and is quicker than checking each number. vdot is
+        # used because numpy turns the processor's flags into warnings after dot.
         if not np.vdot(self.positions, self.positions) < _MAX_DISTANCE_SQUARE:
             self._require_some_joints()
 
@@ -65,7 +65,7 @@ class Frame:
 
 
 def _odd_joint(positions: NDArray[np.floating]) -> str:
-    """Say which joint cannot be where it is told to be; a lost one, NaN throughout, is passed over."""
+    """Describe the joint whose position is impossible; lost joints, NaN throughout, are ignored."""
     for number, joint in enumerate(positions.tolist()):
         if not any(map(math.isnan, joint)) and not math.hypot(*joint) < MAX_DISTANCE:
             return f"joint {number + 1} of {len(positions)} at {', '.join(f'{each:.3g}' for each in joint)}"
@@ -74,12 +74,12 @@ def _odd_joint(positions: NDArray[np.floating]) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Announcement:
-    """A sender says which joints its frames hold, in which order.
+    """A sender's list of the joints that its frames hold, in their order.
 
     Raises
     ------
     ValueError
-        The performer is empty or too long, or a joint name is empty or stands twice.
+        The performer is empty or too long, or a joint name is empty or appears twice.
     """
 
     performer: str
@@ -94,12 +94,12 @@ class Announcement:
 
 @dataclass(frozen=True, slots=True)
 class NewSender:
-    """Another sender than before sends a performer's frames from now on: what the former said of joints is void."""
+    """From now on another sender sends a performer's frames: the joints that the former sender announced are void."""
 
     performer: str
 
 
-#: What a decoder gives: frames, and what their joints are.
+#: The output of a decoder: frames, and announcements of their joints.
 Input = Frame | Announcement
-#: What reaches the recognisers: that, and that a performer's sender is another.
+#: The input of the recognisers: the same, and changes of a performer's sender.
 Admitted = Input | NewSender

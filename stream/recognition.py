@@ -1,4 +1,4 @@
-"""The answer: what a performer was doing in one window, how sure that is, what made it none, what began or ended."""
+"""The answer: what a performer was doing in one window, how sure it is, why no class is named, what began or ended."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ if TYPE_CHECKING:
 
 
 class Outcome(StrEnum):
-    """Why a recognition names a class, or none."""
+    """Why a recognition names a class or names none."""
 
     NAMED = "named"
-    #: Nothing moves more than the body's size allows for: there is no axis to compare.
+    #: The body hardly moves: there is no eigenvector to compare.
     STILL = "still"
-    #: The nearest class is not near enough: the movement is probably none of the library's.
+    #: The nearest class is not near enough: the movement is probably no class of the library.
     UNKNOWN = "unknown"
-    #: The two leading eigenvalues are as good as equal: the axis is any direction between two.
+    #: The two leading eigenvalues are nearly equal: the eigenvector is any direction between two.
     AMBIGUOUS = "ambiguous"
-    #: The body moves as none can, or too few of its joints can be believed (`stream.recognizer.doubts`).
+    #: The body moves as no body can, or too few of its joints can be believed (`stream.recognizer.joints.doubts`).
     IMPLAUSIBLE = "implausible"
 
 
@@ -42,15 +42,15 @@ class Event:
     Attributes
     ----------
     performer
-        Whose.
+        The performer's name.
     kind
         Start or end.
     label, index
         Class name and index.
     score
-        Of that class when it was decided.
+        Score of the class at that moment.
     time
-        When it was decided, seconds, on the clock of the frames.
+        The moment of the decision, seconds, on the clock of the frames.
     """
 
     performer: str
@@ -72,7 +72,7 @@ class Progress:
     phase
         0 at the motion's start, 1 at its end.
     scrub
-        A phase for scrubbing a recording: never back unless the motion is well behind it.
+        A phase for scrubbing a recording: it goes back only when the motion is well behind it.
     speed
         1 as fast as the library's mean recording, 2 twice as fast.
     amplitude
@@ -94,43 +94,44 @@ class Progress:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Recognition:
-    """What one window of one performer was recognised as.
+    """The answer to one window of one performer.
 
     Attributes
     ----------
     performer
-        Who.
+        The performer's name.
     time
         Time of the window's last frame, seconds, on the clock of the frames.
     outcome
-        Whether a class is named, else what made it none.
+        Whether a class is named, else why not.
     classes
         The library's class names, sorted; an index into them is an index into `scores`.
     scores
         Score of each class, 0 to 1, shape (classes,): 1 / (1 + d²) of the distance d to its nearest window. Raw, not
-        normalised: an unknown movement scores low everywhere. Given even when the outcome is none.
+        normalised: an unknown movement scores low everywhere. Given even when no class is named.
     movement
         Root mean square deviation of a distance in the window, relative to the root mean square distance.
     lead
         Log distance by which the best guess is ahead of all other classes, below 0 while a guess is held.
     eigenvector_class, eigenvector_score
         The class that the leading eigenvector alone finds, and its best |inner product| with a window of the library
-        (Le Naour et al. 2012, section 3). No class is None: the library holds it as `nothing`.
+        (Le Naour et al. 2012, section 3). None: the nearest window is of the class `nothing`.
     share
         Share of the window's variance along its leading eigenvector, 0 to 1.
     gap
         (λ₁ − λ₂) / λ₁ of the window's two leading eigenvalues, 0 to 1.
     guess
-        Index of the class that is the best guess, whatever the outcome. Usually the one with the highest score; at a
-        change of motion the one before, until the new one has led for long enough. None: the highest score's.
+        Index of the best guess, whatever the outcome. Usually the class with the highest score; at a change of motion
+        the class before, until the new one has led for long enough. None: the class with the highest score.
     evidence
-        What speaks for the guess being known; None with the paper's signature, which knows no unknown motion.
+        The evidence that the guess is known; None with the paper's signature, which does not know unknown motion.
     progress
-        How far the performer is in the motion that is named or goes on; None without one, or when nobody asked for it.
+        How far the performer is in the motion that is named or goes on; None without such a motion, or unless asked
+        for.
     events
-        What this recognition made happen: a motion's end, a motion's start, or nothing.
+        What began or ended with this recognition: a motion's end, a motion's start, or neither.
     doubted
-        Names of the joints that cannot be believed: the class is named without them.
+        Names of the joints that cannot be believed; the class is named without them.
     """
 
     performer: str
@@ -167,17 +168,17 @@ class Recognition:
 
     @property
     def label(self) -> str:
-        """The named class, or in its place the word for the outcome: never empty, so it can be shown as it is."""
+        """The named class, or the word for the outcome: never empty, so that it can be shown directly."""
         return self.class_name or str(self.outcome)
 
     @property
     def progress_index(self) -> int:
-        """Index of the class whose progress is told; -1 where none is."""
+        """Index of the class whose progress is told; -1 where no progress is told."""
         return self.classes.index(self.progress.class_name) if self.progress else -1
 
     @property
     def guess_index(self) -> int:
-        """Index of the best guess, also of one held back as unknown; -1 where there is nothing to guess from."""
+        """Index of the best guess, also when it is held back as unknown; -1 when there is no guess."""
         return self.best if self.outcome in (Outcome.NAMED, Outcome.UNKNOWN) else -1
 
     @property
@@ -187,7 +188,7 @@ class Recognition:
 
     @property
     def second_index(self) -> int:
-        """Index of the class with the highest score but the best guess's; -1 in a library of one class."""
+        """Index of the class with the highest score apart from the best guess; -1 in a library of one class."""
         if len(self.scores) < 2:
             return -1
         others = self.scores.copy()
@@ -196,7 +197,7 @@ class Recognition:
 
     @property
     def runner_up(self) -> str | None:
-        """The class with the highest score but the best guess's; None in a library of one class."""
+        """The class with the highest score apart from the best guess; None in a library of one class."""
         second = self.second_index
         return self.classes[second] if second >= 0 else None
 

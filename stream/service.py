@@ -24,68 +24,71 @@ if TYPE_CHECKING:
 #: Seconds between two statuses, and between two lists of classes.
 STATUS_EVERY = 1.0
 CLASSES_EVERY = 5.0
-#: Seconds for which a packet may wait before it is taken in; the answer to one that waited longer is sent only if no
-#: newer one follows. A stopped process finds seconds of feed waiting, and listeners would take it for what happens now.
+#: Seconds for which a packet may wait before it is taken in; the answer to a packet that waited longer is sent only if
+#: no newer answer follows. A stopped process finds seconds of feed waiting, and listeners would take it for the
+#: present.
 MAX_AGE = 1.0
-#: Seconds in which ZeroMQ, which reads on in threads of its own, hands over what came while the process stood still.
+#: Seconds within which ZeroMQ, which keeps reading in threads of its own, hands over what came while the process was
+#: stopped.
 CATCH_UP = 1.0
-#: Performers whose clocks are followed.
+#: Performers whose clocks are followed, at most.
 _MAX_LAGS = 4096
 #: Packets of one source that are taken in together, then recognised, then answered, at most: the processor's caches
 #: then hold what a step needs, and one send wakes the listeners. More would keep the first packet waiting for too long.
-#: The number follows how many wait: a packet that comes alone is answered before the loop looks for another.
+#: A packet that comes alone is answered before the loop looks for another.
 _MAX_TOGETHER = 32
-#: Packets taken from one source before the others, and the clock, get their turn.
-_AT_ONCE = 256
-#: Longest sleep while nothing comes, seconds: how soon `stop` is heard.
+#: Packets taken from one source, at most, before the other sources and the clock get their turn.
+_MAX_IN_TURN = 256
+#: Longest sleep while nothing comes, seconds: `stop` takes effect within this time.
 _MAX_SLEEP = 0.1
-#: Steps after being stopped: more than any socket holds, and so few that a feed that goes on ends all the same.
-_LAST_STEPS = 32
-#: Seconds after being stopped in which what has arrived is still answered, however much it is.
+#: Steps after being stopped, at most: more than any socket holds, and few enough for the loop to end while a feed goes
+#: on.
+_MAX_LAST_STEPS = 32
+#: Seconds after being stopped in which packets that have arrived are still answered, at most.
 MAX_ENDING = 0.5
-#: Seconds between two turns of sources that have something to do even when nothing comes.
+#: Seconds between two turns of sources that have work to do even when no packet comes.
 _TENDING = 0.02
 
 
 class Source(Protocol):
-    """Where frames come from; `kinespace.stream.inputs.Source` is one."""
+    """A source of frames; `kinespace.stream.inputs.Source` is one."""
 
     @property
     def pollable(self) -> object:
-        """What `zmq.Poller` can wait for: a file number's owner or a ZeroMQ socket."""
+        """The object that `zmq.Poller` waits for: an owner of a file number, or a ZeroMQ socket."""
 
     @property
     def tended(self) -> bool:
-        """Whether `tend` has something to do even when nothing comes."""
+        """Whether `tend` has work to do even when no packet comes."""
 
     @property
     def has_put_aside(self) -> bool:
-        """Whether packets wait that were put aside, for which `pollable` wakes nobody."""
+        """Whether packets were put aside; `pollable` does not wake the loop for them."""
 
     @property
     def waited(self) -> float:
-        """Seconds for which the last packet waited before it was taken in; 0 where that is not known."""
+        """Seconds for which the last packet waited before it was taken in; 0 when not known."""
 
     @property
     def counts(self) -> InputCounts:
-        """What came in so far."""
+        """Counts of all that came in."""
 
     @property
     def notes(self) -> Sequence[str]:
-        """What a person should know of it now, a line each."""
+        """Notes on it for a person, a line each."""
 
     def take(self, arrival: float) -> Sequence[Admitted] | None:
-        """Take in one packet; what it held, in order, or None when nothing is waiting. Never raises."""
+        """Take in one packet; give its frames in order, or None when no packet waits. Never raises."""
 
     def tend(self, now: float) -> Sequence[Admitted]:
-        """Do what is due by the clock; what came of it, in order. Never raises."""
+        """Do what is due by the clock; give the frames that it completed, in order. Never raises."""
 
     def close(self) -> None:
-        """Give sockets back."""
+        """Close sockets."""
 
 
 class _Begun(NamedTuple):
-    """When a packet was first looked at, how long it had waited, and until when newer ones may come, seconds."""
+    """A packet's times, seconds: first looked at, waited before that, until when newer ones may come."""
 
     started: float
     waited: float
@@ -100,9 +103,9 @@ class Service:
     performers
         The recognisers.
     sources, sinks
-        Where frames come from and answers go; closed by `close`, or on leaving the `with` block.
+        Where frames come from, and where answers go; closed by `close`, or on leaving the `with` block.
     admission
-        Of the sources, to tell what it did not let in.
+        The admission of the sources, for the status.
     clock
         Seconds; stamps arrivals and paces the status.
     """
@@ -128,13 +131,14 @@ class Service:
         self._stopped = False
         #: When the last step ends; 0 before it was stopped.
         self._over = 0.0
-        #: The newest answer of each performer, where it is too old to be sent before it is known to be the newest.
-        #: With the moment until which newer ones may still come.
+        #: The newest answer of each performer that is too old to be sent before it is known to be the newest, with the
+        #: moment until which newer answers may still come.
         self._held: dict[str, tuple[Recognition, float]] = {}
-        #: When the loop last looked at its sources; and until when packets come that waited while it stood still.
+        #: When the loop last looked at its sources, and until when packets come that waited while the process was
+        #: stopped.
         self._looked = clock()
         self._caught_up = -math.inf
-        #: By how much the arrival of each performer's last frame differed from its time, seconds.
+        #: The difference between the arrival and the time of each performer's last frame, seconds.
         self._lags: dict[str, float] = {}
         self._stale = 0
         self._together = 1
@@ -142,7 +146,7 @@ class Service:
         for source in sources:
             self._poller.register(source.pollable, zmq.POLLIN)
         self._tended = [source for source in sources if source.tended]
-        #: To hand frames to sinks that ignore them would cost every frame a call for each sink.
+        #: Handing frames to sinks that ignore them would cost every frame a call for each sink.
         self._watching = [sink for sink in sinks if type(sink).publish_frame is not Sink.publish_frame]
 
     def __enter__(self) -> Self:
@@ -152,7 +156,7 @@ class Service:
         self.close()
 
     def close(self) -> None:
-        """Give all sockets back."""
+        """Close all sockets."""
         for source in self.sources:
             source.close()
         for sink in self.sinks:
@@ -163,11 +167,11 @@ class Service:
         self._stopped = True
 
     def run(self) -> None:
-        """Go on until stopped; what has arrived by then is still answered, motions are ended, all leave."""
+        """Run until stopped; answer packets that have arrived by then, end motions, let all performers leave."""
         try:
             while not self._stopped:
                 self.step(_MAX_SLEEP)
-            for _ in range(_LAST_STEPS):
+            for _ in range(_MAX_LAST_STEPS):
                 if not self._is_over():
                     self.step(0.0)
         finally:
@@ -179,14 +183,14 @@ class Service:
             self._tell_gone(self.performers.names)
 
     def _is_over(self) -> bool:
-        """Say whether it was stopped so long ago that what still waits is left lying."""
+        """Say whether it was stopped so long ago that waiting packets are no longer answered."""
         if not self._stopped:
             return False
         self._over = self._over or time.perf_counter() + MAX_ENDING
         return time.perf_counter() > self._over
 
     def step(self, longest: float) -> None:
-        """Wait at most `longest` seconds for something to come, and deal with all that has."""
+        """Wait at most `longest` seconds for packets, and deal with all that have come."""
         self._tell_time()
         sleep = min(longest, max(self._next_status - self._clock(), 0.0))
         if self._tended:
@@ -198,9 +202,9 @@ class Service:
         if not came and not aside:
             self._publish_held()
             return
-        # Every source is asked: one poll is cheaper than finding out which of them it was.
+        # Every source is asked: one poll is cheaper than finding out which source it was.
         for source in self.sources:
-            left = _AT_ONCE
+            left = _MAX_IN_TURN
             while left and not self._is_over() and (taken := self._deal_with_waiting(source, left)):
                 left -= taken
         self._looked = self._clock()
@@ -208,7 +212,7 @@ class Service:
             self._publish_held()
 
     def _deal_with_waiting(self, source: Source, most: int) -> int:
-        """Take in some packets, recognise, answer; give how many, 0 when no more wait."""
+        """Take in some packets, recognise, answer; give their number, 0 when no more wait."""
         taken: list[Admitted] = []
         begun: list[_Begun] = []
         wanted = min(self._together, most)
@@ -229,7 +233,7 @@ class Service:
         return wanted
 
     def _notice_a_stop(self) -> None:
-        """Notice that the process stood still, as after SIGSTOP: what waited meanwhile comes within the next second."""
+        """Notice that the process was stopped, as by SIGSTOP: waiting packets come within the next second."""
         now = self._clock()
         if now - self._looked > MAX_AGE:
             self._caught_up = now + CATCH_UP
@@ -238,7 +242,8 @@ class Service:
     def _begun(self, started: float, source: Source, event: Admitted, now: float) -> _Begun:
         """Say how long a frame waited, by its transport or, where that does not tell, by its sender's clock.
 
-        A sender's clock is asked only after the process stood still: who pauses may let it pause, too.
+        A sender's clock is used only after the process was stopped, because a sender that pauses may stop its clock,
+        too.
         """
         if source.waited or not isinstance(event, Frame):
             return _Begun(started, source.waited)
@@ -256,7 +261,7 @@ class Service:
             self._deal_with(events, [_Begun(started, 0.0)] * len(events))
 
     def _deal_with(self, events: Sequence[Admitted], begun: Sequence[_Begun]) -> None:
-        """Recognise what was taken in and tell the sinks; `begun` says of each when its packet was first looked at."""
+        """Recognise events and tell the sinks; `begun` has each event's time at which its packet was looked at."""
         if not events:
             return
         for event in events:
@@ -283,7 +288,7 @@ class Service:
             sink.publish(recognition)
 
     def _hold(self, recognition: Recognition, until: float) -> None:
-        """Keep an answer that is too old in case it is the performer's newest; events are told however old they are."""
+        """Keep an answer that is too old in case it is the performer's newest; events are sent however old they are."""
         self._superseded(recognition.performer)
         self._held[recognition.performer] = recognition, until
 
@@ -292,7 +297,7 @@ class Service:
             self._stale += 1
 
     def _publish_held(self, *, at_once: bool = False) -> None:
-        """Send the old answers after which nothing newer waits, as far as is known now."""
+        """Send the old answers after which no newer one waits, as far as is known now."""
         if not self._held:
             return
         now = self._clock()
@@ -320,7 +325,7 @@ class Service:
             self._tell_gone(self.performers.take_gone())
             self._latest_rates = self._rates.read(now)
             if len(self._lags) > _MAX_LAGS:
-                self._lags.clear()  # only a sender that invents names gets here
+                self._lags.clear()  # only a sender that makes up names gets here
             status = self.status()
             for sink in self.sinks:
                 sink.publish_status(status)
@@ -336,9 +341,14 @@ class Service:
             performers={name: self._latest_rates.get(name, 0.0) for name in self.performers.names},
             hop_p50=self._hop_times.percentile(50),
             hop_p99=self._hop_times.percentile(99),
-            refused=self.performers.refused,
+            refused={name: why + self._from(name) for name, why in self.performers.refused.items()},
             doubted=self.performers.doubted,
             compared=self.performers.compared,
             admission=replace(self._admission.counts),
+            clocks={name: told for name, told in self._admission.clocks.items() if name in self.performers.names},
             notes=(*notes, *self._admission.notes(self._clock())),
         )
+
+    def _from(self, performer: str) -> str:
+        """Give the sender of a performer's frames, where it is known."""
+        return "".join(f", from {host}:{port}" for host, port in self._admission.senders(performer))

@@ -1,4 +1,4 @@
-"""What a running service can say of itself: counters, rates and hop times."""
+"""The counters of a running service: counts, rates and hop times."""
 
 from __future__ import annotations
 
@@ -11,25 +11,25 @@ import numpy as np
 if TYPE_CHECKING:
     from kinespace.stream.recognizer.performers import PerformerCounts
 
-#: Hops whose time is remembered for the percentiles: a minute and more of one performer's.
-_REMEMBERED_HOPS = 2048
+#: Hops whose time is remembered for the percentiles: a minute or more of one performer's hops.
+_MAX_HOPS = 2048
 
 
 @dataclass(slots=True)
 class InputCounts:
-    """What came in, before anybody looked at whose it is."""
+    """Counts of all that came in, before it is assigned to performers."""
 
     #: Datagrams or ZeroMQ messages.
     received: int = 0
-    #: Packets or messages that make no sense.
+    #: Packets or messages that cannot be read.
     malformed: int = 0
     #: Messages with addresses or topics that are not ours.
     foreign: int = 0
-    #: Packets the system threw away because they came faster than they were received.
+    #: Packets that the system dropped because they came faster than they were received.
     overrun: int = 0
-    #: Frames whose sequence numbers were skipped.
+    #: Sequence numbers that were skipped.
     missing: int = 0
-    #: Frames refused because joints in them were absent for too long, or made no sense.
+    #: Frames refused because too many joints in them were absent for too long, or because they were impossible.
     incomplete: int = 0
     #: ZeroMQ connections that broke while the sender was there: a message above the size limit, or the network.
     broken: int = 0
@@ -42,13 +42,13 @@ class InputCounts:
 
 @dataclass(slots=True)
 class AdmissionCounts:
-    """What was not believed."""
+    """Counts of all that was not believed."""
 
-    #: Frames and announcements of a performer that came from another than the performer's sender.
+    #: Frames and announcements of a performer from a sender other than the performer's own.
     other_sender: int = 0
-    #: Frames of performers that are not let in.
+    #: Frames of performers that are not allowed.
     not_allowed: int = 0
-    #: Frames whose time no other frame agreed with.
+    #: Frames whose time no other frame confirmed.
     odd_times: int = 0
 
 
@@ -59,11 +59,11 @@ class Status:
     Attributes
     ----------
     inputs
-        What came in.
+        Counts of all that came in.
     outcomes
-        What became of the frames.
+        Counts of what happened to the frames.
     unsent
-        Answers the system would not take.
+        Answers that the system would not send.
     performers
         Frames per second of each performer now followed.
     hop_p50, hop_p99
@@ -71,15 +71,18 @@ class Status:
     refused
         Performers whose frames are refused for their joints, and why.
     admission
-        What was not believed: other senders of a performer, performers that are not let in, times that jump.
+        Counts of what was not believed: other senders of a performer, performers that are not allowed, times that jump.
     stale
         Answers not sent because their packets had waited for too long, and newer answers followed.
     doubted
-        Performers of whom some joints cannot be believed, and what was noticed.
+        Performers with joints that cannot be believed, and the reason.
     compared
-        Performers whose joints are not simply the library's: whose names they are, and how many are compared.
+        Performers with other joints than the library's: the convention of their names, and how many joints are
+        compared.
+    clocks
+        Performers whose senders' times are not in seconds, and how the times are read.
     notes
-        What a person should know now, a line each: trouble with a recording, the last reason why packets were refused.
+        Notes for a person, a line each: trouble with a recording, the last reason why packets were refused.
     """
 
     inputs: InputCounts
@@ -92,6 +95,7 @@ class Status:
     admission: AdmissionCounts = field(default_factory=AdmissionCounts)
     doubted: dict[str, str] = field(default_factory=dict)
     compared: dict[str, str] = field(default_factory=dict)
+    clocks: dict[str, str] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
     stale: int = 0
 
@@ -102,7 +106,7 @@ class Status:
 
     @property
     def lost(self) -> int:
-        """How much came, or should have come, and was not used."""
+        """Count of all that came, or should have come, and was not used."""
         inputs, outcomes = self.inputs, self.outcomes
         refused = self.admission.other_sender + self.admission.odd_times
         at_the_border = refused + inputs.malformed + inputs.overrun + inputs.missing + inputs.incomplete + inputs.broken
@@ -133,7 +137,7 @@ class HopTimes:
     """How long the last hops took."""
 
     def __init__(self) -> None:
-        self._seconds = deque[float](maxlen=_REMEMBERED_HOPS)
+        self._seconds = deque[float](maxlen=_MAX_HOPS)
 
     def add(self, seconds: float) -> None:
         """Remember one hop."""

@@ -1,4 +1,4 @@
-"""What every test may ask for: recordings and others' programs, found in one place; hypothesis made repeatable."""
+"""Fixtures for every test: recordings and other programs, found in one place; hypothesis made repeatable."""
 
 from __future__ import annotations
 
@@ -169,11 +169,11 @@ def small_index(small_library: MotionLibrary) -> WindowIndex:
 
 @pytest.fixture(scope="session")
 def played() -> NDArray[np.float32]:
-    """Give what the bench plays: motions of the built-in library, 120 frames a second, (frames, joints, 3)."""
+    """Give the bench's positions: motions of the built-in library, 120 frames a second, (frames, joints, 3)."""
     return recorded.positions()
 
 
 @pytest.fixture
 def no_waiting(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Let no packet have waited in the system, for tests whose own clock does not go on meanwhile."""
+    """Make every packet seem to arrive at once, for tests with a clock of their own."""
     monkeypatch.setattr(udp, "_MAX_WAITED", 0.0)

@@ -72,7 +72,7 @@ _NAMES = ("--map", "Squat=squat1Reps", "ArmCircle=rotateArmsBothBackward1Reps", 
 
 
 class Run(NamedTuple):
-    """One evaluation: what follows `kinespace evaluate` (`{data}` is the folder of recordings), and its figures.
+    """One evaluation: the arguments of `kinespace evaluate` (`{data}` is the folder of recordings), and its figures.
 
     A figure's name says where it stands in the JSON object: `mean.nearest` is "nearest" in "mean", `noise.0.x` is "x"
     in the first of "noise".
@@ -121,14 +121,14 @@ RUNS: Mapping[str, Run] = {
 
 
 class Figure(NamedTuple):
-    """What a figure was, how far it may fall, and which way is better: higher or lower."""
+    """An expected figure, how far it may fall, and whether higher or lower is better."""
 
     value: float
     tolerance: float
     direction: str
 
     def holds(self, got: float | None) -> bool:
-        """Say whether what came out is no worse than it may be; no figure at all is worse."""
+        """Say whether a new value is no worse than the figure may be; a missing value is worse."""
         if got is None:
             return False
         worse = self.value - got if self.direction == "higher" else got - self.value
@@ -164,14 +164,14 @@ def kind_of(name: str) -> tuple[str, float]:
 
 
 def expected() -> Figures:
-    """Read what the figures were."""
+    """Read the expected figures."""
     with FILE.open("rb") as file:
         runs = tomllib.load(file)
     return {run: {name: Figure(**entry) for name, entry in figures.items()} for run, figures in runs.items()}
 
 
 def fallen(run: str, figures: Mapping[str, Figure], got: Mapping[str, float]) -> list[str]:
-    """Say of each figure that is worse than it may be its name, what was expected and what came out."""
+    """Give for each figure that is worse than it may be its name, its expected value and its new value."""
     return [
         f"{run}.{name}: expected {figure.value:.4f} ({figure.direction} is better, tolerance {figure.tolerance}), "
         f"got {f'{got[name]:.4f}' if name in got else 'none'}"

@@ -1,1 +1,1 @@
-"""Readers of recorded motion, one format each; `library.recordings` chooses among them by a file's ending."""
+"""Readers of recorded motion, one for each format; `library.recordings` chooses the reader by a file's ending."""

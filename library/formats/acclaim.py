@@ -1,9 +1,9 @@
 """Acclaim recordings (ASF skeleton, AMC motion) read into clips.
 
-The formats are those of HDM05 and of the CMU Graphics Lab Motion Capture Database. An ASF gives each bone a
-direction, a length and the axis frame its rotations are measured in; an AMC gives the angles of every frame.
-Where a bone's `dof` and `axis` disagree in order, `dof` says which number is which angle and `axis` in which order
-the angles are applied, as the root's `order` and `axis` do.
+The formats are those of HDM05 and of the CMU Graphics Lab Motion Capture Database. An ASF gives each bone a direction,
+a length and the axis frame in which its rotations are measured; an AMC gives the angles of every frame. Where a bone's
+`dof` and `axis` disagree in order, `dof` says which number is which angle, and `axis` says in which order the angles
+are applied; the root's `order` and `axis` do the same.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ import numpy as np
 
 from kinespace.library import hdm05
 from kinespace.library.clip import Clip
-from kinespace.library.formats.errors import RecordingError
+from kinespace.library.formats.errors import RecordingError, finite_numbers
 from kinespace.library.formats.gap_filling import with_missing_frames
 from kinespace.library.formats.rotations import turn_about
 from kinespace.library.skeleton import Skeleton
@@ -29,12 +29,12 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 METRES_PER_INCH = 0.0254
-#: HDM05's and CMU's rate; an AMC that says nothing of its own is taken to have it.
+#: HDM05's and CMU's rate, assumed of an AMC that names no rate.
 DEFAULT_FRAME_RATE = 120.0
 
-#: About how much of an AMC is read at once, and how many frames of one that is read line by line: some ten seconds.
+#: How much of an AMC is read at once, about, and how many frames when it is read line by line: some ten seconds.
 _BLOCK_BYTES, _BLOCK_FRAMES = 1 << 20, 1024
-#: Missing frames that a long take may always have, however few have been there so far.
+#: Missing frames that a long take may always have, even where few frames have come so far.
 _FEW_MISSING = 1024
 
 AngleUnit = Literal["deg", "rad"]
@@ -94,16 +94,10 @@ class _Line:
         raise AcclaimError(f"{self.path}:{self.number}: {what}")
 
     def floats(self, first: int, count: int) -> list[float]:
-        words = self.words[first : first + count]
-        if len(words) != count:
-            self.fail(f"expected {count} numbers after {self.words[0]!r}, got {len(words)}")
         try:
-            values = [float(word) for word in words]
-        except ValueError:
-            self.fail(f"expected numbers after {self.words[0]!r}, got {' '.join(words)!r}")
-        if not all(map(math.isfinite, values)):
-            self.fail(f"expected finite numbers after {self.words[0]!r}, got {' '.join(words)!r}")
-        return values
+            return finite_numbers(self.words[first : first + count], count, f" after {self.words[0]!r}")
+        except ValueError as error:
+            self.fail(str(error))
 
 
 def _lines(path: Path) -> Iterator[_Line]:
@@ -211,7 +205,7 @@ class _AsfReader:
         return Bone(name, offset, axis, order, channels)
 
     def _axis_frame(self, order: str, angles: list[float]) -> NDArray[np.float64]:
-        from scipy.spatial.transform import Rotation  # noqa: PLC0415 - slow to load, and a live feed does without
+        from scipy.spatial.transform import Rotation  # noqa: PLC0415 - slow to load, and a live feed does not need it
 
         return Rotation.from_euler(order, angles, degrees=self.angle == "deg").as_matrix()
 
@@ -246,7 +240,7 @@ def read_asf(path: Path) -> AcclaimSkeleton:
 
 @dataclass(frozen=True, slots=True)
 class _Motion:
-    """The numbers of an AMC: one row of channels per frame, the angles in the file's unit."""
+    """The numbers of an AMC: one row of channels for each frame, the angles in the file's unit."""
 
     channels: NDArray[np.float64]
     frame_numbers: NDArray[np.int64]
@@ -254,7 +248,7 @@ class _Motion:
     frame_rate: float | None
 
     def after(self, frames: int) -> _Motion:
-        """Give what comes after so many frames."""
+        """Give the frames after the first `count`."""
         return replace(self, channels=self.channels[frames:], frame_numbers=self.frame_numbers[frames:])
 
 
@@ -272,14 +266,14 @@ def _read_amc(path: Path, body: AcclaimSkeleton) -> _Motion:
 
 
 def _blocks(path: Path, body: AcclaimSkeleton) -> Iterator[_Motion]:
-    """Read an AMC some frames at a time, at least one in all."""
+    """Read an AMC some frames at a time, at least one frame in all."""
     given = 0
     try:
         for block in _regular_blocks(path, body):
             given += len(block.frame_numbers)
             yield block
     except _IrregularError:
-        # What was given is not given again. Whatever is wrong is told with its line.
+        # Frames that were given already are not given again. A mistake in the file is told with its line.
         for block in _blocks_by_line(path, body):
             left = block.after(given)
             given -= len(block.frame_numbers) - len(left.frame_numbers)
@@ -288,10 +282,10 @@ def _blocks(path: Path, body: AcclaimSkeleton) -> Iterator[_Motion]:
 
 
 def _regular_blocks(path: Path, body: AcclaimSkeleton) -> Iterator[_Motion]:
-    """Read an AMC whose frames all list the same bones in the same order, as nearly every one does.
+    """Read an AMC whose frames all list the same bones in the same order, as nearly every AMC does.
 
-    Works on columns of words and takes a fifth of the time of going line by line. _IrregularError when the file is
-    not, or from some frame on no more, like that.
+    Works on columns of words, which is much faster than line by line. Raises _IrregularError where the frames are not,
+    or from some frame on no longer, alike.
     """
     with path.open(encoding="latin-1") as file:
         angle, frame_rate = body.angle, None
@@ -318,7 +312,7 @@ def _regular_blocks(path: Path, body: AcclaimSkeleton) -> Iterator[_Motion]:
 
 
 def _columns(words: list[str], body: AcclaimSkeleton) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """Read whole frames of words: their numbers and channels; _IrregularError when they are not alike."""
+    """Read whole frames of words: their numbers and channels; _IrregularError when the frames are not alike."""
     places = _channel_places(body)
     period = 1 + len(places) + body.channel_count
     frames = len(words) // period
@@ -353,7 +347,7 @@ def _blocks_by_line(path: Path, body: AcclaimSkeleton) -> Iterator[_Motion]:
 
 
 class _AmcReader:
-    """Collects the frames of one AMC while its lines go by, bones in any order, and says on which line it fails."""
+    """Collects the frames of an AMC while its lines go by, bones in any order, and says on which line reading fails."""
 
     def __init__(self, body: AcclaimSkeleton) -> None:
         self._body = body
@@ -366,7 +360,7 @@ class _AmcReader:
         self._any = False
 
     def take(self, line: _Line) -> int:
-        """Take in one line; give how many whole frames there are to be taken out."""
+        """Take in one line; give how many whole frames can be taken out."""
         word = line.words[0]
         if word in self._places:
             self._take_bone(word, line)
@@ -394,7 +388,7 @@ class _AmcReader:
             self._values.extend(self._frame)
 
     def finish(self, last: _Line) -> None:
-        """Refuse an end in the middle of a frame, or before the first."""
+        """Refuse a file that ends in the middle of a frame, or before the first frame."""
         if not self._any:
             last.fail("no frames in it")
         if self._unseen:
@@ -410,7 +404,7 @@ class _AmcReader:
 
 
 def _is_frame_number(word: str) -> bool:
-    # isdecimal, not isdigit, which takes a superscript two too; 18 digits are what an int64 surely holds.
+    # Not isdigit, which accepts a superscript two; 18 digits always fit into an int64.
     return word.isdecimal() and len(word) <= 18
 
 
@@ -439,7 +433,7 @@ def _read_keyword(line: _Line, angle: AngleUnit, rate: float | None) -> tuple[An
 
 
 def _checked(path: Path, motion: _Motion, before: int | None = None) -> _Motion:
-    """Refuse numbers that are none, and frame numbers that do not grow, from the one before on."""
+    """Refuse numbers that are not finite, and frame numbers that do not grow; the frame before the first is given."""
     bad = np.flatnonzero(~np.isfinite(motion.channels).all(axis=1))
     if bad.size:
         raise AcclaimError(f"{path}: NaN or infinity in frame {motion.frame_numbers[bad[0]]}")
@@ -480,7 +474,7 @@ def _forward_kinematics(body: AcclaimSkeleton, channels: NDArray[np.float64]) ->
 def _rotation(bone: Bone, own: NDArray[np.float64]) -> NDArray[np.float64]:
     """Compose a bone's angles (frames, channels), the first of its axis order applied first; (frames, 3, 3).
 
-    Written out because one scipy `Rotation` per bone and frame makes the reader five times slower.
+    Written out, because one scipy `Rotation` for each bone and frame makes the reader much slower.
     """
     composed = np.broadcast_to(np.eye(3), (len(own), 3, 3))
     for name in bone.axis_order:
@@ -507,8 +501,9 @@ def _in_si(body: AcclaimSkeleton, motion: _Motion) -> NDArray[np.float64]:
 def find_asf(amc: Path) -> Path:
     """Find the skeleton of an AMC by name, beside it or one folder up.
 
-    Of `HDM_bd_squat1Reps_001_120.amc` (cut) and `HDM_bd_03-03_01_120.amc` (uncut) it is `HDM_bd.asf`, of `13_29.amc`
-    `13.asf`; failing both, the AMC's own name with `.asf`. Upper and lower case endings are alike.
+    The skeleton of `HDM_bd_squat1Reps_001_120.amc` (cut) and `HDM_bd_03-03_01_120.amc` (uncut) is `HDM_bd.asf`, the
+    skeleton of `13_29.amc` is `13.asf`. If neither is there, the AMC's own name with `.asf` is tried. Endings may be in
+    upper or lower case.
 
     Raises
     ------
@@ -536,12 +531,12 @@ def read_clip(amc: Path, body: AcclaimSkeleton | None = None, *, frame_rate: flo
     body
         Its skeleton; found by name (`find_asf`) and read when not given.
     frame_rate
-        Frames per second; when not given, what the file name (HDM05) or the file says, else 120.
+        Frames per second; when not given, the rate in the file's name (HDM05) or in the file, else 120.
 
     Returns
     -------
-    The clip: positions (frames, joints, 3) in metres, `rotations` the recorded angles in radians. Frames whose
-    numbers are missing are filled with straight lines between their neighbours.
+    The clip: positions (frames, joints, 3) in metres, and `rotations`, the recorded angles in radians. Missing frames
+    are filled with straight lines between their neighbours.
 
     Raises
     ------
@@ -556,7 +551,7 @@ def read_clip(amc: Path, body: AcclaimSkeleton | None = None, *, frame_rate: flo
 
 
 def read_pieces(amc: Path, body: AcclaimSkeleton | None = None, *, frame_rate: float | None = None) -> Iterator[Clip]:
-    """Read an AMC motion as clips of some seconds that follow each other, never all of it at once.
+    """Read an AMC motion as clips of some seconds that follow each other; the whole motion is never in memory.
 
     Parameters
     ----------
@@ -565,12 +560,12 @@ def read_pieces(amc: Path, body: AcclaimSkeleton | None = None, *, frame_rate: f
 
     Yields
     ------
-    The pieces, which are together what `read_clip` gives.
+    The pieces; put together they are the clip that `read_clip` gives.
 
     Raises
     ------
     AcclaimError, OSError
-        As `read_clip`, when the place is reached where something is wrong.
+        As `read_clip`, once the place of the mistake is reached.
     """
     body = body or read_asf(find_asf(amc))
     first, frames = 0, 0
@@ -584,7 +579,7 @@ def read_pieces(amc: Path, body: AcclaimSkeleton | None = None, *, frame_rate: f
         if last is None:
             yield _clip(amc, body, motion, values, frame_rate)
         else:
-            # From the last frame on, so that what is missing between stands on a straight line too.
+            # The last frame is kept, so that frames missing after it stand on a straight line too.
             motion = replace(motion, frame_numbers=np.concatenate([[last[0]], numbers]))
             joined = np.concatenate([last[1], values[0]]), np.concatenate([last[2], values[1]])
             piece = _clip(amc, body, motion, joined, frame_rate)
@@ -607,7 +602,7 @@ def _clip(
     values: tuple[NDArray[np.float64], NDArray[np.float64]],
     frame_rate: float | None,
 ) -> Clip:
-    """Make a clip of the frames that there are, those that are missing between them put on straight lines."""
+    """Make a clip of frames; the frames missing between them are put on straight lines."""
     numbers, (positions, angles) = motion.frame_numbers, values
     named = hdm05.read_clip_name(amc)
     said = named.frame_rate if named else motion.frame_rate or DEFAULT_FRAME_RATE

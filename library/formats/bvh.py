@@ -1,12 +1,12 @@
 """BVH recordings (Biovision hierarchy) read into clips.
 
-A BVH gives every joint an offset from its parent and channels: rotations, of which the first named is applied last
-(R = R₁ · R₂ · R₃), and for the root, in some files for every joint, positions. A joint's position channels stand in
-place of its offset, as in MotionBuilder and Blender; where they are 0 in the whole file the offset stays, because some
-programs write them empty. An End Site is a joint like any other, called after its parent with `_end`. A joint that
-always coincides with its parent or with an earlier child of it tells nothing and is left out.
+A BVH gives every joint an offset from its parent and channels: rotations, of which the first named is applied last (R =
+R₁ · R₂ · R₃), and for the root, in some files for every joint, positions. A joint's position channels replace its
+offset, as in MotionBuilder and Blender; where they are 0 in the whole file the offset stays, because some programs
+write empty position channels. An End Site is a joint like any other, called after its parent with `_end`. A joint that
+always coincides with its parent, or with an earlier child of its parent, is left out.
 
-The file names no unit: see `library.formats.units.guessed_metres`.
+The file names no unit; `library.formats.units.guessed_metres` guesses it.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ import numpy as np
 from kinespace.library import hdm05
 from kinespace.library.clip import Clip
 from kinespace.library.distances import distance_rows
-from kinespace.library.formats.errors import RecordingError
+from kinespace.library.formats.errors import RecordingError, finite_numbers
 from kinespace.library.formats.joint_choice import chosen, short_names
 from kinespace.library.formats.rotations import turn_about
 from kinespace.library.formats.units import guessed_metres
@@ -35,9 +35,9 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 _CHANNEL = re.compile(r"([xyz])(position|rotation)", re.IGNORECASE)
-#: Frames whose matrices are held at once: some 20 MB of a body of 70 joints.
+#: Frames whose matrices are held at once.
 _BLOCK = 4096
-#: An offset shorter than this share of the largest is none.
+#: An offset shorter than this share of the largest offset counts as none.
 _NO_OFFSET = 1e-6
 
 
@@ -56,7 +56,7 @@ class BvhJoint:
     offset
         From the parent, in the parent's frame, in the file's unit.
     channels
-        What each of its numbers in a frame is: a letter of "xyz" for an axis, "p" or "r" before it for what it is.
+        The meaning of each number in a frame: "p" for a position or "r" for a rotation, then the axis, one of "xyz".
     """
 
     name: str
@@ -86,7 +86,7 @@ class BvhMotion:
 
 @dataclass(slots=True)
 class _Statement:
-    """A brace, or what stands between braces and line ends."""
+    """A brace, or the text between braces and line ends."""
 
     path: Path
     line: int
@@ -96,19 +96,14 @@ class _Statement:
         raise BvhError(f"{self.path}:{self.line}: {what}")
 
     def floats(self, words: Sequence[str], count: int) -> list[float]:
-        if len(words) != count:
-            self.fail(f"expected {count} numbers, got {len(words)}")
         try:
-            values = [float(word) for word in words]
-        except ValueError:
-            self.fail(f"expected numbers, got {' '.join(words)[:60]!r}")
-        if not all(map(math.isfinite, values)):
-            self.fail(f"expected finite numbers, got {' '.join(words)[:60]!r}")
-        return values
+            return finite_numbers(words, count)
+        except ValueError as error:
+            self.fail(str(error))
 
 
 def _statements(path: Path) -> Iterator[_Statement]:
-    # Joint names come in whatever encoding a program's author spoke; two of them must not fail to be read.
+    # Joint names come in any encoding; a name that is not UTF-8 must not stop the reader.
     with path.open(encoding="utf-8-sig", errors="replace") as file:
         for number, text in enumerate(file, start=1):
             for piece in re.split(r"([{}])", text) if "{" in text or "}" in text else (text,):
@@ -127,7 +122,7 @@ class _HierarchyReader:
         self._ends = dict[int, int]()
 
     def take(self, statement: _Statement) -> bool:
-        """Take in one statement; tell whether the hierarchy ends before it."""
+        """Take in one statement; return whether the hierarchy ends before it."""
         word = statement.words[0].lower()
         if self._named and word != "{":
             statement.fail(f"expected {{ after {self._named!r}, got {statement.words[0]!r}")
@@ -221,7 +216,8 @@ def read_bvh(path: Path) -> BvhMotion:
     Raises
     ------
     BvhError
-        It is no BVH, its hierarchy makes no sense, a frame has too few or too many numbers, or frames are missing.
+        The file is no BVH, its hierarchy makes no sense, a frame has too few or too many numbers, or frames are
+        missing.
     OSError
         The file cannot be opened.
     """
@@ -256,7 +252,7 @@ class _BvhReader:
         self._size = sum(len(joint.channels) for joint in self.joints)
 
     def blocks(self) -> Iterator[NDArray[np.float64]]:
-        """Give the frames' numbers, (frames, channels) at a time; to be gone through once."""
+        """Give the frames' numbers, some frames at a time, (frames, channels); can be iterated once."""
         frames, values, line = 0, array("d"), self._last
         for line in self._statements:
             if frames == self._frames:
@@ -277,7 +273,7 @@ class _BvhReader:
             yield self._finite(values, frames)
 
     def _finite(self, values: array[float], frames: int) -> NDArray[np.float64]:
-        """Refuse what is no number in the frames up to one."""
+        """Refuse numbers that are not finite, in the frames up to `number`."""
         channels = np.frombuffer(values, dtype=np.float64).reshape(-1, self._size)
         finite = np.isfinite(channels).all(axis=1)
         if not finite.all():
@@ -307,7 +303,7 @@ def _after(name: str, statements: Iterator[_Statement], last: _Statement) -> tup
 
 
 def _frame_rate(period: str) -> float:
-    """Frames per second: the whole number that the period was rounded from, if there is one (0.0083333 is 120)."""
+    """Frames per second: the whole number from which the period was rounded, if there is one (0.0083333 is 120)."""
     seconds = float(period)
     rate = 1.0 / seconds
     decimals = len(period.lower().partition("e")[0].partition(".")[2])
@@ -316,7 +312,7 @@ def _frame_rate(period: str) -> float:
 
 
 def forward_kinematics(motion: BvhMotion, displaced: Sequence[bool] | None = None) -> NDArray[np.float64]:
-    """Work out where every joint stands, (frames, joints, 3), in the file's unit.
+    """Work out the position of every joint, (frames, joints, 3), in the file's unit.
 
     A joint's frame is M = M_parent · R₁ · R₂ · R₃; it stands at p = p_parent + M_parent · offset. Many frames at once,
     one joint at a time.
@@ -324,8 +320,8 @@ def forward_kinematics(motion: BvhMotion, displaced: Sequence[bool] | None = Non
     Parameters
     ----------
     motion
-        All of it, or some frames of it.
-    displaced
+        The whole motion, or some frames of it.
+    For each joint whether its position channels hold a number in the whole motion; when not given, in these frames.
         Of each joint, whether its position channels say anything in the whole motion; when not given, in these frames.
     """
     positions = np.empty((len(motion.channels), len(motion.joints), 3))
@@ -364,7 +360,7 @@ def _place(
 
 
 def _displaced(motion: BvhMotion) -> list[bool]:
-    """Tell of each joint whether its position channels say anything."""
+    """Tell for each joint whether its position channels hold a number other than 0."""
     displaced, column = list[bool](), 0
     for joint in motion.joints:
         own = motion.channels[:, column : column + len(joint.channels)]
@@ -374,7 +370,7 @@ def _displaced(motion: BvhMotion) -> list[bool]:
 
 
 def _displaced_in(path: Path) -> list[bool]:
-    """Tell the same of a file, of which no more is read than tells it: mostly the first frames."""
+    """Tell the same of a file; reads only as many frames as are needed, mostly the first ones."""
     reader = _BvhReader(path)
     movable = [any(name[0] == "p" for name in joint.channels) for joint in reader.joints]
     displaced = [False] * len(movable)
@@ -387,7 +383,7 @@ def _displaced_in(path: Path) -> list[bool]:
 
 
 def _representatives(joints: Sequence[BvhJoint], displaced: Sequence[bool]) -> list[int]:
-    """Give for each joint the first joint that it always coincides with, itself when there is none."""
+    """Give for each joint the first joint that it always coincides with, or itself when there is none."""
     largest = max(max(map(abs, joint.offset)) for joint in joints) or 1.0
     firsts: list[int] = []
     for index, joint in enumerate(joints):
@@ -408,7 +404,7 @@ def _representatives(joints: Sequence[BvhJoint], displaced: Sequence[bool]) -> l
 def _kept(
     joints: Sequence[BvhJoint], displaced: Sequence[bool], wanted: Sequence[str]
 ) -> tuple[list[int], tuple[int, ...]]:
-    """Choose the joints of the clip: their indices in the file, and their parents among themselves."""
+    """Choose the joints of the clip: their indices in the file, and their parents among the chosen joints."""
     firsts = _representatives(joints, displaced)
     names = [joint.name for joint in joints]
     kept, taken = list[int](), set[int]()
@@ -424,7 +420,7 @@ def _kept(
         above = joints[firsts[index]].parent
         while above >= 0 and firsts[above] not in places:
             above = joints[firsts[above]].parent
-        # Where the joint that holds two chosen ones together is not chosen, the first chosen one does.
+        # Where the joint above two chosen joints is not chosen, the first chosen joint takes its place.
         parents.append(places[firsts[above]] if above >= 0 else (-1 if place == 0 else 0))
     return kept, tuple(parents)
 
@@ -439,15 +435,16 @@ def read_clip(
     path
         The file.
     metres_per_unit
-        What its numbers are; guessed from the body's size when not given.
-    frame_rate
+        Metres of the file's unit; guessed from the body's size when not given.
+    Frames per second; the file's own rate when not given.
         Frames per second; what the file says when not given.
     joints
-        Which joints the clip has, by name (`library.formats.joint_choice.chosen`); all that differ when not given.
+        Names of the clip's joints (`library.formats.joint_choice.chosen`); when not given, all joints that never
+        coincide.
 
     Returns
     -------
-    The clip: positions (frames, joints, 3) in metres, `rotations` the recorded angles in radians.
+    The clip: positions (frames, joints, 3) in metres, and `rotations`, the recorded angles in radians.
 
     Raises
     ------
@@ -465,7 +462,7 @@ def read_clip(
 def read_pieces(
     path: Path, *, metres_per_unit: float | None = None, frame_rate: float | None = None, joints: Sequence[str] = ()
 ) -> Iterator[Clip]:
-    """Read a BVH as clips of some seconds that follow each other, never all of it at once.
+    """Read a BVH as clips of some seconds that follow each other; the whole motion is never in memory.
 
     Parameters
     ----------
@@ -474,12 +471,12 @@ def read_pieces(
 
     Yields
     ------
-    The pieces, which are together what `read_clip` gives.
+    The pieces; put together they are the clip that `read_clip` gives.
 
     Raises
     ------
     BvhError, OSError
-        As `read_clip`, when the place is reached where something is wrong.
+        As `read_clip`, once the place of the mistake is reached.
     """
     displaced = _displaced_in(path)
     reader = _BvhReader(path)
@@ -495,7 +492,7 @@ class _Wanted:
 
 
 def _clips(path: Path, motions: Iterable[BvhMotion], displaced: Sequence[bool], wanted: _Wanted) -> Iterator[Clip]:
-    """Make a clip of each of some motions of one body, the first of which shows how large it is."""
+    """Make a clip of each of some motions of one body; the first motion shows how large the body is."""
     metres = wanted.metres_per_unit
     named = hdm05.read_clip_name(path)
     for motion in motions:
@@ -506,7 +503,7 @@ def _clips(path: Path, motions: Iterable[BvhMotion], displaced: Sequence[bool], 
             raise BvhError(f"{path}: {error}") from error
         positions = forward_kinematics(motion, displaced)[:, kept]
         if not np.isfinite(positions).all():
-            raise BvhError(f"{path}: expected places of joints, got numbers too large to reckon with")
+            raise BvhError(f"{path}: expected places of joints, got numbers too large to compute with")
         metres = metres or guessed_metres(float(distance_rows(positions[0], skeleton).max()))
         positions *= metres
         turns = [name[0] == "r" for joint in motion.joints for name in joint.channels]

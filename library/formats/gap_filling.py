@@ -1,4 +1,4 @@
-"""Frames, or single joints in them, that a recording lacks, put on straight lines between what is there."""
+"""Missing frames, and single missing joints, put on straight lines between the frames that a recording has."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-#: Seconds a marker may be out of sight. Over a longer time a straight line would be a movement nobody made.
-LONGEST_GAP = 0.5
+#: Seconds a marker may be out of sight. Over a longer time a straight line would be a movement that nobody made.
+MAX_GAP = 0.5
 
 
 def with_missing_frames(frame_numbers: NDArray[np.int64], values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Put straight lines where frame numbers are missing, so that a frame's index stays its time; (frames, n)."""
+    """Put straight lines where frame numbers are missing, so that a frame's index tells its time; (frames, n)."""
     wanted = np.arange(frame_numbers[0], frame_numbers[-1] + 1)
     if len(wanted) == len(frame_numbers):
         return values
@@ -26,12 +26,12 @@ def with_missing_frames(frame_numbers: NDArray[np.int64], values: NDArray[np.flo
 def with_missing_joints(
     positions: NDArray[np.float64], missing: NDArray[np.bool_], joints: Sequence[str], frame_rate: float
 ) -> NDArray[np.float64]:
-    """Put straight lines where single joints are missing; before the first and after the last place they stand still.
+    """Put straight lines where single joints are missing; before its first and after its last position a joint rests.
 
     Parameters
     ----------
     positions
-        Shape (frames, joints, 3); what stands where a joint is missing is not looked at.
+        Shape (frames, joints, 3); numbers at missing joints are ignored.
     missing
         Where joints are missing, shape (frames, joints).
     joints
@@ -42,16 +42,16 @@ def with_missing_joints(
     Raises
     ------
     ValueError
-        A joint is missing for longer than `LONGEST_GAP`; the message says which, when and how long.
+        A joint is missing for longer than `MAX_GAP`; the message says which, when and how long.
     """
     if not missing.any():
         return positions
     for joint, name in enumerate(joints):
         first, length = _longest_run(missing[:, joint])
-        if length > LONGEST_GAP * frame_rate or length == len(missing):
+        if length > MAX_GAP * frame_rate or length == len(missing):
             raise ValueError(
                 f"{name!r} is missing for {length / frame_rate:.2f} s from frame {first + 1} of {len(missing)} on, "
-                f"longer than {LONGEST_GAP} s: cut the recording, or choose other joints"
+                f"longer than {MAX_GAP} s: cut the recording, or choose other joints"
             )
     filled = positions.copy()
     frames = np.arange(len(positions))
@@ -63,7 +63,7 @@ def with_missing_joints(
 
 
 def _longest_run(flags: NDArray[np.bool_]) -> tuple[int, int]:
-    """Find the longest run of true flags: where it begins and how long it is."""
+    """Find the longest run of true flags: its beginning and its length."""
     edges = np.diff(np.concatenate([[False], flags, [False]]).astype(np.int8))
     begins, ends = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1)
     if not begins.size:

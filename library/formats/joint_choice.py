@@ -1,4 +1,4 @@
-"""Which joints or markers of a file are wanted, and what they are called."""
+"""The joints or markers that are wanted of a file, and their names."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ def chosen(labels: Sequence[str], wanted: Sequence[str]) -> list[int]:
     labels
         As they stand in the file.
     wanted
-        Names, or patterns with `*` and `?`, of whole labels or of what follows their last colon (`ann:LHip` is
-        also `LHip`). None: all.
+        Names or patterns with `*` and `?`. A pattern fits a whole label, or the part after the label's last colon
+        (`LHip` fits `ann:LHip`). All labels when empty.
 
     Returns
     -------
@@ -39,27 +39,27 @@ def chosen(labels: Sequence[str], wanted: Sequence[str]) -> list[int]:
             if fnmatchcase(label, pattern) or fnmatchcase(_after_colon(label), pattern)
         }
         if not fitting:
-            raise ValueError(f"nothing in it is called {pattern!r}; there are {', '.join(labels)}")
+            raise ValueError(f"no joint is called {pattern!r}; there are {', '.join(labels)}")
         found |= fitting
     return sorted(found)
 
 
 def short_names(labels: Sequence[str]) -> tuple[str, ...]:
-    """Leave out what stands before a colon (`ann:LHip`), so that two people's joints are called alike.
+    """Leave out the part of each label before a colon (`ann:LHip`), so that two people's joints have the same names.
 
     Raises
     ------
     ValueError
-        Two labels would be called the same: they are of two people, or one stands there twice.
+        Two labels would get the same name: they belong to two people, or one stands there twice.
     """
     names = tuple(_after_colon(label) for label in labels)
     if len(set(names)) == len(names):
         return names
     people = list(dict.fromkeys(label.rpartition(":")[0] for label in labels))
     if len(people) > 1:
-        raise ValueError(f"several performers are in it ({', '.join(people)}): choose the joints of one")
+        raise ValueError(f"the file has several performers ({', '.join(people)}): choose the joints of one")
     twice = next(name for name in names if names.count(name) > 1)
-    raise ValueError(f"{twice!r} stands in it twice")
+    raise ValueError(f"the file has {twice!r} twice")
 
 
 def _after_colon(label: str) -> str:

@@ -2,12 +2,12 @@
 
 A CSV's first line names its columns: `<joint>_x`, `<joint>_y`, `<joint>_z` for each joint, in any order, and perhaps a
 column `time` (or `timestamp`, `time_s`, `timestamp_s`, `t`): seconds, or milliseconds if frames would otherwise lie a
-second and more apart. Other columns (a frame's number, visibilities) are passed over. Without times the frames follow
-each other evenly, 30 in a second unless somebody says otherwise: FreeMoCap writes its `mediapipe_body_3d_xyz.csv` like
-that. An empty field is a joint that was not seen.
+second or more apart. Other columns (a frame's number, visibilities) are ignored. Without times the frames follow each
+other evenly, 30 in a second unless another rate is given; FreeMoCap writes its `mediapipe_body_3d_xyz.csv` so. An empty
+field is a joint that was not seen.
 
 The `.npz` holds `time` (frames,), seconds; `positions` (frames, joints, 3), metres; `joints`; `parents`, empty when
-they are not known; `performer`.
+they are not known; and `performer`.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ import numpy as np
 
 from kinespace.library.formats.errors import RecordingError
 from kinespace.library.formats.joint_choice import chosen
-from kinespace.library.formats.marker_clip import clip_of_markers
+from kinespace.library.formats.markers.marker_clip import clip_of_markers
 from kinespace.library.formats.timed_frames import evened
 from kinespace.library.formats.units import guessed_metres
 from kinespace.library.skeleton import Skeleton
@@ -36,18 +36,18 @@ if TYPE_CHECKING:
 
     from kinespace.library.clip import Clip
 
-#: Frames per second of a table without times: what MediaPipe's cameras give.
+#: Frames per second of a table without times: the rate of MediaPipe's cameras.
 FRAME_RATE = 30.0
-#: Seconds between two frames from which times are taken for milliseconds.
+#: Seconds between two frames from which on times are taken to be milliseconds.
 _SECONDS_APART = 1.0
 _TIMES = ("time", "time_s", "timestamp", "timestamp_s", "t")
 _COLUMN = re.compile(r"(?P<joint>.+)[_.](?P<axis>[xyz])", re.IGNORECASE)
-#: What every column of FreeMoCap's newer tables of a body begins with.
+#: The beginning of every column in FreeMoCap's newer tables of a body.
 _BODY = "body_"
 _ARRAYS = ("time", "positions", "joints", "parents", "performer")
-#: Bytes of an array's numbers: an hour and a half of 31 joints at 240 frames per second.
+#: Bytes of an array's numbers, at most: an hour and a half of 31 joints at 240 frames per second.
 _MAX_BYTES = 1 << 30
-#: What numpy and zipfile raise for a file of another kind or cut short.
+#: The errors of numpy and zipfile for a file of another kind, or one cut short.
 _DAMAGE = (zipfile.BadZipFile, EOFError, KeyError, OSError, ValueError)
 
 
@@ -56,7 +56,7 @@ class JointTableError(RecordingError):
 
 
 def is_joint_table(path: Path) -> bool:
-    """Whether a `.csv` or `.npz` file is a table of joints: labels and libraries end alike."""
+    """Say whether a `.csv` or `.npz` file is a table of joints: files of labels and libraries have the same endings."""
     try:
         if path.suffix.lower() == ".npz":
             with zipfile.ZipFile(path) as archive:
@@ -79,9 +79,9 @@ def read_clip(
     path
         The file.
     metres_per_unit
-        What a CSV's numbers are; told by the body's size when not given. An `.npz` is in metres.
+        Metres of a CSV's unit; told by the body's size when not given. An `.npz` is in metres.
     frame_rate
-        Frames per second; as the times say when not given.
+        Frames per second; as often as the file's times say when not given.
     joints
         Which joints, by name (`library.formats.joint_choice.chosen`); all when none are given.
 
@@ -139,7 +139,7 @@ def _csv_clip(path: Path, metres: float | None, frame_rate: float | None, joints
         metres = guessed_metres(_reach(positions))
     if times is None:
         return clip_of_markers(path, names, positions * metres, frame_rate or FRAME_RATE, joints)
-    # Single joints that were not seen are put on straight lines where frames follow evenly, as for markers.
+    # Single joints that were not seen are put on straight lines, as markers are; only evenly spaced frames allow it.
     even = evened(times, positions * metres, rate=frame_rate)
     clip = clip_of_markers(path, names, even.positions, even.rate, joints)
     return replace(clip, filled=clip.filled + even.missing * len(clip.skeleton.joints), gaps=even.gaps)
@@ -155,7 +155,7 @@ def _reach(positions: NDArray[np.float64]) -> float:
 
 
 def _joints(header: Sequence[str]) -> dict[str, dict[str, int]]:
-    """Find the joints whose three columns are all there: for each axis its column."""
+    """Find the joints that have all three columns: for each axis its column."""
     found: dict[str, dict[str, int]] = {}
     for place, name in enumerate(header):
         if named := _COLUMN.fullmatch(name.strip()):
@@ -167,7 +167,7 @@ def _joints(header: Sequence[str]) -> dict[str, dict[str, int]]:
 
 
 def _read_csv(path: Path) -> tuple[list[str], NDArray[np.float64] | None, NDArray[np.float64]]:
-    """Read joint names, times in seconds where there are any, and positions in the file's unit, NaN where empty."""
+    """Read joint names, times in seconds (or None), and positions in the file's unit, NaN for an empty field."""
     rows, times = list[list[float]](), list[float]()
     try:
         with path.open(newline="", encoding="utf-8-sig") as file:

@@ -1,9 +1,15 @@
-"""What is performed when in a continuous take: labelled segments, and the clips cut from them."""
+"""What is performed when in a continuous take: labelled segments, and the clips cut from them.
+
+Three kinds of text are read: a table with the columns `start_s,end_s,label`, with commas, semicolons or tabs between;
+labels as Audacity exports them (start, end and label, with tabs between, no headings); and annotations as ELAN exports
+them (tab-delimited text, with headings or without, one row for each annotation).
+"""
 
 from __future__ import annotations
 
 import csv
 import math
+import re
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import TYPE_CHECKING
@@ -15,6 +21,20 @@ if TYPE_CHECKING:
     from kinespace.library.clip import Clip
 
 _COLUMNS = ("start_s", "end_s", "label")
+#: Endings of the files that may lie beside a take.
+_ENDINGS = (".csv", ".tsv", ".txt")
+#: How ELAN heads its columns of times, and what it may put before them; the annotations have other headings.
+_ELAN_TIMES, _ELAN_BEFORE = ("Begin Time - ", "End Time - ", "Duration - "), ("Tier", "Participant")
+#: ELAN's formats of time that are read, the exact ones first.
+_ELAN_FORMATS = ("msec", "ss.msec", "hh:mm:ss.ms")
+_CLOCK = re.compile(r"\d+:\d\d:\d\d[.,]\d+")
+_SECONDS, _WHOLE = re.compile(r"\d+[.,]\d+"), re.compile(r"\d+")
+#: Seconds by which a duration may differ from end less begin.
+_ROUNDED = 0.01
+#: Seconds of the shortest window by which motions are compared.
+_SHORTEST = 0.25
+#: Characters of a file that are looked at to see whether it holds labels.
+_LOOKED_AT = 2000
 
 
 class LabelError(ValueError):
@@ -58,9 +78,9 @@ class Segment:
 
 
 def read_labels(path: Path) -> tuple[Segment, ...]:
-    """Read a CSV with the columns `start_s,end_s,label` and, where several perform, `performer`.
+    """Read a table with the columns `start_s,end_s,label` and, where several perform, `performer`; or an export.
 
-    Lines without a label are passed over: nobody has said what they are.
+    Lines without a label are passed over: nobody has said what they are. So are Audacity's labels of a moment.
 
     Returns
     -------
@@ -69,19 +89,13 @@ def read_labels(path: Path) -> tuple[Segment, ...]:
     Raises
     ------
     LabelError
-        The file is no CSV, a column is missing, a line makes no sense, segments overlap, or there is none.
+        The file is no table, a column is missing, a line makes no sense, segments overlap, or there is none.
     OSError
         The file cannot be opened.
     """
     try:
         with path.open(newline="", encoding="utf-8-sig") as file:
-            rows = csv.DictReader(file)
-            missing = [name for name in _COLUMNS if name not in (rows.fieldnames or ())]
-            if missing:
-                raise LabelError(f"{path}: expected the columns {', '.join(_COLUMNS)}, no {', '.join(missing)} in it")
-            segments = [
-                _segment(path, rows.line_num, row) for row in rows if row["label"] is None or row["label"].strip()
-            ]
+            segments = list(_segments(path, list(file)))
     except (csv.Error, UnicodeDecodeError) as error:
         raise LabelError(f"{path}: expected a CSV in UTF-8 ({error})") from error
     if not segments:
@@ -95,12 +109,144 @@ def read_labels(path: Path) -> tuple[Segment, ...]:
     return tuple(sorted(segments, key=lambda segment: segment.start))
 
 
-def _segment(path: Path, line: int, row: Mapping[str, str | None]) -> Segment:
+def labels_beside(take: Path) -> Path | None:
+    """Find the file of labels that lies beside a take and is called like it; None where there is none."""
+    for ending in _ENDINGS:
+        path = take.with_suffix(ending)
+        if path != take and path.is_file() and _holds_labels(path):
+            return path
+    return None
+
+
+def _holds_labels(path: Path) -> bool:
+    with path.open(encoding="utf-8-sig", errors="replace") as file:
+        first = next((line for line in file.read(_LOOKED_AT).splitlines() if line.strip()), "")
+    exported = _exported(first.split("\t"))
+    # A table of numbers is no labels.
+    return _is_ours(first) or _is_elans(first) or bool(exported and re.search(r"[^\W\d_]", exported[2]))
+
+
+def _is_ours(head: str) -> bool:
+    return set(_COLUMNS) <= {name.strip().strip('"') for name in re.split("[,;\t]", head)}
+
+
+def _is_elans(head: str) -> bool:
+    return "\t" in head and all(time in head for time in _ELAN_TIMES[:2])
+
+
+def _segments(path: Path, lines: Sequence[str]) -> Iterator[Segment]:
+    """Read segments in the order of the file."""
+    head = next((line for line in lines if line.strip()), "")
+    if _is_elans(head):
+        yield from _elans(path, lines)
+    elif not _is_ours(head) and _exported(head.rstrip("\r\n").split("\t")) is not None:
+        yield from _without_headings(path, lines)
+    else:
+        yield from _ours(path, lines, max(",;\t", key=head.count))
+
+
+def _ours(path: Path, lines: Sequence[str], delimiter: str) -> Iterator[Segment]:
+    rows = csv.DictReader(lines, delimiter=delimiter)
+    missing = [name for name in _COLUMNS if name not in (rows.fieldnames or ())]
+    if missing:
+        raise LabelError(f"{path}: expected the columns {', '.join(_COLUMNS)}, no {', '.join(missing)} in it")
+    for row in rows:
+        if row["label"] is None or row["label"].strip():
+            times = [row["start_s"] or "", row["end_s"] or ""]
+            if delimiter != ",":
+                times = [time.replace(",", ".") for time in times]
+            yield _segment(path, rows.line_num, times, row["label"] or "", row.get("performer") or "")
+
+
+def _segment(path: Path, line: int, times: Sequence[str], label: str, performer: str = "") -> Segment:
     try:
-        start, end = float(row["start_s"] or ""), float(row["end_s"] or "")
-        return Segment(start, end, (row["label"] or "").strip(), (row.get("performer") or "").strip())
+        start, end = map(float, times)
+        return Segment(start, end, label.strip(), performer.strip())
     except ValueError as error:
         raise LabelError(f"{path}:{line}: {error}") from error
+
+
+def _elans(path: Path, lines: Sequence[str]) -> Iterator[Segment]:
+    """Read ELAN's annotations under headings: the columns of no times and no names of tiers hold what is performed."""
+    rows = csv.DictReader(lines, delimiter="\t", quoting=csv.QUOTE_NONE)
+    headings = [name for name in rows.fieldnames or () if name]
+    shape = next((each for each in _ELAN_FORMATS if f"Begin Time - {each}" in headings), None)
+    if shape is None:
+        raise LabelError(f"{path}: expected begin and end times as {' or '.join(_ELAN_FORMATS)}, got none")
+    performed = [name for name in headings if not name.startswith((*_ELAN_TIMES, *_ELAN_BEFORE))]
+    for row in rows:
+        times = [row[f"{which} Time - {shape}"] or "" for which in ("Begin", "End")]
+        for name in performed:
+            if label := (row[name] or "").strip():
+                yield _segment(path, rows.line_num, [_in_seconds(time, whole_ms=True) for time in times], label)
+
+
+def _without_headings(path: Path, lines: Sequence[str]) -> Iterator[Segment]:
+    """Read Audacity's labels, or ELAN's annotations without headings."""
+    for number, line in enumerate(lines, 1):
+        cells = line.rstrip("\r\n").split("\t")
+        # Audacity writes a label's frequencies in a line of their own.
+        if not line.strip() or cells[0] == "\\":
+            continue
+        found = _exported(cells)
+        if found is None:
+            raise LabelError(f"{path}:{number}: expected start, end and label with tabs between, got {line.strip()!r}")
+        start, end, label = found
+        if label.strip() and start != end:
+            yield _segment(path, number, [start, end], label)
+
+
+def _exported(cells: Sequence[str]) -> tuple[str, str, str] | None:
+    """Find begin and end, in seconds, and label in a row without headings; None in a row that has none.
+
+    The times stand together before the label: begin and end (Audacity), or begin, end and duration, each in as many
+    formats as were chosen (ELAN).
+    """
+    *before, label = cells
+    times = list[str]()
+    while before and any(shape.fullmatch(before[-1]) for shape in (_CLOCK, _SECONDS, _WHOLE)):
+        times.insert(0, before.pop())
+    if len(times) == 2:
+        begin, end = (_in_seconds(time) for time in times)
+        return begin, end, label
+    formats, rest = divmod(len(times), 3)
+    if rest or not formats:
+        return None
+    begin, end, lasts = (_in_seconds(times[place], whole_ms=True) for place in (0, formats, 2 * formats))
+    return (begin, end, label) if abs(float(begin) + float(lasts) - float(end)) < _ROUNDED else None
+
+
+def _in_seconds(time: str, *, whole_ms: bool = False) -> str:
+    """Write a time as seconds: `0:01:02.500`, `62.5`, or a whole number, perhaps of milliseconds."""
+    if _CLOCK.fullmatch(time):
+        hours, minutes, seconds = time.replace(",", ".").split(":")
+        return repr(3600 * int(hours) + 60 * int(minutes) + float(seconds))
+    if whole_ms and _WHOLE.fullmatch(time):
+        return repr(int(time) / 1000)
+    return time.replace(",", ".")
+
+
+def oddities(take: Clip, segments: Sequence[Segment]) -> list[str]:
+    """Say what a person should know of segments before a take is cut by them, a line each."""
+    if not segments:
+        return []
+    last, lasts = max(segment.end for segment in segments), take.duration
+    whole = all(time.is_integer() for segment in segments for time in (segment.start, segment.end))
+    beyond = [segment for segment in segments if segment.end > lasts + 1 / take.frame_rate]
+    tiny = [segment for segment in segments if segment.duration < _SHORTEST]
+    told = list[str]()
+    if beyond and whole and last <= take.frames + 1:
+        told.append(
+            f"the labels end at {last:g}, the take at {lasts:.1f} s or frame {take.frames}: "
+            "frame numbers? Seconds are expected"
+        )
+    elif beyond:
+        told.append(
+            f"{len(beyond)} of {len(segments)} labels end beyond the take's {lasts:.1f} s, the last at {last:g} s"
+        )
+    if tiny:
+        told.append(f"{len(tiny)} of {len(segments)} labels are shorter than {_SHORTEST:g} s, too short for any window")
+    return [f"{take.name}: {each}" for each in told]
 
 
 def renamed(segments: Iterable[Segment], names: Mapping[str, str]) -> tuple[Segment, ...]:

@@ -1,4 +1,4 @@
-"""Turns about one axis, of many frames at once."""
+"""Rotations about one axis, for many frames at once."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 
 
 def turn_about(axis: str, angles: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Rotation matrices about one axis, right-handed; angles (frames,) in radians, result (frames, 3, 3)."""
+    """Give the rotation matrices about one axis, right-handed, for angles (frames,) in radians: (frames, 3, 3)."""
     fixed = "xyz".index(axis)
     first, second = (fixed + 1) % 3, (fixed + 2) % 3
     matrices = np.zeros((len(angles), 3, 3))

@@ -1,4 +1,4 @@
-"""Frames that came at times of their own, put on an even grid, so that a frame's index tells its time."""
+"""Frames that came at uneven times, put on an even grid, so that a frame's index tells its time."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from kinespace.library.clip import Clip
-from kinespace.library.formats.gap_filling import LONGEST_GAP
+from kinespace.library.formats.gap_filling import MAX_GAP
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -16,11 +16,11 @@ if TYPE_CHECKING:
 
     from kinespace.library.skeleton import Skeleton
 
-#: Rates that a sender means when its frames come about as often.
+#: Rates that senders usually have; a feed that comes almost as often is taken to have such a rate.
 _USUAL = np.array([10.0, 12.5, 15.0, 20.0, 24.0, 25.0, 30.0, 50.0, 60.0, 72.0, 75.0, 90.0, 100.0, 120.0, 144.0, 240.0])
 #: Share by which frames may come more or less often than a usual rate.
 _ABOUT = 0.03
-#: Share of a frame's time, and seconds, within which two times are the same.
+#: Two times are the same when they differ by less than this share of a frame's time, or by less than these seconds.
 _TIE = 1e-6
 #: Frames of the grid, at most: a day at 60 frames per second.
 MAX_FRAMES = 24 * 3600 * 60
@@ -36,9 +36,9 @@ class Evened(NamedTuple):
     rate
         Frames per second.
     missing
-        Frames that stand on straight lines because none came near their time.
+        Frames that stand on straight lines, because no frame came near their time.
     gaps
-        From when to when no frame came for longer than straight lines may stand for, seconds from the grid's beginning.
+        Times between which no frame came for longer than straight lines may last, seconds from the grid's beginning.
     """
 
     positions: NDArray[np.float64]
@@ -58,18 +58,19 @@ def evened(
     rate: float | None = None,
     begin: float | None = None,
 ) -> Evened:
-    """Put frames on an even grid: straight lines between two frames, and standing still where none came for long.
+    """Put frames on an even grid: straight lines between two frames, standing still where no frame came for long.
 
     Parameters
     ----------
     times
-        Seconds on any clock, shape (frames,), not falling; of frames at the same time the last counts.
+        Seconds on any clock, shape (frames,), not falling; of frames at the same time the last one counts.
     positions
         Shape (frames, joints, 3), metres.
     rate
-        Frames per second of the grid; as often as the frames came, when not given.
+        Frames per second of the grid; the rate at which the frames came when not given.
     begin
-        The time at which the grid begins; the first frame's when not given. Until the first frame the body stands.
+        The time at which the grid begins; the first frame's when not given. The body stands still until the first
+        frame.
 
     Raises
     ------
@@ -92,25 +93,25 @@ def evened(
     before = after - 1
     apart = times[after] - times[before]
     share = np.clip((grid - times[before]) / apart, 0.0, 1.0)
-    # A straight line over a long time would be a movement that nobody made: the body stands where it was last seen.
-    share[(apart > LONGEST_GAP) & (share < 1 - _TIE)] = 0.0
+    # A straight line over a long time would be a movement that nobody made: the body stays where it was last seen.
+    share[(apart > MAX_GAP) & (share < 1 - _TIE)] = 0.0
     share[share < _TIE] = 0.0
     nearest = np.minimum(np.abs(grid - times[before]), np.abs(times[after] - grid))
-    missing = int(((nearest > 1 / rate) & (apart <= LONGEST_GAP) & (grid >= times[0])).sum())
+    missing = int(((nearest > 1 / rate) & (apart <= MAX_GAP) & (grid >= times[0])).sum())
     return Evened(_between(positions, before, after, share), rate, missing, tuple(_gaps(times, begin)))
 
 
 def _gaps(times: NDArray[np.float64], begin: float) -> Iterator[tuple[float, float]]:
-    if times[0] - begin > LONGEST_GAP:
+    if times[0] - begin > MAX_GAP:
         yield 0.0, float(times[0]) - begin
-    for place in np.flatnonzero(np.diff(times) > LONGEST_GAP).tolist():
+    for place in np.flatnonzero(np.diff(times) > MAX_GAP).tolist():
         yield float(times[place]) - begin, float(times[place + 1]) - begin
 
 
 def _between(
     positions: NDArray[np.float64], before: NDArray[np.intp], after: NDArray[np.intp], share: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Weigh two frames; a frame on its own time is given as it was, whatever its neighbour lacks."""
+    """Weigh two frames; at a frame's own time the frame itself is given, even if its neighbour lacks joints."""
     weighed = positions[before]
     moved = share > 0
     weighed[moved] += share[moved, None, None] * (positions[after[moved]] - positions[before[moved]])
@@ -120,10 +121,10 @@ def _between(
 
 
 def _usual_rate(times: NDArray[np.float64]) -> float:
-    """Tell how often frames came: the median, or the usual rate that lies near it."""
+    """Tell how often frames came: the median, or the usual rate that lies near the median."""
     rate = 1 / float(np.median(np.diff(times)))
     nearest = float(_USUAL[np.abs(_USUAL / rate - 1).argmin()])
-    # The mean of what follows closely is surer than the median, which arrival times round.
+    # The mean of the frames that follow closely is more exact than the median, which rounded arrival times spoil.
     close = np.diff(times)[np.diff(times) < 2 / rate]
     mean = 1 / float(close.mean())
     return nearest if abs(nearest / mean - 1) <= _ABOUT else round(mean, 3)

@@ -1,4 +1,4 @@
-"""Units of length that recordings come in: those they name, and a rule for those that name none."""
+"""Units of length in recordings: units that a file names, and a rule for files that name none."""
 
 from __future__ import annotations
 
@@ -13,13 +13,14 @@ METRES = {
     **dict.fromkeys(("in", "inch", "inches"), 0.0254),
     **dict.fromkeys(("ft", "foot", "feet"), 0.3048),
 }
-#: The largest distance between two joints of a person, in the file's numbers, up to which they are metres, up to which
-#: centimetres; beyond they are millimetres. A crouching child and the tallest stage body lie far from both.
-_LONGEST_IN_METRES, _LONGEST_IN_CENTIMETRES = 16.0, 500.0
+#: The largest distance between two joints of a person, in the file's numbers, up to which the unit is a metre, and up
+#: to which it is a centimetre; beyond, the unit is a millimetre. A crouching child and a very tall person are far from
+#: both limits.
+_MAX_IN_METRES, _MAX_IN_CENTIMETRES = 16.0, 500.0
 
 
 def metres_of(unit: str) -> float | None:
-    """Give the metres of a unit's name, or of a number that says them itself; None when it is neither."""
+    """Give the metres of a unit's name, or of a number that says them itself; None for any other text."""
     name = unit.strip().lower()
     if name in METRES:
         return METRES[name]
@@ -33,9 +34,9 @@ def metres_of(unit: str) -> float | None:
 def guessed_metres(reach: float) -> float:
     """Guess the metres of a file's unit from the largest distance between two joints in its first frame.
 
-    Metres, centimetres and millimetres are told apart by it, because people differ less than tenfold. Other units are
-    taken for the nearest of these: distances then have another scale, which a recogniser does not mind.
+    People differ less than tenfold in size, so metres, centimetres and millimetres can be told apart. Any other unit is
+    taken for the nearest of these: distances then have another scale, which recognition does not depend on.
     """
-    if reach <= _LONGEST_IN_METRES:
+    if reach <= _MAX_IN_METRES:
         return 1.0
-    return 0.01 if reach <= _LONGEST_IN_CENTIMETRES else 0.001
+    return 0.01 if reach <= _MAX_IN_CENTIMETRES else 0.001

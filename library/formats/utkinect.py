@@ -1,8 +1,8 @@
-"""UTKinect-Action3D's takes: joints as a depth camera saw them, frame by frame, and what is performed when.
+"""UTKinect-Action3D's takes: joints as a depth camera saw them, frame by frame, and labels of the actions.
 
-`joints_s01_e02.txt`: on each line a frame's number and 20 joints' x, y, z in metres. The camera skipped frames, and
-wrote some twice; a frame of zeros means that nobody was seen. `actionLabel.txt` beside the takes: under each take's
-name (`s01_e02`) the numbers of the frames between which an action is performed.
+`joints_s01_e02.txt` holds on each line a frame's number and 20 joints' x, y, z in metres. The camera skipped some
+frames and wrote some twice; a frame of zeros means that nobody was seen. `actionLabel.txt` beside the takes lists,
+under each take's name (`s01_e02`), the numbers of the frames between which an action is performed.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ ATTRIBUTION = (
     'L. Xia, C. Chen, J. Aggarwal, "View invariant human action recognition using histograms of 3D joints", CVPRW 2012.'
 )
 LABELS = "actionLabel.txt"
-#: What Kinect 1 tracks, in the order of the file's columns, in HDM05's names.
+#: The joints that Kinect 1 tracks, in the order of the file's columns, in HDM05's names.
 SKELETON = Skeleton(
     joints=(
         *("root", "upperback", "lowerneck", "head"),
@@ -46,9 +46,9 @@ SKELETON = Skeleton(
 
 _NAME = re.compile(r"joints_(?P<take>(?P<actor>s\d+)_(?P<number>e\d+))\.txt", re.IGNORECASE)
 _COLUMNS = 1 + 3 * len(SKELETON.joints)
-#: Frame numbers beyond are a mistake: a take of nine hours.
+#: Frame numbers above this are a mistake: a take of nine hours.
 _MAX_FRAME = 1_000_000
-#: Where a label's number is misprinted: the action would begin before the one that is performed before it.
+#: Corrections of a misprinted label number: the action would begin before the action that is performed before it.
 _MISPRINTS = {("s03_e01", "push", 2556): 3556}
 
 
@@ -57,14 +57,14 @@ class UTKinectError(RecordingError):
 
 
 class Frames(NamedTuple):
-    """The frames in which somebody was seen, each once: their numbers, (frames,), and positions, (frames, 20, 3), m."""
+    """The frames in which somebody was seen, each once: numbers, (frames,), and positions, (frames, 20, 3), metres."""
 
     numbers: NDArray[np.int64]
     positions: NDArray[np.float64]
 
 
 def is_take(path: Path) -> bool:
-    """Whether a file is named as UTKinect's takes are."""
+    """Say whether a file is named like UTKinect's takes."""
     return _NAME.fullmatch(path.name) is not None
 
 
@@ -74,7 +74,8 @@ def read_frames(path: Path) -> Frames:
     Raises
     ------
     UTKinectError
-        A line has not a frame's number and 60 finite numbers, the frame numbers fall, or nobody is seen in two frames.
+        A line lacks the frame's number or has not 60 finite numbers, frame numbers fall, or fewer than two frames show
+        somebody.
     OSError
         The file cannot be opened.
     """
@@ -99,21 +100,21 @@ def read_frames(path: Path) -> Frames:
 def read_clip(
     path: Path, *, metres_per_unit: float | None = None, frame_rate: float | None = None, joints: Sequence[str] = ()
 ) -> Clip:
-    """Read a take into a clip of all frames from the first to the last, the skipped ones on straight lines.
+    """Read a take into a clip of all frames from the first to the last, skipped frames on straight lines.
 
     Parameters
     ----------
     path
         The file.
     metres_per_unit, frame_rate
-        What its numbers are, and frames per second; metres and 30 when not given.
+        Metres of the file's unit, and frames per second; 1 and 30 when not given.
     joints
         Which joints, by name (`library.formats.joint_choice.chosen`); all when none are given.
 
     Raises
     ------
     UTKinectError
-        As `read_frames`, or a joint that is asked for is not there.
+        As `read_frames`, or a joint that is asked for is missing.
     OSError
         The file cannot be opened.
     """
@@ -143,19 +144,19 @@ def read_clip(
 
 
 def read_segments(path: Path) -> tuple[Segment, ...]:
-    """Read what is performed when in a take, out of the labels beside it.
+    """Read the labels of a take from the file beside it.
 
     Returns
     -------
-    By start, in seconds since the first frame. Actions of unknown time (NaN) are left out; of two that overlap the
-    earlier ends where the later begins.
+    By start, in seconds since the first frame. Actions of unknown time (NaN) are left out; where two actions overlap,
+    the earlier one ends where the later one begins.
 
     Raises
     ------
     UTKinectError
-        As `read_frames`, the labels do not name the take, or a line of them makes no sense.
+        As `read_frames`, the labels do not name the take, or a line of the labels makes no sense.
     OSError
-        There are no labels beside it.
+        No labels are beside the take.
     """
     first = int(read_frames(path).numbers[0])
     named, labels = _NAME.fullmatch(path.name), path.with_name(LABELS)

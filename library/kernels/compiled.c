@@ -46,6 +46,10 @@
 #define SECTIONS 8
 #define PASSES 6
 #define BOUNDS (SECTIONS * EIGENVECTORS)
+/* Bins of phases that are alike. */
+#define MOST_BINS 64
+/* Floats of the widest register. */
+#define MOST_FLOATS 16
 /* Squared distance that is as far as any. */
 #define FARTHEST 1e30F
 
@@ -89,6 +93,16 @@ typedef struct {
     void *owned[MOST_OWNED];
     int blocks_owned;
 } Table;
+
+/* What a body is followed through: the moments of the recordings of one class, and how a step goes on. */
+typedef struct {
+    Py_ssize_t count, recordings, axes, rows;
+    const double *phases, *beginning, *rounds, *alike; /* (count) each */
+    const Py_ssize_t *bins, *order, *starts;           /* (count), (count), (recordings) */
+    const float *vectors, *lengths;                    /* (axes, count), (count) */
+    const double *expected;                            /* (rows, count) */
+    double stay, one, two, changes, begins, again, sharpness, near;
+} Course;
 
 /* gcc on Windows spills wide registers to where the stack is not aligned for them, and crashes (its bug 54412). */
 #if defined(__x86_64__) && (!defined(_WIN32) || defined(__clang__))
@@ -135,6 +149,8 @@ static struct {
     __typeof__(covariance_any) *covariance;
     __typeof__(eigenpairs_any) *eigenpairs;
     __typeof__(compare_any) *compare;
+    __typeof__(follow_phase_any) *follow_phase;
+    __typeof__(moving_any) *moving;
 } loops;
 
 #define CHOOSE(kind)                                                                                                    \
@@ -148,6 +164,8 @@ static struct {
         loops.covariance = covariance_##kind;                                                                           \
         loops.eigenpairs = eigenpairs_##kind;                                                                           \
         loops.compare = compare_##kind;                                                                                 \
+        loops.follow_phase = follow_phase_##kind;                                                                       \
+        loops.moving = moving_##kind;                                                                                   \
     } while (0)
 
 #if defined(WIDE_REGISTERS)
@@ -506,6 +524,93 @@ static PyObject *read_eigen(PyObject *module, PyObject *const *arguments, Py_ssi
     return result;
 }
 
+/* stream.recognizer.progress._Filter.step: follow_phase(course, indices, starts, vectors, lengths, expected, constants, live,
+ * belief, after, room, told). The rows of `course` are phases, beginning, rounds and alike; those of `indices` bins and
+ * order; `constants` are stay, one, two, changes, begins, again, sharpness and near. */
+static PyObject *follow_phase(PyObject *module, PyObject *const *arguments, Py_ssize_t given) {
+    static const Wanted wanted[] = {{"course", "d", "4n", 0},     {"indices", INDEX, "2n", 0},  {"starts", INDEX, "r", 0},
+                                    {"vectors", "f", "wn", 0},    {"lengths", "f", "n", 0},     {"expected", "d", "kn", 0},
+                                    {"constants", "d", "8", 0},   {"live", "f", "w", 0},        {"belief", "d", "n", WRITTEN},
+                                    {"after", "d", "n", WRITTEN}, {"room", "f", "m", WRITTEN}, {"told", "d", "t", WRITTEN}};
+    Taken taken;
+    PyObject *result = NULL;
+    (void)module;
+    if (TAKE(&taken, wanted) == 0 && expect_most("moments", MOST_WINDOWS, taken.length['n']) == 0 &&
+        expect_most("recordings", taken.length['n'], taken.length['r']) == 0 &&
+        expect("room", taken.length['n'] + MOST_FLOATS, taken.length['m']) == 0 &&
+        expect("told", taken.length['k'] + 2, taken.length['t']) == 0 &&
+        expect_indices("starts", &taken.held[2], taken.length['n']) == 0) {
+        const Py_buffer *held = taken.held;
+        const Py_ssize_t count = taken.length['n'];
+        const double *numbers = held[0].buf, *constants = held[6].buf;
+        const Py_ssize_t *indices = held[1].buf, *starts = held[2].buf;
+        const Course course = {
+            .count = count,
+            .recordings = taken.length['r'],
+            .axes = taken.length['w'],
+            .rows = taken.length['k'],
+            .phases = numbers,
+            .beginning = numbers + count,
+            .rounds = numbers + 2 * count,
+            .alike = numbers + 3 * count,
+            .bins = indices,
+            .order = indices + count,
+            .starts = starts,
+            .vectors = held[3].buf,
+            .lengths = held[4].buf,
+            .expected = held[5].buf,
+            .stay = constants[0],
+            .one = constants[1],
+            .two = constants[2],
+            .changes = constants[3],
+            .begins = constants[4],
+            .again = constants[5],
+            .sharpness = constants[6],
+            .near = constants[7],
+        };
+        int right = starts[0] == 0;
+        for (Py_ssize_t r = 1; r < course.recordings; r++) {
+            right = right && starts[r] > starts[r - 1];
+        }
+        for (Py_ssize_t i = 0; i < count; i++) {
+            right = right && indices[i] >= 0 && indices[i] < MOST_BINS && indices[count + i] >= 0 && indices[count + i] < count;
+        }
+        if (right) {
+            loops.follow_phase(&course, held[7].buf, held[8].buf, held[9].buf, held[10].buf, held[11].buf);
+            result = Py_NewRef(Py_None);
+        } else {
+            PyErr_Format(PyExc_ValueError, "indices: expected bins below %d, an order, and starts that ascend from 0", MOST_BINS);
+        }
+    }
+    let_go(&taken);
+    return result;
+}
+
+/* stream.recognizer.progress._moving: moving(points, back, factor, whitening, live) -> (the squared length of the velocity,
+ * the summed variance of the points) */
+static PyObject *moving(PyObject *module, PyObject *const *arguments, Py_ssize_t given) {
+    static const Wanted wanted[] = {{"points", "d", "pd", ROOM},   {"back", "d", "", 0},     {"factor", "d", "", 0},
+                                    {"whitening", "d", "vw", 0}, {"live", "f", "w", WRITTEN}};
+    Taken taken;
+    PyObject *result = NULL;
+    (void)module;
+    if (TAKE(&taken, wanted) == 0 && expect_most("points", MOST_WINDOWS, taken.length['p']) == 0 &&
+        expect_most("directions", MOST_DIRECTIONS, taken.length['d']) == 0 &&
+        expect("whitening", 2 * taken.length['d'], taken.length['v']) == 0) {
+        const Py_ssize_t count = taken.length['p'];
+        if (taken.number[1] >= 0 && taken.number[1] < (double)count) {
+            double square, variance;
+            loops.moving(taken.held[0].buf, count, stride_of(&taken.held[0]), taken.length['d'], (Py_ssize_t)taken.number[1],
+                         taken.number[2], taken.held[3].buf, taken.length['w'], taken.held[4].buf, &square, &variance);
+            result = Py_BuildValue("dd", square, variance);
+        } else {
+            PyErr_Format(PyExc_ValueError, "back: expected 0 to %zd", count - 1);
+        }
+    }
+    let_go(&taken);
+    return result;
+}
+
 /* ---- windows compared: library.windows.index.WindowIndex ----------------------------------------------------------*/
 
 /* Give zeros that begin with a cache line; NULL and an error when there are none to be had. */
@@ -785,6 +890,8 @@ static PyMethodDef methods[] = {
     {"read_parts", FUNCTION(read_parts)},
     {"read_eigen", FUNCTION(read_eigen)},
     {"eigenpairs", FUNCTION(eigenpairs)},
+    {"follow_phase", FUNCTION(follow_phase)},
+    {"moving", FUNCTION(moving)},
     {"kind", FUNCTION(kind)},
     {"use", use, METH_O, NULL},
     {NULL, NULL, 0, NULL},

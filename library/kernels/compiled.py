@@ -1,10 +1,8 @@
-"""The inner loops of a hop, compiled (`compiled.c`): there if a compiler was when kinespace was installed.
+"""The inner loops of a hop, compiled from `compiled.c` if a compiler was there when kinespace was installed.
 
-Without them numpy does the same, at a multiple of the cost. `KINESPACE_COMPILED=0` in the environment leaves them
-aside.
+Without them numpy computes the same, more slowly. `KINESPACE_COMPILED=0` in the environment disables them.
 
-They are in C because what else compiles loops costs every start time, and memory more than all the rest takes: what was
-measured of numba stands in tests/TRIED.md.
+They are in C because other compilers of loops (numba) cost start time and memory; tests/TRIED.md has the measurements.
 """
 
 from __future__ import annotations
@@ -27,10 +25,10 @@ Floats = NDArray[np.float32]
 
 
 class Table(Protocol):
-    """A library's windows, laid out for a live one to be compared with all of them."""
+    """A library's windows, laid out so that a live window is compared with all of them."""
 
     def add_part(self, eigenvectors: int, directions: int, origin: Floats, axes: Halves, /) -> None:
-        """Say how the next part's numbers become a vector: (numbers − origin) @ axes.
+        """Describe how the next part's numbers become a vector: (numbers − origin) @ axes.
 
         Parameters
         ----------
@@ -41,16 +39,17 @@ class Table(Protocol):
         """
 
     def add_group(self, parts: Indices, origin: Floats, axes: Halves, windows: Halves, lengths: Floats, /) -> None:
-        """Say how the next group is compared.
+        """Describe how the next group is compared.
 
         Parameters
         ----------
         parts
-            Which parts it joins.
+            The parts that the group joins.
         origin, axes
-            A metric of the joined vector; both empty where there is none.
+            A metric of the joined vector; both empty where there is no metric.
         windows
-            The windows' vectors, (windows, kept); of eigenvectors four after another, (windows, 4 directions).
+            The windows' vectors, (windows, kept); for eigenvectors four vectors one after another, (windows, 4
+            directions).
         lengths
             Squared lengths, (windows,).
         """
@@ -60,22 +59,22 @@ class Table(Protocol):
 
 
 class Loops(Protocol):
-    """What is compiled; each raises ValueError where an array is of another shape or type than it works on.
+    """The compiled module; each function raises ValueError for an array of another shape or type.
 
     Attributes
     ----------
     MOST_JOINTS, MOST_DIRECTIONS
-        More than these are left to numpy.
+        Bodies and bases with more are left to numpy.
     """
 
     MOST_JOINTS: int
     MOST_DIRECTIONS: int
 
     def kind(self) -> str:
-        """Say for which processors the loops in use are: avx512, avx2, or any."""
+        """Give the kind of the loops in use: avx512, avx2, or any."""
 
     def use(self, kind: str, /) -> None:
-        """Use those of another kind, so that they can be tested."""
+        """Use loops of another kind, for tests."""
 
     def measure_distances(self, positions: Numbers, pairs: Indices, rows: Numbers, /) -> None:
         """Write the distances of frames (frames, joints, 3) between pairs (pairs, 2) to rows (frames, pairs)."""
@@ -92,7 +91,7 @@ class Loops(Protocol):
     ) -> tuple[float, float]:
         """Add rows to a window's sums (4, width) and clock (3,), and take rows away, as `RollingMoments` keeps them.
 
-        Gives the largest sum of squares, and the sum there.
+        Return the largest sum of squares, and the sum there.
         """
 
     def follow_products(
@@ -100,7 +99,7 @@ class Loops(Protocol):
     ) -> tuple[float, float]:
         """Add rows, relative to a reference, to their sum (width,) and products (width, width), and take rows away.
 
-        Gives the trace of the products, and the squared length of the sum.
+        Return the trace of the products, and the squared length of the sum.
         """
 
     def read_parts(  # noqa: PLR0913, PLR0917 - as above
@@ -118,7 +117,7 @@ class Loops(Protocol):
     ) -> tuple[float, float]:
         """Write spread, posture and trend of a window of so many rows with these sums, (3, width).
 
-        Gives its movement, and the size of the body.
+        Return its movement, and the size of the body.
 
         Parameters
         ----------
@@ -158,10 +157,71 @@ class Loops(Protocol):
     def eigenpairs(self, covariances: Numbers, values: Numbers, vectors: Numbers, /) -> bool:
         """Write the largest eigenvalues of each matrix, (n, k), and their eigenvectors, (n, k, size): four at most.
 
-        Gives False where a matrix holds what is no number.
+        Return False where a matrix holds NaN or infinity.
         """
 
-    def Table(  # noqa: N802 - a class behind a border that has no names
+    def follow_phase(  # noqa: PLR0913, PLR0917 - as above
+        self,
+        course: Numbers,
+        indices: Indices,
+        starts: Indices,
+        vectors: Floats,
+        lengths: Floats,
+        expected: Numbers,
+        constants: Numbers,
+        live: Floats,
+        belief: Numbers,
+        after: Numbers,
+        room: Floats,
+        told: Numbers,
+        /,
+    ) -> None:
+        """Take one step of the filter that follows a body through the moments of a class.
+
+        Parameters
+        ----------
+        course
+            Of each moment its phase, how probable it is at the beginning and where a next round begins, and one over
+            how many moments are in its bin, (4, moments).
+        indices
+            Of each moment its bin; and the moments by their phase, (2, moments).
+        starts
+            Where each recording begins.
+        vectors, lengths
+            The moments, (axes, moments), and their squared lengths.
+        expected
+            Rows whose mean is wanted, (rows, moments).
+        constants
+            How probable a step by 0, 1 and 2 is, a change of the recording, a beginning, and a next round; how much a
+            squared distance counts; which phases are near.
+        live
+            The live body, (axes,).
+        belief
+            How probable each moment is: read and written.
+        after, room
+            Room for so many numbers, and for so many and a register more.
+        told
+            Where to write the phase, how probable the phases near it are, and the means, (2 + rows,).
+        """
+
+    def moving(
+        self, points: Numbers, back: int, factor: float, whitening: Numbers, live: Floats, /
+    ) -> tuple[float, float]:
+        """Write the newest point and its velocity, whitened; give the velocity's squared length, the points' variance.
+
+        Parameters
+        ----------
+        points
+            (points, directions), the newest last.
+        back, factor
+            How many points before the velocity begins, and what it is multiplied by.
+        whitening
+            (2 directions, axes).
+        live
+            Where to write, (axes,).
+        """
+
+    def Table(  # noqa: N802 - a class of the C module
         self, windows: int, block_starts: Indices, class_starts: Indices, weights: Floats, nearest: float, /
     ) -> Table:
         """Begin a table.
@@ -169,13 +229,13 @@ class Loops(Protocol):
         Parameters
         ----------
         windows
-            How many there are.
+            The number of windows.
         block_starts, class_starts
-            Where the windows of each person in each class start, and where among those the people of each class do.
+            Where the windows of each person in each class start, and where each class's persons start among them.
         weights
             Of each group in each view, (views, groups).
         nearest
-            The least that a squared distance counts.
+            A lower bound for squared distances.
         """
 
 
@@ -186,7 +246,7 @@ def _built() -> Loops | None:
         built = importlib.import_module("kinespace.library.kernels._compiled")
     except ImportError:
         return None
-    # What was built from older sources may lack something: until it is built anew numpy does it all.
+    # A module built from older sources may lack a function: until it is built anew, numpy does everything.
     wanted = {name for name in (*vars(Loops), *Loops.__annotations__) if not name.startswith("_")}
     return cast("Loops", built) if wanted <= set(dir(built)) else None
 
@@ -197,7 +257,7 @@ loops: Loops | None = _built()
 
 @contextmanager
 def left_aside() -> Iterator[None]:
-    """Leave the compiled loops aside for a while: a recogniser made meanwhile is for meanwhile."""
+    """Disable the compiled loops inside this block. A recogniser created inside the block must be used inside it."""
     global loops  # noqa: PLW0603 - one for the process, as modules are
     before, loops = loops, None
     try:

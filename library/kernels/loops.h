@@ -601,6 +601,175 @@ LOOP static void KIND(compare)(const Table *table, const double *const *numbers,
     KIND(agree)(table, logs);
 }
 
+/* e to the power of numbers: eˣ = 2ⁿ eʳ with |r| ≤ ln 2 / 2. Below −87 it is e⁻⁸⁷, as good as nothing; none is above 0. */
+HELPER KIND(Floats) KIND(float_exps)(KIND(Floats) numbers) {
+    union {
+        KIND(Ints) bits;
+        KIND(Floats) whole;
+    } power;
+    const KIND(Floats) least = numbers * 0 - 87.0F;
+    const KIND(Ints) enough = numbers > least;
+    power.whole = numbers;
+    power.bits = (power.bits & enough) | ((KIND(Ints))least & ~enough);
+    const KIND(Floats) x = power.whole;
+    /* None is above 0, and a conversion rounds towards 0. */
+    const KIND(Ints) n = __builtin_convertvector(x * 1.44269504F - 0.5F, KIND(Ints));
+    const KIND(Floats) whole = __builtin_convertvector(n, KIND(Floats));
+    const KIND(Floats) r = (x - whole * 0.693359375F) + whole * 2.12194440e-4F;
+    KIND(Floats) series = r * 0 + 1.0F / 5040.0F;
+    series = series * r + 1.0F / 720.0F;
+    series = series * r + 1.0F / 120.0F;
+    series = series * r + 1.0F / 24.0F;
+    series = series * r + 1.0F / 6.0F;
+    series = series * r + 0.5F;
+    series = series * r + 1.0F;
+    series = series * r + 1.0F;
+    power.bits = (n + 127) << 23;
+    return series * power.whole;
+}
+
+/* Move the probability of every moment on by one step, to `after`. */
+LOOP static void KIND(go_on)(const Course *course, const double *restrict before, double *restrict after) {
+    const Py_ssize_t count = course->count;
+    const double stay = course->stay, one = course->one, two = course->two;
+    double mass[MOST_BINS] = {0.0}, beyond = 0.0;
+    for (Py_ssize_t r = 0; r < course->recordings; r++) {
+        const Py_ssize_t begin = course->starts[r], end = r + 1 < course->recordings ? course->starts[r + 1] : count;
+        const Py_ssize_t last = end - 1;
+        after[begin] = stay * before[begin];
+        if (last > begin) {
+            after[begin + 1] = stay * before[begin + 1] + one * before[begin];
+        }
+        for (Py_ssize_t i = begin + 2; i < end; i++) {
+            after[i] = stay * before[i] + one * before[i - 1] + two * before[i - 2];
+        }
+        const double over = (one + two) * before[last] + (last > begin ? two * before[last - 1] : 0.0);
+        after[last] += over * (1.0 - course->again);
+        beyond += over;
+    }
+    beyond *= course->again;
+    for (Py_ssize_t i = 0; i < count; i++) {
+        after[i] += beyond * course->rounds[i];
+        mass[course->bins[i]] += after[i];
+    }
+    const double keeps = 1.0 - course->changes - course->begins;
+    for (Py_ssize_t i = 0; i < count; i++) {
+        after[i] = keeps * after[i] + course->changes * course->alike[i] * mass[course->bins[i]] +
+                   course->begins * course->beginning[i];
+    }
+}
+
+/* Weigh every moment by how alike the live one is; gives what the probabilities add up to. `room` has room for as many
+ * floats as there are moments, and a register more. */
+LOOP static double KIND(weigh)(const Course *course, const float *restrict live, double *restrict belief,
+                               float *restrict room) {
+    const Py_ssize_t count = course->count;
+    memcpy(room, course->lengths, sizeof(float) * (size_t)count);
+    for (Py_ssize_t k = 0; k < course->axes; k++) {
+        const float *restrict axis = course->vectors + k * count;
+        const float factor = -2.0F * live[k];
+        for (Py_ssize_t i = 0; i < count; i++) {
+            room[i] += factor * axis[i];
+        }
+    }
+    float least = INFINITY;
+#pragma omp simd reduction(min : least)
+    for (Py_ssize_t i = 0; i < count; i++) {
+        least = room[i] < least ? room[i] : least;
+    }
+    const float sharpness = -0.5F * (float)course->sharpness;
+    for (Py_ssize_t i = 0; i < count; i += FLOATS) {
+        KIND(Floats) *some = (KIND(Floats) *)(room + i);
+        *some = KIND(float_exps)(sharpness * (*some - least));
+    }
+    double total = 0.0;
+#pragma omp simd reduction(+ : total)
+    for (Py_ssize_t i = 0; i < count; i++) {
+        belief[i] *= (double)room[i];
+        total += belief[i];
+    }
+    return total;
+}
+
+/* Take one step of the filter; what is told: the phase at which half the probability lies below, the probability near it,
+ * and the mean of each of some rows of numbers. */
+LOOP static void KIND(follow_phase)(const Course *course, const float *restrict live, double *restrict belief,
+                                    double *restrict after, float *restrict room, double *restrict told) {
+    const Py_ssize_t count = course->count;
+    KIND(go_on)(course, belief, after);
+    const double total = KIND(weigh)(course, live, after, room);
+    const double factor = total > 0.0 ? 1.0 / total : 0.0;
+    for (Py_ssize_t i = 0; i < count; i++) {
+        belief[i] = total > 0.0 ? after[i] * factor : course->beginning[i];
+    }
+    double below = 0.0, near = 0.0;
+    Py_ssize_t place = 0;
+    for (; place < count - 1; place++) {
+        below += belief[course->order[place]];
+        if (below >= 0.5) {
+            break;
+        }
+    }
+    const double phase = course->phases[course->order[place]], far = course->near;
+#pragma omp simd reduction(+ : near)
+    for (Py_ssize_t i = 0; i < count; i++) {
+        near += fabs(course->phases[i] - phase) <= far ? belief[i] : 0.0;
+    }
+    told[0] = phase;
+    told[1] = near;
+    for (Py_ssize_t row = 0; row < course->rows; row++) {
+        const double *restrict numbers = course->expected + row * count;
+        double mean = 0.0;
+#pragma omp simd reduction(+ : mean)
+        for (Py_ssize_t i = 0; i < count; i++) {
+            mean += belief[i] * numbers[i];
+        }
+        told[2 + row] = mean;
+    }
+}
+
+/* Where a body is and how it moves, whitened, to `live` (width); the squared length of the velocity, `back` points long and
+ * times a factor; and the summed variance of points (count, directions). */
+LOOP static void KIND(moving)(const double *restrict points, Py_ssize_t count, Py_ssize_t stride, Py_ssize_t directions,
+                              Py_ssize_t back, double factor, const double *restrict whitening, Py_ssize_t width,
+                              float *restrict live, double *restrict square, double *restrict variance) {
+    const double *restrict now = points + (count - 1) * stride, *restrict before = now - back * stride;
+    double vector[2 * MOST_DIRECTIONS], mean[MOST_DIRECTIONS] = {0.0}, squares[MOST_DIRECTIONS] = {0.0};
+    *square = *variance = 0.0;
+    for (Py_ssize_t d = 0; d < directions; d++) {
+        const double velocity = factor * (now[d] - before[d]);
+        vector[d] = now[d];
+        vector[directions + d] = velocity;
+        *square += velocity * velocity;
+    }
+    for (Py_ssize_t p = 0; p < count; p++) {
+        for (Py_ssize_t d = 0; d < directions; d++) {
+            mean[d] += points[p * stride + d] / (double)count;
+        }
+    }
+    for (Py_ssize_t p = 0; p < count; p++) {
+        for (Py_ssize_t d = 0; d < directions; d++) {
+            const double deviation = points[p * stride + d] - mean[d];
+            squares[d] += deviation * deviation;
+        }
+    }
+    for (Py_ssize_t d = 0; d < directions; d++) {
+        *variance += squares[d] / (double)count;
+    }
+    for (Py_ssize_t begin = 0; begin < width; begin += MOST_DIRECTIONS) {
+        const Py_ssize_t some = width - begin < MOST_DIRECTIONS ? width - begin : MOST_DIRECTIONS;
+        double sums[MOST_DIRECTIONS] = {0.0};
+        for (Py_ssize_t d = 0; d < 2 * directions; d++) {
+            for (Py_ssize_t k = 0; k < some; k++) {
+                sums[k] += vector[d] * whitening[d * width + begin + k];
+            }
+        }
+        for (Py_ssize_t k = 0; k < some; k++) {
+            live[begin + k] = (float)sums[k];
+        }
+    }
+}
+
 #undef HELPER
 #undef BYTES
 #undef FLOATS

@@ -1,8 +1,8 @@
-"""One naming convention: what a program calls the joints that HDM05 has, read from TOML and checked once.
+"""One naming convention: a program's names for the joints that HDM05 has, read from TOML and checked once.
 
-Capitals and what separates words say nothing: `LeftUpLeg`, `left_up_leg` and `left-upLeg` are one name. What stands
-before a name and is no part of it does not either: a namespace (`mixamorig:Hips`), a path (`Armature|Hips`), or what
-all joints of a skeleton have in front (`Skeleton 001_Hip`).
+Capitals and marks between words are ignored: `LeftUpLeg`, `left_up_leg` and `left-upLeg` are one name. So is text in
+front of a name: a namespace (`mixamorig:Hips`), a path (`Armature|Hips`), or a prefix that all joints of a skeleton
+share (`Skeleton 001_Hip`).
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 _ENDING = ".toml"
 _KEYS = ("title", "prefixes", "sides", "absent", "joints")
 _BETWEEN_WORDS = re.compile(r"[\s_\-.:]+")
-#: What ends a namespace or a path.
+#: The end of a namespace or a path.
 _NAMESPACE = re.compile(r".*[:|]")
 #: Stands for a side in a convention's names, and for its letter in ours.
 _SIDE = "*"
@@ -36,19 +36,19 @@ class ConventionError(ValueError):
 
 @dataclass(frozen=True, slots=True)
 class Convention:
-    """What a program calls the joints that HDM05 has.
+    """A program's names for the joints that HDM05 has.
 
     Attributes
     ----------
     name, title
-        What it is asked for by, and what a person calls it.
+        The name by which it is asked for, and the name that people read.
     targets
-        For each of its names, as `spelling` leaves it, our joint; empty where we have none. Of two names that mean one
-        joint the first counts, where a skeleton has both.
+        Our joint for each of the convention's names, spelled by `spelling`; empty where we have no such joint. Where a
+        skeleton has two names for one joint, the first name counts.
     prefixes
-        What may stand in front of every name, perhaps with a number, as `spelling` leaves it.
+        Prefixes that every name may have, perhaps followed by a number, spelled by `spelling`.
     absent
-        Names, as `spelling` leaves them, one of which tells that a skeleton is not of this convention.
+        Names, spelled by `spelling`; a skeleton that has one of them is not of this convention.
     """
 
     name: str
@@ -59,16 +59,16 @@ class Convention:
 
     @property
     def joints(self) -> tuple[str, ...]:
-        """Our joints that it has a name for, in the order of its names."""
+        """Our joints that the convention names, in the order of its names."""
         return tuple(dict.fromkeys(target for target in self.targets.values() if target))
 
     def spelled(self, labels: Sequence[str]) -> list[str]:
-        """Give what is left of each label: what stands in front of it left out, and `spelling`."""
+        """Spell labels by `spelling`, without the text in front of each name."""
         bare = [_NAMESPACE.sub("", label) or label for label in labels]
         return max(([self._bare(label) for label in each] for each in (bare, _without_front(bare))), key=self.known)
 
     def known(self, spelled: Sequence[str]) -> int:
-        """Count the names that are its own."""
+        """Count the names that belong to the convention."""
         return sum(name in self.targets for name in spelled)
 
     def _bare(self, label: str) -> str:
@@ -78,19 +78,19 @@ class Convention:
 
 
 def spelling(name: str) -> str:
-    """Give what is left of a joint's name when capitals and what stands between words are passed over."""
+    """Spell a joint's name without capitals and without marks between words."""
     return _BETWEEN_WORDS.sub("", name).casefold()
 
 
 def _without_front(labels: Sequence[str]) -> list[str]:
-    """Leave out what all labels begin with, up to a mark between words."""
+    """Leave out the beginning that all labels share, up to a mark between words."""
     fronts = [labels[0][: mark.end()] for mark in _BETWEEN_WORDS.finditer(labels[0])] if labels else []
     front = max((each for each in fronts if all(label.startswith(each) for label in labels)), key=len, default="")
     return [label.removeprefix(front) or label for label in labels]
 
 
 def own_convention() -> Convention:
-    """Give HDM05's own names as a convention, which is also that of CMU's ASF files."""
+    """Give HDM05's own names as a convention; CMU's ASF files use the same names."""
     return Convention("hdm05", "HDM05", {spelling(joint): joint for joint in hdm05.SKELETON.joints})
 
 
@@ -109,7 +109,7 @@ def convention_named(text: str) -> Convention:
     Raises
     ------
     ConventionError
-        There is none of that name, or the file is no convention.
+        There is no convention of that name, or the file is no convention.
     OSError
         The file cannot be read.
     """
@@ -117,7 +117,7 @@ def convention_named(text: str) -> Convention:
         try:
             return parse_convention(Path(text).read_text(encoding="utf-8"), text)
         except UnicodeDecodeError as error:
-            raise ConventionError(f"{text}: expected UTF-8 text, got byte {error.start} that is none") from error
+            raise ConventionError(f"{text}: expected UTF-8 text, got byte {error.start} of another encoding") from error
     found = next((each for each in conventions() if each.name == text.casefold()), None)
     if found is None:
         names = ", ".join(each.name for each in conventions())
@@ -131,14 +131,14 @@ def parse_convention(text: str, file: str) -> Convention:
     Parameters
     ----------
     text
-        The TOML: `title`, `[joints]`, and where they are needed `sides`, `prefixes` and `absent`.
+        The TOML: `title`, `[joints]`, and if needed `sides`, `prefixes` and `absent`.
     file
-        What messages call its file; the convention is called so without its folder and ending.
+        The file's name in messages; the convention's name is the same without folder and ending.
 
     Raises
     ------
     ConventionError
-        It is no TOML, or something in it is wrong, missing or unknown.
+        The text is no TOML, or something in it is wrong, missing or unknown.
     """
     try:
         table: dict[str, object] = tomllib.loads(text)
@@ -183,7 +183,7 @@ def _sides(value: object, file: str) -> list[list[str]]:
 
 def _targets(value: object, sides: list[list[str]], file: str) -> dict[str, str]:
     if not isinstance(value, dict) or not all(isinstance(target, str) for target in value.values()):
-        raise ConventionError(f"{file}: joints: expected a table of names and ours for them")
+        raise ConventionError(f"{file}: joints: expected a table of names with our joint for each")
     targets = dict[str, str]()
     for key, given in cast("dict[str, str]", value).items():
         for name, target in _both_sides(key, given.strip(), sides):
@@ -197,7 +197,7 @@ def _targets(value: object, sides: list[list[str]], file: str) -> dict[str, str]
 
 
 def _both_sides(name: str, target: str, sides: list[list[str]]) -> Iterator[tuple[str, str]]:
-    """Put each way to say left and right in the place of `*`."""
+    """Replace `*` by each word for a side."""
     if _SIDE not in name:
         yield name, target
         return

@@ -1,4 +1,4 @@
-"""How the joint names of a file or a feed are read: by the convention that fits, by a given one, or as they are."""
+"""How the joint names of a file or a feed are read: by a convention, found or given, or unchanged."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from kinespace.library.naming.convention import Convention, convention_named, co
 if TYPE_CHECKING:
     from collections.abc import Collection, Sequence
 
-#: What a person says for "find it yourself" and for "leave them as they are".
+#: The words by which a person asks to find the convention, and to leave names unchanged.
 AUTO, AS_THEY_ARE = "auto", "as-they-are"
-#: Fewer joints of ours than these say nothing about a skeleton.
-_FEWEST = 6
-#: A convention is found when it knows so large a share of the skeleton's names, or the skeleton has so large a share of
-#: the joints that it names: a hand with twenty bones, or a body with half of its joints, is no other convention.
+#: Joints of ours without which a convention is not found in a skeleton.
+_MIN_KNOWN = 6
+#: A convention is found when it knows this share of the skeleton's names, or when the skeleton has this share of the
+#: joints that the convention names. A hand with twenty bones, or half a body, fails one of the two only.
 _SHARE = 0.6
-#: Skeletons whose names are remembered.
-_REMEMBERED = 64
+#: Skeletons whose names are remembered, at most.
+_MAX_REMEMBERED = 64
 
 
 class NamedJoints(NamedTuple):
@@ -29,9 +29,9 @@ class NamedJoints(NamedTuple):
     Attributes
     ----------
     joints
-        As many as there were, in their order: ours where the convention has one, their own names elsewhere.
+        All joints in their order: by our name where the convention has one, by their own name elsewhere.
     convention
-        Whose names they were; None where they stay as they were.
+        The convention that was applied; None where names were not changed.
     """
 
     joints: tuple[str, ...]
@@ -39,12 +39,12 @@ class NamedJoints(NamedTuple):
 
     @property
     def title(self) -> str:
-        """What the convention is called; empty where names stay as they were, or are ours anyway."""
+        """The convention's title; empty where names were not changed, or are ours anyway."""
         return self.convention.title if self.convention and self.convention.name != own_convention().name else ""
 
 
 def told(title: str, joints: Sequence[str]) -> str:
-    """Say in a line whose names they were and how many of ours they mean."""
+    """Say in a line which convention was applied, and how many of our joints it found."""
     ours = hdm05.SKELETON.joints
     return f"{title} names: {sum(joint in ours for joint in joints)} of {len(ours)} joints"
 
@@ -56,9 +56,9 @@ class Naming:
     Attributes
     ----------
     convention
-        Whose names they are; None to find out.
+        The convention to apply; None to find it.
     finds
-        Whether the convention is looked for; otherwise, without one, names stay as they are.
+        Whether to find the convention; if not, and none is given, names are not changed.
     """
 
     convention: Convention | None = None
@@ -66,12 +66,12 @@ class Naming:
 
     @classmethod
     def asked(cls, text: str) -> Self:
-        """Read what a person asks for: auto, as-they-are, a convention's name, or a TOML file.
+        """Read the option: auto, as-they-are, a convention's name, or a TOML file.
 
         Raises
         ------
         ConventionError
-            There is no such convention, or the file is none.
+            There is no such convention, or the file is no convention.
         OSError
             The file cannot be read.
         """
@@ -86,14 +86,14 @@ class Naming:
         return _found(tuple(labels)) if self.finds else NamedJoints(tuple(labels), None)
 
     def met(self, labels: Sequence[str], joints: Collection[str]) -> NamedJoints:
-        """Give joints our names, unless more of them are among some joints as they are.
+        """Give joints our names, unless the joints' own names match more of `joints`.
 
         Parameters
         ----------
         labels
-            What a sender calls its joints.
+            A sender's names for its joints.
         joints
-            A library's, which may have names of its own.
+            A library's joints, which may have names of their own.
         """
         named = self.read(labels)
         as_they_are = sum(label in joints for label in labels)
@@ -102,25 +102,25 @@ class Naming:
         return named
 
 
-@lru_cache(maxsize=_REMEMBERED)
+@lru_cache(maxsize=_MAX_REMEMBERED)
 def _found(labels: tuple[str, ...]) -> NamedJoints:
-    """Give the joints by the names of the convention that knows most of them; as they are where none does."""
+    """Rename joints by the convention that knows most of them; unchanged where no convention fits."""
     best, most = None, (0, 0.0)
     for convention in conventions():
         spelled = convention.spelled(labels)
         known = convention.known(spelled)
         targets = {convention.targets.get(label, "") for label in spelled} - {""}
-        if len(targets) < _FEWEST or not convention.absent.isdisjoint(spelled):
+        if len(targets) < _MIN_KNOWN or not convention.absent.isdisjoint(spelled):
             continue
         of_names, of_joints = known / len(labels), len(targets) / len(convention.joints)
-        # Of two conventions that know as many names, the one of which more is there.
+        # Of two conventions that know as many names, the one of whose joints the skeleton has a larger share.
         if max(of_names, of_joints) >= _SHARE and (known, of_joints) > most:
             best, most = convention, (known, of_joints)
     return NamedJoints(_renamed(best, labels), best) if best else NamedJoints(labels, None)
 
 
 def _renamed(convention: Convention, labels: Sequence[str]) -> tuple[str, ...]:
-    """Name each joint of ours after the first of the convention's names that is there; others keep their names."""
+    """Rename to each of our joints the first of the convention's names that the skeleton has; leave the others."""
     spelled = convention.spelled(labels)
     places = dict[str, int]()
     for name, target in convention.targets.items():
@@ -130,7 +130,7 @@ def _renamed(convention: Convention, labels: Sequence[str]) -> tuple[str, ...]:
     taken, names = set(places), list[str]()
     for place, label in enumerate(labels):
         name = ours.get(place, label)
-        # A joint that keeps its name must not pass for one of ours: SMPL's head is our upperneck, and no head.
+        # A joint that keeps its name must not be taken for one of ours: SMPL's head is our upperneck, not our head.
         while place not in ours and (name in taken or spelling(name) in own_convention().targets):
             name = f"{convention.title} {name}"
         names.append(name)

@@ -1,1 +1,1 @@
-"""How far in a motion each moment is: phases that the recordings of a class agree on, and what finds them live."""
+"""Progress: the phases on which the recordings of a class agree, and the table in which they are found live."""

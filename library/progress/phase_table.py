@@ -1,4 +1,4 @@
-"""The moments of a library's motions with their phases: what a live body is compared with to say how far it is."""
+"""The moments of a library's motions with their phases: a live body is compared with them to find its progress."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from kinespace.library.distances import distance_rows
+from kinespace.library.motion_library import NOTHING
 from kinespace.library.progress.warping import agreed_phases
 
 if TYPE_CHECKING:
@@ -26,15 +27,17 @@ if TYPE_CHECKING:
 MOMENTS_PER_SECOND = 15.0
 #: Seconds over which a moment's velocity is taken.
 VELOCITY_SECONDS = 2 / MOMENTS_PER_SECOND
-#: How much a velocity counts beside a posture, both in the basis.
-_VELOCITY = 3.0
-#: How much of the scatter between actors gives way to equal scatter.
+#: Weight of a velocity beside a posture, both in the basis.
+VELOCITY = 3.0
+#: The share of the scatter between actors that is replaced by equal scatter.
 _SHRINKAGE = 0.1
 #: Phases at which recordings are compared to learn how actors differ.
 _COMPARED_AT = np.linspace(0.0, 1.0, 10)
-#: Seconds over which the swing of the body is taken.
+#: Bins of phases that count as the same.
+_BINS = 40
+#: Seconds over which the swing of the body is measured.
 SWING_SECONDS = 1.0
-#: A class is cyclic when its recordings end this near to where they begin, relative to how far they go between, and
+#: A class is cyclic when its recordings end this near to their beginning, relative to the farthest point between, and
 #: in this direction (the cosine).
 _SAME_PLACE, _SAME_DIRECTION = 0.35, 0.3
 
@@ -46,33 +49,36 @@ class Moments:
     Attributes
     ----------
     vectors
-        Posture and velocity, whitened by how actors differ at the same phase, shape (moments, numbers).
+        Posture and velocity, whitened by the differences of actors at the same phase, shape (numbers, moments).
     phases
-        How far in the motion each moment is, shape (moments,), 0 to 1.
+        The phase of each moment, shape (moments,), 0 to 1.
     starts
         Where each recording begins, ascending, shape (recordings,).
     speeds
-        Mean squared length of each moment's velocity, as the library's mean recording would have it, (moments,).
-    swings
-        Log of the swing over the last second of the recording, at each moment, (moments,).
+        Mean squared length of each moment's velocity, relative to the library's mean recording, (moments,).
+    usual_speeds
+        Mean of `speeds` over all moments at the same phase, (moments,).
+    usual_swings
+        Log of the swing over the last second of a recording, mean over all moments at the same phase, (moments,).
     seconds
         Mean length of the recordings.
     cyclic
         Whether the recordings end as they begin, so that one can follow another.
     """
 
-    vectors: NDArray[np.float64] = field(repr=False)
+    vectors: NDArray[np.float32] = field(repr=False)
     phases: NDArray[np.float64] = field(repr=False)
     starts: NDArray[np.intp] = field(repr=False)
     speeds: NDArray[np.float64] = field(repr=False)
-    swings: NDArray[np.float64] = field(repr=False)
+    usual_speeds: NDArray[np.float64] = field(repr=False)
+    usual_swings: NDArray[np.float64] = field(repr=False)
     seconds: float
     cyclic: bool
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PhaseTable:
-    """What the progress of a body is read from.
+    """The moments and the basis from which the progress of a body is computed.
 
     Attributes
     ----------
@@ -81,7 +87,7 @@ class PhaseTable:
     whitening
         Posture and velocity times this are a vector of the table, shape (2 × directions, numbers).
     basis
-        The directions that postures are measured in.
+        The basis of postures.
     """
 
     classes: Mapping[str, Moments]
@@ -92,7 +98,7 @@ class PhaseTable:
     def of(cls, motions: Iterable[Clip], body: Body, basis: Basis) -> PhaseTable:
         """Find the phases of motions that share a skeleton.
 
-        Motions shorter than twice `VELOCITY_SECONDS` are passed over: they have no course that can be followed.
+        Motions shorter than twice `VELOCITY_SECONDS` are left out, because they cannot be followed.
         """
         performed: dict[str, list[Clip]] = {}
         for clip in motions:
@@ -104,9 +110,9 @@ class PhaseTable:
 
 
 class _Courses(NamedTuple):
-    """What is measured of the recordings of one class, whatever other classes there are."""
+    """The numbers of the recordings of one class, which do not depend on other classes."""
 
-    #: Of each recording, (moments, 2 × directions), (moments,) and (moments,).
+    #: For each recording arrays (moments, 2 × directions), (moments,) and (moments,).
     moving: list[NDArray[np.float64]]
     phases: list[NDArray[np.float64]]
     swings: list[NDArray[np.float64]]
@@ -114,9 +120,9 @@ class _Courses(NamedTuple):
     cyclic: bool
 
 
-@lru_cache(maxsize=512)
+@lru_cache(maxsize=64)
 def _courses(clips: tuple[Clip, ...], body: Body, basis: Basis) -> _Courses:
-    """Measure the recordings of a class; kept, because a library to which a class is added has the others still."""
+    """Compute the numbers of a class; kept, because a library with one more class keeps its other classes."""
     points = [points_of(clip, body, basis) for clip in clips]
     moving = [with_velocity(each) for each in points]
     scale = math.sqrt(np.mean([each.var(axis=0).mean() for each in moving])) or 1.0
@@ -130,7 +136,8 @@ def _courses(clips: tuple[Clip, ...], body: Body, basis: Basis) -> _Courses:
 @lru_cache(maxsize=4)
 def phase_table(index: WindowIndex) -> PhaseTable:
     """Give the phase table of an opened library; several followers share it."""
-    return PhaseTable.of(index.library.motions, index.body, index.basis)
+    named = [motion for motion in index.library.motions if motion.class_name != NOTHING]
+    return PhaseTable.of(named, index.body, index.basis)
 
 
 def points_of(clip: Clip, body: Body, basis: Basis) -> NDArray[np.float64]:
@@ -143,23 +150,23 @@ def points_of(clip: Clip, body: Body, basis: Basis) -> NDArray[np.float64]:
 
 
 def with_velocity(points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Put beside each point how far it moved in the last `VELOCITY_SECONDS`, weighed, (moments, 2 × directions).
+    """Append to each point its movement in the last `VELOCITY_SECONDS`, weighted, (moments, 2 × directions).
 
-    The first points have no past: they are given the velocity with which the recording begins.
+    The first points have no past: they get the velocity with which the recording begins.
     """
     lag = round(VELOCITY_SECONDS * MOMENTS_PER_SECOND)
     later = np.minimum(np.maximum(np.arange(len(points)), lag), len(points) - 1)
     velocity = points[later] - points[np.maximum(later - lag, 0)]
-    return np.hstack([points, _VELOCITY * velocity])
+    return np.hstack([points, VELOCITY * velocity])
 
 
 def moving_point(before: NDArray[np.float64], now: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Put beside a point how far it moved since the point `VELOCITY_SECONDS` before, weighed, (2 × directions,)."""
-    return np.concatenate([now, _VELOCITY * (now - before)])
+    """Append to a point its movement since the point `VELOCITY_SECONDS` before, weighted, (2 × directions,)."""
+    return np.concatenate([now, VELOCITY * (now - before)])
 
 
 def _whitening(courses: Iterable[_Courses], width: int) -> NDArray[np.float64]:
-    """Learn how recordings of a class differ at the same phase; a class of one recording tells nothing."""
+    """Learn how recordings of a class differ at the same phase; a class of one recording is ignored."""
     scatters = []
     for each in courses:
         places = [np.searchsorted(phases, _COMPARED_AT).clip(0, len(phases) - 1) for phases in each.phases]
@@ -180,19 +187,28 @@ def _moments(courses: _Courses, whitening: NDArray[np.float64]) -> Moments:
     mean = float(lengths.mean())
     half = len(whitening) // 2
     squares = [(each[:, half:] ** 2).sum(axis=1) * (len(each) / mean) ** 2 for each in courses.moving]
+    phases, speeds = np.concatenate(courses.phases), np.concatenate(squares)
     return Moments(
-        vectors=np.concatenate(courses.moving) @ whitening,
-        phases=np.concatenate(courses.phases),
+        vectors=np.ascontiguousarray((np.concatenate(courses.moving) @ whitening).T, dtype=np.float32),
+        phases=phases,
         starts=np.cumsum([0, *lengths[:-1]]),
-        speeds=np.concatenate(squares),
-        swings=np.concatenate(courses.swings),
+        speeds=speeds,
+        usual_speeds=_usual(phases, speeds),
+        usual_swings=_usual(phases, np.concatenate(courses.swings)),
         seconds=(mean - 1) / MOMENTS_PER_SECOND,
         cyclic=courses.cyclic,
     )
 
 
+def _usual(phases: NDArray[np.float64], numbers: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Give at each moment the mean over all moments at the same phase."""
+    bins = np.minimum((phases * _BINS).astype(np.intp), _BINS - 1)
+    means: NDArray[np.float64] = np.bincount(bins, weights=numbers) / np.bincount(bins).clip(1)
+    return means[bins]
+
+
 def _is_cyclic(points: Sequence[NDArray[np.float64]], velocities: Sequence[NDArray[np.float64]]) -> bool:
-    """Say whether the recordings of a class end where they begin, and moving as they begin."""
+    """Say whether the recordings of a class end where, and in the direction in which, they begin."""
     apart, along = [], []
     for places, ways in zip(points, velocities, strict=True):
         farthest = np.linalg.norm(places - places[0], axis=1).max()
@@ -203,11 +219,16 @@ def _is_cyclic(points: Sequence[NDArray[np.float64]], velocities: Sequence[NDArr
 
 
 def _swings(points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Log of the swing over the last second at each moment; what is shorter than a second swings less."""
+    """Log of the swing over the last second at each moment; at the beginning over the time that has passed."""
     span = round(SWING_SECONDS * MOMENTS_PER_SECOND)
     return np.array([swing_of(points[max(0, end - span) : end + 1]) for end in range(len(points))])
 
 
 def swing_of(points: NDArray[np.float64]) -> float:
     """Log of the root mean square deviation of points from their mean, (moments, directions)."""
-    return 0.5 * float(np.log(points.var(axis=0).sum() + 1e-6))
+    return log_swing(float(points.var(axis=0).sum()))
+
+
+def log_swing(variance: float) -> float:
+    """Log of the swing of points whose variances in all directions add up to this."""
+    return 0.5 * math.log(variance + 1e-6)

@@ -1,8 +1,8 @@
-"""Phases that recordings of one class agree on: how far in the motion each frame is, by time warping between actors.
+"""Phases on which recordings of one class agree, by time warping between actors.
 
-A recording's own relative time is a poor phase: some stand still before the motion, some after. Every recording is
-warped onto others of its class (dynamic time warping, Sakoe and Chiba 1978), each gives it a phase, and the median of
-these is the phase that they agree on.
+A recording's own relative time is a poor phase: some recordings stand still before the motion, some after it. Every
+recording is warped onto others of its class (dynamic time warping, Sakoe and Chiba 1978), each of them gives it a
+phase, and the median of these is the phase on which they agree.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 #: Cost of a step along both recordings, relative to a step along one: a diagonal path is as long as the detour.
 _DIAGONAL = 1.4
-#: Recordings of each other actor that a recording is warped onto, at most, and of its own actor when there is no other.
+#: Recordings of each other actor onto which a recording is warped, at most; of its own actor if there is no other.
 _PER_ACTOR, _OF_ONE = 2, 6
 #: Pairs of recordings that are warped together.
 _TOGETHER = 256
@@ -30,18 +30,18 @@ def agreed_phases(features: Sequence[NDArray[np.float64]], actors: Sequence[str]
     Parameters
     ----------
     features
-        What is compared of each recording's frames, each (frames, numbers), two frames at least.
+        The numbers of each recording's frames that are compared, each (frames, numbers), two frames at least.
     actors
-        Who performs each recording.
+        The actor of each recording.
 
     Returns
     -------
-    Of each recording the phase of its frames, (frames,), 0 to 1, never falling; relative time where no other recording
-    of the class is there.
+    For each recording the phase of its frames, (frames,), 0 to 1, never falling; relative time if the class has no
+    other recording.
     """
     pairs = [(index, other) for index in range(len(features)) for other in _partners(index, actors)]
     found: list[list[NDArray[np.float64]]] = [[] for _ in features]
-    # Recordings of like length are warped together, because all are filled up to the longest.
+    # Recordings of similar length are warped together, because all are filled up to the longest.
     pairs.sort(key=lambda pair: (len(features[pair[0]]) + len(features[pair[1]]), pair))
     for start in range(0, len(pairs), _TOGETHER):
         some = pairs[start : start + _TOGETHER]
@@ -55,7 +55,7 @@ def agreed_phases(features: Sequence[NDArray[np.float64]], actors: Sequence[str]
 
 
 def _partners(index: int, actors: Sequence[str]) -> list[int]:
-    """Choose the recordings that one is warped onto, spread over those that each other actor has."""
+    """Choose the recordings onto which one is warped, spread over each other actor's recordings."""
     others: dict[str, list[int]] = {}
     for other, actor in enumerate(actors):
         if actor != actors[index]:
@@ -67,7 +67,7 @@ def _partners(index: int, actors: Sequence[str]) -> list[int]:
 
 
 def _spread(group: list[int], index: int, count: int) -> list[int]:
-    """Take some of a group, evenly spread, beginning at a place that depends on who asks."""
+    """Take some of a group, evenly spread, beginning at a place that depends on the asking recording."""
     step = max(len(group) // count, 1)
     return [group[(index + each * step) % len(group)] for each in range(min(count, len(group)))]
 
@@ -78,12 +78,12 @@ def warped_phases(pairs: Sequence[tuple[NDArray[np.float64], NDArray[np.float64]
     Parameters
     ----------
     pairs
-        Features of two recordings, (frames, numbers) and (other frames, numbers).
+        The numbers of two recordings, (frames, numbers) and (other frames, numbers).
 
     Returns
     -------
-    For each pair the mean relative time in the second recording of what each frame of the first is matched with, shape
-    (frames,).
+    For each pair the mean relative time of the frames of the second recording with which each frame of the first is
+    matched, shape (frames,).
     """
     rows, columns = max(len(a) for a, _ in pairs), max(len(b) for _, b in pairs)
     costs = np.zeros((len(pairs), rows, columns))
@@ -95,7 +95,7 @@ def warped_phases(pairs: Sequence[tuple[NDArray[np.float64], NDArray[np.float64]
 
 
 def _best_steps(costs: NDArray[np.float64]) -> NDArray[np.int8]:
-    """Say from where the cheapest path comes to each cell: 0 from both before, 1 from above, 2 from the left."""
+    """Say from where the cheapest path reaches each cell: 0 from both before, 1 from above, 2 from the left."""
     count, rows, columns = costs.shape
     total = np.full((count, rows + 1, columns + 1), np.inf)
     total[:, 0, 0] = 0.0

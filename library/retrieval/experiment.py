@@ -1,8 +1,8 @@
-"""The paper's experiment: for every motion, is the nearest other motion of its own class.
+"""The paper's experiment: whether every motion's nearest other motion is of the same class.
 
-Three spaces are compared (Le Naour et al. 2012, section 3 and figure 2), a motion being the first principal axis of
-its centred numbers in each: joint-to-joint distances, joint positions as recorded, joint rotations as recorded
-(the AMC's angles, the root's among them).
+Three spaces are compared (Le Naour et al. 2012, section 3 and figure 2): joint-to-joint distances, joint positions as
+recorded, and joint rotations as recorded (the AMC's angles, with the root's). In each space a motion's signature is the
+first principal axis of its centred numbers.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 
 class Space(StrEnum):
-    """Which numbers describe a frame."""
+    """The numbers that describe a frame."""
 
     DISTANCES = "distances"
     POSITIONS = "positions"
@@ -35,25 +35,25 @@ class Space(StrEnum):
 
 
 class SignatureKind(StrEnum):
-    """Which signature of two motions is compared."""
+    """The signature by which two motions are compared."""
 
-    #: The paper's: the absolute inner product of the leading eigenvectors.
+    #: The paper's signature: the absolute inner product of the leading eigenvectors.
     EIGENVECTOR = "eigenvector"
     #: The centred log standard deviations, in a metric learned from the motions that may be found.
     SPREAD = "spread"
 
 
 class Protocol(StrEnum):
-    """Which motions a motion may be compared with."""
+    """The motions with which a motion may be compared."""
 
     LEAVE_ONE_OUT = "leave-one-out"
     ACTOR_HELD_OUT = "actor-held-out"
     SPLIT = "split"
 
 
-#: The actors of the literature's split: the library is made of these, the others ask.
+#: The actors of the split in the literature: their motions make the library, the other actors' motions ask.
 SPLIT_LIBRARY_ACTORS = ("bd", "bk", "dg")
-#: How many of HDM05's five actors that is.
+#: The number of these among HDM05's five actors.
 _ACTORS, _LIBRARY_ACTORS = 5, 3
 
 
@@ -65,7 +65,7 @@ class Labels(NamedTuple):
 
     @classmethod
     def of_clips(cls, clips: Sequence[Clip]) -> Labels:
-        """Read the labels off some clips."""
+        """Take the labels of some clips."""
         return cls(np.array([clip.class_name for clip in clips]), np.array([clip.actor for clip in clips]))
 
 
@@ -78,9 +78,9 @@ class Retrieval:
     motions
         How many motions asked.
     nearest
-        Share of them whose nearest neighbour is of their class, 0 to 1.
+        Share of the asking motions whose nearest neighbour is of their class, 0 to 1.
     two_nearest
-        Share of them with at least one of the two nearest of their class: the paper's 2-nearest-neighbour rate.
+        Share of the asking motions with one of the two nearest of their class: the paper's 2-nearest-neighbour rate.
     classes
         Class names, sorted.
     confusion
@@ -107,7 +107,7 @@ def motion_axes(clips: Sequence[Clip], space: Space) -> NDArray[np.float64]:
     Raises
     ------
     ValueError
-        Rotations are asked of a clip that has none.
+        A clip has no rotations, and rotations are asked for.
     """
     return np.array([signature_of(_rows(clip, space)) for clip in clips])
 
@@ -139,7 +139,7 @@ def turned(clip: Clip, generator: np.random.Generator) -> Clip:
 
 
 def splits(actors: Collection[str]) -> list[tuple[str, ...]]:
-    """List all ways to make a library of three of five actors, whom the other two ask; none for other numbers."""
+    """List all libraries of three of five actors, which the other two actors ask; empty for other numbers of actors."""
     return list(combinations(sorted(actors), _LIBRARY_ACTORS)) if len(actors) == _ACTORS else []
 
 
@@ -186,7 +186,7 @@ def retrieve(
     Raises
     ------
     ValueError
-        No motion has another to be compared with (with one actor alone, say), or scores and labels do not fit.
+        A motion has no other to be compared with (with one actor alone, for instance), or scores and labels do not fit.
     """
     count = len(labels.classes)
     if scores.shape != (count, count):
@@ -224,9 +224,10 @@ def compare_spreads(
     protocol: Protocol,
     library_actors: Sequence[str] = SPLIT_LIBRARY_ACTORS,
 ) -> NDArray[np.float64]:
-    """Score every motion against every other by the spread, nothing of the asking motion known to the metric.
+    """Score every motion against every other by the spread.
 
-    For each motion the metric is learned only from the motions that the protocol lets it find.
+    For each motion the metric is learned only from the motions that the protocol lets it find, never from the motion
+    itself.
 
     Parameters
     ----------

@@ -1,11 +1,11 @@
-"""The spread: how far each distance swings, and a metric that knows which differences mean nothing.
+"""The spread: how much each distance varies, and a metric that weighs differences by how much people differ.
 
-The standard deviations of the distances are the covariance's diagonal. Their logarithms, relative to the body's size
-and centred, say which joints move against which and by what factor more than others; they need no sign, and a motion
-done larger changes all of them alike. Two people who perform the same class differ more in some of these numbers.
-The metric learns that from motions of known classes: it divides by the scatter within classes (within-class
-covariance normalisation, Hatch, Kajarekar and Stolcke 2006), shrunk towards equal scatter everywhere (Ledoit and Wolf
-2004), since there are fewer motions than distances.
+The standard deviations of the distances are the square roots of the covariance's diagonal. Their logarithms, relative
+to the body's size and centred, say which joints move against which, and by what factor more than others; they have no
+sign, and a motion done larger changes all of them alike. Two people who perform the same class differ more in some of
+these numbers than in others. The metric learns this from motions of known classes: it divides by the scatter within
+classes (within-class covariance normalisation, Hatch, Kajarekar and Stolcke 2006), shrunk towards equal scatter
+everywhere (Ledoit and Wolf 2004), since there are fewer motions than distances.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 #: Added to each standard deviation before the logarithm, relative to the body's size: about a millimetre, a marker's
-#: noise. Without it a distance that does not move at all would weigh more than everything that does.
+#: noise. Without it a distance that does not change at all would outweigh all others.
 FLOOR = 0.0015
 #: Share of equal scatter in the metric.
 SHRINKAGE = 0.1
-#: Share of the largest scatter below which a scatter is only rounding.
+#: Scatter below this share of the largest scatter is only rounding.
 _NOTHING = 1e-12
 
 
@@ -54,9 +54,9 @@ class SpreadMetric:
     directions
         Eigenvectors of the scatter, shape (directions, pairs).
     excess
-        How much less than elsewhere a difference weighs along each, shape (directions,): its square root.
+        How much less a difference weighs along each direction than elsewhere, shape (directions,): its square root.
     weight
-        How much a squared difference weighs elsewhere.
+        Weight of a squared difference in all other directions.
     """
 
     directions: NDArray[np.float64] = field(repr=False)
@@ -76,7 +76,7 @@ class SpreadMetric:
         classes
             Class of each motion, shape (motions,).
         shrinkage
-            0 to trust the scatter entirely (with too few motions there is none in most directions), 1 not at all.
+            0 trusts the scatter entirely (with few motions most directions have none), 1 not at all.
 
         Raises
         ------
@@ -91,7 +91,7 @@ class SpreadMetric:
         within = np.concatenate(
             [_about_mean(spreads[classes == name]) / np.sqrt((classes == name).sum() * len(names)) for name in names]
         )
-        # The matrix of motions by motions is the smaller one. Directions whose scatter is only rounding count as none.
+        # The matrix of motions by motions is smaller. Directions whose scatter is only rounding count as none.
         scatter, vectors = np.linalg.eigh(within @ within.T)
         equal = shrinkage * np.square(within).sum() / spreads.shape[1]
         if not equal > 0:

@@ -1,1 +1,1 @@
-"""Windows of motions: what is measured of them, how they are compared, and an index of a library's windows."""
+"""Windows of motions: their parts, how they are compared, and an index of a library's windows."""

@@ -18,21 +18,21 @@ if TYPE_CHECKING:
 
 #: Directions in the basis. With HDM05's 31 joints they hold 98.6 % of the weighted variance (`Basis.share`).
 MAX_DIRECTIONS = 32
-#: A pair whose variance is below this share of the mean pair's is rigid: its swing is noise.
+#: A pair whose variance is below this share of the mean pair's is rigid: its variance is only noise.
 _RIGID = 1e-3
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Basis:
-    """Directions of distance space, found with every moving pair weighing alike.
+    """Directions of distance space in which motions vary most, when every moving pair weighs alike.
 
     Attributes
     ----------
     directions
         A distance row times these is a point in the basis, shape (pairs, directions).
     weights
-        The factor of each pair that makes all pairs swing alike, 0 for rigid pairs, shape (pairs,): directions
-        divided by weights are orthonormal.
+        The factor of each pair that makes all pairs vary alike, 0 for rigid pairs, shape (pairs,): directions divided
+        by weights are orthonormal.
     unweighted
         Maps a point in the basis back to distance rows, shape (directions, pairs), metres.
     share
@@ -46,26 +46,26 @@ class Basis:
 
     @property
     def moving(self) -> int:
-        """How many pairs are not rigid."""
+        """The number of pairs that are not rigid."""
         return int(np.count_nonzero(self.weights))
 
     @classmethod
     def learned(
         cls, rows_by_class: Iterable[Iterable[NDArray[np.float64]]], body: Body, *, weighted: bool = True
     ) -> Basis:
-        """Learn the directions in which the distances of many motions swing.
+        """Learn the directions in which the distances of many motions vary most.
 
-        Each class counts alike however many motions it has, each pair however far it swings. Rigid pairs count
-        nothing.
+        Each class counts alike, whatever its number of motions, and each pair counts alike, whatever its variance.
+        Rigid pairs do not count.
 
         Parameters
         ----------
         rows_by_class
-            For each class the distance rows of its motions, each (frames, pairs), metres; gone through once.
+            For each class the distance rows of its motions, each (frames, pairs), metres; iterated once.
         body
-            Tells the size of the body that performs each motion.
+            Gives the size of the body that performs each motion.
         weighted
-            Whether all pairs weigh alike; if not, each pair weighs as much as it swings.
+            Whether all pairs weigh alike; if not, each pair weighs as much as it varies.
         """
         covariance = np.mean([_mean_covariance(motions, body) for motions in rows_by_class], axis=0)
         variances = covariance.diagonal()

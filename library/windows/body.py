@@ -1,4 +1,4 @@
-"""The body behind the distances: its size, and the lengths that a posture is measured by."""
+"""The body behind the distances: its size, and the lengths of its segments, to which a posture is relative."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Body:
-    """How a distance row tells the body's size, and the length of the segments between two joints.
+    """Reads the body's size off a distance row, and the length of the segments between two joints.
 
     Attributes
     ----------
     sizing
         A distance row times these weights is the body's size, metres: the mean length of its segments. A skeleton
-        without known parents has no segments, so all its distances stand in for them. Shape (pairs,).
+        without known parents has no segments, so the mean of all its distances is used. Shape (pairs,).
     segments
         Index of each segment among the pairs, shape (segments,); none without known parents.
     paths
-        Which segments lie between the joints of each pair, shape (pairs, segments), 0 or 1.
+        The segments between the joints of each pair, as flags, shape (pairs, segments), 0 or 1.
     """
 
     sizing: NDArray[np.float64] = field(repr=False)
@@ -34,7 +34,7 @@ class Body:
 
     @classmethod
     def of(cls, skeleton: Skeleton) -> Body:
-        """Read segments and paths off a skeleton's parents.
+        """Find segments and paths by a skeleton's parents.
 
         Raises
         ------
@@ -66,7 +66,7 @@ class Body:
 
 
 def _segments_above(parents: tuple[int, ...], children: list[int]) -> NDArray[np.bool_]:
-    """Say which segments lie between each joint and the root, shape (joints, segments)."""
+    """Find the segments between each joint and the root, as flags, shape (joints, segments)."""
     above = np.zeros((len(parents), len(children)), dtype=bool)
     place = {joint: index for index, joint in enumerate(children)}
     for joint in range(len(parents)):

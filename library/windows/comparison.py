@@ -1,9 +1,9 @@
-"""How windows are compared: which parts make one vector, and how much each vector counts.
+"""How windows are compared: the parts that make one vector, and the weight of each vector.
 
-A group of parts is one vector: the parts' own vectors one after another, mapped by a metric of their own where there
-are several. The distance of two windows is a weighted mean of the logarithms of the groups' squared distances. Several
-views weigh the groups differently; a class is as near as the view that finds it nearest. The views are all parts, and
-the short parts: right after a change of motion only the short windows have left the motion before.
+A group of parts is one vector: the parts' vectors one after another, mapped by a metric of their own where the group
+has several parts. The distance of two windows is a weighted mean of the logarithms of the groups' squared distances.
+Several views weigh the groups differently; a class's distance is its least over the views. One view has all parts, the
+other the short parts: right after a change of motion only the short windows have left the motion before.
 """
 
 from __future__ import annotations
@@ -35,18 +35,19 @@ if TYPE_CHECKING:
 
 Group = tuple[Part, ...]
 
-#: Added to squared distances before the logarithm: below it two windows are as good as the same.
+#: Added to squared distances before the logarithm: two windows at a smaller distance count as the same.
 NEAREST = 0.01
-#: Axes kept of each part, and of a group of several parts.
+#: Axes that are kept of each part, and of a group of several parts.
 _PART_AXES, _GROUP_AXES = 64, 128
-#: How much of the learned scatter gives way to equal scatter. The eigen part is compared by plain inner products.
+#: The share of the learned scatter that is replaced by equal scatter. The eigen part is compared by plain inner
+#: products.
 _PART_SHRINKAGE = {Kind.EIGEN: 1.0, Kind.SPREAD: 0.3, Kind.POSTURE: 0.3, Kind.TREND: 0.3}
 _GROUP_SHRINKAGE = 0.2
 
 
 @dataclass(frozen=True, slots=True)
 class Weighing:
-    """Which groups of parts are compared, and how much each counts.
+    """The groups of parts that are compared, and their weights.
 
     Attributes
     ----------
@@ -57,7 +58,7 @@ class Weighing:
     first
         Seconds from a motion's start to the end of its first window in the library.
     lead
-        Lead of a class in log distance, times thirtieths of a second, after which it becomes the guess.
+        Lead of a class in log distance, times thirtieths of a second, from which on it becomes the guess.
 
     Raises
     ------
@@ -76,12 +77,12 @@ class Weighing:
                 raise ValueError(f"views: expected {len(self.groups)} weights that add up to 1, got {view}")
 
     def without(self, kind: Kind) -> Weighing:
-        """Leave out the parts of one kind, to see what they are worth; the other weights keep their proportions.
+        """Leave out the parts of one kind, to measure what they are worth; the other weights keep their proportions.
 
         Raises
         ------
         ValueError
-            Nothing is left to name a class by.
+            No part is left to name a class by.
         """
         groups = [tuple(part for part in group if part.kind is not kind) for group in self.groups]
         left = [place for place, group in enumerate(groups) if group]
@@ -93,17 +94,17 @@ class Weighing:
 
     @property
     def weights(self) -> tuple[tuple[float, ...], ...]:
-        """The weight of each group in all that is compared: the views, and below them each group alone."""
+        """The weight of each group in all distances that are computed: the views, and below them each group alone."""
         alone = np.eye(len(self.groups)).tolist()
         return (*self.views, *map(tuple, alone))
 
     def named(self, logs: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Give the log distance of each class by which it is named, of distances by all `weights` (..., classes)."""
+        """Give the log distance of each class for naming, from distances by all `weights` (..., classes)."""
         nearest: NDArray[np.float64] = logs[: len(self.views)].min(axis=0)
         return nearest
 
     def alone(self, logs: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Give the log distances by each group alone, of distances by all `weights`."""
+        """Give the log distances by each group alone, from distances by all `weights`."""
         return logs[len(self.views) :]
 
     @property
@@ -112,7 +113,7 @@ class Weighing:
         return tuple(dict.fromkeys(part for group in self.groups for part in group))
 
 
-#: Between laboratories each part counts for itself: one part that a laboratory's bodies shift does not outweigh the
+#: Between laboratories each part counts alone, so that a part that a laboratory's bodies shift does not outweigh the
 #: others. Trend and the joint metric fit one laboratory and mislead in another (tests/TRIED.md).
 ACROSS_LABORATORIES = Weighing(
     groups=((EIGEN_LONG,), (EIGEN_SHORT,), (SPREAD_LONG,), (SPREAD_SHORT,), (POSTURE,)),
@@ -120,7 +121,7 @@ ACROSS_LABORATORIES = Weighing(
     first=0.5,
     lead=0.6,
 )
-#: Within a laboratory one metric over all parts knows how they vary together between people.
+#: Within a laboratory one metric over all parts also learns how parts vary together between people.
 WITHIN_LABORATORY = Weighing(groups=(PARTS, SHORT_PARTS), views=((0.5, 0.5),), first=FIRST_WINDOW, lead=0.3)
 
 
@@ -135,7 +136,7 @@ class Comparison:
     parts
         The metric of each part.
     groups
-        For each group of several parts the metric of their vectors, one after another; None for a single part.
+        For each group of several parts the metric of their joined vectors; None for a single part.
     """
 
     weighing: Weighing
@@ -149,11 +150,11 @@ class Comparison:
         Parameters
         ----------
         weighing
-            Groups and weights.
+            The groups and their weights.
         numbers
-            Of each part, (windows, numbers).
+            The numbers of each part, (windows, numbers).
         lessons
-            Whose windows they are.
+            The class and the person of each window.
         """
         wanted = dict.fromkeys(part for group in weighing.groups if not _is_eigen(group) for part in group)
         parts = {
@@ -173,12 +174,12 @@ class Comparison:
         return cls(weighing, parts, tuple(groups))
 
     def place(self, numbers: Mapping[Part, NDArray[np.float64]]) -> list[NDArray[np.float32]]:
-        """Give the vector of each group, of windows (windows, numbers) or of one (numbers,).
+        """Give the vector of each group, for windows (windows, numbers) or for one window (numbers,).
 
         Returns
         -------
-        For each group shape (..., axes); for a group of an eigen part alone its scaled eigenvectors, (..., k,
-        directions).
+        For each group an array of shape (..., axes); for a group of an eigen part alone its scaled eigenvectors, (...,
+        k, directions).
         """
         placed = {part: metric.place(_as_vectors(part, numbers)) for part, metric in self.parts.items()}
         vectors: list[NDArray[np.float32]] = []
@@ -193,7 +194,7 @@ class Comparison:
 
 
 def _is_eigen(group: Group) -> bool:
-    """Whether a group is an eigen part alone, which is compared by plain inner products of eigenvectors."""
+    """Whether a group is one eigen part alone, which is compared by plain inner products of eigenvectors."""
     return len(group) == 1 and group[0].kind is Kind.EIGEN
 
 

@@ -1,4 +1,4 @@
-"""Windows cut from whole motions, all of a motion at once."""
+"""Windows cut from whole motions, all windows of a motion at once."""
 
 from __future__ import annotations
 
@@ -32,21 +32,21 @@ if TYPE_CHECKING:
     from kinespace.library.windows.basis import Basis
     from kinespace.library.windows.body import Body
 
-#: Seconds after which a feed is first answered, and after which a motion's first window ends.
+#: Seconds after which a feed is first answered, and at which a motion's first window ends.
 FIRST_WINDOW = 0.15
-#: Windows of a motion whose sums are taken together.
+#: Windows of a motion whose sums are computed together.
 _TOGETHER = 8
 
 
 def window_ends(clip: Clip, every: float, first: float = FIRST_WINDOW) -> NDArray[np.intp]:
-    """Say before which frames the windows of a motion end: every so many seconds, the last with the motion.
+    """Say before which frames the windows of a motion end: one window every so many seconds, the last with the motion.
 
     Parameters
     ----------
     clip
         The motion.
     every, first
-        Seconds between two windows, and from the motion's start to the end of the first.
+        Seconds between two windows, and from the motion's start to the end of the first window.
 
     Returns
     -------
@@ -67,9 +67,9 @@ class CutWindows:
     clips
         The motions, all of one skeleton.
     ends
-        Of each motion the frames before which its windows end (`window_ends`).
+        For each motion the frames before which its windows end (`window_ends`).
     body, basis
-        Of the skeleton.
+        The body and the basis of the skeleton.
     """
 
     def __init__(self, clips: Sequence[Clip], ends: Sequence[NDArray[np.intp]], body: Body, basis: Basis) -> None:
@@ -103,11 +103,11 @@ class CutWindows:
 def numbers_of(
     parts: Sequence[Part], moments: Mapping[float, Moments], eigenpairs: Mapping[float, Eigenpairs], body: Body
 ) -> dict[Part, NDArray[np.float64]]:
-    """Read parts of some windows off their moments and eigenpairs, by length in seconds.
+    """Compute parts of some windows from their moments and eigenpairs, by length in seconds.
 
     Returns
     -------
-    For each part its numbers, (windows, numbers).
+    The numbers of each part, (windows, numbers).
     """
     return {
         part: eigen(eigenpairs[part.seconds])
@@ -117,7 +117,7 @@ def numbers_of(
     }
 
 
-#: How each kind of part is read off moments.
+#: The function that computes each kind of part from moments.
 OF_DISTANCES = {Kind.SPREAD: spread, Kind.POSTURE: posture, Kind.TREND: trend}
 
 
@@ -127,9 +127,9 @@ def eigenpairs_of(covariances: NDArray[np.float64]) -> Eigenpairs:
 
 
 def _moments(rows: NDArray[np.float64], frame_rate: float, ends: NDArray[np.intp]) -> list[Moments]:
-    """Take the moments of all windows of one motion, by length."""
+    """Compute the moments of all windows of one motion, by length."""
     found = [Moments(*np.empty((3, len(ends), rows.shape[1]))) for _ in DISTANCE_LENGTHS]
-    # Windows that end near each other share most of their frames: their sums are one product.
+    # Windows that end near each other share most of their frames, so their sums are one matrix product.
     for begin in range(0, len(ends), _TOGETHER):
         some = slice(begin, begin + _TOGETHER)
         starts = [_starts(ends[some], frame_rate, seconds) for seconds in DISTANCE_LENGTHS]
@@ -154,14 +154,14 @@ def _moments(rows: NDArray[np.float64], frame_rate: float, ends: NDArray[np.intp
 def window_covariances(
     points: NDArray[np.float64], clip: Clip, ends: NDArray[np.intp], seconds: float
 ) -> NDArray[np.float64]:
-    """Take the covariances of a motion's windows of one length.
+    """Compute the covariances of a motion's windows of one length.
 
     Parameters
     ----------
     points
         The motion's points in the basis, shape (frames, directions).
     clip
-        Tells the frame rate.
+        The motion, for its frame rate.
     ends
         The frames before which the windows end.
     seconds
@@ -188,5 +188,5 @@ def _starts(ends: NDArray[np.intp], frame_rate: float, seconds: float) -> NDArra
 
 
 def _joined(several: Sequence[Moments | Eigenpairs], names: Sequence[str]) -> list[NDArray[np.float64]]:
-    """Put the numbers of several motions' windows one after another."""
+    """Concatenate the numbers of several motions' windows."""
     return [np.concatenate([getattr(each, name) for each in several]) for name in names]

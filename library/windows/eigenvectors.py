@@ -22,7 +22,7 @@ def leading_eigenvectors(matrix: NDArray[_Number], most: int) -> tuple[NDArray[_
     matrix
         Shape (size, size).
     most
-        How many to find, at most.
+        How many to find at most.
 
     Returns
     -------
@@ -43,7 +43,7 @@ def eigenpairs(matrices: NDArray[np.float64], most: int) -> tuple[NDArray[np.flo
     matrices
         Shape (matrices, size, size).
     most
-        How many to find of each, four at most.
+        How many to find of each matrix, four at most.
 
     Returns
     -------
@@ -54,7 +54,7 @@ def eigenpairs(matrices: NDArray[np.float64], most: int) -> tuple[NDArray[np.flo
     values, vectors = np.empty((count, found)), np.empty((count, found, size))
     if loops and size <= loops.MOST_DIRECTIONS and loops.eigenpairs(matrices, values, vectors):
         return values, vectors
-    from scipy.linalg.lapack import dsyevr  # noqa: PLC0415 - slow to load, and the compiled loops do without
+    from scipy.linalg.lapack import dsyevr  # noqa: PLC0415 - slow to load, and the compiled loops do not need it
 
     for matrix, own_values, own_vectors in zip(matrices, values, vectors, strict=True):
         few, columns, *_ = dsyevr(matrix, range="I", il=size - found + 1, iu=size, lower=1)

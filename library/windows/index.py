@@ -1,4 +1,4 @@
-"""A library opened for recognition: the windows of its motions, as vectors that a live window is compared with."""
+"""A library opened for recognition: its motions' windows, as vectors with which a live window is compared."""
 
 from __future__ import annotations
 
@@ -30,15 +30,15 @@ if TYPE_CHECKING:
     from kinespace.library.skeleton import Skeleton
     from kinespace.library.windows.parts import Part
 
-#: Seconds between two windows of a motion that are kept: in a library of one person, and of several.
+#: Seconds between two windows that are kept of a motion: in a library of one person, and of several persons.
 _EVERY_ONE, _EVERY_SEVERAL = 0.1, 0.4
-#: Frames per second at which a library's windows are measured.
+#: Frames per second of the motions when their windows are computed.
 _MEASURED_AT = 30.0
 #: Frames per second at which the basis is learned.
 _BASIS_AT = 10.0
-#: Windows from which metrics are learned, at most, and windows of which all numbers are kept at once, about.
+#: Windows from which metrics are learned, at most, and windows whose numbers are in memory at once, about.
 _MAX_LESSONS, _PIECE = 10_000, 4_000
-#: People from whom metrics can be learned: with fewer the built-in library's people teach.
+#: Persons needed to learn metrics: with fewer, metrics are learned from the built-in library's persons.
 _TEACHERS = 3
 
 
@@ -51,7 +51,7 @@ class WindowIndex:
     library
         The motions.
     body, basis, comparison
-        How windows are measured and compared.
+        How windows are computed and compared.
     vectors
         For each group the windows' vectors, shape (windows, axes), float32, rounded to half precision.
     eigenvectors
@@ -59,9 +59,9 @@ class WindowIndex:
     motions
         Index of each window's motion, ascending, shape (windows,).
     judged_by
-        How a known motion is told from an unknown one; None where the motions teach it when it is first asked for.
+        The rejection of unknown motions; None when it is learned from the motions at first use.
     classes
-        All class names that windows have, sorted; `nothing` among them when the library holds such motions.
+        The class names of all windows, sorted; `nothing` among them when the library holds such motions.
     """
 
     library: MotionLibrary
@@ -87,21 +87,21 @@ class WindowIndex:
 
     @property
     def rejection(self) -> Rejection:
-        """How a known motion is told from an unknown one; learned from the motions when first asked for."""
+        """The rejection of unknown motions; learned from the motions at first use."""
         return self.judged_by or _rejection(self)
 
     @classmethod
     def of(cls, library: MotionLibrary, teacher: MotionLibrary | None = None, weighing: Weighing | None = None) -> Self:
-        """Cut, measure and place the windows of a library's motions.
+        """Compute the windows of a library's motions and their vectors.
 
         Parameters
         ----------
         library
-            Motions, one at least long enough for a window.
+            Motions, of which at least one is long enough for a window.
         teacher
-            From whose people the metrics are learned; found by itself when not given.
+            The library from whose persons the metrics are learned; `teacher_of` when not given.
         weighing
-            Which groups of parts are compared; `usual_weighing` when not given.
+            The groups of parts that are compared; `usual_weighing` when not given.
 
         Raises
         ------
@@ -130,15 +130,15 @@ class WindowIndex:
     def with_motions(self, clips: Iterable[Clip], every: float | None = None) -> WindowIndex:
         """Add clips to the library, each as one motion, and cut their windows.
 
-        Basis, metrics and rejection stay as they were learned; `of` learns them anew. So this takes milliseconds, and a
-        feed goes on without a pause (`stream.recognizer.Recognizer.exchange`).
+        Basis, metrics and rejection stay the same; `of` learns them anew. So adding clips is quick, and a feed goes on
+        without a pause (`stream.recognizer.Recognizer.exchange`).
 
         Parameters
         ----------
         clips
             At least one.
         every
-            Seconds between two of their windows; as in the library when not given.
+            Seconds between two of their windows; the library's own when not given.
 
         Raises
         ------
@@ -146,11 +146,11 @@ class WindowIndex:
             A clip has no class name, too few frames, no movement, or joints more than a kilometre away; or no clip is
             long enough for a window.
         SkeletonMismatchError
-            A clip has not the library's joints.
+            A clip has other joints than the library.
         """
         library = self.library.with_motions(clips)
         known = {id(motion) for motion in self.library.motions}
-        # The motions that were there before stay in their order.
+        # The motions that were there before keep their order.
         is_new = np.array([id(motion) not in known for motion in library.motions])
         before, added = np.flatnonzero(~is_new), np.flatnonzero(is_new)
         taught = replace(library, motions=tuple(library.motions[place] for place in added))
@@ -170,11 +170,11 @@ class WindowIndex:
         return index
 
     def without(self, motions: Sequence[int]) -> WindowIndex:
-        """Give the index without the windows of some motions; the metrics stay as they were learned."""
+        """Give the index without the windows of some motions; the metrics stay the same."""
         return self._kept(~np.isin(self.motions, motions))
 
     def of_some(self, motions: Sequence[int]) -> WindowIndex:
-        """Give the index of some motions' windows alone; the metrics stay as they were learned."""
+        """Give the index of some motions' windows alone; the metrics stay the same."""
         return self._kept(np.isin(self.motions, motions))
 
     def _kept(self, kept: NDArray[np.bool_]) -> WindowIndex:
@@ -191,28 +191,32 @@ class WindowIndex:
         Parameters
         ----------
         numbers
-            Of each part, (numbers,).
+            The numbers of each part, (numbers,).
 
         Returns
         -------
-        For each of the weighing's `weights` and each class the log distance of the nearest window, mean over the two
-        nearest people: shape (weights, classes).
+        For each of the weighing's `weights` and each class the log distance of the nearest window, as the mean over the
+        two nearest persons: shape (weights, classes).
         """
         return self._windows.compared(numbers)
 
+    def distances_of(self, vectors: Sequence[NDArray[np.float32]]) -> NDArray[np.float64]:
+        """Do what `log_distances` does of a window that is placed already, by the vector of each group."""
+        return self.blocks.agreed(self.blocks.nearest(self._windows.weighed(vectors)))
+
     def prepare(self) -> None:
-        """Do now what the first comparison would wait for."""
+        """Prepare now, so that the first comparison need not wait."""
         self._windows.prepare()
 
     def own_distances(self, window: int, left_out: NDArray[np.bool_]) -> NDArray[np.float64]:
-        """Compare one of the library's own windows with the others, some of them left out.
+        """Compare one of the library's own windows with the others, without some of them.
 
         Parameters
         ----------
         window
-            Which window asks.
+            Index of the window that asks.
         left_out
-            Which windows are not compared, shape (windows,).
+            The windows that are not compared, as flags, shape (windows,).
 
         Returns
         -------
@@ -258,15 +262,15 @@ def opened(library: MotionLibrary) -> WindowIndex:
 
 
 def usual_weighing(library: MotionLibrary) -> Weighing:
-    """Choose how a library's windows are compared: with numbers learned from another laboratory, as between two."""
+    """Choose the weighing: between laboratories for numbers learned from another laboratory, else within one."""
     return ACROSS_LABORATORIES if library.learned else WITHIN_LABORATORY
 
 
 def teacher_of(library: MotionLibrary) -> MotionLibrary:
-    """Choose from whose people metrics are learned.
+    """Choose the library from whose persons the metrics are learned.
 
-    Three people or more who share classes teach their own library. Otherwise the built-in library's people teach, if
-    it knows all joints; if it does not, the library teaches itself what it can.
+    A library teaches itself when three or more of its persons share classes. Otherwise the built-in library teaches, if
+    it has all joints; if it lacks some, the library teaches itself as well as it can.
     """
     performed = {(clip.class_name, clip.actor) for clip in library.motions if clip.actor}
     people = {actor for _, actor in performed}
@@ -309,13 +313,13 @@ def measured_clips(
     library
         The motions.
     every, first
-        Seconds between two windows, and from a motion's start to the end of its first window; by default windows lie
+        Seconds between two windows, and from a motion's start to the end of its first window. By default windows lie
         closer in a library of one person.
 
     Returns
     -------
-    The motions at the frame rate at which windows are measured, the frames before which the windows of each end, and
-    for each window the index of its motion.
+    The motions at the frame rate of the computation, for each motion the frames before which its windows end, and for
+    each window the index of its motion.
 
     Raises
     ------
@@ -332,25 +336,25 @@ def measured_clips(
 
 
 def _every(library: MotionLibrary) -> float:
-    """Say how many seconds lie between two windows of a motion that are kept."""
+    """Give the seconds between two windows that are kept of a motion."""
     return _EVERY_SEVERAL if len(library.actors) > 1 else _EVERY_ONE
 
 
 class Placed(NamedTuple):
-    """Windows as an index keeps them; fields are `WindowIndex`'s."""
+    """Windows in the form an index keeps; the fields are as in `WindowIndex`."""
 
     vectors: tuple[NDArray[np.float32], ...]
     eigenvectors: NDArray[np.float32]
 
     @classmethod
     def of(cls, comparison: Comparison, cut: CutWindows, numbers: Mapping[Part, NDArray[np.float64]]) -> Placed:
-        """Place windows of which these are the numbers."""
+        """Map windows with these numbers to vectors."""
         vectors = tuple(rounded(each) for each in comparison.place(numbers))
         return cls(vectors, cut.eigenpairs[EIGEN_LONG.seconds].vectors[:, 0].astype(np.float32))
 
 
 class _Measured(NamedTuple):
-    """Where to cut a library's motions into windows: what `measured_clips` gives."""
+    """The motions of a library and the ends of their windows, as `measured_clips` gives them."""
 
     clips: list[Clip]
     ends: list[NDArray[np.intp]]
@@ -361,7 +365,7 @@ class _Measured(NamedTuple):
         return cls(*measured_clips(library, every, first))
 
     def thinned(self, most: int) -> _Measured:
-        """Keep so many of the windows at most, evenly; all where there are no more."""
+        """Keep at most so many windows, evenly spread."""
         step = -(-len(self.motions) // most)
         if step == 1:
             return self
@@ -370,7 +374,7 @@ class _Measured(NamedTuple):
         return _Measured(self.clips, ends, self.motions[::step])
 
     def placed(self, comparison: Comparison, body: Body, basis: Basis) -> Placed:
-        """Cut and place the windows, some motions at a time: their numbers take much more memory than their vectors."""
+        """Compute the windows' vectors, some motions at a time, because their numbers take much more memory."""
         pieces, begin = list[Placed](), 0
         pieces_of = np.cumsum([0, *map(len, self.ends)]) // _PIECE
         for end in [*(np.flatnonzero(np.diff(pieces_of)) + 1), len(self.clips)]:
@@ -389,7 +393,7 @@ def _thinned(clip: Clip, frame_rate: float) -> Clip:
 
 
 def _lessons(library: MotionLibrary, motions: NDArray[np.intp]) -> Lessons:
-    """Say of which class and person each window is; motions of unnamed people are by people of their own."""
+    """Give each window's class and person; each motion without a named person counts as a person of its own."""
     _, classes = np.unique([clip.class_name for clip in library.motions], return_inverse=True)
     _, people = np.unique([clip.actor for clip in library.motions], return_inverse=True)
     return Lessons(classes[motions], people[motions])
@@ -397,7 +401,7 @@ def _lessons(library: MotionLibrary, motions: NDArray[np.intp]) -> Lessons:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Blocks:
-    """Which windows are whose: the windows of one person in one class stand together.
+    """The order of the windows: all windows of one person in one class are next to each other.
 
     Attributes
     ----------
@@ -406,7 +410,7 @@ class Blocks:
     class_starts
         Where the windows of each class start, shape (classes,).
     places
-        For each class its blocks, filled up with a block that is not there, shape (classes, most people).
+        For each class its blocks, filled up with the index of an absent block, shape (classes, most persons).
     """
 
     starts: NDArray[np.intp]
@@ -415,7 +419,7 @@ class Blocks:
 
     @classmethod
     def of(cls, classes: NDArray[np.intp], people: Sequence[str]) -> Blocks:
-        """Find the blocks of windows that stand by class and, within a class, by person."""
+        """Find the blocks of windows that are sorted by class and, within a class, by person."""
         actors = np.asarray(people)
         begins = np.append(True, (classes[1:] != classes[:-1]) | (actors[1:] != actors[:-1]))
         starts = np.flatnonzero(begins)
@@ -432,7 +436,8 @@ class Blocks:
     def agreed(self, logs: NDArray[np.floating]) -> NDArray[np.float64]:
         """Take the mean of the two least of each class's blocks, (..., blocks) to (..., classes).
 
-        The second nearest person must agree where two perform a class: only one of them does it their own way.
+        Where several persons perform a class, the second nearest must agree: one person's way may resemble another
+        motion.
         """
         padded = np.full((*logs.shape[:-1], logs.shape[-1] + 1), np.inf)
         padded[..., :-1] = logs

@@ -1,4 +1,4 @@
-"""A library's windows laid out to be compared with a live one, by numpy and by the compiled loops."""
+"""A library's windows laid out for the comparison with a live window, in numpy and in the compiled loops."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class Windows:
     comparison
         How they are compared.
     vectors, eigenvectors, blocks
-        As `WindowIndex` has them.
+        The fields of `WindowIndex`.
     """
 
     def __init__(
@@ -50,16 +50,16 @@ class Windows:
         self._fits = True
 
     def __getstate__(self) -> dict[str, Any]:
-        # What is compiled cannot be copied; a copy lays the windows out anew.
+        # A compiled table cannot be copied; a copy lays the windows out anew.
         return self.__dict__ | {"_table": None}
 
     def prepare(self) -> None:
-        """Lay the windows out now, so that the first hop does not wait for it."""
+        """Lay the windows out now, so that the first hop need not wait."""
         if self._compiled() is None:
             self._lay_out_groups()
 
     def compared(self, numbers: Mapping[Part, NDArray[np.float64]]) -> NDArray[np.float64]:
-        """Do what `WindowIndex.log_distances` does."""
+        """Compute `WindowIndex.log_distances`."""
         table = self._compiled()
         if table is None:
             return self._blocks.agreed(self._blocks.nearest(self.weighed(self._comparison.place(numbers))))
@@ -68,7 +68,7 @@ class Windows:
         return logs
 
     def weighed(self, vectors: Sequence[NDArray[np.float32]]) -> NDArray[np.float32]:
-        """Weigh the log distances of one window, by the vector of each group, to all windows: (views, windows)."""
+        """Weigh the log distances of one window (the vector of each group) to all windows: (views, windows)."""
         self._lay_out_groups()
         logs = np.empty((len(vectors), len(self._eigenvectors)), dtype=np.float32)
         for log, vector, group in zip(logs, vectors, self._groups, strict=True):
@@ -79,7 +79,7 @@ class Windows:
         return weighed
 
     def scores(self, eigenvector: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Do what `WindowIndex.eigenvector_scores` does."""
+        """Compute `WindowIndex.eigenvector_scores`."""
         products = np.abs(eigenvector.astype(np.float32) @ self._transposed)
         return np.maximum.reduceat(products, self._blocks.class_starts).astype(np.float64)
 
@@ -88,9 +88,9 @@ class Windows:
             self._groups = tuple(_Group(each) for each in self._vectors)
 
     def _compiled(self) -> compiled.Table | None:
-        """Give the windows as the compiled loops have them, laid out when first asked for.
+        """Give the windows as a compiled table, which is laid out at first use.
 
-        None without loops, or where they have no room for so many parts, views or axes.
+        None without loops, or where there are too many parts, views or axes for them.
         """
         if compiled.loops is None or not self._fits:
             return None
@@ -119,24 +119,24 @@ class Windows:
 
 
 def _as_halves(metric: Metric | None) -> tuple[NDArray[np.float32], NDArray[np.float16]]:
-    """Give a metric's origin and axes; both empty for none."""
+    """Give a metric's origin and axes; both empty for no metric."""
     if metric is None:
         return np.empty(0, dtype=np.float32), np.empty((0, 0), dtype=np.float16)
     return np.ascontiguousarray(metric.origin), np.ascontiguousarray(metric.axes, dtype=np.float16)
 
 
 class _Group:
-    """The windows' vectors of one group, laid out to be compared with a live window's by numpy."""
+    """The windows' vectors of one group, laid out for numpy."""
 
     def __init__(self, vectors: NDArray[np.float32]) -> None:
         self._is_eigen = vectors.ndim == 3
-        # Axes come first: products with few rows are faster from the left.
+        # Axes come first, because products with few rows are faster from the left.
         self._axes = np.ascontiguousarray(np.moveaxis(vectors, -1, 0).swapaxes(1, -1).reshape(vectors.shape[-1], -1))
         self._squares = _squares(vectors) + np.float32(NEAREST)
         self._each = np.full(vectors.shape[1] ** 2, -2, dtype=np.float32)
 
     def squared_distances(self, vector: NDArray[np.float32], squared: NDArray[np.float32]) -> None:
-        """Write the squared distances of one vector, and `NEAREST` more, to all windows' into (windows,)."""
+        """Write the squared distances of one vector to all windows, plus `NEAREST`, into (windows,)."""
         if self._is_eigen:
             products = vector @ self._axes
             np.square(products, out=products)
@@ -151,8 +151,8 @@ class _Group:
 def _squares(vectors: NDArray[np.float32]) -> NDArray[np.float32]:
     """Give the squared lengths of windows' vectors, or of their matrices.
 
-    Matrices are of length 1 but for rounding, and without movement of length 0: that counts as 1, so that such a window
-    is as far from others as any can be.
+    Matrices have length 1 but for rounding; the matrix of a window without movement has length 0, which counts as 1, so
+    that such a window is at the greatest distance from all others.
     """
     if vectors.ndim == 2:
         lengths: NDArray[np.float32] = np.square(vectors).sum(axis=1)

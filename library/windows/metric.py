@@ -1,9 +1,9 @@
-"""Metrics: how numbers of windows become vectors whose distances tell motions apart and people not.
+"""Metrics: they map the numbers of windows to vectors whose distances tell motions apart, but not people.
 
-What differs between people who do the same is learned from windows of known classes: the scatter of the differences
-between a window and the nearest window of its class by another person. The metric divides by that scatter (within-class
-covariance normalisation, Hatch, Kajarekar and Stolcke 2006), shrunk towards equal scatter everywhere (Ledoit and Wolf
-2004), and keeps the directions in which the windows then vary most.
+Differences between people who perform the same are learned from windows of known classes: the scatter of the
+differences between a window and the nearest window of its class by another person. The metric divides by this scatter
+(within-class covariance normalisation, Hatch, Kajarekar and Stolcke 2006), shrunk towards equal scatter everywhere
+(Ledoit and Wolf 2004), and keeps the directions in which the windows then vary most.
 """
 
 from __future__ import annotations
@@ -20,9 +20,9 @@ if TYPE_CHECKING:
 
 _Number = TypeVar("_Number", np.float32, np.float64)
 
-#: Principal axes in which the learning happens: the rest of the numbers is noise, and costs time.
+#: Principal axes in which metrics are learned: the other numbers are mostly noise.
 _LEARNED_IN = 160
-#: How often the nearest windows are looked for anew, in the metric learned so far.
+#: How often the nearest windows are searched for anew, in the metric learned so far.
 _ROUNDS = 2
 
 
@@ -42,19 +42,19 @@ class Metric:
     axes: NDArray[np.float32] = field(repr=False)
 
     def place(self, numbers: NDArray[np.floating]) -> NDArray[np.float32]:
-        """Give the vectors of windows' numbers, (..., numbers) to (..., kept)."""
+        """Map windows' numbers to vectors, (..., numbers) to (..., kept)."""
         placed: NDArray[np.float32] = np.subtract(numbers, self.origin, dtype=np.float32) @ self.axes
         return placed
 
 
 def rounded(numbers: NDArray[np.floating]) -> NDArray[np.float32]:
-    """Round numbers to half precision: the compiled loops read half as much, and numpy computes with the same."""
+    """Round numbers to half precision: the compiled loops then read half as much, and numpy uses the same numbers."""
     return numbers.astype(np.float16).astype(np.float32)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Lessons:
-    """Whose windows a metric is learned from.
+    """The classes and persons of the windows from which a metric is learned.
 
     Attributes
     ----------
@@ -67,7 +67,7 @@ class Lessons:
 
     @property
     def shared(self) -> list[NDArray[np.intp]]:
-        """The windows of each class that two people perform."""
+        """The windows of each class that at least two persons perform."""
         each = [np.flatnonzero(self.classes == index) for index in np.unique(self.classes)]
         return [own for own in each if len(np.unique(self.people[own])) > 1]
 
@@ -80,22 +80,22 @@ def learned_metric(numbers: NDArray[np.float64], lessons: Lessons, *, shrinkage:
     numbers
         Shape (windows, numbers).
     lessons
-        Whose they are. When no class is performed by two people, nothing is divided by: the axes are principal axes.
+        Their classes and persons. When no two persons share a class, the axes are principal axes.
     shrinkage
-        0 to 1; at 1 nothing is divided by either.
+        0 to 1; at 1 the scatter is not used.
     kept
-        How many axes to keep, at most.
+        How many axes to keep at most.
 
     Returns
     -------
-    The metric, scaled so that windows of one class by two people are at a mean squared distance of 1.
+    The metric, scaled so that windows of one class by two persons are at a mean squared distance of 1.
     """
     origin = numbers.mean(axis=0)
     reduced, back = _reduced(numbers - origin)
     axes = _principal(reduced, kept)
     shared = lessons.shared
     differences = _differences(reduced @ axes, reduced, lessons, shared) if shared else reduced
-    # People whose recordings are the same, number for number, teach nothing.
+    # Persons whose recordings are the same, number for number, teach nothing.
     if shrinkage < 1 and shared and differences.any():
         for _ in range(_ROUNDS):
             axes = _whitened_axes(differences, reduced, shrinkage, kept)
@@ -106,8 +106,8 @@ def learned_metric(numbers: NDArray[np.float64], lessons: Lessons, *, shrinkage:
 
 
 def _reduced(centred: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Give windows along their principal axes, and the axes, (numbers, `_LEARNED_IN`)."""
-    # What is learned among the axes does not depend on how exact they are.
+    """Map windows to their principal axes, and give the axes, (numbers, `_LEARNED_IN`)."""
+    # The learned metric does not depend on how exact these axes are.
     back = _principal(centred.astype(np.float32), _LEARNED_IN).astype(np.float64)
     return centred @ back, back
 
@@ -135,7 +135,7 @@ def _differences(
     lessons: Lessons,
     shared: list[NDArray[np.intp]],
 ) -> NDArray[np.float64]:
-    """Take each window's difference to the nearest of its class by another person, each class weighing the same."""
+    """Take each window's difference to the nearest of its class by another person; classes weigh the same."""
     count = sum(map(len, shared)) / len(shared)
     differences: list[NDArray[np.float64]] = []
     for own in shared:

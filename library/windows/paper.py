@@ -66,7 +66,7 @@ class PaperIndex:
         return cls(seconds, basis, vectors, classes, Blocks.of(np.searchsorted(classes, names), people))
 
     def scores(self, eigenvector: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Give each class's best |inner product|, mean over its two best people; shape (classes,), 0 to 1."""
+        """Give each class's best |inner product|, the mean over its two best persons; shape (classes,), 0 to 1."""
         products = -np.abs(self.eigenvectors @ eigenvector.astype(np.float32))
         return -self.blocks.agreed(self.blocks.nearest(products))
 

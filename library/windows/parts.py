@@ -1,4 +1,4 @@
-"""The parts of a window's signature: all are read off the mean and the covariance of its distance rows.
+"""The parts of a window's signature: all are computed from the mean and the covariance of its distance rows.
 
 - eigen: the leading eigenvectors of the covariance in the basis, the paper's vector first. k of them with their
   eigenvalues make a matrix of rank k, sum of √λᵢ uᵢ uᵢᵀ, of length 1. The inner product of two such matrices is
@@ -9,7 +9,7 @@
 - trend: the correlation of each distance with time (the covariance of the distance with time, over the deviations of
   both). It has a sign, so it tells sitting down from standing up, which have the same covariance.
 
-The same functions serve the windows of a library and a live window, so that the two cannot drift apart.
+The same functions serve the windows of a library and a live window, so that both are computed alike.
 """
 
 from __future__ import annotations
@@ -28,16 +28,16 @@ if TYPE_CHECKING:
 
 #: Added to each deviation, relative to the body's size, before the logarithm: the noise of a marker.
 NOISE_FLOOR = 1 / 60
-#: How much of the mean logarithm is taken out. All of it would make a large motion and a small one the same.
+#: The share of the mean logarithm that is subtracted. All of it would make a large and a small motion the same.
 LEVEL_REMOVED = 0.5
-#: Eigenvectors that make the eigen part.
+#: Eigenvectors of the eigen part.
 EIGENVECTORS = 4
 
 
 class Kind(StrEnum):
-    """What a part reads off a window."""
+    """The kinds of parts."""
 
-    # A part is looked up at every hop, and an enumeration's own hash is a call from Python.
+    # A part is looked up at every hop, and an enumeration's own hash is slow.
     __hash__ = str.__hash__
 
     EIGEN = "eigen"
@@ -47,7 +47,7 @@ class Kind(StrEnum):
 
 
 class Part(NamedTuple):
-    """One part of a signature: what is read, of a window of how many seconds."""
+    """One part of a signature: its kind, and the seconds of its window."""
 
     kind: Kind
     seconds: float
@@ -63,9 +63,9 @@ SPREAD_LONG, SPREAD_SHORT = Part(Kind.SPREAD, 1.0), Part(Kind.SPREAD, 0.25)
 POSTURE = Part(Kind.POSTURE, 0.25)
 TREND_LONG, TREND_SHORT = Part(Kind.TREND, 1.0), Part(Kind.TREND, 0.25)
 PARTS = (EIGEN_LONG, EIGEN_SHORT, SPREAD_LONG, SPREAD_SHORT, POSTURE, TREND_LONG, TREND_SHORT)
-#: The parts that forget the motion before within half a second.
+#: The parts that no longer see the motion before after half a second.
 SHORT_PARTS = (EIGEN_SHORT, SPREAD_SHORT, POSTURE, TREND_SHORT)
-#: Lengths of the windows whose moments are kept in distance space, and of those kept in the basis, seconds.
+#: Lengths of the windows whose moments are kept in distance space, and of the windows kept in the basis, seconds.
 DISTANCE_LENGTHS = tuple(sorted({part.seconds for part in PARTS if part.kind is not Kind.EIGEN}))
 BASIS_LENGTHS = tuple(sorted({part.seconds for part in PARTS if part.kind is Kind.EIGEN}))
 
@@ -105,7 +105,7 @@ class Eigenpairs:
 
 
 def spread(moments: Moments, body: Body) -> NDArray[np.float64]:
-    """Measure spreads, shape (windows, pairs). A body without size, all joints in one point, does not swing."""
+    """Compute spreads, shape (windows, pairs); 0 for a body without size, with all joints in one point."""
     relative = moments.deviation / _positive(body.size(moments.mean))[:, None]
     relative += NOISE_FLOOR
     logs: NDArray[np.float64] = np.log(relative, out=relative)
@@ -114,12 +114,12 @@ def spread(moments: Moments, body: Body) -> NDArray[np.float64]:
 
 
 def posture(moments: Moments, body: Body) -> NDArray[np.float64]:
-    """Measure postures, shape (windows, pairs); 0 where there is no length between two joints."""
+    """Compute postures, shape (windows, pairs); 0 where there is no length between two joints."""
     return moments.mean / _positive(body.lengths(moments.mean))
 
 
 def trend(moments: Moments, body: Body) -> NDArray[np.float64]:
-    """Measure trends, shape (windows, pairs), between -1 and 1: 0 where a distance moves no more than noise does."""
+    """Compute trends, shape (windows, pairs), between -1 and 1: 0 where a distance moves no more than noise."""
     floor = NOISE_FLOOR * body.size(moments.mean)[:, None]
     return moments.trend / _positive(moments.deviation + floor)
 
@@ -127,8 +127,8 @@ def trend(moments: Moments, body: Body) -> NDArray[np.float64]:
 def eigen(pairs: Eigenpairs) -> NDArray[np.float64]:
     """Scale eigenvectors by the fourth root of their eigenvalue's share, shape (windows, k, directions).
 
-    The squared inner products of two windows' scaled eigenvectors add up to the inner product of their matrices,
-    Σᵢⱼ √λᵢ √μⱼ ⟨uᵢ, vⱼ⟩²: 1 for the same window, 0 for one that moves in other directions. A window without movement
+    The squared inner products of two windows' scaled eigenvectors add up to the inner product of their matrices, Σᵢⱼ
+    √λᵢ √μⱼ ⟨uᵢ, vⱼ⟩²: 1 for the same window, 0 for a window that moves in other directions. A window without movement
     has zero vectors.
     """
     values = np.maximum(pairs.values, 0.0)
@@ -141,7 +141,7 @@ def eigen(pairs: Eigenpairs) -> NDArray[np.float64]:
 def flattened(scaled: NDArray[np.floating]) -> NDArray[np.float64]:
     """Write the matrices Σᵢ sᵢ sᵢᵀ of scaled eigenvectors (..., k, directions) as vectors.
 
-    Products of two vectors are products of the matrices: numbers off the diagonal stand once, times √2.
+    Inner products of two vectors are inner products of the matrices: numbers off the diagonal appear once, times √2.
 
     Returns
     -------
@@ -161,12 +161,12 @@ def movement(moments: Moments) -> NDArray[np.float64]:
 
 
 def _positive(numbers: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Replace what is not above 0 by infinity, so that a division by it gives 0."""
+    """Replace numbers that are not above 0 by infinity, so that a division by them gives 0."""
     return np.where(numbers > 0, numbers, np.inf)
 
 
 @cache
 def _upper(size: int) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.float64]]:
-    """Give the places of a symmetric matrix's upper triangle, and the factors of its numbers."""
+    """Give the indices of a symmetric matrix's upper triangle, and the factors of its numbers."""
     rows, columns = np.triu_indices(size)
     return rows, columns, np.where(rows == columns, 1.0, np.sqrt(2.0))

@@ -1,9 +1,9 @@
-"""Whether a motion is known: the evidence of a guess, weighed by numbers learned from known and unknown motions.
+"""Rejection: whether a motion is known, by its guess's evidence and numbers learned from motions.
 
-A logistic function tells a rightly named window from a window of something else (Fisher's discriminant where a library
-has to learn it from its own motions: each person, else each recording, left out asks as known, each class left out asks
-as unknown). Each group of parts is asked alone: a motion is known when all of them are near to the same class and far
-from the others, which tells more than the distance of all parts together.
+A logistic function tells rightly named windows from other windows. A library that has to learn it from its own motions
+takes Fisher's discriminant: each person (or each recording) left out asks as known, and each class left out asks as
+unknown. Each group of parts is evaluated alone: a motion is known when all groups are near to the same class and far
+from the others, which says more than the distance of all parts together.
 """
 
 from __future__ import annotations
@@ -23,30 +23,30 @@ if TYPE_CHECKING:
 
     from kinespace.library.windows.index import WindowIndex
 
-#: Shares of unknown time that may be named, at which thresholds are kept.
+#: Shares of unknown time that may be named; a threshold is kept for each.
 RATES = (0.01, 0.02, 0.05, 0.1, 0.2, 0.4)
-#: A lead counts no more than this, in log distance, either way: beyond it a guess is as clear as can be.
+#: A lead counts no more than this, in log distance, either way: a guess cannot be clearer.
 MAX_LEAD = 2.0
 #: Windows that ask when a library learns from its own motions, at most.
 _ASKING = 600
-#: Windows of either kind below which nothing is learned.
+#: Windows of each kind without which nothing is learned.
 _MIN_WINDOWS = 10
 _BIAS, _SLOPE = "bias ", "slope "
-#: Added to a variance: evidence that hardly varies is not to be trusted without bound.
+#: Added to a variance, so that evidence that hardly varies does not get an unlimited weight.
 _RIDGE = 0.02
-#: Noise of a distance, metres, from which it counts.
+#: Noise of a distance, metres, from which on it counts.
 _NOISE = 0.01
 
 
 class Evidence(NamedTuple):
-    """What speaks for a guess.
+    """The evidence for a guess.
 
     Attributes
     ----------
     distances
         Log distance of the guess by each group of parts.
     leads
-        Log distance by which the nearest other class is further, by each group: below 0 where it is nearer; between
+        Log distance by which the nearest other class is farther, by each group: below 0 where it is nearer; between
         -`MAX_LEAD` and `MAX_LEAD`.
     noise
         Standard deviation of the noise of a distance in the feed, metres.
@@ -58,7 +58,7 @@ class Evidence(NamedTuple):
 
     @classmethod
     def of(cls, groups: NDArray[np.float64], guess: int, noise: float = 0.0) -> Self:
-        """Read the evidence for a guess off the log distances by each group, (groups, classes)."""
+        """Take the evidence for a guess from the log distances by each group, (groups, classes)."""
         distances, leads = [], []
         for each in groups.tolist():
             distances.append(each[guess])
@@ -68,7 +68,7 @@ class Evidence(NamedTuple):
 
     @property
     def compared(self) -> tuple[float, ...]:
-        """Distances and leads: what a comparison with the library tells."""
+        """Distances and leads: the result of the comparison with the library."""
         return self.distances + self.leads
 
     @property
@@ -78,29 +78,30 @@ class Evidence(NamedTuple):
 
     @property
     def noisiness(self) -> float:
-        """How noisy the feed is: 0 without noise, and growing with its logarithm."""
+        """The noise of the feed on a logarithmic scale; 0 without noise."""
         return math.log1p(self.noise / _NOISE)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Rejection:
-    """Weighs evidence: above the threshold a guess is known.
+    """Weighs evidence: a guess is known above the threshold.
 
     Attributes
     ----------
     weights
-        Of each distance, each lead, and the noise, shape (2 groups + 1,).
+        The weights of each distance, each lead, and the noise, shape (2 groups + 1,).
     offset
         Added to the weighed evidence.
     biases, slopes
-        Added for a guess of some class, and added times the mean lead.
+        Numbers added for a guess of each class, and numbers added times the mean lead.
     thresholds
-        For each of `RATES` the logit above which that share of unknown time lies.
+        For each of `RATES` the logit above which this share of unknown time lies.
     typical
-        Distances and leads that are typical of the library's own motions, each person (or else motion) left out, shape
-        (2 groups,): evidence is weighed relative to them. With other joints other ones are typical.
+        Typical distances and leads of the library's own motions, each person (or else motion) left out, shape (2
+        groups,): evidence is weighed relative to them. They differ with the joints.
     joints
-        With how many joints the other numbers were learned; 0 when they were learned for the library as it is.
+        The number of joints with which the other numbers were learned; 0 when they were learned for the library as it
+        is.
     """
 
     weights: NDArray[np.float64] = field(repr=False)
@@ -121,14 +122,14 @@ class Rejection:
         object.__setattr__(self, "_lead", float(self.typical[count // 2 :].mean()))
 
     def logit(self, evidence: Evidence, class_name: str) -> float:
-        """Say how likely a guess is right: log odds, up to a constant that the threshold decides."""
+        """Give the log odds that a guess is right, up to a constant that the threshold contains."""
         numbers = (*evidence.compared, evidence.noisiness)
         weighed = sum(weight * number for weight, number in zip(self._listed, numbers, strict=True)) + self._constant
         slope = self.slopes.get(class_name, 0.0)
         return weighed + self.biases.get(class_name, 0.0) + slope * (evidence.lead - self._lead)
 
     def kept(self) -> Learned:
-        """Give the numbers as a library's file keeps them."""
+        """Give the numbers in the form of a library's file."""
         numbers = {
             "weights": self.weights,
             "offset": np.array([self.offset]),
@@ -143,7 +144,7 @@ class Rejection:
 
     @classmethod
     def of_kept(cls, learned: Learned, groups: int) -> Self:
-        """Take the numbers from a library's file, for a comparison of so many groups of parts.
+        """Make it from the numbers of a library's file, for a comparison of so many groups of parts.
 
         Raises
         ------
@@ -168,7 +169,7 @@ class Rejection:
         )
 
     def moved_to(self, typical: NDArray[np.float64]) -> Rejection:
-        """Give the same judgement for other joints, with which other distances and leads are typical, (2 groups,)."""
+        """Give the same rejection for other joints, with their typical distances and leads, (2 groups,)."""
         return replace(self, typical=typical)
 
     def threshold_at(self, rate: float) -> float:
@@ -182,21 +183,25 @@ def _of_classes(prefix: str, numbers: Mapping[str, NDArray[np.float64]]) -> dict
 
 
 def stand_in(groups: int) -> Rejection:
-    """Give numbers for a library with too few motions to learn from: as the built-in library's motions teach."""
+    """Give numbers for a library with too few motions to learn from.
+
+    The thresholds are where these shares of unknown time were named when three persons of HDM05 had taught one example
+    of each of ten classes, and they and the others performed the eleventh (tests/TRIED.md).
+    """
     weights = np.repeat([-2.0 / groups, 2.0 / groups, 0.0], [groups, groups, 1])
-    thresholds = np.array([1.5, 1.0, 0.5, 0.0, -0.5, -1.5])
+    thresholds = np.array([0.75, 0.45, 0.0, -0.37, -0.7, -1.12])
     return Rejection(weights, 0.0, {}, {}, thresholds, np.zeros(2 * groups))
 
 
 def learned_rejection(index: WindowIndex) -> Rejection:
-    """Learn from a library's own motions how near known ones are, and unknown ones."""
+    """Learn from a library's own motions how near known motions are, and unknown motions."""
     groups = len(index.comparison.weighing.groups)
     known, unknown, classes = _asked(index)
     if len(known) < _MIN_WINDOWS or len(unknown) < _MIN_WINDOWS:
         return stand_in(groups)
     scatter = (np.cov(known.T) + np.cov(unknown.T)) / 2 + _RIDGE * np.eye(2 * groups)
     slope = np.linalg.solve(scatter, known.mean(axis=0) - unknown.mean(axis=0))
-    # With few classes left the lead of an unknown motion is wide: a clear guess must not count against itself.
+    # With few classes left an unknown motion has a wide lead: a clear guess must not count against itself.
     slope[groups:] = np.maximum(slope[groups:], 0.0)
     typical = np.median(known, axis=0)
     thresholds = _thresholds((unknown - typical) @ slope, classes)
@@ -204,7 +209,7 @@ def learned_rejection(index: WindowIndex) -> Rejection:
 
 
 def _thresholds(logits: NDArray[np.float64], classes: NDArray[np.intp]) -> NDArray[np.float64]:
-    """Find above which logits each of `RATES` of unknown windows lies, when every class counts alike."""
+    """Find for each of `RATES` the logit above which this share of unknown windows lies; classes count alike."""
     counts = np.bincount(classes)[classes]
     order = np.argsort(-logits)
     shares = np.cumsum(1 / counts[order])
@@ -212,7 +217,7 @@ def _thresholds(logits: NDArray[np.float64], classes: NDArray[np.intp]) -> NDArr
 
 
 def typical_evidence(index: WindowIndex) -> NDArray[np.float64]:
-    """Give the distances and leads that are typical of a library's own motions, shape (2 groups,)."""
+    """Give the typical distances and leads of a library's own motions, shape (2 groups,)."""
     known, _, _ = _asked(index)
     return np.median(known, axis=0) if len(known) else np.zeros(known.shape[1])
 
@@ -223,7 +228,7 @@ def _asked(index: WindowIndex) -> tuple[NDArray[np.float64], NDArray[np.float64]
     Returns
     -------
     Distances and leads of the windows named rightly, (known, 2 groups), and of the windows without their class,
-    (unknown, 2 groups); the classes of the windows without their class.
+    (unknown, 2 groups); and the classes of the latter.
     """
     motions = index.library.motions
     names = np.array([motions[each].class_name for each in index.motions])

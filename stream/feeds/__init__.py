@@ -1,4 +1,4 @@
-"""Feeds of other products: presets that say what their messages mean, and what makes frames of them."""
+"""Feeds of other products: presets that give the meaning of their messages, and decoders that make frames of them."""
 
 from kinespace.stream.feeds.frame_assembler import FrameAssembler
 from kinespace.stream.feeds.message_reader import Mapper

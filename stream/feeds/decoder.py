@@ -1,4 +1,4 @@
-"""The decoder of another product's OSC packets, and the source that also tells its sender to send."""
+"""The decoder of other products' OSC packets, which also tells their hosts apart."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from kinespace.stream.frame import Input
     from kinespace.stream.inputs.receiver import Packet, Sender
 
-#: Hosts that send to one port at once.
+#: Hosts that may send to one port at once.
 MAX_SENDERS = 16
 
 
@@ -28,7 +28,7 @@ class FeedDecoder:
     Parameters
     ----------
     preset
-        What they mean.
+        The meaning of the product's messages.
 
     Attributes
     ----------
@@ -58,7 +58,7 @@ class FeedDecoder:
         )
 
     def decode(self, packet: Packet, arrival: float, sender: Sender) -> Sequence[Input]:
-        """Decode one packet; frames that it completed."""
+        """Decode one packet; give the frames that it completed."""
         self._received += 1
         datagram = datagram_of(packet)
         try:
@@ -76,12 +76,12 @@ class FeedDecoder:
         return made
 
     def expire(self, now: float) -> Sequence[Input]:
-        """Close frames that nothing more comes for."""
+        """Close frames that wait for too long."""
         return self.assembler.expire(now)
 
 
 class SenderNumbers:
-    """Tells hosts that send to one port apart; a number is free again when its host has been silent.
+    """Tells hosts that send to one port apart; a host that has been silent gives its number back.
 
     Programs on one host are not told apart: many send each packet from another port.
     """

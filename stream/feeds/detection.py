@@ -1,4 +1,4 @@
-"""What arrives on a port, whatever it is: kinds of messages, rates, senders, gaps; which preset it looks like."""
+"""Detection: kinds of messages on a port, rates, senders, gaps, and the preset that fits best."""
 
 from __future__ import annotations
 
@@ -6,6 +6,9 @@ import re
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, NamedTuple
 
+import numpy as np
+
+from kinespace.library import hdm05
 from kinespace.library.motion_library import MIN_JOINTS
 from kinespace.library.naming import Naming
 from kinespace.stream.feeds.decoder import FeedDecoder
@@ -13,38 +16,42 @@ from kinespace.stream.feeds.frame_assembler import FrameAssembler
 from kinespace.stream.feeds.message_reader import Mapper, MessageError
 from kinespace.stream.feeds.preset import Means
 from kinespace.stream.feeds.unpackers import UNPACKERS
-from kinespace.stream.frame import Frame
+from kinespace.stream.frame import Announcement, Frame
+from kinespace.stream.inputs.clock import SenderClock
 from kinespace.stream.inputs.decoder import OscDecoder
-from kinespace.stream.inputs.refusals import Refusals
 from kinespace.stream.osc.frames import SKELETON, decode
 from kinespace.stream.osc.packet import PacketError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from numpy.typing import NDArray
+
     from kinespace.stream.feeds.preset import Preset
     from kinespace.stream.feeds.unpackers import Unpacker
-    from kinespace.stream.inputs.receiver import Sender
+    from kinespace.stream.inputs.decoder import Decoder
     from kinespace.stream.osc.packet import Message
 
-#: Kinds of messages told apart; only somebody who makes up addresses gets there.
-MOST_KINDS = 200
-_MOST_SENDERS = 50
-#: Messages and packets kept to be looked at as each preset's.
-_MOST_KEPT = 20_000
+#: Kinds of messages that are told apart, at most; only a sender that makes up addresses reaches the limit.
+MAX_KINDS = 200
+_MAX_SENDERS = 50
+#: Messages and packets that are kept for reading by each preset, at most.
+_MAX_KEPT = 20_000
 #: The preset of our own messages, and their addresses.
 NATIVE, OURS = "native", ("/motion/frame", SKELETON)
-#: Ways to pack that tell by themselves whether a packet is of theirs.
+#: Packings whose packets can be recognised.
 _PACKINGS = ("osc", "rokoko", "zigsim", "xsens")
-#: Joints a message must bring, relative to those a preset has, to say that this is it.
+#: Share of a preset's joints that must come for the preset to fit.
 _LIKELY = 0.25
+#: Share of its length by which a segment may change, and share of the segments that may change by more.
+_STRETCHES, _MANY = 0.1, 0.25
 _NUMBERED = re.compile(r"\d+")
 _TAGS = {float: "f", int: "i", str: "s", bytes: "b", bool: "T", type(None): "N", list: "[", tuple: "m"}
 
 
 @dataclass(slots=True)
 class Kind:
-    """Messages of one address, numbers in it aside, and one list of types."""
+    """Messages of one address, apart from numbers in it, and of one list of types."""
 
     address: str
     types: str
@@ -62,24 +69,24 @@ class Kind:
 
 
 class Guess(NamedTuple):
-    """How well a preset explains what came.
+    """How well a preset explains the messages.
 
     Attributes
     ----------
     preset
         The preset.
     understood
-        Share of the messages that it understands.
+        Share of the messages that the preset can read.
     joints
         Joints that came, by the motion library's names.
     missing
-        Joints of the preset that did not.
+        Joints of the preset that did not come.
     frames
-        Frames that were made of what came.
+        Frames made of the messages.
     rate
         Frames a second of one performer.
     performers
-        Who was there.
+        The performers' names.
     """
 
     preset: Preset
@@ -93,9 +100,27 @@ class Guess(NamedTuple):
     refused: int
 
 
+class Findings(NamedTuple):
+    """Oddities of a feed's frames.
+
+    Attributes
+    ----------
+    clocks
+        By performer, the conversion of times that are not seconds.
+    stretching
+        Performers many of whose segments change their length by more than a tenth.
+    refusals
+        The last packets that could not be read, with the reason, a line each.
+    """
+
+    clocks: dict[str, str]
+    stretching: tuple[str, ...]
+    refusals: tuple[str, ...]
+
+
 @dataclass(slots=True)
 class Survey:
-    """Collects what arrives.
+    """Collects packets.
 
     Attributes
     ----------
@@ -108,7 +133,7 @@ class Survey:
     kinds
         Messages by address and types.
     announced
-        The joint names that a sender of our own messages said last.
+        The joint names of the last announcement in our own messages.
     """
 
     packets: int = 0
@@ -118,38 +143,39 @@ class Survey:
     senders: dict[str, int] = field(default_factory=dict)
     kinds: dict[tuple[str, str], Kind] = field(default_factory=dict)
     announced: tuple[str, ...] = ()
-    _kept: list[tuple[bytes, float, Sender]] = field(default_factory=list)
-    _refusals: Refusals = field(default_factory=Refusals)
-    #: What was kept as each packing reads it; with how much there was then.
+    _kept: list[tuple[bytes, float, str]] = field(default_factory=list)
+    #: The kept packets as each packing reads them, and how many there were then.
     _read: dict[str, tuple[int, list[tuple[list[Message], float, bool]]]] = field(default_factory=dict)
 
     def see(self, datagram: bytes, sender: str, arrival: float) -> None:
-        """Take in one datagram, from `host:port`, at a moment in seconds."""
+        """Take in one datagram from `host:port`, at a moment in seconds."""
         self.packets += 1
         self.largest = max(self.largest, len(datagram))
-        if sender in self.senders or len(self.senders) < _MOST_SENDERS:
+        if sender in self.senders or len(self.senders) < _MAX_SENDERS:
             self.senders[sender] = self.senders.get(sender, 0) + 1
         read = (_unpacked(UNPACKERS[packing](), datagram) for packing in _PACKINGS)
         messages = next((each for each in read if each is not None), None)
         if messages is None:
             self.undecodable += 1
-            why = "neither a message nor a bundle"
-            self._refusals.note("packet that is no OSC", why, _host_and_port(sender), datagram)
+            self._keep(datagram, sender, arrival)
             return
         self.bundles += datagram[:1] == b"#"
         for message in messages:
             self._count(message, arrival)
             if message.address == SKELETON and all(isinstance(each, str) for each in message.arguments):
                 self.announced = tuple(map(str, message.arguments[1:]))
-        if len(self._kept) < _MOST_KEPT:
-            self._kept.append((datagram, arrival, _host_and_port(sender)))
+        self._keep(datagram, sender, arrival)
+
+    def _keep(self, datagram: bytes, sender: str, arrival: float) -> None:
+        if len(self._kept) < _MAX_KEPT:
+            self._kept.append((datagram, arrival, sender))
 
     def _count(self, message: Message, arrival: float) -> None:
         types = shortened("".join(_TAGS.get(type(argument), "?") for argument in message.arguments))
         key = (_NUMBERED.sub("#", message.address), types)
         kind = self.kinds.get(key)
         if kind is None:
-            if len(self.kinds) >= MOST_KINDS:
+            if len(self.kinds) >= MAX_KINDS:
                 return
             kind = self.kinds[key] = Kind(*key, first=arrival, example=tuple(message.arguments[:6]))
         elif kind.count:
@@ -158,7 +184,7 @@ class Survey:
         kind.last = arrival
 
     def looked_at_as(self, preset: Preset) -> Guess:
-        """Say what a preset makes of everything that came."""
+        """Read all packets by a preset, and say how well it fits."""
         if preset.name == NATIVE and self.announced:
             return self._as_our_own(preset)
         mapper, assembler = Mapper(preset), FrameAssembler(preset)
@@ -177,7 +203,7 @@ class Survey:
                     times.setdefault(made.performer, []).append(arrival)
         came = {preset.joint_map[name] for name in joints} - {""}
         if preset.bones and came:
-            # A bone that does not come stays as it is at rest.
+            # A bone that does not come stays at rest.
             came = set(preset.joints)
         longest = max(times.values(), key=len, default=[])
         span = longest[-1] - longest[0] if longest else 0.0
@@ -194,7 +220,7 @@ class Survey:
         )
 
     def _as_our_own(self, preset: Preset) -> Guess:
-        """Read our own messages, whose senders name their joints, as the recogniser does: by our names for them."""
+        """Read our own messages, whose senders name their joints, as the recogniser does: by our joint names."""
         named = set(Naming().read(self.announced).joints)
         frames, times = 0, dict[str, list[float]]()
         for datagram, arrival, _ in self._kept:
@@ -218,15 +244,31 @@ class Survey:
             refused=frames - whole,
         )
 
-    def reasons(self, preset: Preset | None) -> list[str]:
-        """Say why packets were refused last, a line for each kind, as a recogniser says it that reads this preset."""
-        decoder = FeedDecoder(preset) if preset and preset.name != NATIVE else OscDecoder()
+    def findings(self, preset: Preset) -> Findings:
+        """List the oddities of the packets, read by a preset."""
+        decoder: Decoder = OscDecoder() if preset.name == NATIVE else FeedDecoder(preset)
+        joints: dict[str, tuple[str, ...]] = {}
+        clocks: dict[str, SenderClock] = {}
+        lengths: dict[str, list[NDArray[np.float64]]] = {}
         for datagram, arrival, sender in self._kept:
-            decoder.decode(datagram, arrival, sender)
-        return [*self._refusals.lines(), *decoder.refusals.lines()]
+            host, _, port = sender.rpartition(":")
+            for event in decoder.decode(datagram, arrival, (host, int(port))):
+                name = event.performer
+                if isinstance(event, Announcement):
+                    joints[name] = Naming().read(event.joints).joints
+                    lengths.pop(name, None)
+                    continue
+                clocks.setdefault(name, SenderClock()).read(event.time, arrival)
+                if len(named := joints.get(name, hdm05.SKELETON.joints)) == len(event.positions):
+                    lengths.setdefault(name, []).append(_segment_lengths(named, event.positions))
+        return Findings(
+            {name: clock.told for name, clock in clocks.items() if clock.told},
+            tuple(name for name, rows in lengths.items() if _stretches(np.array(rows))),
+            tuple(decoder.refusals.lines()),
+        )
 
     def _unpacked_as(self, packing: str) -> list[tuple[list[Message], float, bool]]:
-        """Give what was kept as messages, by one way to pack; packets of other ways hold none."""
+        """Give the kept packets as messages, by one packing; packets of other packings hold none."""
         if packing not in self._read or self._read[packing][0] != len(self._kept):
             unpack = UNPACKERS[packing]()
             read = [
@@ -237,26 +279,46 @@ class Survey:
         return self._read[packing][1]
 
     def guess(self, presets: Sequence[Preset]) -> Guess | None:
-        """Give the preset that explains most of what came, None when none explains anything.
+        """Give the preset that explains most of the packets, None when none explains any.
 
-        Frames made count first, then joints found, then messages understood.
+        It is chosen by the frames made, then the joints found, then the messages read.
         """
         guesses = [self.looked_at_as(preset) for preset in presets]
         likely = [each for each in guesses if len(each.joints) >= _LIKELY * len(each.preset.joints)]
         return max(likely, key=_likelihood, default=None)
 
 
-def _host_and_port(sender: str) -> Sender:
-    host, _, port = sender.rpartition(":")
-    return (host, int(port)) if port.isdigit() else None
-
-
 def _unpacked(unpack: Unpacker, datagram: bytes) -> list[Message] | None:
-    """Give a packet's messages, None where it is packed otherwise."""
+    """Give a packet's messages, None when it is packed otherwise."""
     try:
         return unpack(datagram)
     except PacketError:
         return None
+
+
+def _segment_lengths(joints: Sequence[str], positions: NDArray[np.floating]) -> NDArray[np.float64]:
+    """Measure the segments of a body in one frame (joints, 3): shape (segments,); empty where no joint is known."""
+    ours = hdm05.SKELETON.joints
+    kept = [place for place, name in enumerate(ours) if name in joints]
+    if len(kept) < MIN_JOINTS:
+        return np.empty(0)
+    skeleton = hdm05.SKELETON.restricted_to(kept)
+    there = positions[[joints.index(name) for name in skeleton.joints]].astype(np.float64)
+    children = [child for child, parent in enumerate(skeleton.parents) if parent >= 0]
+    lengths: NDArray[np.float64] = np.linalg.norm(
+        there[children] - there[[skeleton.parents[child] for child in children]], axis=1
+    )
+    return lengths
+
+
+def _stretches(lengths: NDArray[np.float64]) -> bool:
+    """Say whether many segments of (frames, segments) change by more than a tenth, apart from stray frames."""
+    # A segment with a lost end is not judged.
+    lengths = lengths[:, np.isfinite(lengths).all(axis=0)]
+    if not lengths.any():
+        return False
+    least, usual, most = np.percentile(lengths, [5, 50, 95], axis=0)
+    return bool(np.mean((most - least) > _STRETCHES * usual) > _MANY)
 
 
 def _likelihood(guess: Guess) -> tuple[bool, float, int]:

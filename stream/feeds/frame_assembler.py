@@ -1,13 +1,14 @@
-"""Frames out of joints: which belong together, and what becomes of those that are absent. No socket, no clock.
+"""Frames made of joints: which joints belong together, and what happens to absent ones. No socket, no clock.
 
-A frame may come as one message, one bundle, several bundles or loose messages, with or without a mark at its end. It
-is closed by an end message, by the end of a bundle, by a joint that comes again, by being complete, or by time; the
-preset says which of them count. An end message inside a bundle counts at the bundle's end, because senders put it
-before the last joints as often as after them.
+A frame may come as one message, one bundle, several bundles or loose messages, with or without a mark at its end. It is
+closed by an end message, by the end of a bundle, by a joint that comes again, by being complete, or by time; the preset
+says which of these apply. An end message inside a bundle counts at the bundle's end, because some senders put it before
+the last joints.
 
-A receiver that starts in the middle of a frame would mix two of them for ever, when joints are all it goes by: the last
-joints of one and the first of the next are a set as good as any. But joints of one frame come in a burst. So the
-timeout is half of the time between two frames where that is less than the preset's, and silence tells where one begins.
+A receiver that starts in the middle of a frame would mix two frames for ever if it only looked at joints: the last
+joints of one frame and the first of the next are a complete set. But the joints of one frame come in a burst. So the
+timeout is half of the time between two frames, if that is less than the preset's, and the silence between two bursts
+shows where a frame begins.
 """
 
 from __future__ import annotations
@@ -32,48 +33,52 @@ if TYPE_CHECKING:
     from kinespace.stream.feeds.preset import Preset
     from kinespace.stream.osc.packet import Message
 
-#: Seconds of silence after which a performer is forgotten; and after which a bone that came before is taken to be one
-#: that this sender does not send any more.
+#: Seconds of silence after which a performer is forgotten, and after which a bone that came before counts as one that
+#: this sender no longer sends.
 FORGET_AFTER = 5.0
-#: A sender's time this far behind is not a late joint but a clock that began again, seconds.
+#: A sender's time this far behind, seconds, means a clock that began again, not a late joint.
 _NEW_CLOCK = 1.0
-#: Share of the joints that came lately below which a joint that comes again is a straggler, not the next frame's.
+#: When a frame has less than this share of the joints that came lately, a joint that comes again is late, not the next
+#: frame's.
 _STRAGGLERS = 0.5
-#: Silence, relative to the time between two frames, that parts one frame from the next.
+#: Silence that separates two frames, relative to the time between them.
 _PAUSE = 0.5
 #: How much each joint that comes again counts in the time between two frames.
 _NEWER = 0.05
-#: Longer than this is an absence, not a frame rate, seconds.
-_LONGEST_INTERVAL = 0.2
-#: Names of absent joints that are counted one by one.
-_MOST_NAMED = 256
+#: Seconds: a longer interval is an absence and does not count for the frame rate.
+_MAX_INTERVAL = 0.2
+#: Share of the joints that may be absent for long: their positions are NaN, and the frame is given out all the same.
+_LOST = 0.2
+_NOWHERE = (math.nan, math.nan, math.nan)
+#: Absent joints that are counted by name, at most.
+_MAX_NAMED = 256
 
 
 @dataclass(slots=True)
 class AssemblerCounts:
-    """What became of messages and joints."""
+    """Counts of what happened to messages and joints."""
 
-    #: Messages whose address the preset knows and whose arguments it does not.
+    #: Messages with an address of the preset but other arguments.
     malformed: int = 0
-    #: Messages the preset does not know.
+    #: Messages that the preset does not know.
     foreign: int = 0
     #: Frames given out.
     frames: int = 0
-    #: Frames refused because a joint was absent for too long, or never came.
+    #: Frames refused because too many joints were absent for too long, or never came.
     incomplete: int = 0
-    #: Frames refused because they make no sense: a joint beyond any stage.
+    #: Frames refused because a joint is impossibly far.
     absurd: int = 0
     #: Joints that came after their frame was closed.
     late: int = 0
-    #: Joints that a frame took from before, because they were absent.
+    #: Joints taken over from an earlier frame, because they were absent.
     held: int = 0
-    #: Joints the sender itself says it does not see, or is not sure of.
+    #: Joints that the sender does not see, or is not sure of, as it says itself.
     unsure: int = 0
-    #: Performers there was no room for.
+    #: Frames of performers for whom there was no room.
     no_room: int = 0
-    #: Frames by what closed them.
+    #: Frames by the reason why they were closed.
     closed_by: Counter[str] = field(default_factory=Counter)
-    #: For refused frames, the joints that were absent.
+    #: Joints that were absent for too long, or never came, with the number of their frames.
     absent: Counter[str] = field(default_factory=Counter)
 
 
@@ -85,7 +90,7 @@ class _Packet(NamedTuple):
 
 @dataclass(slots=True)
 class _Body:
-    """One performer's frame in the making."""
+    """One performer's open frame."""
 
     sender: int
     heard: float
@@ -97,11 +102,11 @@ class _Body:
     closed_time: float | None = None
     #: Where each joint was last seen, and when.
     seen: dict[str, tuple[Sighting, float]] = field(default_factory=dict)
-    #: Seconds from one frame to the next, as joints come again.
+    #: Seconds from one frame to the next, measured by joints that come again.
     interval: float = 0.0
-    #: What the sender's clock was ahead of ours at that frame.
+    #: How far the sender's clock was ahead of ours at that frame.
     ahead: float | None = None
-    #: An end message came in a bundle that is not over.
+    #: Whether an end message came in a bundle that is not over.
     ending: bool = False
     announced: bool = False
 
@@ -112,9 +117,9 @@ class FrameAssembler:
     Parameters
     ----------
     preset
-        What the messages mean and when a frame is complete.
+        The meaning of the messages, and when a frame is complete.
     most
-        How many performers at once.
+        The number of performers at once, at most.
     """
 
     def __init__(self, preset: Preset, *, most: int = 64) -> None:
@@ -123,12 +128,12 @@ class FrameAssembler:
         self.preset = preset
         self.most = most
         self.counts = AssemblerCounts()
-        #: Why the last malformed message is malformed.
+        #: The reason why the last malformed message is malformed.
         self.why_malformed = ""
         self.mapper = Mapper(preset)
         self._bodies: dict[str, _Body] = {}
         self._out: list[Frame | Announcement] = []
-        #: The last time each sender told of everybody.
+        #: The last time that each sender sent for all its performers.
         self._told: dict[int, float] = {}
         self._needed = tuple(name for name, target in preset.joint_map.items() if target)
         rules = [rule for rule in preset.messages if rule.means in (Means.JOINT, Means.FRAME)]
@@ -139,7 +144,7 @@ class FrameAssembler:
         self._metres = signs * np.array(preset.metres)[self._axes]
 
     def __len__(self) -> int:
-        """How many performers' frames are being made."""
+        """Count the performers with an open frame."""
         return len(self._bodies)
 
     def push(
@@ -152,15 +157,15 @@ class FrameAssembler:
         messages
             In the order of the packet.
         arrival
-            When it came, seconds on our clock.
+            Seconds on our clock.
         bundle
             Whether the packet was a bundle.
         sender
-            Which of several senders: the performers of all but the first get its number added to their names.
+            The number of the sender; the performers of all senders but the first get it added to their names.
 
         Returns
         -------
-        Frames that were completed, each performer's joints announced before its first.
+        Frames that were completed, each performer's joints announced before the performer's first frame.
         """
         packet = _Packet(arrival, sender, bundle)
         self._expire(arrival)
@@ -182,7 +187,7 @@ class FrameAssembler:
         return self._given()
 
     def expire(self, now: float) -> list[Frame | Announcement]:
-        """Close frames for which nothing came for too long, and forget performers who are silent."""
+        """Close frames that wait for too long, and forget silent performers."""
         self._expire(now)
         return self._given()
 
@@ -202,7 +207,7 @@ class FrameAssembler:
         return min(self.preset.closings.timeout, _PAUSE * body.interval)
 
     def _take(self, reading: Reading, packet: _Packet) -> Sequence[str]:
-        """Take in one message; the performers it is about."""
+        """Take in one message; give the performers it is about."""
         if reading.performer is None and reading.means in (Means.TIME, Means.BEGIN) and reading.time is not None:
             self._told[packet.sender] = reading.time
         names = self._names(reading, packet.sender)
@@ -231,7 +236,7 @@ class FrameAssembler:
             self._add(name, body, reading, packet.arrival)
 
     def _names(self, reading: Reading, sender: int) -> Sequence[str]:
-        """Say whom a message is about: one that names nobody and is no joint is about all of its sender's."""
+        """Give the performers that a message is about: all of its sender's if it names none and is no joint."""
         suffix = "" if sender == 1 else f"-{sender}"
         if reading.performer is not None:
             return (reading.performer + suffix,)
@@ -240,7 +245,7 @@ class FrameAssembler:
         return [name for name, body in self._bodies.items() if body.sender == sender]
 
     def _new_body(self, name: str, reading: Reading, packet: _Packet) -> _Body | None:
-        """Begin a performer, when there is something to begin with and room."""
+        """Begin a performer, if the message has joints and there is room."""
         if reading.means in (Means.JOINT, Means.FRAME) and not any(each.position for each in reading.sightings):
             return None
         if reading.means in (Means.BEGIN, Means.END) or not reading.present:
@@ -277,27 +282,27 @@ class FrameAssembler:
             body.time = body.time if reading.time is None else reading.time
             if sighting.joint in body.seen:
                 since = arrival - body.seen[sighting.joint][1]
-                body.interval += _NEWER * (min(since, _LONGEST_INTERVAL) - body.interval)
+                body.interval += _NEWER * (min(since, _MAX_INTERVAL) - body.interval)
             body.open[sighting.joint] = sighting
             body.seen[sighting.joint] = (sighting, arrival)
         if Closing.COMPLETE in self.preset.closings.by and self._is_complete(body):
             self._close(name, body, Closing.COMPLETE)
 
     def _see_again(self, name: str, body: _Body) -> None:
-        """Deal with a joint that is in the frame already: the next frame's first, or one that came late."""
+        """Handle a joint that is in the frame already: it is the next frame's first joint, or a late one."""
         if self._is_straggler(body):
             self.counts.late += 1
         elif Closing.REPEAT in self.preset.closings.by:
             self._close(name, body, Closing.REPEAT)
 
     def _is_complete(self, body: _Body) -> bool:
-        # The count, which costs nothing, says no for all but the last joints.
+        # The count is quick, and excludes all but the last joints.
         if len(body.open) < len(self._targets):
             return False
         return self._targets_of(body.open) >= set(self._targets)
 
     def _in_time(self, name: str, body: _Body, time: float) -> bool:
-        """Let a joint of another time begin another frame; False for one that is too late for its own."""
+        """Let a joint of another time begin another frame; False for a joint that is too late for its own frame."""
         reference = body.time if body.open else body.closed_time
         if reference is None or (body.open and time == reference):
             return True
@@ -308,16 +313,16 @@ class FrameAssembler:
         return True
 
     def _is_straggler(self, body: _Body) -> bool:
-        """Tell a joint of the frame before, come late, from the first of the next, by how little is there."""
+        """Tell a late joint of the last frame from the first of the next, by how few joints the open frame has."""
         return len(body.open) < _STRAGGLERS * self._coming(body)
 
     def _coming(self, body: _Body) -> int:
-        """How many joints came lately: a frame that has them all is as complete as it will get."""
+        """Count the joints that came lately: a frame that has them all is complete."""
         earliest = body.opened - self.preset.closings.hold
         return sum(moment >= earliest for _, moment in body.seen.values())
 
     def _is_all_that_comes(self, body: _Body) -> bool:
-        """Say whether the frame has every joint that came lately; before all have come once, it is a frame's part."""
+        """Say whether the frame has every joint that came lately; False until all joints have come once."""
         return len(body.open) >= self._coming(body) and (
             bool(self.preset.bones) or self._targets_of(body.seen) >= set(self._targets)
         )
@@ -338,7 +343,7 @@ class FrameAssembler:
             self._close(name, body, Closing.BUNDLE)
 
     def _close(self, name: str, body: _Body, by: Closing) -> None:
-        """Give out the open frame, or refuse it; either way the next one begins."""
+        """Give out the open frame, or refuse it; in either case the next frame begins."""
         moment = self._moment(body)
         scraps = by is not Closing.COMPLETE and self._is_straggler(body)
         opened, body.open = body.open, {}
@@ -351,7 +356,7 @@ class FrameAssembler:
         if places is None:
             self.counts.incomplete += 1
             return
-        # What overflows is beyond any stage, and refused as such.
+        # A number that overflows is impossibly far, and is refused as such.
         with np.errstate(over="ignore", invalid="ignore"):
             positions = np.array([places[target] for target in self._targets])[:, self._axes] * self._metres
         try:
@@ -366,7 +371,7 @@ class FrameAssembler:
         self._out.append(frame)
 
     def _moment(self, body: _Body) -> float:
-        """Tell a frame's time; one whose own was lost is as far ahead of its arrival as the one before."""
+        """Give a frame's time; a frame without a time is as far from its arrival as the frame before."""
         if not self.preset.sender_clock:
             return body.opened
         if body.time is not None:
@@ -374,7 +379,7 @@ class FrameAssembler:
         return body.opened + (body.ahead or 0.0)
 
     def _placed(self, body: _Body, opened: Mapping[str, Sighting]) -> dict[str, Vector] | None:
-        """Find each joint in the frame or, held, before it; None when one is absent for too long."""
+        """Find each joint in the frame or, held, in an earlier one; None when too many are absent for too long."""
         places: dict[str, Vector] = {}
         absent = dict[str, None]()
         for name in self._needed:
@@ -386,25 +391,32 @@ class FrameAssembler:
                 absent[target] = None
             else:
                 places[target] = sighting.position
-        lacking = [target for target in absent if target not in places]
-        self._count_absent(lacking)
-        return None if lacking else places
+        return self._done_without([target for target in absent if target not in places], places)
 
     def _placed_bones(self, body: _Body, opened: Mapping[str, Sighting]) -> dict[str, Vector] | None:
-        """Place bones in the world; those that the sender never sends stay as they are at rest."""
-        poses = {}
-        lacking = list[str]()
+        """Place bones in the world; bones that the sender never sends stay at rest.
+
+        A bone that is absent for too long is lost, and so are the bones below it, because its rotation is not known.
+        """
+        poses, lost = {}, set[str]()
         for bone in self.preset.bones:
             sighting = opened.get(bone.name) or self._held(body, bone.name, self.preset.closings.hold)
             if sighting is not None:
                 poses[bone.name] = (sighting.position, sighting.rotation)
-            elif self._held(body, bone.name, FORGET_AFTER) is not None:
-                lacking.append(bone.name)
-        if lacking:
-            self._count_absent(lacking)
-            return None
+            if bone.parent in lost or (sighting is None and self._held(body, bone.name, FORGET_AFTER) is not None):
+                lost.add(bone.name)
         world = world_positions(self.preset.bones, poses)
-        return {self.preset.joint_map[name]: world[name] for name in self._needed}
+        places = {self.preset.joint_map[name]: world[name] for name in self._needed}
+        return self._done_without([self.preset.joint_map[name] for name in self._needed if name in lost], places)
+
+    def _done_without(self, lacking: Sequence[str], places: dict[str, Vector]) -> dict[str, Vector] | None:
+        """Give positions with NaN for missing joints; None when too many are missing for a frame."""
+        for name in lacking:
+            if name in self.counts.absent or len(self.counts.absent) < _MAX_NAMED:
+                self.counts.absent[name] += 1
+        if len(lacking) > _LOST * len(self._targets):
+            return None
+        return places | dict.fromkeys(lacking, _NOWHERE)
 
     def _held(self, body: _Body, joint: str, longest: float) -> Sighting | None:
         sighting, moment = body.seen.get(joint, (None, -math.inf))
@@ -413,8 +425,3 @@ class FrameAssembler:
         if longest == self.preset.closings.hold:
             self.counts.held += 1
         return sighting
-
-    def _count_absent(self, names: Sequence[str]) -> None:
-        for name in names:
-            if name in self.counts.absent or len(self.counts.absent) < _MOST_NAMED:
-                self.counts.absent[name] += 1

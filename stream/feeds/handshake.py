@@ -1,4 +1,4 @@
-"""What a sender must be told: handshakes, subscriptions and keep-alives; what to send and when, nothing sent here."""
+"""Handshakes, subscriptions and keep-alives: the messages for a sender and when they are due; nothing is sent here."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ SILENCE = 1.0
 
 
 def is_due(asking: Asking, now: float, asked: float, heard: float) -> bool:
-    """Say whether the sender is to be told (again).
+    """Say whether messages to the sender are due.
 
     Parameters
     ----------
     asking
-        What it must be told, and how often.
+        The messages for the sender, and how often they are due.
     now, asked, heard
-        Seconds on one clock: now, when it was last told and when the last frame came; -inf for never.
+        Seconds on one clock: now, when messages were last sent, and when the last frame came; -inf for never.
     """
     if now - asked < asking.every:
         return False
@@ -32,20 +32,20 @@ def is_due(asking: Asking, now: float, asked: float, heard: float) -> bool:
 
 
 def questions(preset: Preset, port: int) -> list[bytes]:
-    """Encode what the sender is told.
+    """Encode the messages for the sender.
 
     Parameters
     ----------
     preset
-        Whose asking it is; nothing is told when there is none.
+        The preset with the messages; without any the list is empty.
     port
-        Where we listen.
+        The port on which we listen.
     """
     return _encoded(preset, preset.asking.messages, port) if preset.asking else []
 
 
 def farewells(preset: Preset, port: int) -> list[bytes]:
-    """Encode what the sender is told when we stop listening on a port."""
+    """Encode the farewell to the sender, for when we stop listening on a port."""
     return _encoded(preset, preset.asking.farewell, port) if preset.asking else []
 
 
@@ -70,5 +70,5 @@ def _message(address: str, arguments: Sequence[str | float], joint: str, port: i
     return encode_message(address.replace("{joint}", joint), *filled)
 
 
-#: Never, on any clock.
+#: A time before all others, on any clock.
 NEVER = -math.inf

@@ -1,4 +1,4 @@
-"""Forward kinematics: where joints are whose positions and rotations are given relative to their parents."""
+"""Forward kinematics: positions of joints that are given by positions and rotations relative to their parents."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ Vector = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
 
 _UPRIGHT: Quaternion = (0.0, 0.0, 0.0, 1.0)
-#: A position nearer to its parent than this was not given: many senders know rotations only and send zeros.
+#: A position nearer to its parent than this was not given: many senders have rotations only and send zeros.
 _NOT_GIVEN = 1e-6
 
 
@@ -25,9 +25,10 @@ class Bone:
     Attributes
     ----------
     name, parent
-        Its own name and its parent's; no parent is an empty name.
+        The bone's name and its parent's; empty for no parent.
     offset
-        Where it begins relative to its parent, in the parent's axes, when a sender does not say, in the sender's unit.
+        The bone's beginning relative to its parent, in the parent's axes and the sender's unit, if the sender sends
+        none.
     """
 
     name: str
@@ -47,8 +48,8 @@ def world_positions(
     bones
         Parents before their children.
     poses
-        Position relative to the parent and rotation of each bone a sender spoke of. A position of zeros, or none,
-        is the bone's own offset; a rotation of zeros, or none, is no rotation, and so is a bone not spoken of.
+        Each sent bone's position relative to its parent, and its rotation. Without a position, or with zeros, the bone
+        has its own offset; without a rotation, or with zeros, and for bones that are not sent, there is no rotation.
 
     Returns
     -------
@@ -74,7 +75,7 @@ def _unit(rotation: Quaternion | None) -> Quaternion:
     if rotation is None:
         return _UPRIGHT
     length = math.hypot(*rotation)
-    # Less than this is no direction, and more than that none either: both are senders' mistakes.
+    # Numbers smaller or larger than this have no direction: they are a sender's mistake.
     if not 1e-9 < length < 1e9:
         return _UPRIGHT
     x, y, z, w = rotation

@@ -1,11 +1,12 @@
-"""From OSC messages to what they say of joints, as a preset has it; one reader for all products."""
+"""Reading of OSC messages by a preset: one reader for all products."""
 
 from __future__ import annotations
 
 import math
 from typing import TYPE_CHECKING, NamedTuple
 
-from kinespace.stream.feeds.preset import Means, MessageRule, spelling
+from kinespace.library.naming import spelling
+from kinespace.stream.feeds.preset import Means, MessageRule
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -14,29 +15,29 @@ if TYPE_CHECKING:
     from kinespace.stream.feeds.preset import Preset
     from kinespace.stream.osc.packet import Message
 
-#: A frame's performer may have 64 characters; what tells two senders' performers apart goes on top of this.
+#: A performer's name may have 64 characters; the number that tells two senders apart is added to it.
 MAX_PERFORMER_LENGTH = 48
-#: Addresses and names remembered; only somebody who makes them up gets there.
-_MOST_REMEMBERED = 4096
-_MOST_UNKNOWN = 64
+#: Addresses and names that are remembered, at most; only a sender that makes them up reaches the limit.
+_MAX_REMEMBERED = 4096
+_MAX_UNKNOWN = 64
 _NUMBERED_LENGTH = 6
 
 
 class MessageError(ValueError):
-    """A message has an address of the preset's, but not its arguments."""
+    """A message has one of the preset's addresses, but other arguments."""
 
 
 class Sighting(NamedTuple):
-    """Where one joint was seen, in the sender's units and axes.
+    """The position of one joint, in the sender's units and axes.
 
     Attributes
     ----------
     joint
-        The preset's name of it.
+        The preset's name for it.
     position
         None when the sender says that it does not see the joint.
     rotation
-        None when the message holds none.
+        None when the message has none.
     """
 
     joint: str
@@ -45,14 +46,14 @@ class Sighting(NamedTuple):
 
 
 class Reading(NamedTuple):
-    """What one message says.
+    """The content of one message.
 
     Attributes
     ----------
     means
-        What it is to the frame.
+        The message's meaning for the frame.
     performer
-        Whose; None when the message does not say.
+        The performer; None when the message does not say.
     sightings
         Joints in it that the preset knows.
     time
@@ -74,12 +75,12 @@ class Mapper:
     Parameters
     ----------
     preset
-        What they mean.
+        The preset.
 
     Attributes
     ----------
     unknown
-        Joints that were sent and the preset does not name, some of them.
+        Some of the joints that were sent and that the preset does not name.
     """
 
     def __init__(self, preset: Preset) -> None:
@@ -97,7 +98,7 @@ class Mapper:
         Raises
         ------
         MessageError
-            The preset knows the address, but nothing it knows has such arguments.
+            The preset knows the address, but with other arguments.
         """
         ways = self._ways.get(message.address)
         if ways is None:
@@ -110,7 +111,7 @@ class Mapper:
                 continue
             if reading.means is not Means.FRAME or len(ways) == 1:
                 return reading
-            # Groups of one length can look like groups of another: the names in them tell.
+            # Groups of one length can look like groups of another: the names in them decide.
             if best is None or len(reading.sightings) > len(best.sightings):
                 best = reading
         if ways and best is None:
@@ -118,7 +119,7 @@ class Mapper:
         return best
 
     def _find_ways(self, address: str) -> list[_Way]:
-        if len(self._ways) >= _MOST_REMEMBERED:
+        if len(self._ways) >= _MAX_REMEMBERED:
             self._ways.clear()
         found = [(rule, rule.pattern.fullmatch(address)) for rule in self.preset.messages]
         ways = self._ways[address] = [_Way(rule, match.groupdict()) for rule, match in found if match]
@@ -133,7 +134,7 @@ class Mapper:
             return None
 
     def _understood(self, way: _Way, arguments: Sequence[object]) -> Reading | None:
-        """Read arguments whose number fits; None or TypeError when they are not what the roles need."""
+        """Read arguments whose number fits; None or TypeError when they do not fit the roles."""
         performer = way.text("performer", arguments, way.performer)
         time = self._time(way, arguments)
         means = way.rule.means
@@ -156,7 +157,7 @@ class Mapper:
         number, name = way.text("joint", arguments, way.joint), way.text("name", arguments, None)
         if number is None or name is None:
             raise TypeError("joint and name: expected both")
-        if len(self._taught) >= _MOST_REMEMBERED:
+        if len(self._taught) >= _MAX_REMEMBERED:
             self._taught.clear()
         self._taught[performer, number] = name
         self._resolved.clear()
@@ -169,11 +170,11 @@ class Mapper:
         high = way.places.get("time_high")
         if high is not None:
             time = float((int(_number(arguments[high])) << 32) + (int(time) & 0xFFFFFFFF))
-        # As in our own frames, 0 is "on arrival".
+        # As in our own frames, 0 means "on arrival".
         return time * self.preset.seconds if time and math.isfinite(time) else None
 
     def _whole(self, way: _Way, arguments: Sequence[object], performer: str | None) -> list[Sighting] | None:
-        """Read all joints of a frame; None when there are more than have names."""
+        """Read all joints of a frame; None when there are more joints than names."""
         starts = way.starts(arguments)
         named = "joint" in way.group_places
         if not named and len(starts) > len(self._order):
@@ -195,7 +196,7 @@ class Mapper:
             return None
         key = performer if self._taught else None, name
         if key not in self._resolved:
-            if len(self._resolved) >= _MOST_REMEMBERED:
+            if len(self._resolved) >= _MAX_REMEMBERED:
                 self._resolved.clear()
             self._resolved[key] = self._resolve(name, performer)
         return self._resolved[key]
@@ -211,7 +212,7 @@ class Mapper:
             index = int(known) - self.preset.order_from
             known = self._order[index] if 0 <= index < len(self._order) else known
         found = self._names.get(spelling(known))
-        if found is None and len(self.unknown) < _MOST_UNKNOWN and not known.isdigit():
+        if found is None and len(self.unknown) < _MAX_UNKNOWN and not known.isdigit():
             self.unknown.add(known)
         return found
 
@@ -223,7 +224,7 @@ class Mapper:
             return Sighting(joint, None)
         x, y, z = _number(numbers[0]), _number(numbers[1]), _number(numbers[2])
         rotation = None
-        # Who sends places in the world need not be asked which way they are turned.
+        # World positions need no rotations.
         if spots.rotation and self.preset.bones:
             a, b, c, d = (_number(arguments[start + place]) for place in spots.rotation)
             rotation = (a, b, c, d)
@@ -234,13 +235,13 @@ class Mapper:
 
     def _confidence(self, argument: object) -> float:
         if isinstance(argument, str):
-            # A word nobody told us about says nothing against the joint.
+            # A word that the preset does not list does not make the joint absent.
             return self.preset.closings.words.get(argument.casefold(), math.inf)
         return math.inf if argument is None else _number(argument)
 
 
 class _Spots(NamedTuple):
-    """Where in the arguments a joint's numbers stand."""
+    """The places of a joint's numbers in the arguments."""
 
     x: int
     y: int
@@ -250,14 +251,14 @@ class _Spots(NamedTuple):
 
     @classmethod
     def of(cls, places: dict[str, int]) -> _Spots:
-        """Look the roles up once; those that are not there are not asked for."""
+        """Look the roles up once; roles that are not there are not read."""
         x, y, z = (places.get(axis, 0) for axis in ("x", "y", "z"))
         turned = tuple(places[axis] for axis in ("qx", "qy", "qz", "qw")) if "qx" in places else ()
         return cls(x, y, z, turned, places.get("confidence"))
 
 
 class _Way:
-    """A rule, and what an address says by it."""
+    """A rule, and the names in an address that fits it."""
 
     def __init__(self, rule: MessageRule, named: dict[str, str]) -> None:
         self.rule = rule
@@ -275,26 +276,26 @@ class _Way:
         rest = len(arguments) - len(self.rule.arguments)
         if rest < 0 or not self.group:
             return rest >= 0
-        # A message of a whole frame that says nobody is there has nothing after that.
+        # A message of a whole frame without a performer has no further arguments.
         return rest % self.group == 0 and (rest > 0 or self.nobody(arguments))
 
     def literals_fit(self, arguments: Sequence[object]) -> bool:
-        """Say whether the texts that must stand in the arguments do."""
+        """Say whether the arguments have the texts that the rule demands."""
         return not self._literals or all(
             place < len(arguments) and arguments[place] == text for place, text in self._literals
         )
 
     def nobody(self, arguments: Sequence[object]) -> bool:
-        """Say whether the sender says that there is no performer."""
+        """Say whether the message says that there is no performer."""
         place = self.places.get("present")
         return place is not None and not arguments[place]
 
     def starts(self, arguments: Sequence[object]) -> range:
-        """Give where each group of arguments begins."""
+        """Give the place where each group of arguments begins."""
         return range(len(self.rule.arguments), len(arguments), self.group)
 
     def text(self, role: str, arguments: Sequence[object], default: str | None) -> str | None:
-        """Give the name or number in a role, the address's when no argument has it."""
+        """Give the name or number in a role, from the address when no argument has it."""
         place = self.places.get(role)
         return _text(arguments[place]) if place is not None else default if default is None else _text(default)
 

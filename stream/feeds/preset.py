@@ -1,8 +1,7 @@
-"""Presets: what a product's messages mean, read from TOML that a user can copy and edit, checked once when loaded.
+"""Presets: the meaning of a product's messages, read from TOML that a user can copy and edit, checked once.
 
-A preset lists the messages: an address in which `{joint}` and `{performer}` stand for what they name, `{skip}` for
-any one part and `{any}` for anything, and the role of each argument. `native.toml` and its neighbours are the
-examples; README says more.
+A preset lists messages: an address in which `{joint}` and `{performer}` stand for names, `{skip}` for any one part and
+`{any}` for anything, and the role of each argument. `native.toml` and its neighbours are examples.
 """
 
 from __future__ import annotations
@@ -14,6 +13,7 @@ from enum import StrEnum
 from importlib import resources
 from typing import TYPE_CHECKING
 
+from kinespace.library.naming import spelling
 from kinespace.stream.feeds.checked_table import CheckedTable, PresetError
 from kinespace.stream.feeds.kinematics import Bone
 from kinespace.stream.feeds.unpackers import UNPACKERS
@@ -26,11 +26,11 @@ if TYPE_CHECKING:
 __all__ = ["Preset", "PresetError", "builtin_names", "builtin_preset", "load_preset"]
 
 _ENDING = ".toml"
-#: Ten times the longest preset there is; to parse a key of 50,000 dots takes a minute.
+#: Ten times the longest preset; a longer text might take very long to parse.
 _MAX_CHARACTERS = 32_000
 _POSITION = ("x", "y", "z")
 _ROTATION = ("qx", "qy", "qz", "qw")
-#: What an argument can be; a role that begins with = is a text that must stand there.
+#: The roles of an argument; a role that begins with = is a text that must be there.
 ROLES = (
     "joint",
     "performer",
@@ -44,48 +44,47 @@ ROLES = (
     "skip",
 )
 _PLACEHOLDERS = {"joint": "[^/]+", "performer": "[^/]+", "skip": "[^/]+", "any": ".+"}
-_BETWEEN_WORDS = re.compile(r"[\s_\-.:]+")
 
 
 class Means(StrEnum):
-    """What a message is to the frame that is being filled."""
+    """A message's meaning for the open frame."""
 
-    #: One joint or some joints of it.
+    #: One joint or some joints of the frame.
     JOINT = "joint"
-    #: All of it.
+    #: The whole frame.
     FRAME = "frame"
-    #: Its beginning: what was there before is complete.
+    #: The frame's beginning: earlier joints belong to a complete frame.
     BEGIN = "begin"
-    #: Its end.
+    #: The frame's end.
     END = "end"
-    #: When it is.
+    #: The frame's time.
     TIME = "time"
-    #: Its performer has left.
+    #: The performer has left.
     GONE = "gone"
-    #: What a joint's number is called.
+    #: The name for a joint's number.
     NAME = "name"
-    #: In which order joints stand in messages that hold them all.
+    #: The order of the joints in messages with all of them.
     ORDER = "order"
 
 
 class Closing(StrEnum):
-    """What tells that a frame is complete."""
+    """The reasons for which a frame is complete."""
 
     #: A message that says so.
     END = "end"
-    #: The end of a bundle, when it brought every joint that has been coming lately.
+    #: The end of a bundle, if it brought every joint that came lately.
     BUNDLE = "bundle"
-    #: A joint comes again that is already there.
+    #: A joint comes that is already in the frame.
     REPEAT = "repeat"
     #: All joints of the preset are there.
     COMPLETE = "complete"
-    #: Nothing has come for a while.
+    #: No message has come for a while.
     TIMEOUT = "timeout"
 
 
 @dataclass(frozen=True, slots=True)
 class MessageRule:
-    """What one kind of message means.
+    """The meaning of one kind of message.
 
     Attributes
     ----------
@@ -94,11 +93,11 @@ class MessageRule:
     pattern
         The same as a regular expression, capitals and small letters alike.
     arguments
-        Role of each argument; further ones in a message are passed over, unless `each` says what they are.
+        Role of each argument; further arguments are ignored, unless `each` gives their roles.
     each
         Roles of a group of arguments that follows once or several times.
     means
-        What the message is to the frame.
+        The message's meaning for the frame.
     """
 
     address: str
@@ -110,45 +109,45 @@ class MessageRule:
 
 @dataclass(frozen=True, slots=True)
 class Closings:
-    """When a frame is complete, and what becomes of joints that are not in it.
+    """When a frame is complete, and what happens to absent joints.
 
     Attributes
     ----------
     by
-        What tells that a frame is complete.
+        The reasons for which a frame is complete.
     timeout
-        Seconds without anything new after which a frame is taken as it is; half of the time between two frames when
-        that is less.
+        Seconds without a new joint after which a frame is closed; half of the time between two frames when that is
+        less.
     hold
-        Seconds for which an absent joint stays where it was; a frame with one absent for longer is refused.
+        Seconds for which an absent joint stays where it was; after that it is lost, and a frame with many lost refused.
     confidence
         A joint sent with less than this is absent.
     words
-        Confidence of words that stand in a number's place, in small letters.
+        The confidence of words that come in place of a number, in small letters.
     """
 
     by: frozenset[Closing]
     timeout: float = 0.1
-    hold: float = 0.25
+    hold: float = 0.2
     confidence: float = 0.0
     words: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)
 class Asking:
-    """What a sender must be told before it sends, and while it does.
+    """Messages that a sender must get before it sends, and while it sends.
 
     Attributes
     ----------
     port
-        Where the sender listens.
+        The port on which the sender listens.
     every
-        Seconds after which it is told again.
+        Seconds after which the messages are sent again.
     while_silent
-        Whether it is told only while no frames come.
+        Whether they are sent only while no frames come.
     messages, farewell
-        Address and arguments, in which `{port}` is where we listen and `{joint}` each of the preset's joints in turn;
-        the farewell is sent when we stop.
+        Address and arguments, in which `{port}` is our port and `{joint}` each of the preset's joints in turn; the
+        farewell is sent when we stop.
     """
 
     port: int
@@ -160,28 +159,28 @@ class Asking:
 
 @dataclass(frozen=True, slots=True)
 class Preset:
-    """What a product's messages mean.
+    """The meaning of a product's messages.
 
     Attributes
     ----------
     name
-        What it is asked for by.
+        The name by which it is asked for.
     product, sender
-        Whose messages these are; what to set in the sender.
+        The product, and the settings of its sender.
     port
-        Where it usually sends to.
+        The port to which it usually sends.
     rate
-        Frames per second it usually sends.
+        Frames per second that it usually sends.
     performer
-        Who performs when the messages do not say.
+        The performer's name when the messages have none.
     metres
         Metres of one unit along each of the sender's axes.
     axes
-        For our x (right of the picture), y (up) and z (towards us): which of the sender's axes, and its sign.
+        For our x (right of the picture), y (up) and z (towards us) the sender's axis and its sign.
     packing
-        How its messages are packed (`stream.feeds.unpackers`).
+        The packing of its messages (`stream.feeds.unpackers`).
     sender_clock
-        Whether a frame's time is the sender's, when it sends one; else it is the arrival's.
+        Whether a frame's time is the sender's, when it sends one; else the arrival's.
     seconds
         Seconds of one unit of the sender's time.
     closings
@@ -189,13 +188,13 @@ class Preset:
     messages
         Tried in order; the first that fits a message's address and arguments is used.
     joint_map
-        The sender's joint names and those of the motion library; an empty one for a joint that has no counterpart.
+        The sender's joint names with the motion library's names; an empty one for a joint that the library lacks.
     order, order_from
-        Joint names as they are numbered, and the first number; also their order in messages without names.
+        Joint names in the order of their numbers, and the first number; also their order in messages without names.
     bones
-        When positions are relative to a parent: the parents, and offsets for bones that come without a position.
+        For positions relative to a parent: the parents, and offsets for bones without a position.
     asking
-        What the sender must be told, or None.
+        The messages for the sender, or None.
     text
         The TOML it was read from.
     """
@@ -224,11 +223,6 @@ class Preset:
     def joints(self) -> tuple[str, ...]:
         """The motion library's names of the joints that frames of this feed hold, in the frames' order."""
         return tuple(dict.fromkeys(target for target in self.joint_map.values() if target))
-
-
-def spelling(name: str) -> str:
-    """Give what is left of a joint's name when capitals and what stands between words are passed over."""
-    return _BETWEEN_WORDS.sub("", name).casefold()
 
 
 def _presets() -> Traversable:
@@ -272,7 +266,7 @@ def load_preset(path: Path) -> Preset:
     Raises
     ------
     PresetError
-        It is no TOML, or something in it is wrong, missing or unknown.
+        The file is no TOML, or something in it is wrong, missing or unknown.
     OSError
         The file cannot be read.
     """
@@ -293,12 +287,12 @@ def parse_preset(text: str, name: str, file: str) -> Preset:
     name
         What the preset is called.
     file
-        What messages call its file.
+        The file's name in messages.
 
     Raises
     ------
     PresetError
-        It is no TOML, or something in it is wrong, missing or unknown.
+        The text is no TOML, or something in it is wrong, missing or unknown.
     """
     if len(text) > _MAX_CHARACTERS:
         raise PresetError(f"{file}: expected at most {_MAX_CHARACTERS} characters, got {len(text)}")
@@ -367,7 +361,7 @@ def _closings(table: CheckedTable) -> Closings:
     closings = Closings(
         by=frozenset(map(Closing, by)),
         timeout=table.number("timeout", 0.1, 0.001, 10.0),
-        hold=table.number("hold", 0.25, 0.0, 10.0),
+        hold=table.number("hold", 0.2, 0.0, 10.0),
         confidence=table.number("confidence", 0.0, 0.0),
         words=words,
     )
@@ -432,7 +426,7 @@ def _check_roles(table: CheckedTable, rule: MessageRule) -> None:
 
 
 def _regular(address: str) -> str:
-    """Turn an address with placeholders into a regular expression; KeyError for one that is none of ours."""
+    """Turn an address with placeholders into a regular expression; KeyError for an unknown placeholder."""
     parts = re.split(r"\{(\w*)\}", address)
     expression = ""
     for index, part in enumerate(parts):

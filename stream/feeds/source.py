@@ -1,4 +1,4 @@
-"""The source of a feed whose sender must be told to send, and told again while it does."""
+"""The source of a feed whose sender needs messages before and while it sends."""
 
 from __future__ import annotations
 
@@ -25,20 +25,20 @@ class FeedSource(Source):
     Parameters
     ----------
     receiver
-        Where they come in. Only a UDP port can also tell the sender to send.
+        Where the packets come in. Only a UDP port can also send messages to the sender.
     preset
-        What they mean.
+        The meaning of the packets.
     sender
-        The host that must be told to send, for presets that ask.
+        The host that gets the messages, for presets that have any.
     recorder
         Keeps every packet; None for no recording.
-    admission
+    Admits frames or refuses them; None admits all.
         Lets frames in or not; None for all.
 
     Attributes
     ----------
     unasked
-        Packets to the sender that the system would not take.
+        Packets to the sender that the system would not send.
     """
 
     decoder: FeedDecoder
@@ -62,14 +62,14 @@ class FeedSource(Source):
         return f"{self.preset.name} {str(self.receiver).partition(' ')[2]}"
 
     def take(self, arrival: float) -> Sequence[Admitted] | None:
-        """Take in one packet; the frames that it completed, or None when nothing is waiting. Never raises."""
+        """Take in one packet; give the frames that it completed, or None when no packet waits. Never raises."""
         made = super().take(arrival)
         if made:
             self._heard = arrival
         return made
 
     def tend(self, now: float) -> Sequence[Admitted]:
-        """Close frames that nothing more comes for, and tell the sender what it must be told."""
+        """Close frames that wait for too long, and send the sender its messages when they are due."""
         asking = self.preset.asking
         if asking and is_due(asking, now, self._asked, self._heard):
             self._asked = now

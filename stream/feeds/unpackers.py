@@ -1,4 +1,4 @@
-"""How products pack what they send: OSC, JSON or numbers one after the other. Each becomes messages that presets read.
+"""How products pack their messages: OSC, JSON or plain numbers. Each packing becomes messages that presets read.
 
 osc       as it is
 channels  OSC with one number to a message, as TouchDesigner's OSC Out CHOP sends it: `/p1/wrist_l:tx f`; three of them
@@ -24,11 +24,12 @@ from kinespace.stream.osc.packet import MAX_MESSAGES, Message, PacketError, deco
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping
 
-#: Numbers that wait for the others of their joint: a sender that invents names fills the memory, and empties it.
+#: Numbers that wait for the others of their joint, at most; a sender that makes up names fills the memory, and empties
+#: it.
 _MAX_WAITING = 1024
 _CHANNEL = re.compile(r"(?P<joint>.*[^:/_.])[:/_.]t?(?P<axis>[xyz])", re.IGNORECASE)
 #: Xsens MVN's network stream: identifier, sample, datagram, items, time code in ms, character, body segments, props,
-#: finger segments, two reserved bytes and the size of what follows.
+#: finger segments, two reserved bytes and the size of the rest.
 _MXTP = struct.Struct(">6sIBBIBBBB2xH")
 #: A segment's number, its position in metres and its orientation (w x y z).
 _SEGMENT = struct.Struct(">i3f16x")
@@ -43,7 +44,7 @@ class Unpacker(Protocol):
         Raises
         ------
         PacketError
-            It is not packed so.
+            The packet is packed otherwise.
         """
 
 
@@ -122,13 +123,13 @@ def unpack_xsens(packet: bytes) -> list[Message]:
 
 
 class ChannelUnpacker:
-    """Puts the three numbers of a joint together that come one to a message, in one packet or in several."""
+    """Puts the three numbers of a joint together that come in three messages, in one packet or in several."""
 
     def __init__(self) -> None:
         self._waiting: dict[str, dict[str, object]] = {}
 
     def __call__(self, packet: bytes) -> list[Message]:
-        """Give a message for each joint whose last number is in the packet; other messages as they are."""
+        """Give a message for each joint whose last number is in the packet; give other messages unchanged."""
         return [whole for message in decode_packet(packet) if (whole := self._joined(message))]
 
     def _joined(self, message: Message) -> Message | None:
@@ -146,7 +147,7 @@ class ChannelUnpacker:
         return Message(joint, [known["x"], known["y"], known["z"]])
 
 
-#: By the name a preset asks for: what makes an unpacker for one port.
+#: The unpackers for one port, by the name of their packing.
 UNPACKERS: Mapping[str, Callable[[], Unpacker]] = {
     "osc": lambda: decode_packet,
     "channels": ChannelUnpacker,

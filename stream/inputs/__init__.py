@@ -1,4 +1,4 @@
-"""What comes in: receivers of packets, decoders of what they hold, and sources, which are a receiver and a decoder."""
+"""The way in: receivers of packets, decoders of packets, and sources, which are a receiver and a decoder."""
 
 from kinespace.stream.inputs.admission import Admission
 from kinespace.stream.inputs.decoder import Decoder, OscDecoder, ZmqDecoder

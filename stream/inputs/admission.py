@@ -1,17 +1,19 @@
-"""Who is believed: one sender for each performer, times that fit their arrival, names and addresses that are let in.
+"""Admission: one sender for each performer, times that fit their arrival, names and addresses that are allowed.
 
-OSC and plain ZeroMQ say nothing that proves who sends. The first sender of a performer's frames keeps the performer
-until it has been silent; what others send under the same name is counted and told. A frame whose time jumps by more
-than some seconds waits for a second one that agrees with it, so that one wrong packet restarts nothing.
+OSC and plain ZeroMQ do not prove who sends. The first sender of a performer's frames keeps the performer until it has
+been silent; frames of other senders under the same name are counted and reported. A frame whose time jumps by more than
+some seconds waits for a second frame that agrees with it, so that one wrong packet restarts nothing. Times that are not
+seconds are converted by their arrivals (`kinespace.stream.inputs.clock`).
 """
 
 from __future__ import annotations
 
 from collections import deque
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 from kinespace.stream.frame import Announcement, Frame, NewSender
+from kinespace.stream.inputs.clock import SenderClock
 from kinespace.stream.status import AdmissionCounts
 
 if TYPE_CHECKING:
@@ -20,11 +22,11 @@ if TYPE_CHECKING:
     from kinespace.stream.frame import Admitted, Input
     from kinespace.stream.inputs.receiver import Sender
 
-#: Seconds by which a frame's time may differ from the last one's, and from what the arrivals say, both at once.
+#: Seconds by which a frame's time may differ both from the last frame's time and from the arrivals.
 MAX_JUMP = 5.0
-#: Names that are remembered; only a sender that invents names gets there.
+#: Names that are remembered, at most; only a sender that makes up names reaches the limit.
 _MAX_NAMES = 1024
-#: Ports of one host that are known to be other programs.
+#: Ports of one host that are known to be other programs, at most.
 _MAX_PORTS = 16
 #: Packets in a row from one port after which a sender is known to keep to it, and seconds without one of them after
 #: which it may have begun anew at another port.
@@ -33,21 +35,24 @@ _STEADY, _BEGUN_ANEW = 3, 0.5
 
 @dataclass(slots=True)
 class _Owner:
-    """The sender of a performer, and how its clock goes."""
+    """The sender of a performer, and its clock."""
 
     host: str
     port: int
     heard: float
-    #: Where answers go that the sender is to hear; None where the transport does not tell.
+    #: Where the sender hears answers; None where the transport does not tell.
     reply_to: Sender = None
-    #: When the port that is the owner's was last heard.
+    #: When the owner's port was last heard.
     port_heard: float = 0.0
     #: Ports of the same host that send at the same time.
     other_ports: deque[int] = field(default_factory=lambda: deque(maxlen=_MAX_PORTS))
-    #: The port of the same host that was last heard beside the owner's.
+    #: The other port of the same host that was last heard.
     last_port: int = 0
     #: Packets in a row that came from the owner's port.
     in_a_row: int = 0
+    #: Converts the sender's times.
+    clock: SenderClock = field(default_factory=SenderClock)
+    #: The converted time of its last admitted frame, seconds, and that frame's arrival.
     time: float | None = None
     arrival: float = 0.0
     #: A frame whose time jumped, and its arrival.
@@ -55,7 +60,7 @@ class _Owner:
 
 
 class Admission:
-    """Lets frames and announcements in, or not.
+    """Admits frames and announcements, or refuses them.
 
     Parameters
     ----------
@@ -64,7 +69,7 @@ class Admission:
     merge
         Let several senders send frames of one performer.
     allowed
-        The performers that are let in; empty for all.
+        The performers that are allowed; empty for all.
     """
 
     def __init__(self, *, silence: float = 5.0, merge: bool = False, allowed: Collection[str] = ()) -> None:
@@ -75,39 +80,44 @@ class Admission:
         self._owners: dict[str, _Owner] = {}
         #: Announcements of senders that have sent no frame yet.
         self._pending: dict[tuple[str, str], Announcement] = {}
-        #: By performer: the owner, the other sender, and when that was last heard.
+        #: By performer: the owner, the other sender, and when the other sender was last heard.
         self._conflicts: dict[str, tuple[str, str, float]] = {}
 
     def notes(self, now: float) -> list[str]:
-        """Say which performers have several senders now, a line each."""
+        """List the performers that have several senders now, a line each."""
         return [
             f"two senders are called {name}: {owner}, {other}; only the first is used"
             for name, (owner, other, heard) in self._conflicts.items()
             if now - heard <= self._silence
         ]
 
+    @property
+    def clocks(self) -> dict[str, str]:
+        """The performers whose times are not seconds, and how they are converted."""
+        return {name: told for name, owner in self._owners.items() if (told := owner.clock.told)}
+
     def senders(self, performer: str | None = None) -> list[tuple[str, int]]:
-        """Give the sender of a performer, or the senders of all, where they are known."""
+        """Give the sender of a performer, or the senders of all performers, where they are known."""
         owners = self._owners.values() if performer is None else [self._owners.get(performer)]
         return [owner.reply_to for owner in owners if owner and owner.reply_to]
 
     def replies_go_to(self, events: Sequence[Admitted], sender: Sender) -> None:
-        """Note where the sender of some frames that were let in hears answers."""
+        """Note where the sender of some admitted frames hears answers."""
         for event in events:
             if owner := self._owners.get(event.performer):
                 owner.reply_to = sender
 
     def admit(self, events: Sequence[Input], arrival: float, sender: Sender) -> Sequence[Admitted]:
-        """Let in what is believed of one packet, in its order.
+        """Admit the frames and announcements of one packet that are believed, in order.
 
         Parameters
         ----------
         events
-            What a decoder gave.
+            The decoder's output.
         arrival
             When the packet came, seconds on our clock.
         sender
-            Host and port; what does not know its senders gives a name of its own and 0.
+            Host and port; a source that does not know its senders gives a name of its own and 0.
         """
         host, port = sender or ("", 0)
         let_in: list[Admitted] = []
@@ -121,7 +131,7 @@ class Admission:
         return let_in
 
     def _announcement(self, event: Announcement, arrival: float, host: str, port: int) -> Sequence[Admitted]:
-        """Let in what the performer's sender says of its joints; another's waits for its frames."""
+        """Admit an announcement of the performer's sender; another sender's waits for its frames."""
         owner = self._owners.get(event.performer)
         if owner and self._is_owner(owner, arrival, host, port):
             return (event,)
@@ -142,7 +152,7 @@ class Admission:
                 first.append(NewSender(name))
             if len(self._owners) >= _MAX_NAMES:
                 del self._owners[next(iter(self._owners))]
-            # The order of the names is that of their last change of sender.
+            # Names are ordered by their last change of sender.
             self._owners.pop(name, None)
             owner = self._owners[name] = _Owner(host, port, arrival, port_heard=arrival)
         elif not self._is_owner(owner, arrival, host, port):
@@ -151,13 +161,17 @@ class Admission:
         if announced := self._pending.pop((name, host), None):
             first.append(announced)
         owner.heard = arrival
+        # Several senders' times are not converted, because mixed they look like no clock at all.
+        seconds = frame.time if self._merge else owner.clock.read(frame.time, arrival)
+        if seconds != frame.time:
+            frame = replace(frame, time=seconds)
         return (*first, *self._in_time(owner, frame, arrival))
 
     def _is_owner(self, owner: _Owner, arrival: float, host: str, port: int) -> bool:
-        """Tell the performer's sender from others; some programs send each packet from another port.
+        """Tell the performer's sender from other senders; some programs send each packet from another port.
 
-        Another port of the same host is another program if the first port is heard again after it, or is heard all the
-        time.
+        Another port of the same host belongs to another program if the first port is heard again after it, or is heard
+        all the time.
         """
         if self._merge:
             return True
@@ -189,7 +203,7 @@ class Admission:
         self._conflicts[name] = _named(owner.host, owner.port), _named(host, port), arrival
 
     def _in_time(self, owner: _Owner, frame: Frame, arrival: float) -> Sequence[Frame]:
-        """Let a frame in whose time goes on from the last one's; one that jumps, with the next that agrees with it."""
+        """Admit a frame whose time follows the last one; admit one that jumps with the next one that agrees."""
         odd, owner.odd = owner.odd, None
         if owner.time is None or _goes_on(owner.time, owner.arrival, frame.time, arrival):
             self.counts.odd_times += odd is not None
@@ -204,7 +218,7 @@ class Admission:
 
 
 def _goes_on(time: float, arrival: float, later: float, later_arrival: float) -> bool:
-    """Say whether a frame's time follows another's: closely, or as far as the arrivals are apart."""
+    """Say whether a frame's time follows another's: closely, or with the distance of the arrivals."""
     step = later - time
     return abs(step) <= MAX_JUMP or abs(step - (later_arrival - arrival)) <= MAX_JUMP
 

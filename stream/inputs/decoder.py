@@ -1,7 +1,7 @@
-"""Decoders: packet, arrival and sender in, frames and announcements out. No socket, no clock, and nothing is raised.
+"""Decoders: packet, arrival and sender in, frames and announcements out. No socket, no clock, and no error is raised.
 
-A decoder counts what it cannot read. A source decodes what its receiver takes in; a recording is decoded by the same
-decoders, with the arrivals and senders that it kept.
+A decoder counts packets that it cannot read. A source decodes its receiver's packets; recordings are decoded by the
+same decoders, with the recorded arrivals and senders.
 """
 
 from __future__ import annotations
@@ -25,18 +25,19 @@ if TYPE_CHECKING:
 
 
 class Decoder(Protocol):
-    """Makes frames and announcements of packets."""
+    """Decodes packets to frames and announcements."""
 
-    #: Whether frames stay open that only time closes: then `expire` is to be called every few hundredths of a second.
+    #: Whether frames may stay open until time closes them: then `expire` must be called every few hundredths of a
+    #: second.
     expires: bool
 
     @property
     def counts(self) -> InputCounts:
-        """What was read so far, and what could not be."""
+        """Counts of packets and of those that could not be read."""
 
     @property
     def refusals(self) -> Refusals:
-        """What could not be read last, and why."""
+        """The last packets that could not be read, with the reason."""
 
     def decode(self, packet: Packet, arrival: float, sender: Sender) -> Sequence[Input]:
         """Decode one packet.
@@ -48,15 +49,15 @@ class Decoder(Protocol):
         arrival
             When, seconds on our clock.
         sender
-            Who sent it, where that is known.
+            The sender, where it is known.
 
         Returns
         -------
-        What it held, in order, and what it completed.
+        Its frames and announcements in order, and frames that it completed.
         """
 
     def expire(self, now: float) -> Sequence[Input]:
-        """Close what nothing more came for; give what that completed."""
+        """Close frames that wait for too long; give the frames that this completed."""
 
 
 class OscDecoder:
@@ -81,7 +82,7 @@ class OscDecoder:
         return received.events
 
     def expire(self, now: float) -> Sequence[Input]:  # noqa: ARG002 - nothing stays open
-        """Nothing: each message is a whole frame."""
+        """Give nothing: each message is a whole frame."""
         return ()
 
 

@@ -1,4 +1,4 @@
-"""Where packets come in: a port or a subscription, and what every transport's endpoint can do."""
+"""Receivers: a port or a subscription on which packets come in, and the protocol of every transport's endpoint."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from typing import Protocol
 
 #: A datagram, or the parts of a ZeroMQ message.
 Packet = bytes | list[bytes]
-#: Addresses that are let in; empty for all.
+#: Networks whose packets are read; empty for all.
 Networks = Sequence[IPv4Network | IPv6Network]
-#: Host and port of who sent a packet; None where the transport does not tell.
+#: Host and port of a packet's sender; None where the transport does not tell.
 Sender = tuple[str, int] | None
-#: Before the name of a sender who has shown a key that is let in; it stands in a host's place.
+#: In place of a host: before the name of a sender that has shown a known key.
 KEYED = "key "
 
 
@@ -27,7 +27,7 @@ def datagram_of(packet: Packet) -> bytes:
 
 
 class Receiver(Protocol):
-    """Where packets come in. Its text names it for people, like `OSC 127.0.0.1:9310`."""
+    """An endpoint on which packets come in. Its text is for people, like `OSC 127.0.0.1:9310`."""
 
     @property
     def socket(self) -> object:
@@ -35,7 +35,7 @@ class Receiver(Protocol):
 
     @property
     def place(self) -> str:
-        """The address as recordings name it: the transport, a blank and the address."""
+        """The address as recordings name it: the transport, a space and the address."""
 
     @property
     def sender(self) -> Sender:
@@ -47,13 +47,13 @@ class Receiver(Protocol):
 
     @property
     def kernel_drops(self) -> int:
-        """Packets that the system threw away because they came faster than they were received."""
+        """Packets that the system dropped because they came faster than they were received."""
 
     def broken(self) -> int:
-        """Count the connections that broke while the sender was there; to be asked about once a second."""
+        """Count the connections that broke while the sender was there; call it about once a second."""
 
     def receive(self) -> Packet | None:
-        """Take the next packet; None when there is none now."""
+        """Take the next packet; None when no packet waits."""
 
     def close(self) -> None:
-        """Give the address back."""
+        """Close the socket."""

@@ -1,4 +1,4 @@
-"""What was refused last and why: a reason, the sender and an excerpt, for a person who has to mend a sender."""
+"""The last refusals: a reason, the sender and an excerpt, for a person who has to correct a sender."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from kinespace.stream.inputs.receiver import Packet, Sender
 
-#: Characters of a reason, and bytes of an excerpt.
+#: Characters of a reason, and bytes of an excerpt, at most.
 _MAX_REASON = 160
 _MAX_EXCERPT = 24
 
@@ -19,11 +19,11 @@ class Refusals:
         self._last: dict[str, tuple[str, Sender, Packet]] = {}
 
     def note(self, kind: str, reason: str, sender: Sender, packet: Packet) -> None:
-        """Keep a refusal in place of the one before; it is put into words only when a person asks."""
+        """Keep a refusal in place of the one before; its text is made only when a person asks."""
         self._last[kind] = reason, sender, packet
 
     def lines(self) -> list[str]:
-        """Say the last refusal of each kind, a line each."""
+        """Describe the last refusal of each kind, a line each."""
         return [f"last {kind}: {_told(*told)}" for kind, told in self._last.items()]
 
 

@@ -1,4 +1,4 @@
-"""A source: packets from a receiver, what a decoder makes of them, and a recording of them where one is wanted."""
+"""A source: a receiver of packets, their decoder, and perhaps a recorder."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ if TYPE_CHECKING:
     from kinespace.stream.recording.recorder import Recorder
     from kinespace.stream.status import InputCounts
 
-#: Senders that are told of at once.
+#: Senders that are named in the notes, at most.
 _MAX_TOLD = 3
-#: Packets of senders that come last which are looked through for one of another sender.
+#: Packets of senders served last that are searched for a packet of another sender, at most.
 _MAX_LOOKED_THROUGH = 256
 
 
@@ -30,13 +30,13 @@ class Source:
     Parameters
     ----------
     receiver
-        Where packets come in; closed by `close`.
+        The receiver of packets; closed by `close`.
     decoder
-        What they mean.
+        The decoder of packets.
     recorder
         Keeps every packet before it is decoded; None for no recording.
     admission
-        Lets frames in or not, the same for all sources of a service; None for all.
+        Admits frames or refuses them, the same for all sources of a service; None admits all.
 
     Attributes
     ----------
@@ -59,7 +59,7 @@ class Source:
         self._turns = Turns()
         self._last_was_aside = False
         self._now = 0.0
-        #: For what does not tell senders apart, or has done so itself.
+        #: The sender's name for transports that do not tell senders apart, or have done so themselves.
         self._itself = str(receiver), 0
 
     def __str__(self) -> str:
@@ -72,30 +72,30 @@ class Source:
 
     @property
     def has_put_aside(self) -> bool:
-        """Whether packets wait that were put aside, for which the socket wakes nobody."""
+        """Whether packets were put aside; the socket does not wake the loop for them."""
         return len(self._turns) > 0
 
     @property
     def tended(self) -> bool:
-        """Whether `tend` has something to do even when nothing comes."""
+        """Whether `tend` has work to do even when no packet comes."""
         return self.decoder.expires
 
     @property
     def counts(self) -> InputCounts:
-        """What came in so far; a copy."""
+        """Counts of all that came in; a copy."""
         receiver = self.receiver
         excess = self._turns.thrown_away
         return replace(self.decoder.counts, overrun=receiver.kernel_drops, broken=receiver.broken(), thrown_away=excess)
 
     @property
     def notes(self) -> list[str]:
-        """What a person should know of this source now, a line each."""
+        """Notes on this source for a person, a line each."""
         recording = [self._recorder.note] if self._recorder and self._recorder.note else []
         last = [f"{_named(sender)} sends more than its share: served last" for sender in self._turns.last(self._now)]
         return [*recording, *last[:_MAX_TOLD], *self.decoder.refusals.lines()]
 
     def take(self, arrival: float) -> Sequence[Admitted] | None:
-        """Take in one packet; what it held, in order, or None when nothing is waiting. Never raises."""
+        """Take in one packet; give its frames in order, or None when no packet waits. Never raises."""
         self._now = arrival
         taken = self._next(arrival)
         if taken is None:
@@ -106,13 +106,13 @@ class Source:
         decoded = self.decoder.decode(packet, arrival, sender)
         self._turns.charge(sender, time.perf_counter() - begun, len(decoded), self._now)
         admitted = self._admitted(decoded, arrival, known)
-        # Answers go by OSC alone.
+        # Answers to senders go by OSC only.
         if self._admission and sender and isinstance(packet, bytes):
             self._admission.replies_go_to(admitted, sender)
         return admitted
 
     def _next(self, now: float) -> Waiting | None:
-        """Take the next packet: of senders that come last only when nothing else waits, and one in a row."""
+        """Take the next packet; packets of senders served last only when nothing else waits, and one in a row."""
         receiver, turns = self.receiver, self._turns
         for _ in range(_MAX_LOOKED_THROUGH):
             packet = receiver.receive()
@@ -134,7 +134,7 @@ class Source:
         return taken._replace(waited=now - taken.arrival)
 
     def tend(self, now: float) -> Sequence[Admitted]:
-        """Do what is due by the clock; what came of it, in order. Never raises."""
+        """Do what is due by the clock; give the frames that it completed, in order. Never raises."""
         return self._admitted(self.decoder.expire(now), now, None)
 
     def _admitted(self, events: Sequence[Input], arrival: float, sender: Sender) -> Sequence[Admitted]:

@@ -1,8 +1,8 @@
-"""Whose packets are dealt with last: those of senders that take more than their share of the time.
+"""Turns: packets of senders that take more than their share of the time are served last.
 
-A packet costs at most some milliseconds, but a sender can send many. What each sender's packets take is kept as a debt
+A packet costs at most some milliseconds, but a sender can send many. The time that each sender's packets take is a debt
 that time pays off. Packets of a sender whose debt is too high are put aside until nothing else waits, one at a time;
-beyond a few megabytes the oldest are thrown away. A sender that is alone is never put aside.
+beyond a few megabytes the oldest are dropped. A sender that is alone is never put aside.
 """
 
 from __future__ import annotations
@@ -13,22 +13,22 @@ from typing import TYPE_CHECKING, NamedTuple
 if TYPE_CHECKING:
     from kinespace.stream.inputs.receiver import Packet, Sender
 
-#: Share of the time that a sender may take for ever, and seconds that it may take at once.
+#: Share of the time that a sender may take permanently, and seconds that it may take at once.
 SHARE, MAX_AT_ONCE = 0.25, 0.02
-#: The highest debt, seconds: so that a sender that stops is soon treated as others are.
+#: The highest debt, seconds, so that a sender that stops is soon treated like the others.
 _MAX_DEBT = 0.1
-#: What a frame takes after it was decoded, seconds; about what it takes to be recognised.
+#: Seconds that a frame takes after decoding, about the time of its recognition.
 PER_EVENT = 5e-5
-#: Seconds after which a sender is not there any more.
+#: Seconds after which a silent sender counts as gone.
 _THERE = 1.0
-#: Senders whose debts are kept; only a program that sends each packet from another port gets there.
+#: Senders whose debts are kept, at most; only a program that sends each packet from another port reaches the limit.
 _MAX_SENDERS = 1024
-#: Bytes and number of packets that are put aside.
+#: Bytes and number of packets that are put aside, at most.
 MAX_ASIDE, _MAX_PACKETS = 4 << 20, 1024
 
 
 class Waiting(NamedTuple):
-    """A packet that was put aside, its arrival in seconds on our clock, how long it had waited then, and its sender."""
+    """A packet that was put aside: its arrival in seconds on our clock, how long it had waited then, and its sender."""
 
     packet: Packet
     arrival: float
@@ -37,7 +37,7 @@ class Waiting(NamedTuple):
 
 
 class _Account:
-    """A sender's debt in seconds, and when it was that."""
+    """A sender's debt in seconds, and the time of that debt."""
 
     __slots__ = ("at", "debt")
 
@@ -56,7 +56,7 @@ class Turns:
     Attributes
     ----------
     thrown_away
-        Packets that were put aside, and for which no room was left.
+        Packets that were put aside and then dropped for want of room.
     """
 
     def __init__(self) -> None:
@@ -65,23 +65,23 @@ class Turns:
         self._aside = deque[Waiting]()
         self._aside_bytes = 0
         self._before: Sender = None
-        #: When a packet last came from another sender than the packet before it, seconds on our clock.
+        #: When a packet last came from another sender than the packet before, seconds on our clock.
         self._changed = float("-inf")
 
     def __len__(self) -> int:
         return len(self._aside)
 
     def comes_last(self, sender: Sender, now: float) -> bool:
-        """Take note of a packet's sender, and say whether the packet is to be put aside; `now` in seconds."""
+        """Note a packet's sender, and say whether the packet is to be put aside; `now` in seconds."""
         if sender != self._before:
             self._before = sender
-            # The first sender of all is no other than the one before it.
+            # The very first sender is not another than the one before.
             self._changed = now if self._accounts else self._changed
         account = self._accounts.get(sender)
         return account is not None and now - self._changed < _THERE and account.due(now) > MAX_AT_ONCE
 
     def charge(self, sender: Sender, seconds: float, events: int, now: float) -> None:
-        """Note what a packet took, seconds, and how many frames and announcements were in it."""
+        """Note the seconds that a packet took, and the number of its frames and announcements."""
         account = self._accounts.get(sender)
         if account is None:
             if len(self._accounts) >= _MAX_SENDERS:
@@ -90,7 +90,7 @@ class Turns:
         account.debt = min(account.due(now) + seconds + PER_EVENT * events, _MAX_DEBT)
 
     def put_aside(self, waiting: Waiting) -> None:
-        """Keep a packet until nothing else waits; the oldest make room for it."""
+        """Keep a packet until nothing else waits; the oldest packets make room for it."""
         self._aside.append(waiting)
         self._aside_bytes += _size(waiting.packet)
         while self._aside_bytes > MAX_ASIDE or len(self._aside) > _MAX_PACKETS:
@@ -104,7 +104,7 @@ class Turns:
         return waiting
 
     def last(self, now: float) -> list[Sender]:
-        """Give the senders whose packets are put aside."""
+        """List the senders whose packets are put aside."""
         if now - self._changed >= _THERE:
             return []
         return [sender for sender, account in self._accounts.items() if account.due(now) > MAX_AT_ONCE / 2]

@@ -1,6 +1,6 @@
 """OSC over UDP: packets, frames and answers as bytes, and the two endpoints.
 
-`packet`, `frames` and `answers` know neither sockets nor clocks; `udp` is the endpoints.
+`packet`, `frames` and `answers` know neither sockets nor clocks; `udp` holds the two endpoints.
 """
 
 from kinespace.stream.osc.answers import (

@@ -6,10 +6,10 @@ and `/motion/<performer>/scores f*K` in one bundle for each recognition, and wit
 `/motion/<performer>/event s start or end s label i index f score f time` when a motion starts or ends;
 `/motion/classes s*K`; `/motion/status`.
 
-The class message holds numbers only, because TouchDesigner's OSC In CHOP takes nothing else. Its index is the named
-class, in the order of `/motion/classes`, and -1 where none is named. The label then says why: "unknown" when the guess
-is not near enough to the library, "gone" once when the performer has left. The guess is the moment's best, -1 where
-there is nothing to guess from. Score and margin are the guess's. Nothing is larger than a float, because Pure Data and
+The class message holds numbers only, because TouchDesigner's OSC In CHOP reads only numbers. Its index is the named
+class's, in the order of `/motion/classes`, and -1 when no class is named. The label then says why: "unknown" when the
+guess is not near enough to the library, "gone" once when the performer has left. The guess is the moment's best class,
+-1 when there is no guess. Score and margin belong to the guess. No number is larger than a float, because Pure Data and
 many libraries know no double.
 """
 
@@ -29,21 +29,21 @@ if TYPE_CHECKING:
     from kinespace.stream.recognition import Event, Recognition
     from kinespace.stream.status import Status
 
-#: Bytes of an answer. Most networks cut larger datagrams into fragments, and one lost fragment loses the datagram.
+#: Bytes of an answer, at most. Most networks cut larger datagrams into fragments, and one lost fragment loses all.
 MAX_ANSWER = 1200
 _SIZE, _CLASS, _EVENT = struct.Struct(">i"), struct.Struct(">iff"), struct.Struct(">iff")
 _PROGRESS = struct.Struct(">ifffffi")
 _MAX_INTEGER = 2**31 - 1
 #: The largest number that OSC holds as a float.
 _MAX_FLOAT = (2 - 2**-23) * 2.0**127
-#: Characters that OSC 1.0 reserves in addresses, and those that do not print.
+#: Characters that OSC 1.0 reserves in addresses, and characters that do not print.
 _NOT_IN_ADDRESS = re.compile(r"[^!-~]|[#*,/?\[\]{}]")
 
 
 def encode_recognition(recognition: Recognition) -> bytes:
     """Encode an answer as one bundle of at most 1200 bytes.
 
-    The scores of a library with too many classes for that (some 200) are left out; class and label never are.
+    In a library of more than some 200 classes the scores do not fit and are left out; class and label always fit.
     """
     class_head, guess_head, label_head, scores_head, progress_head = _answer_heads(
         recognition.performer, len(recognition.scores)
@@ -72,7 +72,7 @@ def encode_recognition(recognition: Recognition) -> bytes:
 
 @lru_cache(maxsize=1024)
 def _answer_heads(performer: str, classes: int) -> tuple[bytes, bytes, bytes, bytes, bytes]:
-    """Give what stands before the arguments of an answer's messages: the same in each of a performer's answers."""
+    """Give the bytes before the arguments of an answer's messages; all of a performer's answers share them."""
     start = f"/motion/{address_part(performer)}"
     layouts = {"class": ",iff", "guess": ",i", "label": ",s", "scores": "," + "f" * classes, "progress": ",ifffffi"}
     heads = [padded(f"{start}/{last}") + padded(types) for last, types in layouts.items()]
@@ -112,8 +112,8 @@ def encode_event(event: Event, since: float = 0.0) -> bytes:
     event
         What happened.
     since
-        The moment from which the time is counted, seconds, on the clock of the frames: a float tells the milliseconds
-        of some hours, not of a clock that began in 1970.
+        The moment from which the time is counted, seconds, on the clock of the frames. A float holds some hours to the
+        millisecond, but no clock that began in 1970.
     """
     address = f"/motion/{address_part(event.performer)}/event"
     elapsed = min(max(event.time - since, -_MAX_FLOAT), _MAX_FLOAT)
@@ -134,7 +134,7 @@ def encode_status(status: Status) -> bytes:
 
 
 def address_part(performer: str) -> str:
-    """Give a performer's name as it stands in addresses: what OSC keeps for itself becomes an underscore."""
+    """Give a performer's name for use in addresses: characters that OSC reserves become underscores."""
     return _NOT_IN_ADDRESS.sub("_", performer)
 
 

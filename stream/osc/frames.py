@@ -25,7 +25,7 @@ _FRAME = "/motion/frame"
 SKELETON = "/motion/skeleton"
 _FRAME_START = b"/motion/frame\0\0\0,sd"
 _DOUBLE = struct.Struct(">d")
-#: Made once: numpy takes as long to look a type's name up as to read the positions.
+#: Made once: numpy needs as long to look up a type's name as to read the positions.
 _FLOATS = np.dtype(np.float32)
 _SWAPPED = sys.byteorder == "little"
 #: Beginnings of frames that are remembered: several for each performer.
@@ -34,14 +34,14 @@ _MAX_LAYOUTS = 1024
 
 @dataclass(slots=True)
 class Received:
-    """What one datagram held. It is not frozen: one is made for every frame, and a frozen one takes longer to make.
+    """The content of one datagram. It is not frozen, because one is made for every frame and freezing takes time.
 
     Attributes
     ----------
     events
         Frames and announcements, in order.
     malformed
-        Messages with our addresses that make no sense, and packets that are no OSC.
+        Messages with our addresses that cannot be read, and packets that are no OSC.
     foreign
         Messages with addresses that are not ours.
     """
@@ -49,13 +49,13 @@ class Received:
     events: list[Input]
     malformed: int = 0
     foreign: int = 0
-    #: Why the last of the malformed is malformed, and what the last of the foreign is.
+    #: Why the last malformed message is malformed, and what the last foreign message is.
     why_malformed: str = field(default="", compare=False)
     why_foreign: str = field(default="", compare=False)
 
 
 def decode(datagram: bytes, arrival: float) -> Received:
-    """Decode whatever came in; never raises.
+    """Decode any datagram; never raises.
 
     Parameters
     ----------
@@ -89,7 +89,7 @@ def decode(datagram: bytes, arrival: float) -> Received:
 
 
 class _Layout(NamedTuple):
-    """What the bytes of a plain frame before its time say, and how many they and all bytes are."""
+    """The content of the bytes before a plain frame's time, and the number of these bytes and of all bytes."""
 
     performer: str
     floats: int
@@ -98,14 +98,14 @@ class _Layout(NamedTuple):
 
 
 class _Layouts:
-    """The beginnings of plain frames: a sender's packets all begin alike, so each beginning is made sense of once.
+    """The beginnings of plain frames: a sender's packets all begin alike, so each beginning is decoded once.
 
     Attributes
     ----------
     known
         Layouts by the beginning's bytes.
     places
-        By a packet's size how long its beginning was when one of that size was last looked at.
+        For a packet's size, the length of the beginning of the last packet of that size.
     """
 
     def __init__(self) -> None:
@@ -113,7 +113,7 @@ class _Layouts:
         self.places: dict[int, int] = {}
 
     def learn(self, datagram: bytes) -> _Layout | None:
-        """Make sense of a beginning and remember it; None when it is no plain frame's, or not quite right."""
+        """Decode a beginning and remember it; None when it does not begin a plain frame, or is not quite right."""
         if not datagram.startswith(_FRAME_START):
             return None
         floats = datagram.find(b"\0", 19) - 19
@@ -131,7 +131,7 @@ class _Layouts:
         if len(layout.performer) > MAX_PERFORMER_LENGTH:
             return None
         if len(self.known) >= _MAX_LAYOUTS:
-            self.known.clear()  # only somebody who makes up names gets here
+            self.known.clear()  # only a sender that makes up names gets here
             self.places.clear()
         self.known[datagram[:place]] = layout
         self.places[len(datagram)] = place
@@ -142,17 +142,17 @@ _layouts = _Layouts()
 
 
 def _decode_plain_frame(datagram: bytes, arrival: float) -> Frame | None:
-    """Decode the one packet that comes hundreds of times a second; None when it is any other, or not quite right."""
+    """Decode the packet that comes hundreds of times a second, a plain frame; None for any other packet."""
     size = len(datagram)
     layout = _layouts.known.get(datagram[: _layouts.places.get(size, 0)])
-    # Two beginnings may be of one length and announce different numbers of floats.
+    # Two beginnings may have the same length and announce different numbers of floats.
     if layout is None or layout.size != size:
         layout = _layouts.learn(datagram)
         if layout is None:
             return None
     performer, floats, place, _ = layout
     (time,) = _DOUBLE.unpack_from(datagram, place)
-    # To read numbers as if they were the machine's own and turn them over costs less than to convert them.
+    # Reading numbers in the machine's byte order and swapping their bytes afterwards is quicker than converting them.
     positions = np.ndarray((floats // 3, 3), _FLOATS, datagram, place + 8)
     positions = positions.byteswap() if _SWAPPED else positions.copy()
     try:
@@ -162,16 +162,21 @@ def _decode_plain_frame(datagram: bytes, arrival: float) -> Frame | None:
 
 
 def _understood(message: Message, arrival: float) -> Frame | Announcement | None:
-    """Read our two messages; None for another's. Raises TypeError, ValueError or OverflowError for a wrong one."""
+    """Read our two messages; None for any other. Raises TypeError, ValueError or OverflowError for a malformed one."""
+    if message.address in (_FRAME, SKELETON) and not message.arguments:
+        raise ValueError("performer: expected a name or an integer, got nothing")
     if message.address == _FRAME:
+        if len(message.arguments) < 2:
+            raise ValueError("time: expected seconds behind the performer, got nothing")
         performer, time, *numbers = message.arguments
+        performer = _performer(performer)
         if any(type(number) not in (float, int) for number in (time, *numbers)):
             raise TypeError("numbers: expected floats or integers")
         positions = np.array(numbers, dtype=np.float64)
         if positions.size % 3:
             raise ValueError(f"positions: expected three numbers per joint, got {positions.size}")
         moment = float(time)  # type: ignore[arg-type]  # checked above
-        return Frame(_performer(performer), moment or arrival, positions.reshape(-1, 3))
+        return Frame(performer, moment or arrival, positions.reshape(-1, 3))
     if message.address == SKELETON:
         performer, *joints = message.arguments
         if not all(isinstance(joint, str) for joint in joints):
@@ -183,7 +188,7 @@ def _understood(message: Message, arrival: float) -> Frame | Announcement | None
 def _performer(argument: object) -> str:
     # Patchers send ids as numbers as often as names.
     if isinstance(argument, bool) or not isinstance(argument, (str, int)):
-        raise TypeError(f"performer: expected a name or an integer, got {type(argument).__name__}")
+        raise TypeError(f"performer: expected a name or an integer first, got a {type(argument).__name__}")
     return str(argument)
 
 
@@ -197,5 +202,5 @@ def encode_frame(frame: Frame) -> bytes:
 
 
 def encode_announcement(announcement: Announcement) -> bytes:
-    """Encode which joints a performer's frames hold, as `/motion/skeleton`."""
+    """Encode the names of the joints in a performer's frames, as `/motion/skeleton`."""
     return encode_message(SKELETON, announcement.performer, *announcement.joints)

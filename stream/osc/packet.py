@@ -1,8 +1,8 @@
-"""OSC 1.0 packets: bytes to addresses and arguments, and back. Nothing here knows what the messages mean.
+"""OSC 1.0 packets: bytes to addresses and arguments, and back. What messages mean is not known here.
 
-The tests compare this module with python-osc and liblo. python-osc is not used on the way of a frame: it takes ten
-times as long for a message of 94 arguments, its dispatcher sleeps on time tags in the future, and it raises errors of
-several kinds for packets that are no OSC. Here time tags are ignored and there is one error.
+The tests compare this module with python-osc and liblo. Frames are not read by python-osc, because it is much slower,
+its dispatcher sleeps on time tags in the future, and it raises several kinds of errors for packets that are no OSC.
+Here time tags are ignored and there is one error.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from typing import NamedTuple
 #: Levels of bundles in bundles. No sender needs as many; a hostile packet with more would exhaust the stack.
 MAX_BUNDLE_DEPTH = 16
 #: Messages in one packet, and values in one packet that are not floats. A bundle of four performers' joints has 240
-#: messages, and one message in doubles of a hundred joints 300 values. Each costs microseconds in the only loop.
+#: messages, and one message in doubles of a hundred joints 300 values. Each takes time in the one loop.
 MAX_MESSAGES = 256
 MAX_VALUES = 1024
 
@@ -22,7 +22,7 @@ _BUNDLE = b"#bundle\0"
 BUNDLE_START = _BUNDLE + b"\0\0\0\0\0\0\0\1"
 _FIXED = {"i": struct.Struct(">i"), "h": struct.Struct(">q"), "f": struct.Struct(">f"), "d": struct.Struct(">d")}
 _FIXED |= {"t": struct.Struct(">Q"), "r": struct.Struct(">I")}
-#: How Python values are sent. Doubles and 64-bit integers are left out: several receivers know only these three.
+#: The OSC types of Python values. Doubles and 64-bit integers are left out: several receivers know only these three.
 _TAGS: dict[type, str] = {float: "f", int: "i", str: "s"}
 _VALUES: dict[str, object] = {"T": True, "F": False, "N": None, "I": float("inf")}
 
@@ -68,7 +68,7 @@ def padded(text: str) -> bytes:
 def decode_packet(packet: bytes) -> list[Message]:
     """Decode a message, or a bundle with all bundles in it, in the order of the bytes.
 
-    Time tags of bundles are ignored: a frame that waits is worth nothing, and the clocks of two machines differ.
+    Time tags of bundles are ignored: a frame that waits is useless, and the clocks of two machines differ.
 
     Raises
     ------
@@ -85,7 +85,7 @@ def decode_packet(packet: bytes) -> list[Message]:
 
 
 def _message_places(packet: bytes, begin: int, end: int, depth: int) -> list[tuple[int, int]]:
-    """Find where the messages stand, before any of them is read: a packet of too many costs no more than this."""
+    """Find the places of the messages before any is read, so that a packet with too many is refused at once."""
     if packet[begin : begin + 1] == b"/":
         return [(begin, end)]
     if packet[begin : begin + 8] != _BUNDLE or end - begin < 16:
@@ -121,7 +121,7 @@ def decode_message(packet: bytes) -> Message:
 
 
 def _decode_message(packet: bytes, left: int) -> tuple[Message, int]:
-    """Decode a message of at most so many values that are not floats; give it and how many it had."""
+    """Decode a message of at most so many values that are not floats; give it and the number of these values."""
     address, place = _string(packet, 0)
     if not address.startswith("/"):
         raise PacketError("an address that does not begin with /")
@@ -130,7 +130,7 @@ def _decode_message(packet: bytes, left: int) -> tuple[Message, int]:
     tags, place = _string(packet, place)
     if not tags.startswith(","):
         raise PacketError("type tags that do not begin with ,")
-    # Floats are read a run at a time; every other value costs a step of its own.
+    # A run of floats is read in one step; every other value takes a step of its own.
     values = len(tags) - 1 - tags.count("f")
     if values > left:
         raise PacketError(f"more than {MAX_VALUES} values in one packet that are not floats")

@@ -1,4 +1,4 @@
-"""UDP: where datagrams come in, and where they go out."""
+"""UDP: the endpoint that receives datagrams, and the endpoint that sends them."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from kinespace.stream.inputs.receiver import Networks
 
-#: Bytes that the system keeps of datagrams that wait; the usual default holds 0.2 s of a busy feed.
+#: Bytes of waiting datagrams that the system keeps; the usual default holds 0.2 s of a busy feed.
 RECEIVE_BUFFER = 4 << 20
-#: Linux tells with each datagram how many were thrown away before it; Python has no name for the option.
+#: With this option Linux tells how many datagrams it dropped before each one; Python has no name for it.
 _SO_RXQ_OVFL = 40
 _COUNTS_DROPS = sys.platform == "linux"
-#: Linux tells with each datagram when it arrived in the system, on the clock of the day; Python has no name for it.
+#: With this option Linux tells when each datagram arrived, on the clock of the day; Python has no name for it.
 _SO_TIMESTAMPNS = 35
 _TIMESPEC = struct.Struct("@ll")
-#: Seconds that no datagram waits: whatever is longer says that the clock of the day was set meanwhile.
+#: Seconds that no datagram waits: a longer wait means that the clock of the day was set.
 _MAX_WAITED = 300.0
 #: Seconds between two attempts to look a host up.
 _LOOK_UP_EVERY = 5.0
@@ -38,7 +38,7 @@ def _resolved(host: str, port: int) -> tuple[int, int, tuple[Any, ...]]:
 
 
 class LookedUp:
-    """A host that is looked up in a thread of its own: a name server may take half a minute, and the feed may not.
+    """A host that a thread looks up: a name server may take half a minute, and the feed must not wait.
 
     Parameters
     ----------
@@ -47,7 +47,7 @@ class LookedUp:
     """
 
     def __init__(self, host: str, port: int) -> None:
-        #: The address in numbers; None as long as it is not known.
+        #: The numeric address; None until it is known.
         self.address: tuple[Any, ...] | None = None
         try:
             self.address = socket.getaddrinfo(host, port, type=socket.SOCK_DGRAM, flags=socket.AI_NUMERICHOST)[0][4]
@@ -63,21 +63,21 @@ class LookedUp:
 
 
 class OscReceiver:
-    """A UDP socket that frames come in on.
+    """A UDP socket on which frames come in.
 
     Parameters
     ----------
     host, port
         Where to listen; port 0 lets the system choose (`address` tells).
     networks
-        Whose datagrams are read; empty for all.
+        Networks whose datagrams are read; empty for all.
 
     Attributes
     ----------
     strangers
-        Datagrams from elsewhere; they are received as empty ones.
+        Datagrams from other networks; they are received as empty datagrams.
     kernel_drops
-        Datagrams the system threw away because they came faster than they were received (known on Linux only).
+        Datagrams that the system dropped because they came faster than they were received (known on Linux only).
     waited
         Seconds for which the last datagram waited in the system (known on Linux only).
     sender
@@ -126,7 +126,7 @@ class OscReceiver:
         return host, port
 
     def broken(self) -> int:
-        """Count nothing: UDP has no connections."""
+        """Give 0: UDP has no connections."""
         return 0
 
     def receive(self) -> bytes | None:
@@ -140,7 +140,7 @@ class OscReceiver:
         except (BlockingIOError, InterruptedError):
             return None
         except ConnectionError:
-            return b""  # Windows reports here that an earlier answer found nobody: counted as a bad packet.
+            return b""  # Windows reports here that an earlier answer reached nobody: counted as a bad packet.
         for _, kind, value in ancillary:
             if kind == _SO_RXQ_OVFL:
                 self.kernel_drops = int.from_bytes(value[:4], sys.byteorder)
@@ -160,7 +160,7 @@ class OscReceiver:
         return b""
 
     def send_to(self, datagram: bytes, target: tuple[Any, ...]) -> bool:
-        """Send from the port listened on to an address in numbers; False when the system does not take it."""
+        """Send from the port listened on to a numeric address; False when the system does not send it."""
         try:
             self.socket.sendto(datagram, target)
         except OSError:
@@ -178,12 +178,12 @@ class OscSender:
     Parameters
     ----------
     host, port
-        Where to.
+        The place to send to.
 
     Attributes
     ----------
     failed
-        Datagrams the system would not take (nobody there, buffer full).
+        Datagrams that the system would not send (nobody there, buffer full).
 
     Raises
     ------

@@ -8,8 +8,8 @@ wekinator      `/wek/outputs`, a number for each performer, and `/output_<n>` wh
 vmc-thru       `/VMC/Thru/motion/class s i`, which VMC programs pass on
 vrchat         avatar parameters `Motion` and `MotionScore`
 
-Where 0 has to mean "nothing", as in Wekinator and in VRChat's parameters, classes count from 1. A class that is not
-named is none in all of them, and so is, once, the class of a performer who has left.
+Where 0 has to mean "nothing", as in Wekinator and in VRChat's parameters, classes count from 1. All layouts send "no
+class" when no class is named, and once when a performer has left.
 """
 
 from __future__ import annotations
@@ -30,14 +30,14 @@ if TYPE_CHECKING:
     from kinespace.stream.teaching.notices import Notice
 
 _Last = TypeVar("_Last", int, float)
-#: VRChat's whole-number parameters end here.
+#: The largest whole number of a VRChat parameter.
 _MAX_PARAMETER = 255
-#: Performers whose last class is remembered.
+#: Performers whose last class is remembered, at most.
 _MAX_PERFORMERS = 256
 
 
 class Layout:
-    """What one kind of program is told; None where it is not told at all, which is everywhere unless overridden."""
+    """The messages for one kind of program. A method that a layout does not override gives None: nothing is sent."""
 
     #: The layout's name on the command line.
     name: str
@@ -54,13 +54,13 @@ class Layout:
         """Encode that a performer has left."""
 
     def classes(self, classes: Sequence[str]) -> bytes | None:
-        """Encode which classes there are."""
+        """Encode the list of classes."""
 
     def status(self, status: Status) -> bytes | None:
         """Encode the service's counters."""
 
     def notice(self, notice: Notice) -> bytes | None:
-        """Encode what teaching tells."""
+        """Encode a notice of teaching."""
 
 
 class NativeLayout(Layout):
@@ -70,7 +70,7 @@ class NativeLayout(Layout):
     port = 9311
 
     def __init__(self) -> None:
-        #: The time of each performer's first answer: events are told in seconds since then.
+        #: The time of each performer's first answer: events carry the seconds since then.
         self._since: dict[str, float] = {}
 
     def recognition(self, recognition: Recognition) -> bytes | None:
@@ -123,7 +123,7 @@ class SuperColliderLayout(NativeLayout):
 
 
 class TouchDesignerLayout(NativeLayout):
-    """Numbers only, each performer's on addresses of its own: they become channels."""
+    """Numbers only, each performer's at addresses of its own: they become channels."""
 
     name = "touchdesigner"
     port = 10000
@@ -135,7 +135,7 @@ class TouchDesignerLayout(NativeLayout):
     def recognition(self, recognition: Recognition) -> bytes | None:
         """`/motion/<performer>/class i index f score f margin i changed`, `.../scores f*K`, `.../progress`.
 
-        The index is that of the named class, -1 for none; changed is 1 in the one message in which it is another.
+        The index is the named class's, -1 when no class is named; changed is 1 in the first message with another index.
         """
         changed = self._last.get(recognition.performer, -1) != recognition.class_index
         _remember(self._last, recognition.performer, recognition.class_index)
@@ -164,13 +164,14 @@ class TouchDesignerLayout(NativeLayout):
 
 
 class WekinatorLayout(Layout):
-    """What Wekinator itself would send to the program that listens to it."""
+    """The messages that Wekinator itself would send to the program that listens to it."""
 
     name = "wekinator"
     port = 12000
 
     def __init__(self) -> None:
-        #: Each performer's last class from 1; 0 in the place of one who has left, which the next newcomer takes.
+        #: Each performer's last class from 1; 0 in the place of a performer who has left, which the next newcomer
+        #: takes.
         self._outputs: list[float] = []
         self._places: dict[str, int] = {}
 
@@ -195,7 +196,7 @@ class WekinatorLayout(Layout):
         return place
 
     def event(self, event: Event) -> bytes | None:
-        """`/output_<class from 1>` when a motion starts, as gestures are told."""
+        """`/output_<class from 1>` when a motion starts, as Wekinator tells gestures."""
         return encode_message(f"/output_{event.index + 1}") if event.kind is EventKind.START else None
 
     def gone(self, performer: str) -> bytes | None:
@@ -207,7 +208,7 @@ class WekinatorLayout(Layout):
 
 
 class VmcThruLayout(Layout):
-    """A message of their own for programs that speak VMC, which pass on what they do not know."""
+    """A message of our own for programs that speak VMC, which pass on messages they do not know."""
 
     name = "vmc-thru"
     port = 39539
@@ -220,7 +221,7 @@ class VmcThruLayout(Layout):
         """`/VMC/Thru/motion/start s label i index`, or `end`."""
         return encode_message(f"/VMC/Thru/motion/{event.kind}", event.label, event.index)
 
-    def gone(self, performer: str) -> bytes | None:  # noqa: ARG002 - the message names none
+    def gone(self, performer: str) -> bytes | None:  # noqa: ARG002 - the message names no performer
         """Label "gone" and index -1."""
         return encode_message("/VMC/Thru/motion/class", GONE, -1)
 

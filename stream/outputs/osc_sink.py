@@ -23,9 +23,9 @@ class LayoutSink(Sink):
     Parameters
     ----------
     layout
-        How the program wants to be told.
+        The messages that the program understands.
     sender
-        Where to; closed by `close`.
+        Where to send them; closed by `close`.
     """
 
     def __init__(self, layout: Layout, sender: OscSender) -> None:
@@ -61,7 +61,7 @@ class LayoutSink(Sink):
         self._send(self.layout.status(status))
 
     def publish_notice(self, notice: Notice) -> None:
-        """Send what teaching tells."""
+        """Send a notice of teaching."""
         self._send(self.layout.notice(notice))
 
     def _send(self, packet: bytes | None) -> None:
@@ -76,16 +76,16 @@ class LayoutSink(Sink):
 class ReplySink(Sink):
     """Sends each performer's answers to the performer's own sender, from the port it sent to.
 
-    What concerns all performers goes to all senders.
+    Messages that concern all performers go to all senders.
 
     Parameters
     ----------
     layout
-        How the senders want to be told.
+        The messages that the senders understand.
     receiver
-        The port frames come in on; not closed here.
+        The port on which frames come in; not closed here.
     port
-        Where on the sender's host; 0 for the port it sent from.
+        The port on the sender's host; 0 for the port it sent from.
     senders
         Knows the sender of each performer.
     """

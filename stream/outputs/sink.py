@@ -1,4 +1,4 @@
-"""A sink: what the service tells of its answers, its frames and its state. Each kind of sink overrides what it uses."""
+"""A sink: the service tells it answers, frames and state. Each kind of sink overrides the methods it uses."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 class Sink:
-    """Hears everything and passes nothing on. None of a sink's methods may raise, and none may wait."""
+    """Hears everything and passes nothing on. No method of a sink may raise or wait."""
 
     #: Answers that could not be sent.
     failed = 0
@@ -32,13 +32,13 @@ class Sink:
         """Pass on a frame, before it is recognised; the service calls this only where a sink overrides it."""
 
     def publish_classes(self, classes: Sequence[str]) -> None:
-        """Pass on which classes there are."""
+        """Pass on the list of classes."""
 
     def publish_status(self, status: Status) -> None:
         """Pass on the service's counters."""
 
     def publish_notice(self, notice: Notice) -> None:
-        """Pass on what teaching tells."""
+        """Pass on a notice of teaching."""
 
     def close(self) -> None:
         """Give sockets back."""

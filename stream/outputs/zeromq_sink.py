@@ -24,9 +24,9 @@ class ZmqSink(Sink):
     Parameters
     ----------
     sender
-        Where to; closed by `close`.
+        Where to publish; closed by `close`.
     named
-        Whether the status names performers and senders: not where anybody may listen.
+        Whether the status names performers and senders; False where anybody may listen.
     """
 
     def __init__(self, sender: ZmqSender, *, named: bool = True) -> None:
@@ -62,7 +62,7 @@ class ZmqSink(Sink):
         self.sender.send(answers.encode_status(status, named=self._named))
 
     def publish_notice(self, notice: Notice) -> None:
-        """Send what teaching tells."""
+        """Send a notice of teaching."""
         told = as_json(notice)
         if told is not None:
             self.sender.send([b"teach/", json.dumps(told).encode()])

@@ -1,9 +1,9 @@
 """From the moment's guess to events: a motion starts, a motion ends, once each, without flicker.
 
 The guess changes with every doubtful window, above all at a change of motion. An event waits until one named class has
-gathered its lead (`stream.recognizer.hysteresis`). Having no class to name, for stillness or an unknown movement,
-gathers lead at a steady pace, slower for the unknown: a motion that goes on may look strange for a moment, and nobody
-stands still by chance.
+gathered its lead (`stream.recognizer.hysteresis`). While no class is named, because the body stands still or the
+movement is unknown, "no class" gathers lead at a steady pace: slowly for the unknown, because a motion that goes on may
+look strange for a moment, and faster for stillness, which never comes by chance.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ _ENDED_AFTER = {Outcome.STILL: 0.4, Outcome.UNKNOWN: 0.8, Outcome.AMBIGUOUS: 0.4
 _MAX_HOP = 0.1
 #: Lead, in log distance, at which a class gathers fastest.
 _MAX_PACE = 1.0
-#: Stands for "no class" among indices.
+#: The index that stands for "no class".
 _NONE = -1
 
 
@@ -55,11 +55,11 @@ class EventDetector:
 
     @property
     def going_on(self) -> Event | None:
-        """The start of the motion that goes on; None when none does."""
+        """The start of the motion that goes on; None when no motion goes on."""
         return self._active
 
     def push(self, recognition: Recognition) -> tuple[Event, ...]:
-        """Take in the next recognition; give what it made happen: nothing, an end, a start, or an end and a start."""
+        """Take in the next recognition; give the events it causes: none, an end, a start, or an end and a start."""
         elapsed = recognition.time - self._last
         self._last = recognition.time
         if not 0 <= elapsed <= _MAX_HOP:
@@ -77,14 +77,14 @@ class EventDetector:
         return replace(begun, kind=EventKind.END, time=time) if begun else None
 
     def exchange(self, places: Mapping[int, int], time: float) -> Event | None:
-        """Go on with classes that have other places; end the motion that goes on if its class is gone.
+        """Go on with classes at other indices; end the motion that goes on if its class is gone.
 
         Parameters
         ----------
         places
             The new index of each class that stays.
         time
-            When, seconds.
+            Seconds, the time of an end.
         """
         active = self._active
         if active and active.index not in places:

@@ -15,15 +15,15 @@ if TYPE_CHECKING:
 
 #: Seconds over which the evidence for a known motion is averaged.
 _KNOWN_OVER = 0.3
-#: By how much the evidence for a named motion may fall below the threshold: without it a motion at the threshold
-#: flickers.
+#: The evidence for a named motion may fall this much below the threshold; without this margin a motion at the threshold
+#: would flicker.
 _HELD = 1.5
 #: The unit of leads: log distance times a thirtieth of a second.
 PER_SECOND = 30.0
 
 
 class Hysteresis:
-    """Follows which of several indices is in front for long enough.
+    """Follows which of several indices has been in front for long enough.
 
     Parameters
     ----------
@@ -47,7 +47,7 @@ class Hysteresis:
         self._lead = 0.0
 
     def exchange(self, needed: float, places: Mapping[int, int]) -> None:
-        """Go on with another lead that is needed, and with indices that have other places; the others are gone."""
+        """Go on with another lead that is needed and with indices at other places; forget indices without one."""
         self._needed = needed
         self.current = None if self.current is None else places.get(self.current)
         leader = None if self._leader is None else places.get(self._leader)
@@ -63,7 +63,7 @@ class Hysteresis:
         pace
             Its lead in log distance.
         elapsed
-            Seconds that it counts for.
+            Seconds for which the lead counts.
 
         Returns
         -------
@@ -79,7 +79,7 @@ class Hysteresis:
 
 
 class Judgement:
-    """Whether the guess is known: averaged evidence against a threshold, which a named motion may undercut a little.
+    """Whether the guess is known: averaged evidence against a threshold, which is lower for a named motion.
 
     Parameters
     ----------

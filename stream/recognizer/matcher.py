@@ -1,4 +1,4 @@
-"""What a recogniser asks of its windows: to compare them with the library, by the default signature or the paper's."""
+"""Matchers: they compare a performer's windows with the library, by the default signature or by the paper's."""
 
 from __future__ import annotations
 
@@ -15,8 +15,9 @@ from kinespace.library.windows.paper import opened_by_paper
 from kinespace.library.windows.rejection import Evidence
 from kinespace.stream.recognition import Outcome
 from kinespace.stream.recognizer.hysteresis import Hysteresis, Judgement
-from kinespace.stream.recognizer.live_windows import LiveWindows, PaperWindow
 from kinespace.stream.recognizer.progress import ProgressFollower
+from kinespace.stream.recognizer.settings import SENSITIVITY_LEARNED, SENSITIVITY_OWN
+from kinespace.stream.recognizer.windows.live_windows import LiveWindows, PaperWindow
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -27,20 +28,19 @@ if TYPE_CHECKING:
     from kinespace.library.windows.paper import PaperIndex
     from kinespace.stream.recognition import Progress
 
-#: Frames without which there is no window to speak of.
+#: Frames that a window needs at least.
 _MIN_FRAMES = 3
-#: Seconds within which two spans are as long: frame times are rounded (`stream.recognizer.sliding_window`).
+#: Seconds within which two spans count as equal, because frame times are rounded
+#: (`stream.recognizer.windows.sliding_window`).
 _TIE = 1e-6
 #: Seconds that the first reading counts for.
 _FIRST_HOP = 1 / 30
-#: Share of unknown time that may be named, where strangers taught what is unknown and where the library's own people.
-_SENSITIVITY_LEARNED, _SENSITIVITY_OWN = 0.05, 0.2
 #: Added to 1 − |inner product|² before the logarithm.
 _NEAREST = 1e-3
 
 
 class Reading(NamedTuple):
-    """What the windows that end now say.
+    """What a matcher reads off the windows that end now.
 
     Attributes
     ----------
@@ -49,9 +49,9 @@ class Reading(NamedTuple):
     distances
         Log distance of each class of the library, shape (classes,).
     guess
-        Index of the best guess among them.
+        Index of the best guess among these classes.
     lead
-        Log distance by which the guess is ahead of all others, below 0 while it is held.
+        Log distance by which the guess is ahead of all other classes, below 0 while it is held.
     movement, eigenvector_class, eigenvector_score, share, gap, evidence
         As `stream.recognition.Recognition` has them.
     """
@@ -74,9 +74,9 @@ class Matcher(Protocol):
     Attributes
     ----------
     longest
-        Length of its longest window, seconds: of older frames a reading says nothing.
+        Length of its longest window, seconds: older frames do not change a reading.
     classes
-        The class names of its library that have windows, sorted; a reading counts in them.
+        The class names of its library that have windows, sorted; a reading's indices count in them.
     """
 
     longest: float
@@ -98,24 +98,24 @@ class Matcher(Protocol):
         """
 
     def follow(self, time: float, class_name: str | None) -> Progress | None:
-        """Say how far the body is, with the newest row, in the motion of a class; None when nobody asked for it."""
+        """Say how far the body is in the motion of a class, at the newest row; None unless progress was asked for."""
 
     def exchange(self, library: MotionLibrary | WindowIndex) -> None:
         """Compare the same windows with another library of the same joints from now on."""
 
 
 def library_of(library: MotionLibrary | WindowIndex) -> MotionLibrary:
-    """Give the motions of a library that may be opened."""
+    """Give the motions of a library, opened or not."""
     return library if isinstance(library, MotionLibrary) else library.library
 
 
 def index_of(library: MotionLibrary | WindowIndex) -> WindowIndex:
-    """Give the windows of a library that may be opened."""
+    """Give the windows of a library, opened or not."""
     return opened(library) if isinstance(library, MotionLibrary) else library
 
 
 def places_in(before: Sequence[str], after: Sequence[str]) -> dict[int, int]:
-    """Say where each class of one list stands in another, if it does."""
+    """Say at which index of another list each class stands, if it is there."""
     return {place: after.index(name) for place, name in enumerate(before) if name in after}
 
 
@@ -140,7 +140,7 @@ class _Feed:
         return self._frames >= _MIN_FRAMES and self._now - self._since >= FIRST_WINDOW - _TIE
 
     def elapsed(self) -> float:
-        """Give the seconds since this was last asked."""
+        """Give the seconds since the last call."""
         elapsed = _FIRST_HOP if math.isnan(self._read_at) else self._now - self._read_at
         self._read_at = self._now
         return elapsed
@@ -170,13 +170,13 @@ class WindowMatcher:
         self._compare_with(index)
 
     def _threshold(self, index: WindowIndex) -> float:
-        usual = _SENSITIVITY_LEARNED if index.library.learned else _SENSITIVITY_OWN
+        usual = SENSITIVITY_LEARNED if index.library.learned else SENSITIVITY_OWN
         return index.rejection.threshold_at(usual if self._sensitivity is None else self._sensitivity)
 
     def _compare_with(self, index: WindowIndex) -> None:
         self._index, self.classes = index, index.classes
         self._weighing = index.comparison.weighing
-        # Kept here: the cache behind the index may be full of other libraries.
+        # Kept here, because the cache behind the index may be full of other libraries.
         self._rejection = index.rejection
         self._nothing = index.classes.index(NOTHING) if NOTHING in index.classes else -1
 
@@ -200,7 +200,7 @@ class WindowMatcher:
             self._progress.clear()
 
     def follow(self, time: float, class_name: str | None) -> Progress | None:
-        """Say how far the body is, with the newest row, in the motion of a class; None when nobody asked for it."""
+        """Say how far the body is in the motion of a class, at the newest row; None unless progress was asked for."""
         return self._progress.push(time, self._windows.place(), class_name) if self._progress else None
 
     def push(self, times: Sequence[float], rows: NDArray[np.float64]) -> None:
@@ -214,7 +214,7 @@ class WindowMatcher:
         return WindowMatcher(index, stillness=self._stillness, sensitivity=self._sensitivity)
 
     def recent(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Give times (frames,) and rows (frames, pairs) in the longest window; good until the next push."""
+        """Give times (frames,) and rows (frames, pairs) in the longest window; valid until the next push."""
         return self._windows.recent()
 
     def read(self, noise: float = 0.0) -> Reading | None:
@@ -284,8 +284,8 @@ class PaperMatcher:
         self._hysteresis.clear()
         self._feed.clear()
 
-    def follow(self, time: float, class_name: str | None) -> Progress | None:  # noqa: ARG002 - it has no basis of moments
-        """Say nothing: the paper's signature has no order in time."""
+    def follow(self, time: float, class_name: str | None) -> Progress | None:  # noqa: ARG002 - no progress
+        """Give None: the paper's signature has no order in time."""
         return None
 
     def push(self, times: Sequence[float], rows: NDArray[np.float64]) -> None:
@@ -294,7 +294,7 @@ class PaperMatcher:
             self._feed.push(times)
             self._window.push(times, rows)
 
-    def read(self, noise: float = 0.0) -> Reading | None:  # noqa: ARG002 - the paper does not ask
+    def read(self, noise: float = 0.0) -> Reading | None:  # noqa: ARG002 - the paper ignores noise
         """Compare the window that ends with the newest row."""
         if not self._feed.ready:
             return None
@@ -323,7 +323,7 @@ class PaperMatcher:
 
 def followed(hysteresis: Hysteresis, distances: NDArray[np.float64], elapsed: float) -> tuple[int, float]:
     """Let the guess follow the nearest class; give the guess and its lead over all other classes."""
-    # Of some ten numbers Python finds the least two in a third of the time that numpy takes to begin.
+    # For some ten numbers Python finds the least two before numpy has begun.
     listed = distances.tolist()
     nearest = min(listed)
     leader = listed.index(nearest)
@@ -336,5 +336,5 @@ def followed(hysteresis: Hysteresis, distances: NDArray[np.float64], elapsed: fl
     return guess, ahead if guess == leader else nearest - listed[guess]
 
 
-#: Lead beyond which a class is as far ahead as can be: the only class of a library has no other to lead.
+#: A larger lead counts as this much: the only class of a library leads infinitely.
 _MAX_PACE = 3.0

@@ -6,8 +6,9 @@ import math
 from dataclasses import dataclass, field, fields, replace
 from typing import TYPE_CHECKING
 
+from kinespace.library.motion_library import MIN_JOINTS
 from kinespace.stream.frame import Announcement, NewSender
-from kinespace.stream.recognizer.fewer_joints import RestrictedAtOnce, SentJoints
+from kinespace.stream.recognizer.joints.fewer_joints import SentJoints
 from kinespace.stream.recognizer.matcher import library_of
 from kinespace.stream.recognizer.recognizer import Recognizer, RecognizerCounts
 from kinespace.stream.recognizer.settings import Settings
@@ -22,24 +23,26 @@ if TYPE_CHECKING:
     from kinespace.library.windows.index import WindowIndex
     from kinespace.stream.frame import Admitted, Frame
     from kinespace.stream.recognition import Event, Recognition
-    from kinespace.stream.recognizer.doubts import Opener
+    from kinespace.stream.recognizer.joints.fewer_joints import Opener
 
 
-#: How many times as many performers' joint names are remembered as there may be performers.
-_REMEMBERED = 4
-#: A performer that was not answered for so many seconds makes room for one that sent so many frames in them: an answer
-#: needs a quarter of a second of feed, and names without a body behind them never give one.
+#: For each performer that there may be, the number of performers whose joint names are remembered.
+_MAX_REMEMBERED = 4
+#: Sets of joints that the library is restricted to at most: each has windows of its own, which take room and time.
+_MAX_SETS = 3
+#: A performer that was not answered for so many seconds makes room for a newcomer that sent so many frames in them: an
+#: answer needs a quarter of a second of feed, and names without a body behind them never get one.
 _STEADY_SECONDS = 1.0
 _STEADY_FRAMES = 12
 
 
 @dataclass(slots=True)
 class PerformerCounts:
-    """What became of the frames of all performers."""
+    """Counts of what happened to the frames of all performers."""
 
     #: Frames of a performer for whom there was no room.
     no_room: int = 0
-    #: Frames whose joints are too few of the library's, or not as many as were named.
+    #: Frames with too few of the library's joints, or with another number of joints than were named.
     other_joints: int = 0
     #: Performers dropped after silence.
     dropped: int = 0
@@ -50,18 +53,18 @@ class PerformerCounts:
 @dataclass(slots=True)
 class _Performer:
     recognizer: Recognizer
-    #: What the recogniser compares with: the library, or the library restricted to the joints that there are.
+    #: The library that the recogniser compares with: whole, or restricted to the joints that the sender has.
     library: MotionLibrary
     heard: float
-    #: What the sender's frames hold: what is assumed until it says otherwise.
+    #: The joints in the sender's frames; assumed until the sender names them.
     joints: tuple[str, ...]
-    #: Where the library's joints stand in them; None for the library's own order.
+    #: The index of each of the library's joints in them; None for the library's own order.
     order: NDArray[np.intp] | None = None
     #: Why frames of the announced joints cannot be used; empty when they can.
     unusable: str = ""
     #: Whether the library is being restricted to the announced joints.
     is_waiting: bool = False
-    #: Joints of the last frame that was refused for its joints; 0 when none was since the joints were last named.
+    #: Joints of the last frame refused for its joints; 0 when none was refused since the joints were last named.
     refused_size: int = 0
     #: When the first frame came, seconds on our clock.
     begun: float = 0.0
@@ -80,22 +83,22 @@ class Performers:
     library, settings
         Of every recogniser (`Recognizer`).
     most
-        How many performers at once; frames of a further one are counted and refused until another falls silent.
+        The number of performers at once; frames of a further one are counted and refused until another falls silent.
     silence
         Seconds without a frame after which a performer is dropped.
     joints
-        What is known of senders' joints.
+        What is known of senders' joints; by default they are the library's.
     opener
-        Of every recogniser: gives the windows of the joints that can be believed.
+        Gives each recogniser the windows of the joints that can be believed.
     classes
-        The classes to answer with, in this order (`Recognizer.exchange`); as the library has them when not given.
+        The classes to answer with, in this order (`Recognizer.exchange`); by default the library's.
 
     Raises
     ------
     ValueError
         Fewer than one performer, or no time of silence.
     SkeletonMismatchError
-        A joint of the library is not among those that are assumed.
+        An assumed joint is missing: one of the library's joints is not among them.
     """
 
     def __init__(  # noqa: PLR0913 - what there may be of performers
@@ -118,23 +121,25 @@ class Performers:
         self._opener = opener
         self.most = most
         self.silence = silence
-        #: Said of every performer who has said nothing else.
+        #: Holds for every performer that names no joints.
         skeleton, joints = self.library.skeleton, joints or SentJoints()
         self._assumed = joints.assumed or skeleton.joints
         self._assumed_order = skeleton.order_from(joints.assumed) if joints.assumed else None
         self._naming = joints.naming
-        self._fewer = joints.fewer or RestrictedAtOnce(self.library)
+        self._restricter = joints.restricter
+        #: The sets of joints that the library was restricted to.
+        self._sets: set[tuple[str, ...]] = set()
         #: Why frames are refused for their joints, by performer.
         self._refused: dict[str, str] = {}
         self._counts = PerformerCounts()
         self._performers: dict[str, _Performer] = {}
-        #: Ends of what performers did who were dropped to make room, not yet given to anybody.
+        #: Ends of motions of performers who were dropped to make room, not given out yet.
         self._ended: list[Event] = []
-        #: Performers who were dropped, not yet given to anybody.
+        #: Performers who were dropped, not given out yet.
         self._gone: list[str] = []
         #: Performers for whom there was no room: since when, and how many frames they have sent.
         self._waiting: dict[str, tuple[float, int]] = {}
-        # Said once and then only on change, so it outlives a silence.
+        # A sender may announce its joints once, so announcements are kept through a silence.
         self._announced: dict[str, Announcement] = {}
 
     def _compare_with(self, library: MotionLibrary | WindowIndex, order: Sequence[str]) -> None:
@@ -143,7 +148,7 @@ class Performers:
 
     @property
     def classes(self) -> tuple[str, ...]:
-        """The classes that are answered; an answer's index counts in them."""
+        """The classes that are answered; an answer's index counts in this list."""
         return self._order or self.library.classes
 
     def exchange(self, library: MotionLibrary | WindowIndex, order: Sequence[str] = ()) -> list[Event]:
@@ -151,7 +156,7 @@ class Performers:
 
         Returns
         -------
-        The ends of what performers were doing whose class the new library has not.
+        The ends of the motions that go on and whose class the new library lacks.
 
         Raises
         ------
@@ -161,7 +166,7 @@ class Performers:
         self.library.skeleton.require_same(library_of(library).skeleton)
         before = self.library
         self._compare_with(library, order)
-        self._fewer.exchange(self.library)
+        self._sets.clear()
         for performer in self._performers.values():
             if performer.library is before:
                 self._exchange_for(performer, library)
@@ -186,7 +191,7 @@ class Performers:
 
     @property
     def counts(self) -> PerformerCounts:
-        """What became of all frames so far; a copy."""
+        """Counts of what happened to all frames so far; a copy."""
         total = replace(self._counts.recognizers)
         for performer in self._performers.values():
             _add(total, performer.recognizer.counts)
@@ -194,17 +199,17 @@ class Performers:
 
     @property
     def refused(self) -> dict[str, str]:
-        """Performers whose frames are refused for their joints, and why; of those who left, the last time."""
+        """Performers whose frames are refused for their joints, with the reason; also performers who have left."""
         return dict(self._refused)
 
     @property
     def doubted(self) -> dict[str, str]:
-        """Performers of whom some joints cannot be believed, and what was noticed."""
+        """Performers with joints that cannot be believed, and the reason."""
         return {name: doubt for name, each in self._performers.items() if (doubt := each.recognizer.doubt)}
 
     @property
     def compared(self) -> dict[str, str]:
-        """Performers whose joints are not simply the library's: whose names they are, and how many are compared."""
+        """Performers with other joints than the library's: the convention of their names, and how many are compared."""
         return {name: each for name, performer in self._performers.items() if (each := self._told(performer))}
 
     def _told(self, performer: _Performer) -> str:
@@ -217,10 +222,10 @@ class Performers:
         return f"{f'{title} names: ' if title else ''}{used} of {wanted} joints"
 
     def announce(self, announcement: Announcement, arrival: float) -> None:
-        """Take in which joints a performer's frames hold, in which order.
+        """Take in the names of the joints in a performer's frames, in their order.
 
-        A repeated announcement costs a comparison; one with other joints starts the performer's window anew, because
-        the frames before it may have meant something else.
+        A repeated announcement changes nothing; other joints start the performer's window anew, because the joints of
+        the frames before may have been others.
 
         Parameters
         ----------
@@ -234,7 +239,7 @@ class Performers:
             return
         if self._announced.get(announcement.performer) == announcement and performer.joints == announcement.joints:
             return
-        if announcement.performer not in self._announced and len(self._announced) >= _REMEMBERED * self.most:
+        if announcement.performer not in self._announced and len(self._announced) >= _MAX_REMEMBERED * self.most:
             del self._announced[next(iter(self._announced))]
         self._announced[announcement.performer] = announcement
         self._learn_joints(performer, announcement)
@@ -249,20 +254,20 @@ class Performers:
         self._fit(performer)
 
     def _fit(self, performer: _Performer) -> None:
-        """Compare a performer by the joints that the sender and the library share, where they are enough."""
+        """Compare a performer by the joints that the sender and the library share, if they are enough."""
         wanted = self.library.skeleton.joints
         joints = self._naming.met(performer.joints, wanted).joints
         shared = frozenset(joints).intersection(wanted)
         as_before = shared == frozenset(performer.library.skeleton.joints)
         performer.is_waiting, performer.unusable = False, ""
         try:
-            library = self.library if len(shared) == len(wanted) else self._fewer(shared)
+            library = self.library if len(shared) == len(wanted) else self._restricted_to(shared)
         except ValueError as error:
             performer.unusable = str(error)
             return
         if library is None:
             performer.is_waiting = True
-            # After an exchange the library before it serves until the new one is ready.
+            # After an exchange the old library serves until the new one is ready.
             performer.unusable = "" if as_before else f"the library is being restricted to {len(shared)} of its joints"
         if library is None and not as_before:
             return
@@ -277,8 +282,22 @@ class Performers:
             performer.recognizer = Recognizer(library, self.settings, self._opener, self._order)
             performer.library = library
 
+    def _restricted_to(self, shared: frozenset[str]) -> MotionLibrary | None:
+        """Give the library restricted to joints, None while not ready; ValueError when they cannot be compared."""
+        joints = tuple(name for name in self.library.skeleton.joints if name in shared)
+        if len(joints) < MIN_JOINTS:
+            compared = len(self.library.skeleton.joints)
+            raise ValueError(f"{len(joints)} of them among the {compared} compared, expected {MIN_JOINTS} at least")
+        if joints not in self._sets and len(self._sets) >= _MAX_SETS:
+            raise ValueError(f"{_MAX_SETS} performers send other sets of joints already")
+        self._sets.add(joints)
+        try:
+            return self._restricter(self.library, joints)
+        except ValueError as error:
+            raise ValueError(f"{len(joints)} of them cannot be compared: {error}") from error
+
     def _retire(self, recognizer: Recognizer) -> None:
-        """Keep what a recogniser counted, and the end of what it saw going on, when it is not needed any more."""
+        """Keep a recogniser's counts, and the end of its motion, when the recogniser is no longer needed."""
         _add(self._counts.recognizers, recognizer.counts)
         if ended := recognizer.end():
             self._ended.append(ended)
@@ -291,7 +310,7 @@ class Performers:
         events
             As received.
         arrival
-            When they came, seconds on our clock: what silence is measured by.
+            When they came, seconds on our clock, by which silence is measured.
 
         Returns
         -------
@@ -342,14 +361,14 @@ class Performers:
         performer = self._performers.get(frame.performer)
         if performer is None or performer.unusable or len(frame.positions) != len(performer.joints):
             return None
-        # Who has fewer joints is compared with another library.
+        # A performer with fewer joints is compared with another library.
         if performer.library.skeleton.joints != self.library.skeleton.joints:
             return None
         return _in_order(frame, performer)
 
     def _tell_refused(self, name: str, performer: _Performer) -> None:
-        """Note why a performer's frames are refused."""
-        if len(self._refused) >= _REMEMBERED * self.most:
+        """Note the reason why a performer's frames are refused."""
+        if len(self._refused) >= _MAX_REMEMBERED * self.most:
             del self._refused[next(iter(self._refused))]
         size, named = performer.refused_size, len(performer.joints)
         if name not in self._announced:
@@ -361,7 +380,7 @@ class Performers:
         self._refused[name] = why
 
     def _forget(self, name: str) -> None:
-        """Forget a performer; the end of what the performer was doing is given with those of the silent."""
+        """Forget a performer; the end of its motion is given out with the ends of silent performers."""
         performer = self._performers.pop(name, None)
         if performer is None:
             return
@@ -369,11 +388,11 @@ class Performers:
         self._counts.dropped += 1
 
     def drop_silent(self, now: float) -> list[Event]:
-        """Forget performers of whom nothing came for `silence` seconds; give the ends of what they were doing."""
+        """Forget performers that sent nothing for `silence` seconds; give the ends of their motions."""
         silent = [name for name, performer in self._performers.items() if now - performer.heard > self.silence]
         for name in silent:
             self._retire(self._performers.pop(name).recognizer)
-            self._gone = [*self._gone[-_REMEMBERED * self.most :], name]
+            self._gone = [*self._gone[-_MAX_REMEMBERED * self.most :], name]
             self._counts.dropped += 1
         ended, self._ended = self._ended, []
         return ended
@@ -393,7 +412,7 @@ class Performers:
         since, frames = self._waiting.get(name, (arrival, 0))
         if arrival - since > _STEADY_SECONDS:
             since, frames = arrival, 0
-        if name not in self._waiting and len(self._waiting) >= _REMEMBERED * self.most:
+        if name not in self._waiting and len(self._waiting) >= _MAX_REMEMBERED * self.most:
             del self._waiting[next(iter(self._waiting))]
         self._waiting[name] = since, frames + 1
         if frames + 1 < _STEADY_FRAMES:

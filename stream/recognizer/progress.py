@@ -1,23 +1,27 @@
-"""How far in a motion a performer is, how fast and how large: a forward filter over the moments of the library.
+"""A performer's progress in a motion, its speed and its size: a forward filter over the moments of the library.
 
-The filter holds how probable each moment of each recording of the class is (a hidden Markov model whose states are the
-moments; Bevilacqua et al. 2010 follow one recording so). At each step it moves every probability on along its
-recording, lets some change to other recordings at the same phase, and weighs all by how alike the live body is.
+The filter holds the probability of each moment of each recording of the class (a hidden Markov model whose states are
+the moments; Bevilacqua et al. 2010 follow one recording in this way). Each step moves every probability on along its
+recording, lets some change to other recordings at the same phase, and weighs all by their likeness to the live body.
+The compiled loops compute a step at once, and numpy computes the same.
 """
 
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from functools import lru_cache
+from typing import TYPE_CHECKING, NamedTuple, Self
 
 import numpy as np
 
+from kinespace.library.kernels import compiled
 from kinespace.library.progress.phase_table import (
     MOMENTS_PER_SECOND,
     SWING_SECONDS,
+    VELOCITY,
     VELOCITY_SECONDS,
+    log_swing,
     moving_point,
-    swing_of,
 )
 from kinespace.stream.recognition import Progress
 
@@ -28,33 +32,36 @@ if TYPE_CHECKING:
 
 #: Seconds between two steps of the filter: two steps a moment at the library's speed.
 STEP = 0.5 / MOMENTS_PER_SECOND
-#: How probable it is that a step goes on by 0, 1, 2 moments: standing still to four times the library's speed.
+#: Probabilities that a step goes on by 0, 1, 2 moments: standing still to four times the library's speed.
 _GOES_ON = (0.55, 0.36, 0.09)
-#: How probable a step changes to another recording at the same phase, and begins anew.
-_CHANGES, _BEGINS = 0.01, 1e-5
-#: Of what begins, how much begins in the first phases, and which phases those are.
-_AT_START, _FIRST_PHASES = 0.8, 0.12
-#: How much a vector's squared distance counts, spread over its numbers.
+#: Probabilities that a step changes to another recording at the same phase, and that it begins anew.
+_CHANGES, _BEGINS = 0.1, 1e-6
+#: The share that begins in the first phases, and these phases. The rest begins later, with a probability that falls
+#: towards the end, because before a motion a body often stands as it does after it.
+_AT_START, _FIRST_PHASES, _FALLING = 0.9, 0.12, 4
+#: Weight of a vector's squared distance, divided among its numbers.
 _SHARPNESS = 4.0
-#: At the end of a cyclic recording, how probable a step that would go beyond begins the next round.
-_NEXT_ROUND = 0.5
-#: Bins in which phases are alike.
+#: Probability that a step beyond the end of a recording begins the next round: of a cyclic motion, and of another.
+_NEXT_ROUND, _ONCE_MORE = 0.5, 0.02
+#: Bins of phases that count as the same.
 _BINS = 40
-#: Phases this near count as the same when the filter says how sure it is.
+#: Phases this near count as the same for `sure`.
 _NEAR = 0.1
 #: A scrubbed phase goes back when the phase is this much behind it.
 _BACK = 0.15
 #: Seconds over which speed and amplitude are smoothed.
-_SMOOTHED = 0.25
-#: How many of the class's mean squared velocity speak for the library's speed before the body is seen.
-_PRIOR_SPEED = 0.3
+_SPEED_SMOOTHED, _SIZE_SMOOTHED = 0.15, 0.4
+#: Weight of the library's speed before the body is seen, relative to the class's mean squared velocity.
+_PRIOR_SPEED = 0.1
 #: Points of the past that are replayed when a class is named, half a second, and points that are kept.
 _REPLAYED = round(0.5 / STEP)
 _PAST = round(2 * SWING_SECONDS / STEP) + 1
 #: Tolerance, as a share of a step, because times are rounded.
 _ROUNDING = 1e-3
-#: Points that a velocity needs.
-_SPAN = round(VELOCITY_SECONDS / STEP) + 1
+#: Points before the newest at which a velocity begins.
+_BACK_POINTS = round(VELOCITY_SECONDS / STEP)
+#: Numbers that the compiled loops need beside those of the moments.
+_REGISTER = 16
 
 
 class ProgressFollower:
@@ -88,7 +95,7 @@ class ProgressFollower:
         self._begin(name)
 
     def push(self, time: float, point: NDArray[np.float64], class_name: str | None) -> Progress | None:
-        """Take in where the body is.
+        """Take in the body's position.
 
         Parameters
         ----------
@@ -97,19 +104,20 @@ class ProgressFollower:
         point
             The body in the library's basis, relative to its size, shape (directions,).
         class_name
-            The motion that goes on; None for none, and then there is no progress.
+            The motion that goes on; None for none, which gives no progress.
 
         Returns
         -------
-        The progress of the motion that goes on, as of the filter's last step; None without one.
+        The progress of the motion that goes on, at the filter's last step; None without a motion.
         """
         steps = self._steps_until(time)
         if steps:
             self._extend(point, steps)
         if class_name != self._class_name:
             self._begin(class_name)
-        elif self._filter and steps:
-            self.progress = self._filter.step(self._past(self._count), steps)
+        elif self._filter:
+            for end in range(self._count - steps + 1, self._count + 1):
+                self.progress = self._filter.step(self._past(end))
         return self.progress
 
     def _steps_until(self, time: float) -> int:
@@ -122,13 +130,16 @@ class ProgressFollower:
         return steps
 
     def _extend(self, point: NDArray[np.float64], steps: int) -> None:
-        """Keep the newest point; between two hops the body is taken to have moved in a straight line."""
+        """Keep the newest point; between two hops the body is assumed to move in a straight line."""
         if self._count + steps > len(self._points):
             self._points[:_PAST] = self._points[self._count - _PAST : self._count]
             self._count = _PAST
-        before = self._points[self._count - 1] if self._count else point
-        shares = np.arange(1, steps + 1)[:, None] / steps
-        self._points[self._count : self._count + steps] = before + (point - before) * shares
+        if steps == 1 or not self._count:
+            self._points[self._count : self._count + steps] = point
+        else:
+            before = self._points[self._count - 1]
+            shares = np.arange(1, steps + 1)[:, None] / steps
+            self._points[self._count : self._count + steps] = before + (point - before) * shares
         self._count += steps
 
     def _past(self, end: int) -> NDArray[np.float64]:
@@ -142,7 +153,44 @@ class ProgressFollower:
             return
         self._filter = _Filter(str(class_name), moments, self._table.whitening)
         for end in range(max(1, self._count - _REPLAYED), self._count + 1):
-            self.progress = self._filter.step(self._past(end), 1)
+            self.progress = self._filter.step(self._past(end))
+
+
+class _Course(NamedTuple):
+    """The arrays of one class that a step of the filter reads; as in `Loops.follow_phase`, apart from `ends`."""
+
+    course: NDArray[np.float64]
+    indices: NDArray[np.intp]
+    ends: NDArray[np.intp]
+    expected: NDArray[np.float64]
+    constants: NDArray[np.float64]
+    lengths: NDArray[np.float32]
+
+    @classmethod
+    def of(cls, moments: Moments) -> Self:
+        phases = moments.phases
+        first = phases < _FIRST_PHASES
+        later = np.where(first, 0.0, (1 - phases) ** _FALLING)
+        beginning = _AT_START * first / first.sum() + (1 - _AT_START) * later / max(later.sum(), 1e-9)
+        rounds = np.where(phases < 1 / _BINS, 1.0, 0.0)
+        bins = np.minimum((phases * _BINS).astype(np.intp), _BINS - 1)
+        alike = 1 / np.bincount(bins, minlength=_BINS).clip(1)[bins]
+        again = _NEXT_ROUND if moments.cyclic else _ONCE_MORE
+        sharpness = _SHARPNESS / len(moments.vectors)
+        return cls(
+            np.array([phases, beginning / beginning.sum(), rounds / max(rounds.sum(), 1.0), alike]),
+            np.array([bins, phases.argsort(kind="stable")]),
+            np.append(moments.starts[1:], len(phases)) - 1,
+            np.array([moments.speeds, moments.usual_speeds, moments.usual_swings]),
+            np.array([*_GOES_ON, _CHANGES, _BEGINS, again, sharpness, _NEAR]),
+            np.square(moments.vectors).sum(axis=0),
+        )
+
+
+@lru_cache(maxsize=64)
+def _course(moments: Moments) -> _Course:
+    """Give the arrays that followers of a class share."""
+    return _Course.of(moments)
 
 
 class _Filter:
@@ -151,89 +199,111 @@ class _Filter:
     def __init__(self, class_name: str, moments: Moments, whitening: NDArray[np.float64]) -> None:
         self._class_name = class_name
         self._moments, self._whitening = moments, whitening
-        phases, count = moments.phases, len(moments.phases)
-        first = phases < _FIRST_PHASES
-        self._beginning = np.where(first, _AT_START / first.sum(), (1 - _AT_START) / max(count - first.sum(), 1))
-        self._bins = np.minimum((phases * _BINS).astype(np.intp), _BINS - 1)
-        self._alike = 1 / np.maximum(np.bincount(self._bins, minlength=_BINS), 1)
-        self._ends = np.append(moments.starts[1:], count) - 1
-        self._inside_one, self._inside_two = np.ones(count), np.ones(count)
-        self._inside_one[moments.starts] = 0.0
-        self._inside_two[moments.starts] = self._inside_two[np.minimum(moments.starts + 1, count - 1)] = 0.0
-        self._order = phases.argsort(kind="stable")
-        self._squares = (moments.vectors**2).sum(axis=1)
-        self._sharpness = _SHARPNESS / moments.vectors.shape[1]
-        self._rounds = np.where(phases < 1 / _BINS, 1.0, 0.0) if moments.cyclic else np.zeros(count)
-        self._rounds /= max(self._rounds.sum(), 1.0)
-        self._belief = self._beginning.copy()
-        self._live = self._expected = self._swing = 0.0
-        self._weight = 0.0
+        self._course = _course(moments)
+        count = len(moments.phases)
+        self._belief = self._course.course[1].copy()
+        self._live = np.zeros(len(moments.vectors), dtype=np.float32)
+        # The arrays that the compiled loops write, and their working memory.
+        self._told, self._after = np.zeros(2 + len(self._course.expected)), np.zeros(count)
+        self._room = np.zeros(count + _REGISTER, dtype=np.float32)
+        self._squares = self._expected = self._usual = self._weight = 0.0
+        self._swing = self._swings = 0.0
+        self._speed, self._floor = 1.0, _PRIOR_SPEED * float(moments.speeds.mean())
         self._scrub = 0.0
         self._cycles, self._last = 0, 0.0
-        self._floor = _PRIOR_SPEED * float(moments.speeds.mean())
 
-    def step(self, points: NDArray[np.float64], steps: int) -> Progress:
-        """Go on by some steps, and weigh with the newest of the points, shape (points, directions)."""
-        for _ in range(steps):
-            self._go_on()
-        vector = moving_point(points[max(0, len(points) - _SPAN)], points[-1])
-        placed = vector @ self._whitening
-        squares = self._squares - 2 * (self._moments.vectors @ placed)
-        belief = self._belief * np.exp(-0.5 * self._sharpness * (squares - squares.min()))
+    def step(self, points: NDArray[np.float64]) -> Progress:
+        """Go on by a step, and weigh by the newest of the points, shape (points, directions)."""
+        span = max(2, round(SWING_SECONDS / STEP / min(max(self._speed, 0.5), 1.5)))
+        square, swing = self._moved(points[-span:])
+        self._follow()
+        phase, sure, expected, usual, usual_swing = self._told.tolist()
+        self._measure(square, expected, usual)
+        self._swing = _SIZE_KEPT * self._swing + swing - usual_swing
+        self._swings = _SIZE_KEPT * self._swings + 1
+        return self._answer(phase, sure)
+
+    def _moved(self, points: NDArray[np.float64]) -> tuple[float, float]:
+        """Whiten the newest point and its velocity; give the velocity's squared length and the log swing of all."""
+        back = min(_BACK_POINTS, len(points) - 1)
+        loops = compiled.loops
+        if loops and points.shape[1] <= loops.MOST_DIRECTIONS:
+            square, variance = loops.moving(points, back, VELOCITY, self._whitening, self._live)
+        else:
+            vector = moving_point(points[-1 - back], points[-1])
+            velocity = vector[len(vector) // 2 :]
+            self._live[:] = vector @ self._whitening
+            square, variance = float(velocity @ velocity), float(points.var(axis=0).sum())
+        return square, log_swing(variance)
+
+    def _follow(self) -> None:
+        """Take one step of the filter; give the phase, the probability of phases near it, and expected speeds."""
+        course, moments = self._course, self._moments
+        if compiled.loops:
+            compiled.loops.follow_phase(
+                course.course,
+                course.indices,
+                moments.starts,
+                moments.vectors,
+                course.lengths,
+                course.expected,
+                course.constants,
+                self._live,
+                self._belief,
+                self._after,
+                self._room,
+                self._told,
+            )
+            return
+        squares = course.lengths - 2 * (self._live @ moments.vectors)
+        weights = np.exp(-0.5 * course.constants[6] * (squares - squares.min()))
+        belief = self._gone_on() * weights
         total = float(belief.sum())
-        self._belief = belief / total if total > 0 else self._beginning.copy()
-        self._measure(vector, points, steps)
-        return self._told()
+        self._belief = belief = belief / total if total > 0 else course.course[1].copy()
+        phases, order = course.course[0], course.indices[1]
+        middle = int(np.searchsorted(np.cumsum(belief[order[:-1]]), 0.5))
+        phase = phases[order[middle]]
+        self._told[:] = phase, belief[np.abs(phases - phase) <= _NEAR].sum(), *(course.expected @ belief)
 
-    def _go_on(self) -> None:
-        stay, one, two = _GOES_ON
-        before, ends = self._belief, self._ends
-        after = stay * before
-        after[1:] += one * before[:-1] * self._inside_one[1:]
-        after[2:] += two * before[:-2] * self._inside_two[2:]
-        beyond = (one + two) * before[ends] + two * before[ends - 1]
-        if self._moments.cyclic:
-            after += self._rounds * (_NEXT_ROUND * beyond.sum())
-            beyond *= 1 - _NEXT_ROUND
-        after[ends] += beyond
-        mass = np.bincount(self._bins, weights=after, minlength=_BINS)
-        after *= 1 - _CHANGES - _BEGINS
-        after += _CHANGES * (mass * self._alike)[self._bins]
-        after += _BEGINS * self._beginning
-        self._belief = after
+    def _gone_on(self) -> NDArray[np.float64]:
+        """Move every probability on by a step."""
+        course, before, starts, ends = self._course, self._belief, self._moments.starts, self._course.ends
+        _, beginning, rounds, alike = course.course
+        stay, one, two, changes, begins, again, *_ = course.constants.tolist()
+        by_one, by_two = before.copy(), before.copy()
+        # A recording's last moments must not go on to the next recording.
+        by_one[ends] = by_two[ends] = by_two[ends - 1] = 0.0
+        after: NDArray[np.float64] = stay * before
+        after[1:] += one * by_one[:-1]
+        after[2:] += two * by_two[:-2]
+        beyond = (one + two) * before[ends] + two * before[ends - 1] * (ends > starts)
+        after[ends] += (1 - again) * beyond
+        after += again * beyond.sum() * rounds
+        bins = course.indices[0]
+        mass = np.bincount(bins, weights=after)
+        moved: NDArray[np.float64] = (1 - changes - begins) * after + changes * alike * mass[bins] + begins * beginning
+        return moved
 
-    def _measure(self, vector: NDArray[np.float64], points: NDArray[np.float64], steps: int) -> None:
-        """Follow how fast and how large the body moves beside the moments it is likely at."""
-        fading = math.exp(-steps * STEP / _SMOOTHED)
-        velocity = vector[len(vector) // 2 :]
-        self._live = fading * self._live + float(velocity @ velocity)
-        self._expected = fading * self._expected + float(self._belief @ self._moments.speeds)
-        self._weight = fading * self._weight + 1
-        span = max(2, round(SWING_SECONDS / STEP / min(max(self._speed(), 0.5), 1.5)))
-        swing = swing_of(points[-span:]) - float(self._belief @ self._moments.swings)
-        self._swing = fading * self._swing + swing
-
-    def _speed(self) -> float:
+    def _measure(self, square: float, expected: float, usual: float) -> None:
+        """Follow the body's speed relative to its likely moments, and relative to its class at that phase."""
+        self._squares = _SPEED_KEPT * self._squares + square
+        self._expected = _SPEED_KEPT * self._expected + expected
+        self._usual = _SPEED_KEPT * self._usual + usual
+        self._weight = _SPEED_KEPT * self._weight + 1
         floor = self._floor * self._weight
-        return math.sqrt((self._live + floor) / (self._expected + floor))
+        beside = math.sqrt((self._expected + floor) * (self._usual + floor))
+        self._speed = math.sqrt((self._squares + floor) / beside) if beside > 0 else 1.0
 
-    def _told(self) -> Progress:
-        phases = self._moments.phases
-        mass = np.cumsum(self._belief[self._order])
-        phase = float(phases[self._order[min(int(np.searchsorted(mass, 0.5)), len(mass) - 1)]])
-        sure = float(self._belief[np.abs(phases - phase) <= _NEAR].sum())
+    def _answer(self, phase: float, sure: float) -> Progress:
         if self._moments.cyclic and phase < self._last - 0.5:
             self._cycles += 1
             self._scrub = phase
         self._last = phase
         if not self._scrub - _BACK <= phase <= self._scrub:
             self._scrub = phase
-        return Progress(
-            self._class_name,
-            phase,
-            self._scrub,
-            self._speed(),
-            math.exp(self._swing / self._weight),
-            sure,
-            self._cycles,
-        )
+        amplitude = math.exp(self._swing / self._swings)
+        return Progress(self._class_name, phase, self._scrub, self._speed, amplitude, sure, self._cycles)
+
+
+#: Share of a smoothed number that a step keeps.
+_SPEED_KEPT, _SIZE_KEPT = math.exp(-STEP / _SPEED_SMOOTHED), math.exp(-STEP / _SIZE_SMOOTHED)

@@ -1,7 +1,8 @@
 """The recogniser of one performer: frames go in with their time, recognitions come out.
 
-No socket, clock, thread or print in here. The recogniser sorts out frames that come late, starts anew after gaps, and
-keeps the hops; a matcher compares the windows: by all parts of the signature, or by the paper's eigenvector alone.
+There is no socket, clock, thread or print in here. The recogniser sorts out frames that come late, starts anew after
+gaps, and keeps the hops. A matcher compares the windows, by all parts of the signature or by the paper's eigenvector
+alone.
 """
 
 from __future__ import annotations
@@ -17,11 +18,11 @@ from kinespace.library.distances import DistanceMeasurer
 from kinespace.library.windows.body import Body
 from kinespace.library.windows.paper import opened_by_paper
 from kinespace.stream.recognition import Recognition
-from kinespace.stream.recognizer.doubts import Doubts
 from kinespace.stream.recognizer.event_detector import EventDetector
+from kinespace.stream.recognizer.joints.doubts import Doubts
 from kinespace.stream.recognizer.matcher import PaperMatcher, WindowMatcher, index_of, library_of, places_in
 from kinespace.stream.recognizer.settings import LiveSignature, Settings
-from kinespace.stream.recognizer.smoothing import RowSmoother
+from kinespace.stream.recognizer.windows.smoothing import RowSmoother
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -30,7 +31,7 @@ if TYPE_CHECKING:
     from kinespace.library.windows.index import WindowIndex
     from kinespace.stream.frame import Frame
     from kinespace.stream.recognition import Event
-    from kinespace.stream.recognizer.doubts import Opener
+    from kinespace.stream.recognizer.joints.fewer_joints import Opener
     from kinespace.stream.recognizer.matcher import Matcher, Reading
 
 
@@ -47,13 +48,13 @@ _WINDOW, _SMALLEST_GAP = 0.5, 0.02
 
 @dataclass(slots=True)
 class RecognizerCounts:
-    """What a recogniser did with the frames it was given."""
+    """Counts of what a recogniser did with its frames."""
 
     #: Frames taken into the window.
     frames: int = 0
-    #: Frames refused because they were not newer than the newest.
+    #: Frames refused because they were not newer than the newest frame.
     out_of_order: int = 0
-    #: Times the window was started anew: after a gap, or a sender that began again.
+    #: How often the window was started anew: after a gap, or when a sender began again.
     restarts: int = 0
     #: Windows answered.
     hops: int = 0
@@ -62,7 +63,7 @@ class RecognizerCounts:
 def _one_at_a_time(
     method: Callable[Concatenate[Recognizer, _Given], _Answer],
 ) -> Callable[Concatenate[Recognizer, _Given], _Answer]:
-    """Refuse a call that comes, from another thread, while one goes on."""
+    """Refuse a call that comes, from another thread, during a call."""
 
     @wraps(method)
     def guarded(self: Recognizer, /, *given: _Given.args, **named: _Given.kwargs) -> _Answer:
@@ -80,25 +81,25 @@ def _one_at_a_time(
 class Recognizer:
     """Names the motion in the last seconds of one performer's feed.
 
-    One thread at a time may use a recogniser; several recognisers may share an opened library in as many threads. A
-    process that forks leaves its child a recogniser of its own.
+    One thread at a time may use a recogniser; several threads with a recogniser each may share an opened library. After
+    a fork the child's recogniser is independent of the parent's.
 
     Parameters
     ----------
     library
-        The motions to compare with; or their windows, when they are at hand already.
+        The motions to compare with, or their windows when the library is opened already.
     settings
         How to recognise; the defaults suit feeds of 20 to 500 frames per second.
     opener
-        Gives the windows of the library as a body of fewer joints shows it, when joints cannot be believed; opens them
-        on the spot when not given, which takes a second where the library is large.
+        Gives the windows of the library as a body of fewer joints shows it, when some joints cannot be believed. By
+        default they are opened at once, which takes a second for a large library.
     classes
         As `order` of `exchange`.
 
     Attributes
     ----------
     counts
-        What became of the frames.
+        Counts of what happened to the frames.
     """
 
     def __init__(
@@ -136,30 +137,31 @@ class Recognizer:
         classes = self._matcher.classes
         named = set(self.library.classes)
         self.classes = tuple(order) or tuple(name for name in classes if name in named)
-        # Where each class stands among the matcher's, one behind the last where it has no windows; and each of the
-        # matcher's among them: `nothing` does not.
+        # The index of each class among the matcher's, one behind the last for a class without windows; and the index of
+        # each of the matcher's classes among ours, where `nothing` has none.
         self._named = np.array([classes.index(name) if name in classes else len(classes) for name in self.classes])
+        self._some_have_none = bool((self._named == len(classes)).any())
         self._places = places_in(classes, self.classes)
 
     @_one_at_a_time
     def exchange(self, library: MotionLibrary | WindowIndex, order: Sequence[str] = ()) -> Event | None:
         """Compare with another library from the next hop on; no window and no answer is lost.
 
-        In another basis than before the frames of the last two seconds are followed anew. `WindowIndex.with_motions`
-        keeps the basis. A library that is not opened yet is opened here, which takes long: open it before, if need be
-        in another thread.
+        If the new library has another basis, the frames of the last two seconds are followed anew.
+        `WindowIndex.with_motions` keeps the basis. A library that is not opened yet is opened here, which takes long:
+        open it before, in another thread if need be.
 
         Parameters
         ----------
         library
             Its motions, or their windows, over the same joints in the same order.
         order
-            The classes to answer with, in this order, so that indices stay; those without windows are never named. As
-            the library has them when not given.
+            The classes to answer with, in this order, so that indices stay the same; classes without windows are never
+            named. By default the library's.
 
         Returns
         -------
-        The end of the motion that is going on when the new library has not its class, else None.
+        The end of the motion that goes on, when the new library lacks its class; else None.
 
         Raises
         ------
@@ -175,11 +177,11 @@ class Recognizer:
 
     @property
     def doubt(self) -> str:
-        """What was last noticed of joints that cannot be believed, in words; empty while all is well."""
+        """A note on joints that could not be believed, in words; empty while all is well."""
         return self._doubts.told
 
     def reset(self) -> None:
-        """Forget the windows, as when the feed begins; the counts stay, and a motion goes on till something ends it."""
+        """Forget the windows, as at the beginning of the feed; counts and a motion that goes on stay."""
         self._matcher.clear()
         self._smoother.clear()
         self._doubts.clear()
@@ -194,12 +196,13 @@ class Recognizer:
         Parameters
         ----------
         frame
-            Positions in the order of the library's skeleton, (joints, 3), metres. The performer is passed on.
+            Positions in the order of the library's skeleton, (joints, 3), metres. The performer's name is copied to the
+            answer.
 
         Returns
         -------
         A recognition when one is due, else None: between hops, while the first window fills, or when the frame was
-        refused because it was not newer than the newest (counted).
+        refused because it was not newer than the newest frame (counted).
 
         Raises
         ------
@@ -227,7 +230,7 @@ class Recognizer:
         return self._recognized(frame, reading)
 
     def _measure(self) -> None:
-        """Measure the frames that came since the last hop, all in one go: that halves their cost."""
+        """Measure the frames that came since the last hop together, because that is cheaper than one by one."""
         times, positions = self._times, self._positions[: len(self._times)]
         begun = self._doubts.mend(times, positions) if self.settings.plausibility else None
         if begun is not None:
@@ -265,11 +268,13 @@ class Recognizer:
         self._due = self._due + hop if self._due + hop > time else time + hop
 
     def _recognized(self, frame: Frame, reading: Reading) -> Recognition:
-        """Make the answer to a frame of what its windows say."""
+        """Make the answer to a frame from its windows' reading."""
         self.counts.hops += 1
-        # A class without windows is infinitely far.
-        distances = np.append(reading.distances, np.inf)[self._named]
-        # A window that is nearest to `nothing` is unknown; its best guess is the nearest class.
+        distances = reading.distances
+        if self._some_have_none:
+            distances = np.append(distances, np.inf)  # a class without windows is infinitely far
+        distances = distances[self._named]
+        # A window nearest to `nothing` is unknown; its best guess is the nearest class.
         guess = self._places.get(reading.guess)
         found = self._places.get(reading.eigenvector_class)
         recognition = Recognition(

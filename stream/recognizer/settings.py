@@ -6,9 +6,13 @@ import math
 from dataclasses import dataclass
 from enum import StrEnum
 
+#: Share of unknown time that may be named: where strangers' motions taught the library what is unknown, and where its
+#: own classes did.
+SENSITIVITY_LEARNED, SENSITIVITY_OWN = 0.05, 0.2
+
 
 class LiveSignature(StrEnum):
-    """By which signature live windows are compared with the library's windows."""
+    """The signature by which live windows are compared with the library's windows."""
 
     #: All parts read off the covariance, over several lengths of time (`library.windows.parts`).
     WINDOWS = "windows"
@@ -23,23 +27,23 @@ class Settings:
     Attributes
     ----------
     signature
-        By what windows are compared.
+        The signature that is compared.
     window
         Length of the paper's window, seconds; None is 0.5. PAPER only: WINDOWS has lengths of its own, from a quarter
         of a second to two.
     sensitivity
-        Share of the time of unknown motions that may be answered with a class, as far as the motions can tell from
-        which the library learned what is unknown; None is 0.05 where strangers' motions taught it (`kinespace learn`),
-        and 0.2 where its own classes did, each left out: they are harder to tell. More answers more, of known and of
-        unknown motions. WINDOWS only.
+        Share of the time of unknown motions that may be answered with a class. The library estimates it from the
+        motions that taught it what is unknown; None is 0.05 where strangers' motions did (`kinespace learn`), and 0.2
+        where its own classes did, each left out in turn, which are harder to tell apart. A larger share answers more,
+        of known and of unknown motions. WINDOWS only.
     hop
         Seconds between answers; 0 answers every frame.
     lead
-        How clear a lead, added up over time, a class needs before a start event (`stream.recognizer.hysteresis`): more
-        is later and surer.
+        How clear a lead, added up over time, a class needs before a start event (`stream.recognizer.hysteresis`): a
+        larger lead makes events later and surer.
     longest_gap
-        Seconds without a frame after which the window starts anew, because what happened in between is not known.
-        With a gap as long as the longest window it always does: nothing would be left in it.
+        Seconds without a frame after which the window starts anew, because nobody knows what happened in between. The
+        longest window is an upper limit: after that time nothing is left in it.
     stillness
         Movement, relative to the body's size, below which a window is still. The default, 1 %, is about 8 mm for an
         adult: a tenth of the quietest motion of the built-in library, twenty times a marker's noise.
@@ -48,17 +52,17 @@ class Settings:
     progress
         Whether to say with each answer how far in its motion the performer is, how fast and how large. WINDOWS only.
     plausibility
-        Whether joints that cannot be believed are done without, and windows begin anew after a jump of the body
-        (`stream.recognizer.doubts`). Without it every joint of every frame must be where it is told to be.
+        Whether joints that cannot be believed are left out, and windows begin anew after a jump of the body
+        (`stream.recognizer.joints.doubts`). Without it every joint of every frame is believed.
     patience
-        How many frames in a row may be older than the newest before the sender is taken to have started anew. One
-        older than the longest window says so at once.
+        How many frames in a row may be older than the newest before the sender is taken to have started anew. A frame
+        older than the longest window means so at once.
 
     Raises
     ------
     ValueError
-        A value is not finite, window or longest_gap not positive, another negative, or a value is given that does not
-        apply to the signature.
+        A value is not finite, window or longest_gap is not positive, another value is negative, or a value is given
+        that does not apply to the signature.
     """
 
     signature: LiveSignature = LiveSignature.WINDOWS

@@ -1,4 +1,4 @@
-"""Raw recordings: the file, what writes it while a feed is received, and what decodes it again."""
+"""Raw recordings: their file, the recorder that writes it while a feed is received, and playback."""
 
 from kinespace.stream.recording.kinerec import ENDING, RawFile, RawFileError, RawHeader, RawPacket, RawWriter
 from kinespace.stream.recording.playback import Decoded, decoded

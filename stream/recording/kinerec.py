@@ -6,9 +6,9 @@ product's feed, `presets` (their TOML by name; older recordings lack it). Every 
 
     u8 source  f64 arrival  u16 bytes of sender  sender  (u32 bytes of part, part)*
 
-`arrival` is seconds on the recorder's clock, whose zero means nothing. A datagram is one part, a ZeroMQ message as many
-as it had. Records are only ever appended, so whatever ends the recorder leaves whole records and at most one torn one.
-Recorders of before wrote on behind a record that a full disk had torn: what follows it is found again by its CRC.
+`arrival` is seconds on the recorder's clock, whose zero means nothing. A datagram is one part; a ZeroMQ message keeps
+its parts. Records are only ever appended, so a recorder that is killed leaves whole records and at most one torn one.
+Older recorders appended records to one that a full disk had torn; the reader finds them by their CRC.
 """
 
 from __future__ import annotations
@@ -29,19 +29,19 @@ if TYPE_CHECKING:
 ENDING = ".kinerec"
 FORMAT = "kinespace raw recording"
 VERSION = 1
-#: Seconds between two moments at which what has been written is surely on the disk.
+#: Seconds after which at the latest every packet is on the disk.
 SYNC_EVERY = 1.0
-#: The largest record: a ZeroMQ message of the largest size taken, and room for its head.
+#: Bytes of the largest record: a ZeroMQ message of the largest size that is received, and its head.
 MAX_RECORD = 1 << 21
 
-#: Bytes that wait in memory when the disk takes nothing: a minute of a large feed.
+#: Bytes that wait in memory when the disk does not take them: a minute of a large feed.
 MAX_WAITING = 16 << 20
 
-#: Bytes behind a torn record in which the next whole one is looked for, and that are summed up on the way at most: a
-#: file can be made so that every byte of it looks like a record's beginning.
+#: Bytes after a torn record in which the next whole one is searched for, and bytes that are summed up in a search, at
+#: most: a file can be made so that every byte of it looks like the beginning of a record.
 _MAX_SEARCHED, _MAX_SUMMED = MAX_RECORD + (1 << 16), 64 << 20
 
-#: Seconds on any clock: a century after 1970, and what a program can wait for.
+#: Seconds on any clock, at most: a century after 1970, and as long as a program can wait.
 _MAX_ARRIVAL = 4e9
 
 _RECORD = struct.Struct("<II")
@@ -63,11 +63,11 @@ class RawPacket:
     arrival
         Seconds on the recorder's clock.
     source
-        Index of where it came in, in the header's `sources`.
+        Index of the source in the header's `sources`.
     sender
-        Who sent it, as far as the transport tells: `host:port` of a datagram, else empty.
+        The sender, if the transport tells: `host:port` of a datagram, else empty.
     parts
-        A datagram alone, or the parts of a ZeroMQ message.
+        A single datagram, or the parts of a ZeroMQ message.
     """
 
     arrival: float
@@ -78,17 +78,17 @@ class RawPacket:
 
 @dataclass(frozen=True, slots=True)
 class RawHeader:
-    """What a recording says about itself.
+    """The header of a recording.
 
     Attributes
     ----------
     began
-        When, UTC, ISO 8601.
+        Time of day at which it began, UTC, ISO 8601.
     sources
         Where packets came in: `osc` or `zmq`, a space, and the address; then perhaps ` feed ` and a preset's name.
     presets
-        The presets by which they were read, as text, by name: somebody's own may be called like a built-in one, and
-        the built-in ones change. What is not here was built in, as far as is known.
+        The texts of the presets by which packets were read, by name: a user's own preset may have the name of a
+        built-in one, and the built-in ones change. A preset that is missing here was built in, as far as is known.
     """
 
     began: str
@@ -125,7 +125,7 @@ def _record(body: bytes) -> bytes:
 
 
 def _decode_packet(body: bytes) -> RawPacket:
-    """Decode a record whose CRC is right; raises ValueError or struct.error when it is no packet all the same."""
+    """Decode a record whose CRC is right; raises ValueError or struct.error when it holds no packet."""
     kind, source, arrival, size = _PACKET.unpack_from(body)
     if kind != _ARRIVED:
         raise ValueError(f"kind {kind}")
@@ -147,23 +147,23 @@ def _decode_packet(body: bytes) -> RawPacket:
 class RawWriter:
     """Appends packets to a new file.
 
-    `write` copies the packet into memory. A thread writes what is there to the disk every second, so that neither a
-    crash nor a power cut costs more, and no packet waits for a disk. What the disk does not take stays in memory, up to
-    `MAX_WAITING` bytes, and is tried again every second; the file never holds a part of a record in its middle.
+    `write` copies the packet into memory. A thread writes the memory to the disk every second, so that a crash or a
+    power cut loses no more than that, and no packet waits for a disk. Bytes that the disk does not take stay in memory,
+    up to `MAX_WAITING`, and are tried again every second; the file never holds a part of a record in its middle.
 
     Parameters
     ----------
     path
-        The file; it must not exist, because a performance is not to be overwritten.
+        The file; it must not exist, because no performance may be overwritten.
     sources
         Where packets will come in: `osc` or `zmq`, a space, and the address.
     presets
-        TOML of the presets by which they are read, by name.
+        TOML of the presets by which packets are read, by name.
 
     Attributes
     ----------
     written
-        Packets so far, those that still wait in memory among them.
+        Packets so far, including packets that wait in memory.
     failed
         Packets that could not be written (the disk is full); they are lost, the feed goes on.
     trouble
@@ -204,7 +204,7 @@ class RawWriter:
         self.close()
 
     def write(self, packet: RawPacket) -> None:
-        """Append one packet; one for which there is no room is counted, and nothing is raised."""
+        """Append one packet; a packet without room is counted, and nothing is raised."""
         record = encode_packet(packet)
         with self._lock:
             if self._waiting_bytes + len(record) > MAX_WAITING:
@@ -215,7 +215,7 @@ class RawWriter:
             self.written += 1
 
     def close(self) -> None:
-        """Put everything on the disk and give the file back; what the disk does not take now is lost and counted."""
+        """Put everything on the disk and close the file; what the disk does not take now is lost and counted."""
         self._ended.set()
         self._syncing.join()
         self._try_to_sync()
@@ -237,12 +237,12 @@ class RawWriter:
             self.trouble = ""
 
     def _sync(self) -> None:
-        """Write what waits; after a failure nothing of it is in the file, and all of it waits again."""
+        """Write what waits; after a failure the file holds nothing of it, and all of it waits again."""
         with self._lock:
             batch, self._waiting, self._waiting_bytes = self._waiting, [], 0
         rest = memoryview(b"".join(batch))
         size = len(rest)
-        # Outside the lock: this may take as long as the disk likes.
+        # Outside the lock, because the disk may take long.
         try:
             while rest:
                 rest = rest[self._file.write(rest) :]
@@ -258,7 +258,7 @@ class RawWriter:
 
 
 class RawFile:
-    """A raw recording, read record by record; never more than one of them in memory.
+    """A raw recording, read record by record; only one record is in memory.
 
     Parameters
     ----------
@@ -268,16 +268,16 @@ class RawFile:
     Attributes
     ----------
     header
-        What it says of itself.
+        The recording's header.
     lost_from
-        First byte that could not be read when `packets` was last run to its end; None when the file was whole.
+        First byte that could not be read when `packets` last ran to its end; None when the file was whole.
     lost
         Bytes that could not be read then.
 
     Raises
     ------
     RawFileError
-        It is no raw recording, or of another version.
+        The file is no raw recording, or of another version.
     OSError
         The file cannot be opened.
     """
@@ -305,13 +305,13 @@ class RawFile:
 
     @property
     def size(self) -> int:
-        """Bytes."""
+        """Size in bytes."""
         return self.path.stat().st_size
 
     def packets(self) -> Iterator[RawPacket]:
         """Give the packets in the order in which they came; torn and damaged records are passed over.
 
-        What could not be read is then told by `lost_from` and `lost`. A whole record that is no packet ends it.
+        `lost_from` and `lost` then tell which part could not be read. A whole record without a packet ends the reading.
         """
         self.lost_from, self.lost, self._ends_there = None, 0, True
         with self.path.open("rb") as file:
@@ -339,7 +339,7 @@ class RawFile:
                 place = file.seek(following)
 
     def damage(self) -> str:
-        """Say what could not be read; empty when all could."""
+        """Say which part of the file could not be read; empty when all could."""
         if self.lost_from is None:
             return ""
         where = f"{self.path}: byte {self.lost_from}: cut off or damaged"
@@ -368,7 +368,7 @@ def _next_record(file: BinaryIO, begin: int) -> int | None:
 
 
 def _next_body(file: BinaryIO) -> bytes | None:
-    """Read the next record; None at the end, and where no whole record stands."""
+    """Read the next record; None at the end, and where no whole record follows."""
     head = file.read(_RECORD.size)
     if len(head) < _RECORD.size:
         return None

@@ -17,35 +17,35 @@ if TYPE_CHECKING:
     from kinespace.stream.inputs.receiver import Sender
     from kinespace.stream.recording.kinerec import RawHeader, RawPacket
 
-#: Seconds after the last packet at which frames that are still open are closed: longer than any waits for a joint.
+#: Seconds after the last packet at which frames that are still open are closed: longer than any frame waits.
 _AFTERWARDS = 1.0
 
 
 class Decoded(NamedTuple):
-    """What one packet of a recording held: when it came, and frames and announcements in order."""
+    """The content of one packet of a recording: when it came, and frames and announcements in order."""
 
     arrival: float
     events: Sequence[Input]
 
 
 def decoded(header: RawHeader, packets: Iterable[RawPacket], preset: Preset | None = None) -> Iterator[Decoded]:
-    """Decode packets by the decoders of the live sources; nothing comes of malformed and foreign ones.
+    """Decode packets by the decoders of the live sources; malformed and foreign packets give nothing.
 
-    After the last packet comes what was still open then, if anything was.
+    Frames that are still open after the last packet come last.
 
     Parameters
     ----------
     header, packets
-        Of a raw recording.
+        Header and packets of a raw recording.
     preset
-        Another product's feed that the packets are read as; None for what the header says of each source, by the
-        preset that it keeps or, in an older recording, the built-in one of that name.
+        Another product's feed to read the packets as; None for the feed that the header names for each source, by the
+        preset that the recording keeps or, in an older recording, the built-in preset of that name.
 
     Raises
     ------
     ValueError
-        An older recording's header names a feed that is not built in: it was somebody's own preset, which must be
-        given. Or the preset that it keeps is one that this version cannot read.
+        An older recording's header names a feed that is not built in: it was a user's own preset, which must be given.
+        Or this version cannot read the preset that the recording keeps.
     """
     decoders = [_decoder(header, told, preset) for told in header.sources]
     ended = 0.0
@@ -75,12 +75,12 @@ def _sender(packet: RawPacket) -> Sender:
 
 
 def preset_kept(header: RawHeader, name: str) -> Preset:
-    """Give the preset that a recording's packets were read by; the built-in one where the recording keeps none.
+    """Give the preset by which a recording's packets were read; the built-in one where the recording keeps none.
 
     Raises
     ------
     PresetError
-        It keeps none and none of that name is built in, or what it keeps cannot be read.
+        The recording keeps none and none of that name is built in, or the preset that it keeps cannot be read.
     """
     if name in header.presets:
         return parse_preset(header.presets[name], name, f"preset {name} in the recording")

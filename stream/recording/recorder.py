@@ -14,17 +14,17 @@ if TYPE_CHECKING:
 
 
 def source_name(receiver: Receiver, preset: Preset | None = None) -> str:
-    """Name where packets come in, and the preset by which they are read, as a raw recording's header does."""
+    """Name the place where packets come in, and the preset by which they are read, for a raw recording's header."""
     return f"{receiver.place} feed {preset.name}" if preset else receiver.place
 
 
 class Recorder:
-    """Writes what comes in at one place.
+    """Writes the packets that come in at one place.
 
     Parameters
     ----------
     writer, index
-        Where it is written, and which of the recording's sources it is.
+        The writer, and the index of this source in the recording.
     """
 
     def __init__(self, writer: RawWriter, index: int) -> None:
@@ -33,11 +33,11 @@ class Recorder:
 
     @property
     def note(self) -> str:
-        """What a person should know of the recording now; empty when all is well."""
+        """A note on the recording for a person; empty when all is well."""
         writer = self._writer
         return f"recording: {writer.trouble}; {writer.failed} packets lost" if writer.trouble or writer.failed else ""
 
     def keep(self, packet: Packet, arrival: float, sender: Sender) -> None:
-        """Write one packet, as it came at a moment, seconds; a failure is counted by the writer."""
+        """Write one packet that came at `arrival`, seconds; the writer counts a failure."""
         named = f"{sender[0]}:{sender[1]}" if sender else ""
         self._writer.write(RawPacket(arrival, self._index, named, tuple(parts_of(packet))))

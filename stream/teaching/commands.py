@@ -1,21 +1,21 @@
-"""What a person can ask while teaching; checked where it is made, whoever sent it."""
+"""The commands of teaching, checked when they are made, for every transport."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
 
-#: Characters of a class's name, and of a performer's.
+#: Characters of a class's name and of a performer's name, at most.
 MAX_NAME = 64
 MAX_REPETITIONS = 50
-#: Seconds of a countdown, and of what was just done.
+#: Seconds of a countdown, and of the time before now that an example may be cut from, at most.
 MAX_COUNTDOWN, MAX_LAST = 60.0, 15.0
-#: What answers say that name no class.
+#: Labels of answers that are no classes.
 _RESERVED = frozenset({"unknown", "still", "ambiguous"})
 
 
 class CommandError(ValueError):
-    """A command makes no sense; the message says which argument, what was expected and what was got."""
+    """A command cannot be read; the message names the argument, the expectation and what was got."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,18 +25,18 @@ class Teach:
     Attributes
     ----------
     performer
-        Who shows it; empty for whoever is there.
+        The performer who shows it; empty for the performer heard last.
     class_name
-        `nothing` for what shall stay unnamed.
+        `nothing` for motions that must not be named.
     repetitions
-        How many examples, one after the other.
+        The number of examples, one after the other.
     countdown
         Seconds.
 
     Raises
     ------
     CommandError
-        A name or number that cannot be.
+        A name is not allowed, or a number is out of range.
     """
 
     performer: str
@@ -55,12 +55,12 @@ class Teach:
 
 @dataclass(frozen=True, slots=True)
 class Last:
-    """Take what a performer just did as an example.
+    """Take the performer's last movement as an example.
 
     Raises
     ------
     CommandError
-        A name or number that cannot be.
+        A name is not allowed, or a number is out of range.
     """
 
     performer: str
@@ -76,7 +76,7 @@ class Last:
 
 @dataclass(frozen=True, slots=True)
 class Rename:
-    """Give a taught class another name; CommandError for one that cannot be."""
+    """Rename a taught class; CommandError for a name that is not allowed."""
 
     old: str
     new: str
@@ -87,14 +87,14 @@ class Rename:
 
 @dataclass(frozen=True, slots=True)
 class Forget:
-    """Forget a class that was taught; all of them when the name is empty."""
+    """Forget a taught class; all taught classes when the name is empty."""
 
     class_name: str
 
 
 @dataclass(frozen=True, slots=True)
 class Enable:
-    """Answer a class, or do not."""
+    """Answer a class, or stop answering it."""
 
     class_name: str
     on: bool
@@ -102,29 +102,29 @@ class Enable:
 
 @dataclass(frozen=True, slots=True)
 class Trim:
-    """Leave the still beginning and end of the last example out, or keep them."""
+    """Leave out the still beginning and end of the last example, or keep them."""
 
     on: bool
 
 
 @dataclass(frozen=True, slots=True)
 class Stop:
-    """End the recording that goes on; what was recorded becomes an example."""
+    """End the recording that goes on; it becomes an example."""
 
 
 @dataclass(frozen=True, slots=True)
 class Cancel:
-    """End the lesson that goes on; nothing becomes of it."""
+    """End the lesson that goes on without an example."""
 
 
 @dataclass(frozen=True, slots=True)
 class Undo:
-    """Take the last change back."""
+    """Undo the last change."""
 
 
 @dataclass(frozen=True, slots=True)
 class Redo:
-    """Make the change again that was taken back last."""
+    """Redo the change that was undone last."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -134,7 +134,7 @@ class Save:
 
 @dataclass(frozen=True, slots=True)
 class Run:
-    """Answer, or answer nobody for a while."""
+    """Answer all performers, or answer nobody for a while."""
 
     on: bool
 
@@ -143,7 +143,7 @@ Command = Teach | Last | Rename | Forget | Enable | Trim | Stop | Cancel | Undo 
 
 
 def require_class(name: str) -> None:
-    """Refuse a name that no class can have; CommandError."""
+    """Refuse a name that is not allowed for a class; CommandError."""
     if not 1 <= len(name) <= MAX_NAME:
         raise CommandError(f"class: expected a name of 1 to {MAX_NAME} characters, got {len(name)}")
     if "/" in name or not name.isprintable() or name != name.strip():

@@ -6,23 +6,23 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from kinespace.library.movement import ENDS_AFTER, MIN_SECONDS, Stretch, StretchFinder
+from kinespace.library.teaching.movement import ENDS_AFTER, MIN_SECONDS, Stretch, StretchFinder
 from kinespace.stream.teaching.notices import State, Step
 
 if TYPE_CHECKING:
     from kinespace.stream.teaching.commands import Teach
 
-#: Seconds that a recording lasts at most, and that a performer may stand still before it.
+#: Seconds of a recording, and of standing still before it, at most.
 MAX_RECORDING, MAX_WAITING = 15.0, 15.0
 #: Seconds that rounding may add to a countdown.
 _TIE = 1e-6
-#: Seconds kept before the movement, to be seen when the trimming is undone.
+#: Seconds kept before the movement, so that undoing the trim shows them.
 BEFORE = 0.3
 
 
 @dataclass(frozen=True, slots=True)
 class Recorded:
-    """What a lesson recorded, on the sender's clock: all of it, and what is kept after trimming."""
+    """A lesson's recording on the sender's clock: its whole span, and the span that is kept after trimming."""
 
     whole: Stretch
     kept: Stretch
@@ -34,9 +34,9 @@ class Lesson:
     Parameters
     ----------
     asked
-        What is to be recorded.
+        The command with the class to record.
     performer
-        Who shows it.
+        The performer's name.
     now
         Seconds on our clock.
     stillness
@@ -45,9 +45,9 @@ class Lesson:
     Attributes
     ----------
     step
-        Where it stands.
+        The lesson's state.
     left
-        Examples still to be recorded.
+        Examples that are still to be recorded.
     """
 
     def __init__(self, asked: Teach, performer: str, now: float, stillness: float) -> None:
@@ -60,7 +60,7 @@ class Lesson:
         self._armed = self._began = self._newest = math.nan
 
     def tick(self, now: float) -> State | None:
-        """Count down; give what is to be told."""
+        """Count down; give the notices."""
         if self.step is not Step.COUNTDOWN:
             return None
         if now >= self._go:
@@ -73,15 +73,15 @@ class Lesson:
         return State(self.performer, Step.COUNTDOWN, float(seconds))
 
     def push(self, time: float, movement: float | None) -> State | Recorded | None:
-        """Take in a frame's time on the sender's clock, and the movement where it was measured.
+        """Take in a frame's time on the sender's clock, and the movement if it was measured.
 
         Returns
         -------
-        A change of state; what was recorded, when a recording ended; a refusal; else None.
+        A change of state; the recording, when it ended; a refusal; else None.
         """
         self._newest = time
         if self.step is Step.COUNTDOWN:
-            # Who moves already when it begins is recorded from then on.
+            # A performer who is already moving is recorded from now on.
             if movement is not None:
                 self._finder.push(time, movement)
             return None
@@ -104,7 +104,7 @@ class Lesson:
         return None
 
     def stop(self) -> State | Recorded:
-        """End the recording by hand or because it is as long as can be."""
+        """End the recording, by a command or because it has its maximal length."""
         if self.step is not Step.RECORDING:
             return State(self.performer, Step.REFUSED, 0.0, "nothing was recorded")
         found = self._finder.end()
@@ -119,7 +119,7 @@ class Lesson:
         self.step = Step.WAITING
         if kept.duration < MIN_SECONDS:
             told = f"expected {MIN_SECONDS:g} s of movement at least"
-            # Who takes up their place moves for a moment: that is not meant.
+            # A performer who takes up their place moves for a moment: this is no example.
             return State(self.performer, Step.REFUSED if by_hand else Step.WAITING, kept.duration, told)
         self.left -= 1
         return Recorded(whole, kept)

@@ -1,4 +1,4 @@
-"""The last minutes of one performer, at 30 frames per second: what examples are cut from and tried on."""
+"""The last minutes of one performer, at 30 frames per second: examples are cut from them and tried on them."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from kinespace.library.formats.timed_frames import evened
-from kinespace.library.movement import MovementMeter
+from kinespace.library.teaching.movement import MovementMeter
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -20,9 +20,9 @@ REMEMBERED = 300.0
 FRAME_RATE = 30.0
 #: Share of a frame's time by which a frame may come early and still be kept.
 _EARLY = 0.2
-#: Frames remembered at first; more room is made as they come.
+#: Frames remembered at first; there is room for more as they come.
 _ROOM = 512
-#: Seconds after which a frame that comes next is of another time: the sender began anew.
+#: Seconds after which the next frame belongs to another time: the sender began anew.
 _BACKWARDS = 1.0
 
 
@@ -32,7 +32,7 @@ class Memory:
     Parameters
     ----------
     skeleton
-        Whose joints the positions are.
+        The skeleton of the positions.
 
     Attributes
     ----------
@@ -55,7 +55,7 @@ class Memory:
         self._meter = MovementMeter(self._skeleton)
 
     def push(self, time: float, positions: NDArray[np.floating], now: float) -> float | None:
-        """Take in a frame; give the movement when it is measured, else None (`library.movement.MovementMeter`)."""
+        """Take in a frame; give the movement when it is measured, else None (`library.teaching.movement`)."""
         self.heard = now
         if time <= self.newest:
             if self.newest - time < _BACKWARDS:
@@ -87,16 +87,16 @@ class Memory:
         self._count += 1
 
     def between(self, begin: float, end: float) -> Clip | None:
-        """Give what was done between two moments on the sender's clock; None for less than three frames."""
+        """Give the frames between two moments on the sender's clock; None for less than three frames."""
         first, last = np.searchsorted(self._times[: self._count], [begin - 1e-6, end + 1e-6]).tolist()
         if last - first < 3:
             return None
         times = self._times[first:last].copy()
         often = (len(times) - 1) / (times[-1] - times[0])
-        # A slower feed keeps its own rate; a faster one was thinned unevenly and is laid on even times.
+        # A slower feed keeps its rate; a faster one was thinned unevenly and is resampled at even times.
         rate = FRAME_RATE if often > 0.9 * FRAME_RATE else None
         return evened(times, self._positions[first:last].astype(np.float64), rate=rate).clip(self._skeleton)
 
     def before(self, end: float) -> Clip | None:
-        """Give all that is remembered before a moment."""
+        """Give all frames that are remembered before a moment."""
         return self.between(max(end - REMEMBERED, float(self._times[0])), end) if self._count else None

@@ -1,4 +1,4 @@
-"""What teaching tells: how a lesson goes, what was taught, and that the library has changed."""
+"""The notices of teaching: the state of a lesson, a taught example, and changes of the library."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ from enum import StrEnum
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from kinespace.library.examples import Roster
+    from kinespace.library.teaching.examples import Roster
 
 
 class Step(StrEnum):
-    """Where a lesson stands."""
+    """The states of a lesson."""
 
     COUNTDOWN = "countdown"
     WAITING = "waiting"
@@ -23,18 +23,18 @@ class Step(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class State:
-    """How a lesson goes, or what became of a command.
+    """The state of a lesson, or the result of a command.
 
     Attributes
     ----------
     performer
-        Of whom; empty for a command that is about nobody.
+        The performer's name; empty for a command without a performer.
     step
-        Where the lesson stands.
+        The lesson's state.
     seconds
-        Left to count down, recorded so far, or kept.
+        Seconds left to count down, seconds recorded so far, or seconds kept.
     reason
-        Why it was refused, what was trimmed, or what was done; may be empty.
+        The reason of a refusal, the trimming, or the change; may be empty.
     """
 
     performer: str
@@ -45,20 +45,20 @@ class State:
 
 @dataclass(frozen=True, slots=True)
 class Taught:
-    """What came of an example.
+    """The result of an example.
 
     Attributes
     ----------
     class_name
-        Of the example.
+        The example's class.
     examples
-        How many the class has now.
+        The number of examples that the class has now.
     seconds
-        How much of the recording is kept.
+        Seconds of the recording that are kept.
     words
         `good`, `close to <class>`, `cannot be told from <class>` or `unlike your other examples`.
     would_have_started
-        How often the class would have started in the performer's last five minutes, this recording not counted.
+        How often the class would have started in the performer's last five minutes, without this recording.
     """
 
     class_name: str
@@ -70,14 +70,14 @@ class Taught:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Changed:
-    """The library is to be opened anew, and saved.
+    """A request to open and save the library anew.
 
     Attributes
     ----------
     roster
         All examples now.
     number
-        The example that was added, to be checked; 0 when none was.
+        The number of the added example, to be checked; 0 when none was added.
     """
 
     roster: Roster = field(repr=False)
@@ -86,12 +86,12 @@ class Changed:
 
 @dataclass(frozen=True, slots=True)
 class Saving:
-    """Somebody asked to save."""
+    """A request to save."""
 
 
 @dataclass(frozen=True, slots=True)
 class Running:
-    """Somebody asked for answers, or for none."""
+    """A request for answers, or for no answers."""
 
     on: bool
 

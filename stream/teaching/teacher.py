@@ -1,8 +1,8 @@
-"""Teaching: who is taught what now, what has been taught, and what was undone.
+"""The teacher: the lesson that goes on, the examples, and their undo.
 
-No socket, clock or thread in here. Frames and commands come in with the time on our clock. Notices come out; `Changed`
-asks whoever runs this to open the roster, to exchange the recognisers' library, to check the example, and to say so by
-`checked`. That may take as long as it likes: lessons go on meanwhile.
+There is no socket, clock or thread in here. Frames and commands come in with the time on our clock. Notices come out;
+`Changed` asks the caller to open the roster, to exchange the recognisers' library, to check the example, and to report
+by `checked`. The caller may take any time for it: lessons go on meanwhile.
 """
 
 from __future__ import annotations
@@ -10,9 +10,9 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from kinespace.library.examples import MAX_EXAMPLES, Example, Roster
 from kinespace.library.motion_library import NOTHING
-from kinespace.library.movement import MIN_SECONDS, STILLNESS, MovementMeter, Stretch, StretchFinder
+from kinespace.library.teaching.examples import MAX_EXAMPLES, Example, Roster
+from kinespace.library.teaching.movement import MIN_SECONDS, STILLNESS, MovementMeter, Stretch, StretchFinder
 from kinespace.stream.teaching import commands
 from kinespace.stream.teaching.lesson import Lesson, Recorded
 from kinespace.stream.teaching.memory import Memory
@@ -22,14 +22,14 @@ if TYPE_CHECKING:
     from collections.abc import Collection
 
     from kinespace.library.clip import Clip
-    from kinespace.library.examples import Check
     from kinespace.library.skeleton import Skeleton
+    from kinespace.library.teaching.examples import Check
     from kinespace.stream.frame import Frame
     from kinespace.stream.teaching.commands import Command
 
-#: Seconds without a frame after which a performer is not there.
+#: Seconds without a frame after which a performer counts as absent.
 _GONE = 2.0
-#: Seconds by which a recording must be longer than what is kept of it to be called trimmed.
+#: Seconds by which a recording must be longer than its kept part to count as trimmed.
 _TRIMMED = 0.15
 
 
@@ -39,13 +39,13 @@ class Teacher:
     Parameters
     ----------
     skeleton
-        Whose joints the frames are.
+        The skeleton of the frames.
     roster
-        What has been taught before.
+        The examples of earlier sessions.
     base_classes
-        Classes known without any example.
+        Classes that are known without examples.
     stillness
-        Movement below which a performer stands still (`library.movement`).
+        Movement below which a performer stands still (`library.teaching.movement`).
 
     Attributes
     ----------
@@ -62,7 +62,7 @@ class Teacher:
         self._lesson: Lesson | None = None
         self._undone: list[Roster] = []
         self._before: list[Roster] = []
-        #: Who taught the examples that are being checked, and when on their clock.
+        #: The performers of the examples that are being checked, and the times on their clocks.
         self._checking: dict[int, tuple[str, float]] = {}
         self._number = roster.next_number
 
@@ -84,7 +84,7 @@ class Teacher:
         return self._went(lesson, lesson.push(frame.time, movement))
 
     def tick(self, now: float) -> list[Notice]:
-        """Do what is due by the clock; some times a second."""
+        """Do what is due by the clock; call it some times a second."""
         lesson = self._lesson
         if lesson is None:
             return []
@@ -95,7 +95,7 @@ class Teacher:
         return [told] if told else []
 
     def command(self, command: Command, now: float) -> list[Notice]:  # noqa: C901, PLR0911, PLR0912 - one line a command
-        """Do what is asked; a refusal is a state, never an exception."""
+        """Carry out a command; a refusal is a notice, never an exception."""
         match command:
             case commands.Teach():
                 return self._begin(command, now)
@@ -125,7 +125,7 @@ class Teacher:
                 return [Running(on), State("", Step.DONE, 0.0, "running" if on else "not running")]
 
     def checked(self, number: int, check: Check | None, would_have_started: int) -> list[Notice]:
-        """Say what was found of an example that is in the library now."""
+        """Report the check of an example that is in the library now."""
         performer, _ = self._checking.pop(number, ("", 0.0))
         example = next((each for each in self.roster.examples if each.number == number), None)
         if example is None:
@@ -137,14 +137,14 @@ class Teacher:
         return [taught, State(performer, Step.DONE, example.seconds, words)]
 
     def failed(self, number: int, reason: str) -> list[Notice]:
-        """Take an example back that cannot be compared."""
+        """Undo an example that cannot be compared."""
         performer, _ = self._checking.pop(number, ("", 0.0))
         kept = tuple(each for each in self.roster.examples if each.number != number)
         self.roster = replace(self.roster, examples=kept)
         return [State(performer, Step.REFUSED, 0.0, reason), Changed(self.roster)]
 
     def recent(self, number: int) -> Clip | None:
-        """Give the performer's last minutes before an example that is being checked; None when nothing is known."""
+        """Give the performer's last minutes before an example that is being checked; None when they are not known."""
         performer, began = self._checking.get(number, ("", 0.0))
         memory = self._memories.get(performer)
         return memory.before(began) if memory else None
@@ -177,7 +177,7 @@ class Teacher:
         return self._add(performer, asked.class_name, clip, whole, kept)
 
     def _went(self, lesson: Lesson, told: State | Recorded | None) -> list[Notice]:
-        """Tell what became of a lesson."""
+        """Give the notices of a lesson's step."""
         if told is None:
             return []
         if isinstance(told, State):
@@ -262,7 +262,7 @@ class Teacher:
         ]
 
     def _present(self, name: str, now: float) -> str | None:
-        """Find a performer who is there; with no name whoever was heard last."""
+        """Find a performer who is present; without a name the performer who was heard last."""
         there = {each: memory.heard for each, memory in self._memories.items() if now - memory.heard <= _GONE}
         if name:
             return name if name in there else None
@@ -274,7 +274,7 @@ class Teacher:
 
 
 def _moving(clip: Clip, stillness: float) -> Stretch | None:
-    """Find what moves in a recording, from the first movement to the last; None when it is too short."""
+    """Find the movement in a recording, from its first to its last motion; None when it is too short."""
     meter, finder, found = MovementMeter(clip.skeleton), StretchFinder(stillness), list[Stretch]()
     for time, positions in zip(clip.times.tolist(), clip.positions, strict=True):
         movement = meter.push(time, positions)

@@ -1,8 +1,8 @@
-"""Commands and notices on the wire: OSC, Wekinator's OSC, and JSON for ZeroMQ. Pure: bytes in, commands out, and back.
+"""Commands and notices on the wire: OSC, Wekinator's OSC, and JSON for ZeroMQ. Pure encode and decode.
 
 `/motion/teach s performer s class [i repetitions f countdown]`; `/motion/teach/stop`, `/cancel`, `/undo`, `/redo`,
-`/save`; `/rename s s`, `/forget [s]`, `/enable s i`, `/trim i`, `/last s f s`. In JSON the same words: `{"do": "teach",
-"performer": "ann", "class": "wave"}`.
+`/save`; `/rename s s`, `/forget [s]`, `/enable s i`, `/trim i`, `/last s f s`. JSON has the same words: `{"do":
+"teach", "performer": "ann", "class": "wave"}`.
 """
 
 from __future__ import annotations
@@ -18,12 +18,12 @@ from kinespace.stream.teaching.notices import Notice, State, Taught
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
-#: What addresses of commands begin with.
+#: The beginning of commands' addresses.
 TEACH = "/motion/teach"
 WEKINATOR = "/wekinator/control/"
-#: Gestures that a Wekinator controller may number.
+#: The largest number of a Wekinator gesture.
 _MAX_GESTURE = 200
-#: Bytes of a request in JSON.
+#: Bytes of a JSON request, at most.
 _MAX_REQUEST = 10_000
 
 _PLAIN: dict[str, Callable[[], Command]] = {
@@ -33,7 +33,7 @@ _PLAIN: dict[str, Callable[[], Command]] = {
     "redo": commands.Redo,
     "save": commands.Save,
 }
-#: Arguments of each further command, by what it is called: names in JSON, types in OSC, and how many are needed.
+#: The arguments of each further command, by its name: names in JSON, types in OSC, and how many are needed.
 _ARGUMENTS: dict[str, tuple[Callable[..., Command], tuple[tuple[str, type], ...], int]] = {
     "teach": (
         commands.Teach,
@@ -50,7 +50,7 @@ _ARGUMENTS: dict[str, tuple[Callable[..., Command], tuple[tuple[str, type], ...]
 
 
 def is_teaching(packet: bytes) -> bool:
-    """Whether a packet may hold commands, told quickly: frames come hundreds a second."""
+    """Whether a packet may hold commands; quick, because hundreds of frames come each second."""
     return packet.startswith(b"/motion/teach") or (packet.startswith(b"#bundle") and b"/motion/teach" in packet)
 
 
@@ -60,7 +60,7 @@ def decode(packet: bytes) -> list[Command]:
     Raises
     ------
     CommandError
-        It is no OSC, or a message is no command; the message says which argument was expected.
+        The packet is no OSC, or a message is no command; the error names the argument that was expected.
     """
     return [command for message in _messages(packet) if (command := _command(message)) is not None]
 
@@ -97,7 +97,7 @@ def _as(kind: type, name: str, value: object) -> object:
 
 
 def decode_json(request: bytes) -> Command:
-    """Read one command in JSON; CommandError when it is none."""
+    """Read one command in JSON; CommandError for other text."""
     try:
         told = json.loads(request) if len(request) <= _MAX_REQUEST else None
     except (ValueError, RecursionError):
@@ -122,9 +122,9 @@ def _in_order(told: Mapping[str, Any], names: Sequence[str]) -> list[object]:
 class Wekinator:
     """Reads Wekinator's own control messages, whose gestures are numbered from 1.
 
-    `startDtwRecording` and `startRecording` teach whoever is there, without a countdown; the class is the gesture's
-    name by `setOutputNames`, or `gesture <number>`. `startRecording` teaches the number that
-    `/wekinator/control/outputs` told last. `train` needs nothing here: an example is known at once.
+    `startDtwRecording` and `startRecording` teach the performer heard last, without a countdown. The class is the
+    gesture's name by `setOutputNames`, or `gesture <number>`. `startRecording` teaches the number of the last
+    `/wekinator/control/outputs`. `train` does nothing: an example is known at once.
     """
 
     def __init__(self) -> None:
@@ -184,7 +184,7 @@ def _messages(packet: bytes) -> list[Message]:
 
 
 def encode(notice: Notice) -> bytes | None:
-    """Give a notice as an OSC message; None for one that is not told."""
+    """Give a notice as an OSC message; None for a notice that has none."""
     match notice:
         case State():
             return encode_message(f"{TEACH}/state", notice.performer, str(notice.step), notice.seconds, notice.reason)
@@ -202,7 +202,7 @@ def encode(notice: Notice) -> bytes | None:
 
 
 def as_json(notice: Notice) -> dict[str, object] | None:
-    """Give a notice as JSON has it; None for one that is not told."""
+    """Give a notice as a JSON object; None for a notice that has none."""
     match notice:
         case State():
             told = {"performer": notice.performer, "state": str(notice.step), "seconds": round(notice.seconds, 3)}
@@ -220,7 +220,7 @@ def as_json(notice: Notice) -> dict[str, object] | None:
 
 
 def as_line(notice: Notice) -> str:
-    """Give a notice as a person reads it; empty for one that is not told."""
+    """Give a notice as a line for people; empty for a notice that has none."""
     match notice:
         case State():
             whose = f" {notice.performer}" if notice.performer else ""

@@ -1,4 +1,4 @@
-"""ZeroMQ addresses: which to bind or connect, and sockets with the limits and keep-alives that all of ours have."""
+"""ZeroMQ addresses: to bind or to connect, and sockets with the limits and keep-alives of all our sockets."""
 
 from __future__ import annotations
 
@@ -10,18 +10,18 @@ if TYPE_CHECKING:
     from kinespace.stream.inputs.receiver import Networks
     from kinespace.stream.zeromq.keys import Keyring
 
-#: Bytes of a message's part above which ZeroMQ refuses it and ends the connection: a frame of 4096 joints in doubles,
-#: with their names, fits twice.
+#: Bytes of a message's part above which ZeroMQ refuses it and ends the connection: twice a frame of 4096 joints in
+#: doubles with their names.
 MAX_MESSAGE = 1 << 18
-#: Bytes of a subscription: the longest topic has 270. ZeroMQ keeps every subscription in memory.
+#: Bytes of a subscription, at most: the longest topic has 270. ZeroMQ keeps every subscription in memory.
 MAX_SUBSCRIPTION = 512
-#: Messages waiting in a socket: eight seconds of a 120 Hz feed, then ZeroMQ itself begins to throw away.
+#: Messages waiting in a socket, at most: eight seconds of a 120 Hz feed; then ZeroMQ drops messages.
 _HIGH_WATER_MARK = 1000
-#: Seconds of silence after which the system asks whether the other machine is still there, seconds between two more
-#: questions, and how many go unanswered before the connection is made anew. A sender that is switched off says nothing,
-#: and ZeroMQ would wait for it for hours. These are not ZeroMQ's own heartbeats, which older peers do not know.
+#: Seconds of silence after which the system asks whether the other machine is still there, seconds between two further
+#: questions, and the number of unanswered questions before the connection is made anew. A sender that is switched off
+#: sends no end, and ZeroMQ would wait for hours. These are not ZeroMQ's own heartbeats, which older peers do not know.
 _ASK_AFTER, _ASK_EVERY, _ASK_TIMES = 5, 1, 5
-#: Milliseconds in which a new connection must have said that it speaks ZeroMQ and, with keys, shown its own.
+#: Milliseconds in which a new connection must have shown that it speaks ZeroMQ and, with keys, its key.
 _MAX_HANDSHAKE = 3000
 #: Hosts of this machine, as addresses name them.
 _THIS_MACHINE = ("localhost", "127.", "[::1]")
@@ -40,7 +40,7 @@ class Endpoint(NamedTuple):
         Raises
         ------
         ValueError
-            There is no transport in it, like `tcp://`.
+            The text names no transport like `tcp://`.
         """
         address = text.lstrip("@>")
         if "://" not in address:
@@ -59,25 +59,25 @@ class Endpoint(NamedTuple):
         Parameters
         ----------
         kind
-            Of socket, as ZeroMQ counts them.
+            The socket's kind, as ZeroMQ counts them.
         networks
-            Where bound, only peers in them are let in; all when there are none.
+            A bound socket lets in only peers in these networks; all when empty.
         keyring
-            Keys that the other end must know; None to speak with anybody in the clear.
+            Keys that the other end must have; None for connections without keys.
 
         Raises
         ------
         OSError
-            The address is taken, or makes no sense; the message says which address.
+            The address is taken, or impossible; the message names the address.
         ValueError
-            The keyring does not say whom to connect to.
+            The keyring does not tell whom to connect to.
         """
         context = keyring.context if keyring else zmq.Context.instance()
         opened: zmq.Socket[bytes] = context.socket(kind)
         opened.linger = 0
         opened.setsockopt(zmq.HANDSHAKE_IVL, _MAX_HANDSHAKE)
         opened.set_hwm(_HIGH_WATER_MARK)
-        # What a publisher hears are subscriptions.
+        # A publisher receives subscriptions.
         opened.setsockopt(zmq.MAXMSGSIZE, MAX_SUBSCRIPTION if kind == zmq.PUB else MAX_MESSAGE)
         opened.setsockopt(zmq.TCP_KEEPALIVE, 1)
         opened.setsockopt(zmq.TCP_KEEPALIVE_IDLE, _ASK_AFTER)

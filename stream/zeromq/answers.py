@@ -1,7 +1,7 @@
 """Answers as ZeroMQ messages: a topic and a JSON object.
 
-`[b"class/<performer>/"][JSON]`, `[b"event/<performer>/"][JSON]`, `[b"classes/"][JSON]`, `[b"status/"][JSON]`. A number
-that is not finite is null, because JSON knows neither NaN nor infinity.
+`[b"class/<performer>/"][JSON]`, `[b"event/<performer>/"][JSON]`, `[b"classes/"][JSON]`, `[b"status/"][JSON]`. NaN and
+infinity are null, because JSON has neither.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ _read = msgspec.json.Decoder(_Received).decode
 
 
 def encode_recognition(recognition: Recognition) -> list[bytes]:
-    """Encode an answer: its class, its scores, and what the leading eigenvector says.
+    """Encode an answer: its class, its scores, and the leading eigenvector's numbers.
 
     `class` is the named class or null and `index` its index or -1, `guess` the best guess or null and `guess_index` its
     index or -1.
@@ -88,7 +88,7 @@ def encode_gone(performer: str) -> list[bytes]:
 
 
 def _progress(progress: Progress | None) -> dict[str, str | float] | None:
-    """Describe how far a motion is; null where none is followed."""
+    """Describe the progress of a motion; null when no motion is followed."""
     if progress is None:
         return None
     described: dict[str, str | float] = asdict(progress)

@@ -30,7 +30,7 @@ _MAX_JOINTS = 4096
 MAX_SEQ = 2**63 - 1
 #: Bytes of a topic: the longest name that a performer may have, in UTF-8.
 _MAX_TOPIC = len(b"frame//") + 4 * MAX_PERFORMER_LENGTH
-#: How far behind the newest a number may be and still be a late frame, not a new beginning.
+#: A number this far behind the newest is still a late frame, not a new beginning.
 _MAX_LATE = 16
 _MAX_PERFORMERS = 1024
 
@@ -50,7 +50,7 @@ _read_header = msgspec.json.Decoder(Header).decode
 
 
 class NumberedFrame(NamedTuple):
-    """A frame with its sender's count and, when it says so, what its joints are."""
+    """A frame with its sender's count and, if the header has them, the names of its joints."""
 
     frame: Frame
     seq: int | None
@@ -58,7 +58,7 @@ class NumberedFrame(NamedTuple):
 
 
 class FormatError(ValueError):
-    """A ZeroMQ message is not one of ours; the message of the error says what is wrong with it."""
+    """A ZeroMQ message is not one of ours; the message says what is wrong with it."""
 
 
 def decode(parts: Sequence[bytes], arrival: float) -> NumberedFrame:
@@ -69,12 +69,12 @@ def decode(parts: Sequence[bytes], arrival: float) -> NumberedFrame:
     parts
         Topic, header and positions.
     arrival
-        When, seconds: the time of frames whose `t` is missing or 0.
+        Seconds: the time of frames whose `t` is missing or 0.
 
     Raises
     ------
     FormatError
-        A part is missing, too large or not what the header says.
+        A part is missing, too large, or does not match the header.
     """
     try:
         topic, header, buffer = parts
@@ -92,18 +92,18 @@ def numbered(performer: str, header: Header, buffer: bytes, arrival: float) -> N
     Parameters
     ----------
     performer
-        Who.
+        The performer's name.
     header
-        What the positions are.
+        The description of the positions.
     buffer
         The positions.
     arrival
-        When, seconds: the time of frames whose `t` is missing or 0.
+        Seconds: the time of frames whose `t` is missing or 0.
 
     Raises
     ------
     ValueError
-        The version is another, or the positions are not what the header says.
+        The version is another, or the positions do not match the header.
     """
     if header.v != VERSION:
         raise FormatError(f"v: expected version {VERSION}, got {header.v}")
@@ -144,7 +144,7 @@ def encode_frame(frame: Frame, seq: int, joints: Sequence[str] | None = None) ->
 
 
 class SequenceGaps:
-    """Counts the frames a sender numbered and that never came, per performer."""
+    """Counts, per performer, the numbered frames that never came."""
 
     def __init__(self) -> None:
         self._last: dict[str, int] = {}
@@ -153,8 +153,8 @@ class SequenceGaps:
     def see(self, performer: str, seq: int | None) -> None:
         """Take note of a number.
 
-        One that does not follow its predecessor leaves a gap. One shortly below it comes late and fills a gap; 0, or
-        one far below, is a sender that began again.
+        A number that does not follow its predecessor leaves a gap. A number shortly below the newest comes late and
+        fills a gap; 0, or a number far below, means that the sender began again.
         """
         if seq is None:
             return
@@ -165,5 +165,5 @@ class SequenceGaps:
         if seq > last:
             self.missing += seq - last - 1
         if performer not in self._last and len(self._last) >= _MAX_PERFORMERS:
-            self._last.clear()  # only a sender that invents names gets here
+            self._last.clear()  # only a sender that makes up names gets here
         self._last[performer] = seq

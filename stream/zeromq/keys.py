@@ -1,7 +1,7 @@
-"""Keys for ZeroMQ (CURVE): who may connect to us, and whom we connect to.
+"""Keys for ZeroMQ (CURVE): which peers may connect to us, and to whom we connect.
 
-A folder holds our own pair of keys, `NAME.key` and `NAME.key_secret`, and the public keys, `*.key`, of all who are let
-in. `zmq.auth` makes, reads and checks them, so that every other program with ZeroMQ can use the same files.
+A folder holds our own pair of keys, `NAME.key` and `NAME.key_secret`, and the public keys, `*.key`, of all peers that
+are let in. `zmq.auth` makes, reads and checks them, so that every other program with ZeroMQ can use the same files.
 """
 
 from __future__ import annotations
@@ -17,9 +17,9 @@ if TYPE_CHECKING:
     from zmq.auth.thread import ThreadAuthenticator
 
 PUBLIC, SECRET = ".key", ".key_secret"
-#: Of the file with the secret key: its owner reads and writes it, nobody else.
+#: Mode of the file with the secret key: only its owner reads and writes it.
 SECRET_MODE = 0o600
-#: What ZeroMQ asks the authenticator for; a socket with a domain lets nobody in while there is no authenticator.
+#: The domain for which ZeroMQ asks the authenticator; a socket with a domain lets nobody in without an authenticator.
 _DOMAIN = b"kinespace"
 #: Characters of a key in Z85.
 _KEY_LENGTH = 40
@@ -31,20 +31,20 @@ def make_keys(folder: Path, name: str) -> tuple[Path, Path]:
     Parameters
     ----------
     folder
-        Made when it is not there.
+        The folder for the files; made when missing.
     name
-        Of whose keys they are.
+        The owner's name.
 
     Returns
     -------
-    The file with the public key, for all others, and the file with both keys, which its owner alone may read.
+    The file with the public key, for all others, and the file with both keys, which only its owner may read.
 
     Raises
     ------
     ValueError
-        The name is no name of a file.
+        The name cannot be a file's name.
     FileExistsError
-        There are keys of that name.
+        Keys of that name exist already.
     """
     from zmq.auth import create_certificates  # noqa: PLC0415 - slow to load, and seldom needed
 
@@ -55,7 +55,7 @@ def make_keys(folder: Path, name: str) -> tuple[Path, Path]:
         if path.exists():
             raise FileExistsError(0, "there are keys of this name already", str(path))
     folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-    # Nobody shall be able to read the secret key in the moment between its writing and a change of the file's mode.
+    # Nobody must be able to read the secret key between its writing and a change of the file's mode.
     mask = os.umask(0o777 & ~SECRET_MODE)
     try:
         create_certificates(folder, name)
@@ -67,23 +67,23 @@ def make_keys(folder: Path, name: str) -> tuple[Path, Path]:
 class Keyring:
     """The keys in a folder, for the sockets of one program; `close` it after them.
 
-    Sockets that are bound let in the keys of the folder alone. Sockets that connect do so to the owner of one key: the
-    only one in the folder beside our own or, where there is no other, the owner of our own.
+    Bound sockets let in only the keys of the folder. Connected sockets reach only the owner of one key: the only other
+    public key in the folder or, if there is none, our own.
 
     Parameters
     ----------
     folder
-        With one pair of keys and any number of public keys.
+        A folder with one pair of keys and any number of public keys.
 
     Attributes
     ----------
     context
-        Of all sockets that these keys secure.
+        The context of all sockets with these keys.
 
     Raises
     ------
     ValueError
-        There is not one secret key, others may read it, or a file holds no key.
+        There is not exactly one secret key, others may read it, or a file holds no key.
     OSError
         A file cannot be read.
     """
@@ -114,7 +114,7 @@ class Keyring:
         Raises
         ------
         ValueError
-            It is to connect, and there are several keys it could connect to.
+            The socket is to connect, and several keys could be meant.
         """
         opened.setsockopt(zmq.CURVE_PUBLICKEY, self._public)
         opened.setsockopt(zmq.CURVE_SECRETKEY, self._secret)
@@ -126,7 +126,7 @@ class Keyring:
         opened.setsockopt(zmq.ZAP_DOMAIN, _DOMAIN)
 
     def name_of(self, key: str) -> str:
-        """Name the owner of a public key, as ZeroMQ tells it of a message."""
+        """Name the owner of a public key, as ZeroMQ reports it with a message."""
         return self._names.get(key.encode(), key)
 
     def _of_the_other_end(self) -> bytes:
@@ -146,7 +146,7 @@ class Keyring:
         self._authenticator.configure_curve(domain=_DOMAIN.decode(), location=self._folder)
 
     def close(self) -> None:
-        """Let nobody in any more; sockets that are still open are closed."""
+        """Let nobody in any more, and close the sockets that are still open."""
         if self._authenticator:
             self._authenticator.stop()
             self._authenticator = None
@@ -154,7 +154,7 @@ class Keyring:
 
 
 def _keys_in(path: Path) -> tuple[bytes, bytes]:
-    """Read the public key in a file, and the secret key or nothing."""
+    """Read the public key in a file, and the secret key or None."""
     from zmq.auth import load_certificate  # noqa: PLC0415 - as above
 
     public, secret = load_certificate(path)

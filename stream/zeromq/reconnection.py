@@ -1,8 +1,8 @@
-"""The connections of a subscriber that break: counted, and made again.
+"""A subscriber's broken connections: counted, and made again.
 
-ZeroMQ ends a connection over which a message above the size limit comes, and tells only its monitor. A sender that
-connected to us comes back by itself, less that message. A sender that we connected to does not: ZeroMQ takes the
-message that it refused for another protocol, and gives the connection up for good.
+ZeroMQ ends a connection when a message above the size limit comes, and only its monitor hears of it. A sender that
+connected to us comes back by itself, without that message. A sender that we connected to does not: ZeroMQ takes the
+refused message for another protocol, and gives the connection up.
 """
 
 from __future__ import annotations
@@ -17,9 +17,9 @@ import zmq
 if TYPE_CHECKING:
     from kinespace.stream.zeromq.address import Endpoint
 
-#: Seconds after which ZeroMQ, which tries again after a tenth of one, has surely tried again if it ever does.
+#: Seconds after which ZeroMQ, which tries again after a tenth of a second, has certainly tried again.
 _A_WHILE = 0.5
-#: The beginning of a monitor's message. pyzmq's own reader of them loads asyncio, which takes longer than the rest.
+#: The beginning of a monitor's message. pyzmq's own reader loads asyncio, which takes long.
 _EVENT = struct.Struct("=H")
 _WATCHED = zmq.EVENT_ACCEPTED | zmq.EVENT_CONNECTED | zmq.EVENT_CONNECT_RETRIED | zmq.EVENT_DISCONNECTED
 
@@ -30,15 +30,15 @@ class Connections:
     Parameters
     ----------
     socket
-        Bound or connected already.
+        A socket that is bound or connected already.
     endpoint
-        To what, and which of the two.
+        Its endpoint, which says whether it is bound or connected.
 
     Attributes
     ----------
     broken
-        Connections that broke while the sender was still there, up to the last look: over a message above the size
-        limit, by a network that failed for a moment, or by a sender begun again within a second.
+        Connections that broke while the sender was still there: by a message above the size limit, a network that
+        failed for a moment, or a sender that began again within a second.
     """
 
     def __init__(self, socket: zmq.Socket[bytes], endpoint: Endpoint) -> None:
@@ -46,13 +46,13 @@ class Connections:
         self._socket = socket
         self._endpoint = endpoint
         self._events = socket.get_monitor_socket(_WATCHED)
-        #: Connections that ended in this while, and in the one before: that long a sender may take to come back, or
-        #: ZeroMQ to try again.
+        #: Connections that ended since the last call, and since the call before: a sender, or ZeroMQ, may take that
+        #: long to come back.
         self._gone = self._gone_before = 0
         self._looked = time.monotonic()
 
     def look(self) -> int:
-        """Take note of what has happened, about once a second; give how many have broken so far."""
+        """Note what has happened, about once a second; give the number of broken connections so far."""
         if self._socket.closed:
             return self.broken
         now = time.monotonic()
@@ -62,7 +62,7 @@ class Connections:
             told, *_ = self._events.recv_multipart()
             self._note(_EVENT.unpack_from(told)[0])
         if not self._endpoint.bind and self._gone_before:
-            # ZeroMQ would have tried again by now. What it tries it counts as nothing lost: the sender had gone.
+            # ZeroMQ would have tried again by now. Its own attempts are not counted as losses: the sender had gone.
             self.broken += 1
             self._gone_before = 0
             with suppress(zmq.ZMQError):

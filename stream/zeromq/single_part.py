@@ -1,7 +1,7 @@
 """ZeroMQ messages of one part: a msgpack map or an OSC packet, for senders that cannot send several parts.
 
-Sockets that keep only the newest message (CONFLATE) lose all parts but the last; Bonsai and others send OSC packets as
-they are. The map has the fields of a frame's header (`kinespace.stream.zeromq.frames`), `performer`, and the positions
+Sockets that keep only the newest message (CONFLATE) lose all parts but the last; Bonsai and others send OSC packets
+unchanged. The map has the fields of a frame's header (`kinespace.stream.zeromq.frames`), `performer`, and the positions
 as `data`.
 """
 
@@ -25,7 +25,7 @@ _MAPS = frozenset([*(bytes([0x80 + fields]) for fields in range(16)), b"\xde", b
 
 
 class _Packed(Header, kw_only=True):
-    """A header with what the parts before and after it hold."""
+    """A header with the performer and the positions."""
 
     performer: str
     data: bytes
@@ -52,12 +52,12 @@ def decode(payload: bytes, arrival: float) -> NumberedFrame:
     payload
         The message's only part.
     arrival
-        When, seconds: the time of frames whose `t` is missing or 0.
+        Seconds: the time of frames whose `t` is missing or 0.
 
     Raises
     ------
     FormatError
-        It is no msgpack, or not a frame of ours.
+        The payload is no msgpack, or not a frame of ours.
     """
     try:
         packed = _unpack(payload)
@@ -67,7 +67,7 @@ def decode(payload: bytes, arrival: float) -> NumberedFrame:
 
 
 def encode(frame: Frame, seq: int, joints: Sequence[str] | None = None) -> bytes:
-    """Encode a frame as one msgpack map, positions as float32; with the joint names when they are to be told."""
+    """Encode a frame as one msgpack map, positions as float32; with the joint names when they are given."""
     positions = np.ascontiguousarray(frame.positions, dtype="<f4")
     described: dict[str, object] = {
         "v": VERSION,

@@ -1,4 +1,4 @@
-"""ZeroMQ's two endpoints: a SUB socket that frames come in on, and a PUB socket that answers go out on."""
+"""ZeroMQ's two endpoints: a SUB socket for frames, and a PUB socket for answers."""
 
 from __future__ import annotations
 
@@ -19,37 +19,37 @@ if TYPE_CHECKING:
     from kinespace.stream.zeromq.address import Endpoint
     from kinespace.stream.zeromq.keys import Keyring
 
-#: As plain integers: pyzmq's own flags cost more to combine and to pass on than a message to send.
+#: Plain integers, because pyzmq's own flags are slow to combine and to pass on.
 _NOW, _MORE_TO_COME = int(zmq.NOBLOCK), int(zmq.NOBLOCK | zmq.SNDMORE)
-#: Parts of a message: ours have three. Of a message with more, so many are thrown away at a time.
+#: Parts of a message, at most: ours have three. A message with more is dropped in pieces of so many parts.
 MAX_PARTS = 8
 _MAX_PASSED = 256
-#: What ZeroMQ tells of a message: the file number of its connection, and the key that was shown on it.
+#: ZeroMQ's names for the file number of a message's connection, and for the key shown on it.
 _CONNECTION, _USER = int(zmq.SRCFD), "User-Id"
 
 
 class ZmqReceiver:
-    """A SUB socket that frames come in on. Poll it continuously: a bound SUB lets new peers in only when polled.
+    """A SUB socket for frames. Poll it continuously: a bound SUB accepts new peers only while it is polled.
 
     Parameters
     ----------
     endpoint
-        To bind or to connect.
+        The endpoint to bind or to connect.
     topic
-        How the messages begin that are wanted.
+        The beginning of the topics that are wanted.
     networks
-        Where bound, those whose peers are let in; empty for all.
+        Networks whose peers a bound socket lets in; empty for all.
     keyring
-        Keys that the other end must know; None for none.
+        Keys that the other end must have; None for none.
 
     Attributes
     ----------
     sender
-        Who sent the last message: host and port of the connection or, with keys, `key NAME` and the port. None where
-        ZeroMQ does not tell.
+        The sender of the last message: host and port of the connection or, with keys, `key NAME` and the port. None
+        where ZeroMQ does not tell.
     """
 
-    #: ZeroMQ says neither which messages it threw away nor for how long it kept one.
+    #: ZeroMQ tells neither which messages it dropped nor how long it kept one.
     kernel_drops = 0
     waited = 0.0
 
@@ -62,7 +62,7 @@ class ZmqReceiver:
         self._passing = False
         self._keyring = keyring
         self.sender: Sender = None
-        #: Senders by connection, up to the next look: a connection's number is another's later.
+        #: Senders by connection, until the next look, because connections' numbers are used again.
         self._senders: dict[int, Sender] = {}
 
     def __str__(self) -> str:
@@ -70,7 +70,7 @@ class ZmqReceiver:
 
     @property
     def place(self) -> str:
-        """The address as recordings name it: `zmq`, a blank and the endpoint."""
+        """The address as recordings name it: `zmq`, a space and the endpoint."""
         return f"zmq {self.address}"
 
     @property
@@ -79,16 +79,16 @@ class ZmqReceiver:
         return str(self.socket.getsockopt_string(zmq.LAST_ENDPOINT))
 
     def broken(self) -> int:
-        """Count the connections that broke while the sender was there; to be asked about once a second."""
+        """Count the connections that broke while the sender was there; call it about once a second."""
         self._senders.clear()
         return self._connections.look()
 
     def receive(self) -> list[bytes] | None:
-        """Take the next message; None when there is none now.
+        """Take the next message; None when no message waits.
 
-        Of a message of more than `MAX_PARTS` parts only the first are given, which no decoder understands.
+        Of a message with more than `MAX_PARTS` parts only the first are given, which no decoder reads.
         """
-        # The parts come together. Each says whether it is the last; to ask the socket would cost more than to receive.
+        # The parts come together. Each says whether it is the last, which is quicker than asking the socket.
         parts = list[bytes]()
         try:
             if self._passing and not self._pass_over():
@@ -116,12 +116,12 @@ class ZmqReceiver:
         return self._senders[connection]
 
     def _named(self, connection: int, part: zmq.Frame) -> Sender:
-        """Name the other end of a connection; None for one within this machine that has no address."""
+        """Name the other end of a connection; None for an end in this machine without an address."""
         try:
             with socket.socket(fileno=os.dup(connection)) as peer:
                 host, port = peer.getpeername()[:2]
         except (OSError, ValueError):
-            # Closed meanwhile, or of a kind without addresses.
+            # Closed in the meantime, or of a kind without addresses.
             return None
         if self._keyring:
             with suppress(zmq.ZMQError):
@@ -129,7 +129,7 @@ class ZmqReceiver:
         return host, port
 
     def _pass_over(self) -> bool:
-        """Throw some parts of a message away that has too many; say whether that was the last of them."""
+        """Drop some parts of a message that has too many; say whether the last part was among them."""
         for _ in range(_MAX_PASSED):
             if not self.socket.recv(_NOW, copy=False).more:
                 self._passing = False
@@ -137,13 +137,13 @@ class ZmqReceiver:
         return False
 
     def close(self) -> None:
-        """Give the address back."""
+        """Close the socket."""
         self._connections.close()
         self.socket.close()
 
 
 class ZmqSender:
-    """A PUB socket. It is no error if nobody listens; a listener that is too slow loses the newest answers.
+    """A PUB socket. Having no listeners is no error; a listener that is too slow loses the newest answers.
 
     Parameters
     ----------
@@ -178,5 +178,5 @@ class ZmqSender:
             self.failed += 1
 
     def close(self) -> None:
-        """Give the address back."""
+        """Close the socket."""
         self.socket.close()

@@ -21,7 +21,7 @@ def test_a_clip_measures_its_time_from_its_first_frame(frames: int, rate: float)
 
 
 def test_a_moved_clip_keeps_what_is_said_of_it() -> None:
-    """Other positions make a new clip of the same labels and leave the old one as it was."""
+    """Other positions make a new clip with the same labels and do not change the old one."""
     clip = stick_clip("wave", seed=4, actor="bb")
     before = clip.positions.copy()
     moved = clip.moved_to(clip.positions + 1.0)
@@ -38,7 +38,7 @@ def test_a_moved_clip_keeps_what_is_said_of_it() -> None:
 
 
 def test_a_clip_of_unknown_source_has_empty_labels_and_no_rotations() -> None:
-    """Where the source says nothing the labels are empty and there are no rotations."""
+    """By default the labels are empty and there are no rotations."""
     clip = Clip(STICK, np.zeros((2, 6, 3)), 120.0)
     assert (clip.name, clip.class_name, clip.actor, clip.take) == ("", "", "", "")
     assert clip.rotations.shape[1] == 0
@@ -62,7 +62,7 @@ def test_a_clip_does_not_change() -> None:
     ],
 )
 def test_positions_of_another_shape_are_refused(shape: tuple[int, ...]) -> None:
-    """Positions are (frames, joints, 3) with at least one frame, and the message says what was got."""
+    """Positions are (frames, joints, 3) with at least one frame; the message gives the shape got."""
     with pytest.raises(ValueError, match=r"positions: expected \(frames, 6, 3\), got \(" + str(shape[0])):
         Clip(STICK, np.zeros(shape), 120.0)
 

@@ -1,4 +1,4 @@
-"""HDM05: its file names, its body, and what must be true of its 288 clips."""
+"""HDM05: its file names, its body, and properties of its 288 clips."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ def test_every_skeleton_is_the_body_written_down(data_folder: Path, name: str) -
 
 
 def test_uncut_takes_find_their_skeleton(tmp_path: Path) -> None:
-    """An uncut take is read with its actor's skeleton, beside it or one folder up, and says who performs."""
+    """An uncut take is read with its actor's skeleton, beside it or one folder up, and names the actor."""
     (tmp_path / "bd").mkdir()
     (tmp_path / "HDM_bd.asf").write_text(ARM.asf())
     take = tmp_path / "bd" / "HDM_bd_03-03_01_120.amc"
@@ -140,7 +140,7 @@ def test_movement_is_smooth(hdm05_clips: tuple[Clip, ...]) -> None:
 
 
 def test_the_torn_clip_is_torn_in_its_file(hdm05_clips: tuple[Clip, ...], hdm05_folder: Path) -> None:
-    """The clip whose femur jumps stands where the slow twin puts it, in every frame: the file says so."""
+    """The clip whose femur jumps has, in every frame, the positions of the slow twin: the file itself is wrong."""
     clip = next(clip for clip in hdm05_clips if clip.name == TORN)
     path = hdm05_folder / clip.class_name / f"{TORN}.amc"
     expected = naive.clip_positions(hdm05_folder / f"HDM_{clip.actor}.asf", path)

@@ -59,7 +59,7 @@ def _are_equal(first: MotionLibrary, second: MotionLibrary) -> bool:
 
 
 def _assert_refused(path: Path, content: bytes, message: str = "") -> None:
-    """See to it that a file is refused by name, in one line, and without taking memory for what it claims to hold."""
+    """Expect that a file is refused by name, in one line, and without taking the memory that it claims to need."""
     path.write_bytes(content)
     tracemalloc.start()
     try:
@@ -79,7 +79,7 @@ def _unpacked(content: bytes) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
 
 
 def _packed(header: object, arrays: dict[str, NDArray[Any]]) -> bytes:
-    """Put a file together whose checksums fit, whatever is in it."""
+    """Make a file of any content with checksums that fit."""
     file = io.BytesIO()
     np.savez_compressed(file, header=_header(json.dumps(header)), **arrays)  # type: ignore[arg-type]
     return file.getvalue()
@@ -109,7 +109,7 @@ def test_the_file_is_an_npz_without_pickle(content: bytes, small_library: Motion
 
 
 def test_what_was_loaded_is_saved_as_it_was(content: bytes, small_library: MotionLibrary, tmp_path: Path) -> None:
-    """Saved again, what was loaded is equal: nothing is lost or rounded on the way."""
+    """A library that was loaded and saved again is equal: nothing is lost or rounded."""
     first, second = tmp_path / "first.npz", tmp_path / "second.npz"
     first.write_bytes(content)
     MotionLibrary.load(first).save(second)
@@ -138,7 +138,7 @@ def test_places_far_from_the_origin_are_kept_in_16_bits(tmp_path: Path) -> None:
 
 
 def test_what_no_file_may_hold_is_not_written(tmp_path: Path, small_library: MotionLibrary) -> None:
-    """A library too large for a file is refused when it is saved, with nothing left behind."""
+    """A library too large for a file is refused when it is saved, and no file is left behind."""
     motion = small_library.motions[0]
     several = dataclasses.replace(small_library, motions=(motion,) * (library_file.MAX_MOTIONS + 1))
     with pytest.raises(ValueError, match="motions: expected 1 to 100000, got 100001"):
@@ -205,7 +205,7 @@ def test_a_failure_in_the_middle_leaves_all_as_it_was(  # noqa: PLR0913, PLR0917
 def test_until_the_new_file_is_whole_the_old_one_is_read(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, content: bytes, small_library: MotionLibrary
 ) -> None:
-    """A reader who comes while a library is being written sees the old one; who comes after, the new one."""
+    """A reader during the writing of a library sees the old file; a later reader sees the new one."""
     path = tmp_path / "library.npz"
     path.write_bytes(content)
     seen: list[MotionLibrary] = []
@@ -239,7 +239,7 @@ def test_a_folder_that_is_not_there_is_an_os_error(small_library: MotionLibrary,
 def test_a_library_is_as_readable_as_any_other_file(
     small_library: MotionLibrary, tmp_path: Path, mask: int, mode: int
 ) -> None:
-    """The file's mode follows the umask, which saving leaves as it was."""
+    """The file's mode follows the umask, and saving does not change the umask."""
     before = os.umask(mask)
     try:
         small_library.save(tmp_path / "library.npz")
@@ -266,7 +266,7 @@ def test_a_file_cut_out_of_the_middle_is_refused(content: bytes, tmp_path: Path)
 
 
 def _assert_refused_or_equal(path: Path, content: bytes, expected: MotionLibrary) -> bool:
-    """Say whether a file is refused; if not, what is read of it is the library that was written."""
+    """Say whether a file is refused; if not, it must hold the library that was written."""
     path.write_bytes(content)
     try:
         library = MotionLibrary.load(path)
@@ -395,7 +395,7 @@ def test_a_foreign_file_is_refused(tmp_path: Path, foreign: bytes) -> None:
 
 @pytest.mark.parametrize("place", ["alone", "header", "positions", "learned_weights"])
 def test_nothing_is_unpickled(content: bytes, tmp_path: Path, place: str) -> None:
-    """A pickle, alone or in place of a part, is refused without running what is in it."""
+    """A pickle, alone or in place of a part, is refused and its code does not run."""
     mark = tmp_path / "mark"
     trap = _Trap(mark)
     pickle.loads(pickle.dumps(trap))  # noqa: S301 - shows that the trap is set
@@ -454,7 +454,7 @@ def _said(*keys: str, to: object) -> Callable[..., None]:
 
 
 def _first(name: str, to: object) -> Callable[..., None]:
-    """Make a change of what is said of the first motion."""
+    """Change a field of the first motion."""
 
     def change(header: dict[str, Any], _arrays: dict[str, Any]) -> None:
         header["motions"][name][0] = to
@@ -498,7 +498,7 @@ def _wandering(steps: NDArray[Any]) -> NDArray[Any]:
 
 
 def _many(header: dict[str, Any], arrays: dict[str, Any]) -> None:
-    """Say of 100,001 motions what is said of one."""
+    """Repeat the fields of one motion for 100,001 motions."""
     count = library_file.MAX_MOTIONS + 1
     header["motions"] = {name: [column[0]] * count for name, column in header["motions"].items()}
     header["motions"]["frames"] = [2] * count
@@ -639,7 +639,7 @@ def test_what_unpacks_to_more_than_the_zip_says_is_not_unpacked(content: bytes, 
 
 
 def test_an_arrays_header_that_asks_for_gigabytes_is_refused(content: bytes, tmp_path: Path) -> None:
-    """An array's file whose own header promises more than follows is refused before memory is taken for it."""
+    """An array's file whose header promises more than follows is refused before memory is taken."""
     for shape in ((10**10,), (10**400,), (6, 3, 10**9), (-1, 5), (2**62, 4)):
         file = io.BytesIO()
         np.lib.format.write_array_header_1_0(file, {"descr": "<i2", "fortran_order": False, "shape": shape})
@@ -659,14 +659,14 @@ def test_an_arrays_header_that_is_none_is_refused(content: bytes, tmp_path: Path
 
 @pytest.mark.parametrize("method", [zipfile.ZIP_LZMA, zipfile.ZIP_BZIP2])
 def test_other_compressions_are_refused(content: bytes, tmp_path: Path, method: int) -> None:
-    """Only what numpy writes is unpacked: others may take memory of their own choosing."""
+    """Only numpy's compression is unpacked: another one may take any amount of memory."""
     with zipfile.ZipFile(io.BytesIO(content)) as good:
         member = good.read("positions.npy")
     _assert_refused(tmp_path / "other.npz", _with_member(content, "positions.npy", member, method), NO_LIBRARY)
 
 
 def test_an_array_twice_is_refused(content: bytes, tmp_path: Path) -> None:
-    """A zip with two files of one name is refused: which one is meant nobody can say."""
+    """A zip with two files of one name is refused, because it is not clear which one is meant."""
     file = io.BytesIO(content)
     with zipfile.ZipFile(file, "a") as archive, pytest.warns(UserWarning, match="Duplicate name"):
         archive.writestr("starts.npy", archive.read("starts.npy"))

@@ -41,7 +41,7 @@ def _write_arm(folder: Path, *names: str, frames: int = 3) -> list[Path]:
 
 
 def test_recordings_are_found_at_any_depth(tmp_path: Path) -> None:
-    """Every .amc, in whatever case, at whatever depth, is found in sorted order, and nothing else is."""
+    """Every .amc, in upper or lower case and at any depth, is found, in sorted order; other files are not."""
     wanted = ["a.amc", "b/one.AMC", "b/two.Amc", "b/c/d/deep.amc"]
     _touch(tmp_path, *wanted, "a.asf", "b/readme.txt", "b/c/one.amc.bak", "amc", "b/.amc")
     assert find_recordings([tmp_path]) == sorted(tmp_path / name for name in wanted)
@@ -54,7 +54,7 @@ def test_a_folder_named_like_a_recording_is_none(tmp_path: Path) -> None:
 
 
 def test_places_are_listed_in_the_given_order(tmp_path: Path) -> None:
-    """Folders and single files keep the order in which they are given; a file given by name may end as it likes."""
+    """Folders and single files keep their given order; a file given by name may have any ending."""
     _touch(tmp_path, "z/1.amc", "z/2.amc", "a/3.amc", "m.mocap")
     found = find_recordings([tmp_path / "z", tmp_path / "m.mocap", tmp_path / "a"])
     assert [path.name for path in found] == ["1.amc", "2.amc", "m.mocap", "3.amc"]
@@ -138,7 +138,7 @@ def test_a_given_frame_rate_of_zero_is_refused(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(("name", "got"), [("walk.fbx", r"\.fbx"), ("walk", "no ending"), ("walk.asf", r"\.asf")])
 def test_a_file_of_another_kind_is_refused(tmp_path: Path, name: str, got: str) -> None:
-    """A file whose ending is no recording's is refused by name, with what is read and what was got."""
+    """A file with another ending is refused by name, with the endings that are read."""
     _touch(tmp_path, name)
     message = (
         re.escape(str(tmp_path / name))
@@ -248,7 +248,7 @@ def test_an_amc_in_pieces_is_the_whole(
 
 
 def test_a_real_take_in_pieces_is_the_whole(cmu_folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A take of 38 seconds comes in pieces that are together what is read at once."""
+    """A take of 38 seconds comes in pieces that together equal the take read at once."""
     monkeypatch.setattr(acclaim, "_BLOCK_BYTES", 300_000)
     assert pieces_and_whole(cmu_folder / "13_29.amc").frames > 4000
 
@@ -270,7 +270,7 @@ def test_a_bvh_in_pieces_is_the_whole(unit: float, tmp_path: Path, monkeypatch: 
 
 
 def test_what_is_wrong_with_a_piece_is_told_when_it_is_reached(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Pieces come until the mistake, which is told as it is of the whole; a file that lacks most frames too."""
+    """Pieces come until the mistake; the error is the same as for the whole file."""
     monkeypatch.setattr(acclaim, "_BLOCK_BYTES", 700)
     path = write_take(tmp_path, "bd", "bendLeft", 1)
     good = path.read_text()

@@ -56,7 +56,7 @@ def test_signatures_do_not_depend_on_duration_and_size(motions: tuple[Clip, ...]
 
 @pytest.mark.parametrize("frames", [2, 10])
 def test_a_statue_has_some_unit_vector(frames: int) -> None:
-    """Where nothing moves no direction leads; what comes out is finite and of length 1 all the same."""
+    """Where nothing moves, the signature is still finite and of length 1."""
     axis = signature_of(np.tile([0.5, 1.25, 3.0], (frames, 1)))
     assert np.linalg.norm(axis) == pytest.approx(1.0)
 
@@ -70,7 +70,7 @@ def test_rows_that_are_no_motion_are_refused(shape: tuple[int, ...]) -> None:
 
 @given(st.integers(0, 2**32 - 1))
 def test_similarity_is_the_inner_product_without_its_sign(seed: int) -> None:
-    """Scores are those of adding up products in a loop, and turning any eigenvector round changes none."""
+    """Scores equal products added up in a loop, and the sign of an eigenvector does not change them."""
     generator = np.random.default_rng(seed)
     axes = generator.normal(size=(5, 9))
     axes /= np.linalg.norm(axes, axis=1, keepdims=True)

@@ -22,26 +22,10 @@ def test_every_pair_is_measured_once_in_order(count: int) -> None:
     assert [tuple(pair) for pair in skeleton.pairs.tolist()] == naive.pairs(count)
 
 
-@pytest.mark.parametrize(
-    "parents",
-    [
-        pytest.param(PARENTS, id="a tree"),
-        pytest.param((1, 2, -1, 2, 3), id="children before parents"),
-        pytest.param((-1, 0, -1, 2, 2), id="two roots"),
-    ],
-)
-def test_pairs_without_segments_leave_out_the_rigid_ones_only(parents: tuple[int, ...]) -> None:
-    """Without segments exactly the parent-child pairs are missing, whichever of the two has the lower index."""
-    skeleton = Skeleton(JOINTS, parents).without_segments()
-    segments = [(joint, parent) for joint, parent in enumerate(parents) if parent >= 0]
-    assert [tuple(pair) for pair in skeleton.pairs.tolist()] == naive.pairs(len(JOINTS), segments)
-
-
-def test_the_papers_two_counts() -> None:
-    """The 31 joints of HDM05 give the paper's 465 distances, 435 without the 30 rigid segments."""
+def test_the_papers_count() -> None:
+    """The 31 joints of HDM05 give the paper's 465 distances."""
     assert len(hdm05.SKELETON.joints) == 31
     assert len(hdm05.SKELETON.pairs) == 465
-    assert len(hdm05.SKELETON.without_segments().pairs) == 435
 
 
 def test_pairs_cannot_be_written() -> None:
@@ -89,11 +73,10 @@ def test_same_skeleton_is_accepted_whatever_its_parents() -> None:
         pytest.param(Skeleton((*JOINTS[:-1], "tail")), id="another name"),
         pytest.param(Skeleton(JOINTS[::-1]), id="another order"),
         pytest.param(Skeleton((*JOINTS, "tail")), id="one joint more"),
-        pytest.param(Skeleton(JOINTS, PARENTS).without_segments(), id="other pairs"),
     ],
 )
 def test_another_skeleton_is_refused(other: Skeleton) -> None:
-    """Other joints, another order or other pairs are refused, in either direction, both sides being described."""
+    """Other joints or another order are refused, in either direction; the message describes both skeletons."""
     skeleton = Skeleton(JOINTS, PARENTS)
     with pytest.raises(SkeletonMismatchError, match=r"expected 5 joints and 10 pairs \(root \.\.\. right\), got"):
         skeleton.require_same(other)
@@ -102,29 +85,26 @@ def test_another_skeleton_is_refused(other: Skeleton) -> None:
 
 
 @pytest.mark.parametrize(
-    ("joints", "parents", "with_segments", "message"),
+    ("joints", "parents", "message"),
     [
-        pytest.param((), (), True, "joints: expected at least 2 names, got 0", id="no joint"),
-        pytest.param(("root",), (-1,), True, "joints: expected at least 2 names, got 1", id="one joint"),
-        pytest.param(("root", ""), (), True, "joints: expected distinct, non-empty names", id="empty name"),
-        pytest.param(("root", "root"), (), True, "joints: expected distinct, non-empty names", id="name twice"),
-        pytest.param(JOINTS, (-1, 0), True, r"parents: expected one per joint \(5\), got 2", id="too few parents"),
-        pytest.param(JOINTS, (-1, 0, 1, 1, 5), True, "parents: expected joint indices or -1", id="parent too high"),
-        pytest.param(JOINTS, (-2, 0, 1, 1, 1), True, "parents: expected joint indices or -1", id="parent too low"),
-        pytest.param(JOINTS, (-1, 1, 1, 1, 1), True, "parents: expected joint indices or -1", id="own parent"),
-        pytest.param(JOINTS, (), False, "with_segments: False needs the parents", id="segments unknown"),
+        pytest.param((), (), "joints: expected at least 2 names, got 0", id="no joint"),
+        pytest.param(("root",), (-1,), "joints: expected at least 2 names, got 1", id="one joint"),
+        pytest.param(("root", ""), (), "joints: expected distinct, non-empty names", id="empty name"),
+        pytest.param(("root", "root"), (), "joints: expected distinct, non-empty names", id="name twice"),
+        pytest.param(JOINTS, (-1, 0), r"parents: expected one per joint \(5\), got 2", id="too few parents"),
+        pytest.param(JOINTS, (-1, 0, 1, 1, 5), "parents: expected joint indices or -1", id="parent too high"),
+        pytest.param(JOINTS, (-2, 0, 1, 1, 1), "parents: expected joint indices or -1", id="parent too low"),
+        pytest.param(JOINTS, (-1, 1, 1, 1, 1), "parents: expected joint indices or -1", id="own parent"),
     ],
 )
-def test_bad_skeletons_are_refused(
-    joints: tuple[str, ...], parents: tuple[int, ...], *, with_segments: bool, message: str
-) -> None:
+def test_bad_skeletons_are_refused(joints: tuple[str, ...], parents: tuple[int, ...], message: str) -> None:
     """Joints and parents that cannot describe a body are refused, saying which and why."""
     with pytest.raises(ValueError, match=message):
-        Skeleton(joints, parents, with_segments=with_segments)
+        Skeleton(joints, parents)
 
 
 def test_a_part_of_a_skeleton_hangs_together() -> None:
-    """Each kept joint hangs on the nearest kept one above it, the first holds what nothing else does."""
+    """A kept joint's parent is the nearest kept joint above it; the first kept joint is the root."""
     whole = Skeleton(("hip", "chest", "head", "arm", "hand"), (-1, 0, 1, 1, 3))
     assert whole.restricted_to([0, 2, 4]) == Skeleton(("hip", "head", "hand"), (-1, 0, 0))
     assert whole.restricted_to([4, 3, 1]) == Skeleton(("hand", "arm", "chest"), (1, 2, -1))

@@ -1,4 +1,4 @@
-"""The slow twin of every computation: textbook loops to hold the product's fast code against.
+"""The slow twin of every computation: textbook loops with which the product's fast code is compared.
 
 Nothing here calls the product. What is written in the papers and in the Acclaim specification is written out again,
 one number at a time where that is bearable.
@@ -24,10 +24,9 @@ if TYPE_CHECKING:
 # --- distances, covariance, principal axis -----------------------------------------------------------------------
 
 
-def pairs(joints: int, segments: Iterable[tuple[int, int]] = ()) -> list[tuple[int, int]]:
-    """Count out every pair of joints, first below second, without some segments."""
-    left_out = {tuple(sorted(segment)) for segment in segments}
-    return [(a, b) for a in range(joints) for b in range(a + 1, joints) if (a, b) not in left_out]
+def pairs(joints: int) -> list[tuple[int, int]]:
+    """Count out every pair of joints, the first below the second."""
+    return [(a, b) for a in range(joints) for b in range(a + 1, joints)]
 
 
 def distance_rows(positions: Matrix, measured: Sequence[tuple[int, int]]) -> Matrix:
@@ -90,7 +89,7 @@ def allowed(asking: int, actors: Sequence[str], protocol: str) -> list[int]:
 
 @dataclass
 class Tally:
-    """What the naive retrieval counted: how many asked, found, found in two, and what was taken for what."""
+    """The counts of the naive retrieval: motions that asked, right nearest, right among two, and confusions."""
 
     asked: int = 0
     nearest: int = 0
@@ -269,7 +268,7 @@ def bvh_places(  # noqa: PLR0913, PLR0917 - a joint's three and what it inherits
     at: Matrix,
     turned: Matrix,
 ) -> list[Matrix]:
-    """Stand a joint and all below it in one frame, by recursion, in the order of the file.
+    """Place a joint and all joints below it in one frame, by recursion, in the order of the file.
 
     Parameters
     ----------

@@ -55,19 +55,26 @@ def gone_on(
         for moved, share in enumerate((0.55, 0.36, 0.09)):
             if index + moved <= end:
                 after[index + moved] += share * probability
-            elif cyclic and first:
-                after[end] += 0.5 * share * probability
-                for other in first:
-                    after[other] += 0.5 * share * probability / len(first)
             else:
-                after[end] += share * probability
+                again = (0.5 if cyclic else 0.02) * share * probability
+                after[end] += share * probability - again
+                for other in first:
+                    after[other] += again / len(first)
     bins = [min(int(phase * 40), 39) for phase in phases]
+    changes, begins = 0.1, 1e-6
     changed = []
     for index in range(count):
         alike = [other for other in range(count) if bins[other] == bins[index]]
         mean = sum(after[other] for other in alike) / len(alike)
-        changed.append((1 - 0.01 - 1e-5) * after[index] + 0.01 * mean + 1e-5 * beginning[index])
+        changed.append((1 - changes - begins) * after[index] + changes * mean + begins * beginning[index])
     return changed
+
+
+def beginning_of(phases: Sequence[float]) -> list[float]:
+    """Give how probable each moment is before the body is seen."""
+    first = sum(phase < 0.12 for phase in phases)
+    later = sum((1 - phase) ** 4 for phase in phases if phase >= 0.12)
+    return [0.9 / first if phase < 0.12 else 0.1 * (1 - phase) ** 4 / later for phase in phases]
 
 
 def weighed(
@@ -80,11 +87,37 @@ def weighed(
     return [each / math.fsum(products) for each in products]
 
 
-def median_phase(belief: Sequence[float], phases: Sequence[float]) -> float:
-    """Give the least phase up to which half the probability lies."""
-    total = 0.0
-    for phase, probability in sorted(zip(phases, belief, strict=True)):
-        total += probability
-        if total >= 0.5:
-            return phase
-    return max(phases)
+def below(belief: Sequence[float], phases: Sequence[float], phase: float) -> float:
+    """Give how probable the phases below one are."""
+    return math.fsum(each for each, other in zip(belief, phases, strict=True) if other < phase)
+
+
+class Pace:
+    """How fast and how large a body moves, by sums over all that was seen, each step counting less than the next."""
+
+    def __init__(self, mean_speed: float) -> None:
+        self._floor = 0.1 * mean_speed
+        self._seen: list[tuple[float, float, float, float]] = []
+        self.speed = 1.0
+
+    def push(
+        self,
+        past: Sequence[NDArray[np.float64]],
+        velocity: NDArray[np.float64],
+        expected: tuple[float, float],
+        usual_swing: float,
+    ) -> None:
+        """Take in a step: all points so far, the newest velocity, the squared speeds and the log swing expected."""
+        span = max(2, round(30 / min(max(self.speed, 0.5), 1.5)))
+        last = np.array(past[-span:])
+        swing = 0.5 * math.log(sum(float(np.mean((each - each.mean()) ** 2)) for each in last.T) + 1e-6)
+        self._seen.append((float(np.sum(velocity**2)), *expected, swing - usual_swing))
+        live, one, other = (self._faded(which, 0.15) / self._faded(None, 0.15) + self._floor for which in range(3))
+        self.speed = math.sqrt(live / math.sqrt(one * other))
+        self.amplitude = math.exp(self._faded(3, 0.4) / self._faded(None, 0.4))
+
+    def _faded(self, which: int | None, seconds: float) -> float:
+        return math.fsum(
+            math.exp(-age / 30 / seconds) * (1.0 if which is None else each[which])
+            for age, each in enumerate(reversed(self._seen))
+        )

@@ -1,4 +1,4 @@
-"""The slow twin of how streams are scored: a walk through the moments of takes, one at a time; see `naive`.
+"""The slow twin of the scores of streams: a walk through the moments of takes, one at a time; see `naive`.
 
 Nothing here calls the product.
 """
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Moment:
-    """One frame of a take: when, in which segment (its number, start, end and known class), what was answered."""
+    """One frame of a take: its time, its segment (number, start, end and known class), and its answer."""
 
     time: float
     segment: int
@@ -31,7 +31,7 @@ class Moment:
 
 
 def share(of: Sequence[bool]) -> float | None:
-    """Give the share that is true, None of nothing."""
+    """Give the share of true values, None for no values."""
     return sum(of) / len(of) if of else None
 
 
@@ -104,7 +104,7 @@ def stream_score(takes: Sequence[Sequence[Moment]], window: float, lasting: floa
 
 
 def _changes(track: Sequence[int]) -> int:
-    """Walk along a track and count what changes once the first motion goes on."""
+    """Walk along a track and count changes after the first motion has begun."""
     changes, before = 0, -1
     begun = False
     for now in track:

@@ -28,7 +28,7 @@ KNOWN_OVER, HELD = 0.3, 1.5
 #: A lead counts no more than this.
 MAX_LEAD = 3.0
 #: Events: seconds of no class until an end, the longest hop that counts, and the lead that counts most.
-ENDED_AFTER, LONGEST_HOP, MAX_PACE = {"still": 0.4, "unknown": 0.8, "ambiguous": 0.4, "implausible": 0.8}, 0.1, 1.0
+ENDED_AFTER, MAX_HOP, MAX_PACE = {"still": 0.4, "unknown": 0.8, "ambiguous": 0.4, "implausible": 0.8}, 0.1, 1.0
 
 
 def reaches(span: float, seconds: float) -> bool:
@@ -55,7 +55,7 @@ class NaiveWindow:
     left: list[tuple[int, float]] = field(default_factory=list)
 
     def push(self, time: int, mark: float) -> None:
-        """Take in a row that holds one mark, and let go of what is too old or too many."""
+        """Take in a row that holds one mark, and drop rows that are too old or too many."""
         if self.since is None:
             self.since = time
         self.rows.append((time, mark))
@@ -99,7 +99,7 @@ class NaiveSmoother:
     noise: float = 0.0
 
     def smoothed(self, batch: Sequence[tuple[float, Matrix]]) -> list[tuple[float, Matrix]]:
-        """Take in rows measured together; give them averaged with the rows before, or as they are."""
+        """Take in rows measured together; give them averaged with the rows before, or unchanged."""
         self.rows += batch
         self._estimate(len(batch))
         if self.noise < NOISY:
@@ -128,7 +128,7 @@ class NaiveSmoother:
 
 @dataclass(frozen=True)
 class NaiveHop:
-    """What is due at one hop: when, which rows to look at, and how often the feed has begun anew."""
+    """What is due at one hop: its time, the rows to look at, and how often the feed has begun anew."""
 
     time: float
     times: Matrix
@@ -208,7 +208,7 @@ class NaiveFeed:
 
 
 def guesses(times: Sequence[float], distances: Matrix, needed: float) -> list[int]:
-    """Guess at every hop from the whole course of log distances (hops, classes) since the feed began.
+    """Compute the guess at every hop from all log distances (hops, classes) since the feed began.
 
     The guess changes when a class has been nearest for so long that its lead over the second, times the thirtieths of a
     second that it lasts, adds up to what is needed.
@@ -247,13 +247,13 @@ def known(times: Sequence[float], logits: Sequence[float], threshold: float) -> 
 def events(
     times: Sequence[float], leads: Sequence[float], named: Sequence[int], outcomes: Sequence[str], needed: float
 ) -> Iterator[tuple[float, str, int]]:
-    """Tell what starts and ends when; `named` is each hop's class, -1 for none, and `outcomes` why there is none."""
+    """List starts and ends; `named` is each hop's class, -1 for none, and `outcomes` the reason for none."""
     going_on: int | None = None
     for hop, leader in enumerate(named):
         led_since = next((k + 1 for k in range(hop, -1, -1) if named[k] != leader), 0)
         gathered = 0.0
         for k in range(led_since, hop + 1):
-            span = min(times[k] - times[k - 1], LONGEST_HOP) if k else 0.0
+            span = min(times[k] - times[k - 1], MAX_HOP) if k else 0.0
             pace = 30 * min(max(leads[k], 0.0), MAX_PACE) if leader >= 0 else needed / ENDED_AFTER[outcomes[k]]
             gathered += span * pace
         if leader != going_on and gathered >= needed:

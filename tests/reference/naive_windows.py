@@ -1,4 +1,4 @@
-"""The slow twin of windows: their moments, the parts read off them, and how two windows compare; see also `naive`.
+"""The slow twin of windows: their moments, their parts, and the comparison of two windows; see also `naive`.
 
 Nothing here calls the product. Everything is computed from all rows of a window, part by part, window by window.
 """
@@ -129,12 +129,12 @@ def trend(of: NaiveMoments, body: NaiveBody) -> Matrix:
 
 
 def over(numbers: Matrix, by: float) -> Matrix:
-    """Divide; by nothing is nothing."""
+    """Divide; division by zero gives zero."""
     return numbers / by if by > 0 else 0.0 * numbers
 
 
 def eigen_matrix(values: Matrix, vectors: Matrix) -> Matrix:
-    """Add up √λ u uᵀ, and divide by the length of the sum; nothing where nothing moves."""
+    """Add up √λ u uᵀ, and divide by the length of the sum; zero where nothing moves."""
     values = np.maximum(values, 0.0)
     matrix = sum(math.sqrt(value) * np.outer(vector, vector) for value, vector in zip(values, vectors, strict=True))
     return over(matrix, math.sqrt(float(np.sum(matrix**2))))
@@ -272,7 +272,7 @@ def rank_k_product(first: Matrix, second: Matrix) -> float:
 
 
 def squared_distance(first: Matrix, second: Matrix) -> float:
-    """Take |a − b|² of two vectors; of scaled eigenvectors (k, directions) that of their matrices.
+    """Take |a − b|² of two vectors; for scaled eigenvectors (k, directions) that of their matrices.
 
     The first matrix is of length 1, the second but for its rounding; a matrix without movement counts as if it were.
     """

@@ -1,4 +1,4 @@
-"""A library's windows as the slow twins have them: what was learned is taken as it is, and computed with again."""
+"""A library's windows for the slow twins: learned numbers are taken over, and the comparison is computed again."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def _metric(metric: Metric | None) -> NaiveMetric | None:
 
 
 def comparison_of(index: WindowIndex) -> NaiveComparison:
-    """Give what an index compares windows by."""
+    """Give the numbers by which an index compares windows."""
     comparison = index.comparison
     weighing = comparison.weighing
     return NaiveComparison(
@@ -33,7 +33,7 @@ def comparison_of(index: WindowIndex) -> NaiveComparison:
 
 
 class Twin:
-    """An opened library, and what its twin makes of a live window.
+    """An opened library, and the twin's answer to a live window.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""A Qualisys Track Manager of cardboard: it sends to nobody who has not shaken hands with it."""
+"""A stand-in for Qualisys Track Manager: it sends frames only after the handshake."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class FakeQtm:
         self._socket.bind((LOOPBACK, 0))
         self._socket.settimeout(1 / 30)
         self.port: int = self._socket.getsockname()[1]
-        #: What it was told, in order.
+        #: The commands that came, in their order.
         self.told: list[str] = []
         self._cues = ghost_cues("kickLFront1Reps", 2.5)[::4]
         self._over = threading.Event()
@@ -64,7 +64,7 @@ class FakeQtm:
                 number += 1
 
     def wait_for_goodbye(self) -> bool:
-        """Wait until it was told to disconnect."""
+        """Wait until the command to disconnect has come."""
         return self._disconnected.wait(PATIENCE)
 
     def close(self) -> None:
@@ -76,7 +76,7 @@ class FakeQtm:
 
 @contextmanager
 def fake_qtm(folder: Path) -> Iterator[tuple[FakeQtm, Path]]:
-    """Run one, and give it with a preset that asks where it listens."""
+    """Run one, and give it with a preset that connects to its port."""
     preset = folder / "ours.toml"
     text = (resources.files("kinespace.stream.feeds") / "presets" / "qtm.toml").read_text(encoding="utf-8")
     fake = FakeQtm()

@@ -1,10 +1,10 @@
-"""Packets made to break a feed: golden ones cut, joined and changed, and noise that looks like OSC.
+"""Packets made to break a feed: golden packets cut, joined and changed, and noise that looks like OSC.
 
-As a program it goes on for as long as one likes:
+As a program it sends as many packets as asked:
 
-    python tests/fuzzfeeds.py --packets 1000000
+    make fuzz PACKETS=1000000
 
-and ends with 1 at the first packet that raises or is not counted.
+and ends with exit status 1 at the first packet that raises or is not counted.
 """
 
 from __future__ import annotations
@@ -29,13 +29,13 @@ if TYPE_CHECKING:
 
     from kinespace.stream.feeds import Preset
 
-#: Bytes that mean something in OSC are tried more often than others.
+#: Bytes with a meaning in OSC are tried more often than others.
 _TELLING = (b"\0", b",", b"/", b"#", b"#bundle\0", b"f", b"s", b"i", b"[", b"]", b"\xff\xff\xff\xff", b"\x7f\xc0\0\0")
 _VALUES = (0, 1, -1, 2**31 - 1, -(2**31), 0.0, -0.0, 1.0, 1e30, 3e38, float("nan"), float("inf"), "", "x" * 70, "Hips")
 
 
 class NoSocket:
-    """Stands in a receiver's place and gives what it is told to."""
+    """Takes a receiver's place and gives the packets that a test puts in."""
 
     def __init__(self) -> None:
         self.packet: bytes | None = None
@@ -119,9 +119,9 @@ def _with_other_arguments(packet: bytes, generator: np.random.Generator) -> byte
 
 
 def check(source: FeedSource, packet: bytes, arrival: float) -> None:
-    """Push one packet: nothing is raised, it is counted, and whatever comes out is sound."""
+    """Push one packet: nothing is raised, the packet is counted, and every frame that comes out is sound."""
     receiver, before = source.receiver, source.counts.received
-    receiver.packet = packet  # type: ignore[attr-defined]  # the one that stands in its place
+    receiver.packet = packet  # type: ignore[attr-defined]  # a stand-in
     receiver.sender = (f"10.0.0.{len(packet) % 3}", 5000)
     events = source.take(arrival)
     assert events is not None
@@ -139,22 +139,22 @@ def check(source: FeedSource, packet: bytes, arrival: float) -> None:
 
 
 def run(preset: Preset, packets: int, seed: int) -> FeedSource:
-    """Push so many broken packets through a preset's feed; the source as it is afterwards."""
+    """Push so many broken packets through a preset's feed; give the source as it is afterwards."""
     generator = np.random.default_rng(seed)
-    source = FeedSource(NoSocket(), preset)  # type: ignore[arg-type]  # stands in a receiver's place
+    source = FeedSource(NoSocket(), preset)  # type: ignore[arg-type]  # a stand-in
     arrival = 0.0
     for packet, _ in zip(broken(golden_packets(preset.name), generator), range(packets), strict=False):
         arrival += float(generator.exponential(0.005))
         try:
             check(source, packet, arrival)
         except BaseException:
-            print(f"{preset.name}, seed {seed}: {packet!r}", file=sys.stderr)  # noqa: T201 - what a person is to look at
+            print(f"{preset.name}, seed {seed}: {packet!r}", file=sys.stderr)  # noqa: T201 - a person looks at it
             raise
     return source
 
 
 class NoSubscription:
-    """Stands in a ZeroMQ receiver's place and gives what it is told to."""
+    """Takes a ZeroMQ receiver's place and gives the messages that a test puts in."""
 
     def __init__(self) -> None:
         self.parts: list[bytes] | None = None
@@ -185,7 +185,7 @@ def golden_messages() -> list[list[bytes]]:
 
 
 def run_messages(messages: int, seed: int) -> Source:
-    """Push so many broken ZeroMQ messages through our source; the source as it is afterwards."""
+    """Push so many broken ZeroMQ messages through our source; give the source as it is afterwards."""
     generator = np.random.default_rng(seed)
     receiver = NoSubscription()
     source = Source(receiver, ZmqDecoder())
@@ -193,7 +193,7 @@ def run_messages(messages: int, seed: int) -> Source:
     streams = [broken([each[place] for each in golden if place < len(each)], generator) for place in range(3)]
     for number in range(messages):
         good = golden[generator.integers(len(golden))]
-        # One part broken, or each, or parts missing, repeated and in another order.
+        # One part broken, or every part; or parts missing, repeated or in another order.
         parts = [next(streams[place]) if generator.integers(2) else part for place, part in enumerate(good)]
         if not generator.integers(4):
             parts = [parts[place] for place in generator.integers(len(parts), size=generator.integers(1, 5))]
@@ -205,7 +205,7 @@ def run_messages(messages: int, seed: int) -> Source:
             for event in events:
                 assert isinstance(event, Announcement) or np.isfinite(event.positions).all()
         except BaseException:
-            print(f"ZeroMQ, seed {seed}: {parts!r}", file=sys.stderr)  # noqa: T201 - what a person is to look at
+            print(f"ZeroMQ, seed {seed}: {parts!r}", file=sys.stderr)  # noqa: T201 - a person looks at it
             raise
     return source
 

@@ -1,7 +1,8 @@
-"""Packets of other products, put together byte by byte from their published layouts; nothing of ours encodes them.
+"""Packets of other products, put together byte by byte from their published layouts; our encoders are not used.
 
-Positions come in as HDM05's joints in metres, x right, y up, z towards the viewer; each function turns them into one
-product's units, axes, names and messages, and gives the datagrams of one frame in the order they are sent.
+Positions come in as HDM05's joints in metres, x right, y up, z towards the viewer. Each function turns them into one
+product's units, axes, names and messages, and gives the datagrams of one frame in the order in which the product sends
+them.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ if TYPE_CHECKING:
 
     Places = Mapping[str, NDArray[np.floating]]
 
-#: The time tag that says "immediately".
+#: The time tag that means "immediately".
 IMMEDIATELY = struct.pack(">Q", 1)
 
 
@@ -54,13 +55,13 @@ def bundle(*elements: bytes, tag: bytes = IMMEDIATELY) -> bytes:
 
 
 def named(preset: str, places: Places) -> dict[str, NDArray[np.floating]]:
-    """Name joints as a product does; those it has and HDM05 has not are left out."""
+    """Name joints as a product does; joints of the product that HDM05 lacks are left out."""
     joint_map = builtin_preset(preset).joint_map
     return {name: places[target] for name, target in joint_map.items() if target}
 
 
 def native(moment: Moment) -> list[bytes]:
-    """One message of x y z of the 31 joints in order, after one that names them."""
+    """One message of x y z of the 31 joints in order, after a message that names them."""
     joints = list(moment.places)
     numbers = np.concatenate([moment.places[joint] for joint in joints]).tolist()
     return [
@@ -228,7 +229,7 @@ def natnetthree2osc_sparck(moment: Moment) -> list[bytes]:
 
 
 def mediapipe(moment: Moment) -> list[bytes]:
-    """33 landmarks as shares of a picture of 16 to 9, y down; landmarks HDM05 has not stay in a corner."""
+    """33 landmarks as shares of a picture of 16 to 9, y down; landmarks that HDM05 lacks stay in a corner."""
     joints = named("mediapipe", moment.places)
     arguments: list[float] = []
     for name in builtin_preset("mediapipe").order:
@@ -248,7 +249,7 @@ def mediapipe_loose(moment: Moment) -> list[bytes]:
 
 
 def captury(moment: Moment) -> list[bytes]:
-    """Send what was subscribed to, millimetres."""
+    """Send the subscribed joints, millimetres."""
     joints = named("captury", moment.places)
     return [
         message(f"/John-Doe/blender/{name}/vector", "fff", *(1000 * place).tolist()) for name, place in joints.items()
@@ -264,7 +265,7 @@ def wekinator(moment: Moment) -> list[bytes]:
 def _vmc_bones(moment: Moment) -> dict[str, tuple[list[float], list[float]]]:
     """Give each humanoid bone's position in its parent's axes and its own rotation, in Unity's axes (z mirrored).
 
-    Every bone is turned somehow, another way in each frame: only forward kinematics finds the joints again.
+    Every bone has a rotation, another one in each frame: only forward kinematics finds the joints again.
     """
     preset = builtin_preset("vmc")
     mirrored = {joint: place * (1, 1, -1) for joint, place in moment.places.items()}
@@ -289,7 +290,7 @@ def _vmc_bones(moment: Moment) -> dict[str, tuple[list[float], list[float]]]:
 
 
 def vmc(moment: Moment) -> list[bytes]:
-    """As the reference sender: 13 bones a datagram, the rest nested in the last, which holds root, OK and time."""
+    """As the reference sender: 13 bones a datagram; the last datagram nests the rest, and holds root, OK and time."""
     sent = _vmc_bones(moment)
     root = message("/VMC/Ext/Root/Pos", "s" + "f" * 7, "root", *sent["root"][0], *sent["root"][1])
     bones = [
@@ -428,7 +429,7 @@ LAYOUTS: dict[str, tuple[str, Callable[[Moment], list[bytes]]]] = {
 
 
 class Packet(NamedTuple):
-    """One message, byte by byte, and what it says of a joint: the preset's name for it, in metres and our axes."""
+    """One message, byte by byte, and its joint: the preset's name for it, and its position in metres in our axes."""
 
     packet: bytes
     joint: str
@@ -448,7 +449,7 @@ _NO_TURN = "00000000 00000000 00000000 3f800000"
 _R_HAND = "72 5f 68 61 6e 64 00 00"
 _HIPS = "48 69 70 73 00 00 00 00"
 
-#: Written out by hand from the layouts, so that no encoder, ours or the tests', stands between them and the bytes.
+#: Written out by hand from the layouts, so that no encoder, neither ours nor the tests', takes part.
 PACKETS: dict[str, Packet] = {
     "rokoko": Packet(
         b'{"version":3,"fps":60,"scene":{"timestamp":0,"actors":[{"name":"Dimitris","body":{"hip":'

@@ -1,4 +1,4 @@
-"""liblo's programs: oscsend, oscdump and oscsendfile, started as a person would, and what oscdump prints read back."""
+"""liblo's programs oscsend, oscdump and oscsendfile, run as a person runs them; the lines of oscdump are read back."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from kinespace.stream.osc import OscSender
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
-#: Digits after the point that oscdump prints of a float.
+#: Digits after the point in oscdump's floats.
 DUMPED_TO = 6
 _STRING = re.compile(r'"([^"]*)"|(\S+)')
 
 
 class LibloTools(NamedTuple):
-    """Where the programs are."""
+    """The paths of the programs."""
 
     oscsend: Path
     oscdump: Path
@@ -35,13 +35,13 @@ class LibloTools(NamedTuple):
         subprocess.run(list(map(str, command)), check=True, timeout=PATIENCE)
 
     def send_file(self, port: int, file: Path, speed: float = 1.0) -> None:
-        """Let oscsendfile send what oscdump wrote, as far apart as it came."""
+        """Let oscsendfile send the messages that oscdump wrote, at the same times."""
         command = [self.oscsendfile, f"osc.udp://{LOOPBACK}:{port}", file, speed]
         subprocess.run(list(map(str, command)), check=True, timeout=PATIENCE)
 
     @contextmanager
     def dumping(self) -> Iterator[Dump]:
-        """Let oscdump write to a file what comes on a port."""
+        """Let oscdump write the messages that come on a port to a file."""
         port = free_udp_port()
         with tempfile.TemporaryDirectory() as folder:
             file = Path(folder) / "dump.osc"
@@ -65,14 +65,14 @@ class Dumped(NamedTuple):
 
 
 class Dump:
-    """What an oscdump that runs has heard."""
+    """The messages that a running oscdump has heard."""
 
     def __init__(self, port: int, file: Path) -> None:
         self.port = port
         self.file = file
 
     def wait_until_open(self) -> None:
-        """Send until something is heard: there is no other sign that its port is open."""
+        """Send until a message is heard: nothing else tells that oscdump's port is open."""
         sender = OscSender(LOOPBACK, self.port)
         until = time.monotonic() + PATIENCE
         while not self.file.stat().st_size and time.monotonic() < until:
@@ -81,13 +81,13 @@ class Dump:
         sender.close()
 
     def messages(self) -> list[Dumped]:
-        """Read what has been heard so far."""
+        """Read the messages heard so far."""
         lines = self.file.read_text(encoding="utf-8").splitlines(keepends=True)
         read = [_read(line) for line in lines if line.endswith("\n")]
         return [message for message in read if message.address != "/hello"]
 
     def wait_for(self, enough: Callable[[list[Dumped]], bool]) -> list[Dumped]:
-        """Wait until what was heard is enough; give it."""
+        """Wait until enough messages have been heard; give them."""
         until = time.monotonic() + PATIENCE
         while not enough(heard := self.messages()) and time.monotonic() < until:
             time.sleep(0.02)
@@ -95,7 +95,7 @@ class Dump:
 
 
 def _read(line: str) -> Dumped:
-    """Read a line: time tag, address, types and a value for each type that has one."""
+    """Read a line: time tag, address, types, and a value for each type that has a value."""
     _, address, *rest = line.split(maxsplit=3)
     types, values = (*rest, "", "")[:2]
     words = [match.group(1) if match.group(1) is not None else match.group(2) for match in _STRING.finditer(values)]

@@ -1,4 +1,4 @@
-"""The programs as a person starts them: child processes that are read while they run and never outlive a test."""
+"""The programs as a person starts them: child processes that tests read while they run, and end."""
 
 from __future__ import annotations
 
@@ -34,15 +34,15 @@ if TYPE_CHECKING:
 
 ROOT = Path(__file__).resolve().parents[2]
 LOOPBACK = "127.0.0.1"
-#: Seconds a child may take for one step before the test gives it up: machines are slow and busy at times.
+#: Seconds that a child may take for one step before the test fails; a busy machine is slow.
 PATIENCE = 60.0
-#: Warnings are errors in the children too; a leaked socket shows on their standard error.
+#: Warnings are errors in the children too; a child reports a leaked socket on its standard error.
 _COMMAND = (sys.executable, "-W", "error", "-m", "kinespace")
 _POLL = 0.01
 
 
 class Program:
-    """A running `kinespace`: its output so far, and a way to end it."""
+    """A running `kinespace`: its output so far, and ways to end it."""
 
     def __init__(self, process: subprocess.Popen[bytes], folder: Path) -> None:
         self.process = process
@@ -50,17 +50,17 @@ class Program:
 
     @property
     def output(self) -> str:
-        """What it has printed so far."""
-        # It may be in the middle of a character.
+        """Everything printed so far."""
+        # The output may end in the middle of a character.
         return (self._folder / "output").read_text(encoding="utf-8", errors="replace")
 
     @property
     def errors(self) -> str:
-        """What it has printed on standard error so far."""
+        """Everything printed on standard error so far."""
         return (self._folder / "errors").read_text(encoding="utf-8")
 
     def expect(self, pattern: str) -> re.Match[str]:
-        """Wait until what it has printed matches."""
+        """Wait until the output matches."""
         until = time.monotonic() + PATIENCE
         while time.monotonic() < until:
             ended = self.process.poll() is not None
@@ -71,18 +71,18 @@ class Program:
         raise AssertionError(f"no {pattern!r} in time: {self.output}{self.errors}")
 
     def wait(self) -> int:
-        """Wait until it ends by itself; its exit status."""
+        """Wait until the program ends by itself; give its exit status."""
         return self.process.wait(PATIENCE)
 
     def interrupt(self) -> int:
-        """Press Ctrl-C; its exit status."""
+        """Press Ctrl-C; give the exit status."""
         self.process.send_signal(signal.SIGINT)
         return self.wait()
 
 
 @contextmanager
 def started(*arguments: object, environment: dict[str, str] | None = None) -> Iterator[Program]:
-    """Start `kinespace` with some arguments; it is killed on leaving if it still runs."""
+    """Start `kinespace` with some arguments; a program that still runs at the end is killed."""
     with tempfile.TemporaryDirectory() as folder:
         output, errors = Path(folder) / "output", Path(folder) / "errors"
         with output.open("wb") as out, errors.open("wb") as err:
@@ -105,26 +105,30 @@ def finished(*arguments: object) -> tuple[int, str, str]:
 
 
 def free_udp_port() -> int:
-    """Give a port nobody listens on, chosen by the system."""
+    """Give a UDP port that nobody listens on, chosen by the system."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         probe.bind((LOOPBACK, 0))
         port: int = probe.getsockname()[1]
         return port
 
 
+_OF_INPUT = ("received", "malformed", "foreign", "overrun", "missing", "out of order", "other joints", "no room")
+#: What `summary_counts` reads.
+COUNTED = (*_OF_INPUT, "answers", "frames", "restarts", "unsent")
+
+
 def summary_counts(output: str) -> dict[str, int]:
-    """Read the counts out of what `kinespace live` prints at its end."""
-    names = ("received", "malformed", "foreign", "overrun", "missing", "out of order", "other joints", "no room")
-    found = re.search(", ".join(rf"{name} (\d+)" for name in names), output)
+    """Read the counts out of the last lines of `kinespace live`."""
+    found = re.search(", ".join(rf"{name} (\d+)" for name in _OF_INPUT), output)
     told = re.search(r"(\d+) answers of (\d+) frames, (\d+) windows started anew, (\d+) answers not sent", output)
     assert found
     assert told
-    counts = zip((*names, "answers", "frames", "restarts", "unsent"), (*found.groups(), *told.groups()), strict=True)
+    counts = zip(COUNTED, (*found.groups(), *told.groups()), strict=True)
     return {name: int(number) for name, number in counts}
 
 
 def motion_cues(class_name: str, seconds: float, *, performer: str = "dancer", begin: float = 1.0) -> list[Cue]:
-    """Cue a motion of the built-in library at 120 Hz: the first seconds of the shortest that lasts so long."""
+    """Cue the first seconds of the built-in library's shortest motion that lasts long enough, at 120 Hz."""
     positions = _motion_positions(class_name, seconds)
     frames = [Frame(performer, begin + index / 120, joints) for index, joints in enumerate(positions)]
     return [Cue(index / 120, frame, index, class_name) for index, frame in enumerate(frames)]
@@ -135,14 +139,14 @@ ghost_cues = partial(motion_cues, performer="ghost")
 
 @cache
 def builtin_library() -> MotionLibrary:
-    """Give the built-in library: one object, so that it is opened once."""
+    """Give the built-in library: always the same object, so that it is opened once."""
     return MotionLibrary.builtin()
 
 
 @cache
 def _motion_positions(class_name: str, seconds: float) -> NDArray[np.float32]:
     motions = (motion for motion in builtin_library().motions if motion.class_name == class_name)
-    # The last frame of 60 a second has none of 120 after it.
+    # The last frame at 60 a second has no frame at 120 after it.
     enough = [motion for motion in motions if motion.duration > seconds]
     positions = without_pause([min(enough, key=lambda motion: motion.duration)], 120.0, seconds)
     positions.setflags(write=False)
@@ -150,7 +154,7 @@ def _motion_positions(class_name: str, seconds: float) -> NDArray[np.float32]:
 
 
 class Publisher:
-    """A ZeroMQ publisher of frames that knows when somebody subscribes: from then on nothing it sends is lost."""
+    """A ZeroMQ publisher of frames that knows when somebody subscribes: no frame sent after that is lost."""
 
     def __init__(self) -> None:
         self._socket = zmq.Context.instance().socket(zmq.XPUB)
@@ -159,11 +163,11 @@ class Publisher:
         self.address = self._socket.getsockopt_string(zmq.LAST_ENDPOINT)
 
     def wait_for_subscriber(self) -> None:
-        """Wait until a subscriber to everything is there."""
+        """Wait until somebody subscribes to everything."""
         self.wait_for_change(b"\x01")
 
     def wait_for_change(self, told: bytes) -> None:
-        """Wait until a subscriber to everything comes, 1, or goes, 0."""
+        """Wait until a subscriber to everything comes (1) or goes (0)."""
         assert self._socket.poll(int(PATIENCE * 1000))
         assert self._socket.recv() == told
 
@@ -185,13 +189,13 @@ class Stage:
 
     def __init__(self, program: Program, port: int, sender: OscFrameSender | Publisher, listener: Listener) -> None:
         self.program = program
-        #: The UDP port frames come in on; 0 when they come by ZeroMQ.
+        #: The UDP port on which frames come in; 0 when they come by ZeroMQ.
         self.port = port
         self.sender = sender
         self._listener = listener
 
     def play(self, cues: Sequence[Cue]) -> None:
-        """Send frames, not all at once, so that a receiver on a busy machine need not lose any."""
+        """Send frames in pieces, so that a receiver on a busy machine loses none."""
         for index, cue in enumerate(cues):
             self.sender.send(self.sender.encode(cue))
             if index % 40 == 39:
@@ -207,7 +211,7 @@ class Stage:
         return answers
 
     def stopped(self) -> dict[str, int]:
-        """Press Ctrl-C; the counts it ends with."""
+        """Press Ctrl-C; give the counts that the program ends with."""
         assert (self.program.interrupt(), self.program.errors) == (0, "")
         return summary_counts(self.program.output)
 

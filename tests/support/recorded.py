@@ -1,4 +1,4 @@
-"""Recordings made by the tests: a small body with two arms, named and laid out as HDM05's cut clips are."""
+"""Recordings made by the tests: a small body with two arms, in files named and laid out like HDM05's cut clips."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
 
-#: Two arms that bend at the elbow, and a head: what bends which elbow shows in the distances.
+#: Two arms that bend at the elbow, and a head: the distances show which bone bends the elbow.
 TWO_ARMS = TinyBody(
     (
         TinyBone("lupper"),
@@ -55,7 +55,7 @@ def write_take(folder: Path, actor: str, class_name: str, take: int, *, frames: 
 
 
 def write_takes(folder: Path, *, actors: Sequence[str] = ("bd", "mm"), takes: int = 2, frames: int = 180) -> list[Path]:
-    """Write some takes of every class by every actor; their paths."""
+    """Write some takes of every class by every actor; give their paths."""
     return [
         write_take(folder, actor, class_name, take, frames=frames)
         for class_name in SWINGS

@@ -1,4 +1,4 @@
-"""What other programs call the joints of a body: labels of their files and feeds, typed from their documents."""
+"""Names of joints in other programs: labels of their files and feeds, typed from their documents."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ XSENS_BVH = (
     *(f"{s}{part}" for s in ("Right", "Left") for part in ("Collar", "Shoulder", "Elbow", "Wrist", "Wrist_end")),
     *(f"{s}{part}" for s in ("Right", "Left") for part in ("Hip", "Knee", "Ankle", "Toe", "Toe_end")),
 )
-#: As the BVH reader gives it: without what coincides with another joint.
+#: As the BVH reader gives it: joints that coincide with another joint are left out.
 CGSPEED = (
     *("Hips", "LeftUpLeg", "LeftLeg", "LeftFoot", "LeftToeBase", "LeftToeBase_end"),
     *("RightUpLeg", "RightLeg", "RightFoot", "RightToeBase", "RightToeBase_end"),

@@ -1,4 +1,4 @@
-"""Tiny bodies and motions made by the tests themselves: Acclaim text, and clips that need no file at all."""
+"""Small bodies and motions made by the tests: Acclaim text, and clips that need no file."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ METRE = 0.0254
 
 @dataclass(frozen=True)
 class TinyBone:
-    """One bone of an ASF: by default a length of one along x, turning freely about axes that are the world's."""
+    """One bone of an ASF: by default a length of one along x, free to turn about axes parallel to the world's."""
 
     name: str
     parent: str = "root"
@@ -41,7 +41,7 @@ class TinyBone:
 
 @dataclass(frozen=True)
 class TinyBody:
-    """A whole ASF, in metres and degrees unless told otherwise."""
+    """A whole ASF, in metres and degrees unless given otherwise."""
 
     bones: tuple[TinyBone, ...]
     length: float = METRE
@@ -76,7 +76,7 @@ ARM = TinyBody(
 def amc_text(
     frames: Sequence[Mapping[str, Sequence[float]]], *, numbers: Sequence[int] = (), header: str = ":DEGREES"
 ) -> str:
-    """Give an AMC's text: bones in each frame's own order, frames numbered from 1 unless told otherwise."""
+    """Give an AMC's text: bones in each frame's own order, frames numbered from 1 unless given otherwise."""
     lines = [":FULLY-SPECIFIED", header]
     for number, frame in zip(numbers or range(1, len(frames) + 1), frames, strict=True):
         lines += [str(number), *(f"{bone} {_numbers(values)}" for bone, values in frame.items())]
@@ -91,14 +91,14 @@ def arm_frames(count: int, *, seed: int = 7) -> list[dict[str, list[float]]]:
 
 
 def write_pair(folder: Path, asf: str, amc: str) -> Path:
-    """Write `tiny.asf` and `tiny_01.amc` as they are, and give the AMC's path."""
+    """Write `tiny.asf` and `tiny_01.amc`, and give the AMC's path."""
     (folder / "tiny.asf").write_text(asf, encoding="latin-1", newline="")
     path = folder / "tiny_01.amc"
     path.write_text(amc, encoding="latin-1", newline="")
     return path
 
 
-#: A body of six joints for motions that come from no file.
+#: A body of six joints for motions without a file.
 STICK = Skeleton(("root", "chest", "head", "left", "right", "foot"), (-1, 0, 1, 1, 1, 0))
 #: Movements of the stick body: every class swings the joints in its own directions.
 STICK_CLASSES = ("bow", "jump", "wave")
@@ -106,7 +106,7 @@ STICK_CLASSES = ("bow", "jump", "wave")
 STICK_SWINGS = 2.0
 
 
-def stick_clip(  # noqa: PLR0913 - a clip has that much to say
+def stick_clip(  # noqa: PLR0913 - a clip has many fields
     class_name: str,
     *,
     seed: int = 0,
@@ -115,7 +115,7 @@ def stick_clip(  # noqa: PLR0913 - a clip has that much to say
     skeleton: Skeleton = STICK,
     rate: float = 120.0,
 ) -> Clip:
-    """Make a motion of six joints: the class says which way each joint swings, the seed when, and how it wavers."""
+    """Make a motion of six joints: the class sets where each joint swings, the seed sets phases and noise."""
     own = np.random.default_rng(STICK_CLASSES.index(class_name))
     pose = np.random.default_rng(99).normal(size=(6, 3))
     swing = own.normal(scale=0.2, size=(6, 3))

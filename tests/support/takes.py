@@ -21,7 +21,7 @@ PUPPET = TinyBody(
         TinyBone("rhand", parent="rarm", direction=(-1.0, 0.0, 0.0), dof=("rz",)),
     )
 )
-#: Degrees that each bone swings about z, by what is performed.
+#: Degrees that each bone swings about z, by motion.
 MOTIONS = {
     "clap": {"larm": 40.0, "rarm": -40.0},
     "hail": {"rhand": 60.0},

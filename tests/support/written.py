@@ -1,4 +1,4 @@
-"""Recordings that tests write: BVH, TRC and C3D of made-up bodies, and BVH of Acclaim files."""
+"""Recordings that tests write: BVH, TRC and C3D of made-up bodies, and BVH made of Acclaim files."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ MOVES = ("Xposition", "Yposition", "Zposition")
 
 @dataclass
 class Node:
-    """A joint of a BVH with all that hangs on it; without children and channels it is an End Site."""
+    """A joint of a BVH with all joints below it; a joint without children and channels is an End Site."""
 
     name: str
     offset: tuple[float, ...]
@@ -32,7 +32,7 @@ class Node:
     children: list[Node] = field(default_factory=list)
 
     def all(self) -> Iterator[Node]:
-        """Give this joint and all below, as the file lists them."""
+        """Give this joint and all joints below it, in the file's order."""
         yield self
         for child in self.children:
             yield from child.all()
@@ -47,7 +47,7 @@ class Node:
 
 
 def numbers(values: Iterable[float]) -> str:
-    """Write numbers so that they are read as they were."""
+    """Write numbers so that reading gives the same numbers."""
     return " ".join(repr(float(value)) for value in values)
 
 
@@ -60,15 +60,15 @@ def bvh_text(root: Node, frames: Sequence[Sequence[float]], period: str = "0.01"
 def bvh_of_acclaim(asf: Path, amc: Path, *, scale: float = 1.0) -> tuple[str, dict[str, str]]:
     """Write an Acclaim motion as BVH.
 
-    A bone of an ASF ends where it turns its children; a joint of a BVH begins there. So each bone becomes a joint that
-    stands at its parent's end, and bones without children end in an End Site.
+    A bone of an ASF ends where it turns its children; a joint of a BVH begins there. So each bone becomes a joint at
+    its parent's end, and bones without children end in an End Site.
 
     Returns
     -------
-    The text, lengths in metres times `scale`, and for each Acclaim joint the BVH joint that stands where it does.
+    The text, lengths in metres times `scale`, and for each Acclaim joint the BVH joint at the same place.
     """
     body = acclaim.read_asf(asf)
-    motion = acclaim._read_amc(amc, body)  # noqa: SLF001 - the angles, before they are made positions
+    motion = acclaim._read_amc(amc, body)  # noqa: SLF001 - the test needs the angles
     channels = acclaim._in_si(body, motion)  # noqa: SLF001 - as above
     places = acclaim._channel_places(body)  # noqa: SLF001 - as above
     names = body.skeleton.joints

@@ -40,7 +40,7 @@ PROGRAMS: dict[str, tuple[tuple[object, ...], str]] = {
 @pytest.mark.parametrize("number", SIGNALS)
 @pytest.mark.parametrize("name", PROGRAMS)
 def test_a_signal_ends_a_program_without_a_traceback(name: str, number: signal.Signals) -> None:
-    """Whatever a program does just then, and whichever processes it has, nothing but its report is printed."""
+    """At any moment, and with any child processes, a program prints only its report."""
     arguments, said = PROGRAMS[name]
     with started(*arguments) as program:
         program.expect(said)
@@ -116,7 +116,7 @@ def test_a_feed_that_goes_on_does_not_put_off_the_end(sticks: MotionLibrary) -> 
 
 
 def test_a_name_server_that_does_not_answer_stops_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
-    """While the sender's name is looked up the source goes on; what could not be asked is counted, and asked then."""
+    """While the sender's name is looked up, the source goes on; unsent messages are counted and sent afterwards."""
     answered = threading.Event()
     really = socket.getaddrinfo
 
@@ -146,7 +146,7 @@ def test_a_name_server_that_does_not_answer_stops_nothing(monkeypatch: pytest.Mo
 
 
 def test_an_arrival_that_no_clock_shows_ends_a_recording(tmp_path: Path) -> None:
-    """A recording whose packets came at impossible moments is read up to there, and says so."""
+    """A recording is read up to the first packet with an impossible time, and the program says so."""
     path = tmp_path / "a.kinerec"
     with RawWriter(path, ["osc here"]) as writer:
         for arrival in (1.0, 1e300, 2.0):

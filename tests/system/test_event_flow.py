@@ -1,4 +1,4 @@
-"""Events on their way out: of performers who fall silent, on the wire, and from the service to every sink."""
+"""The way of events: from performers who fall silent, on the wire, and from the service to every sink."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def _told(events: Sequence[Event]) -> list[tuple[str, EventKind, str]]:
 
 
 def test_falling_silent_ends_what_was_done(library: MotionLibrary) -> None:
-    """Of dropped performers each one's motion ends, at its last frame; who did nothing, or goes on, has no end."""
+    """A dropped performer's motion ends at its last frame; performers without a motion have no end."""
     performers = Performers(library, silence=2.0)
     last = [_frames("bow", "Ada")[-1], _frames("jump", "Bo")[-1]]
     still = [Frame("Cy", frame.time, last[0].positions) for frame in _frames("wave")]
@@ -128,7 +128,7 @@ def test_an_event_is_json_under_its_performers_topic(event: Event) -> None:
 
 
 def test_an_event_is_no_answer() -> None:
-    """Who listens for answers passes events over."""
+    """A listener for answers ignores events."""
     assert zeromq.decode_answer(zeromq.encode_event(EVENTS[0])) is None
 
 
@@ -151,13 +151,13 @@ class ListSource:
         return [self.waiting.popleft()] if self.waiting else None
 
     def close(self) -> None:
-        """Close the sockets."""
+        """Do nothing."""
         self.pollable.close()
         self._other_end.close()
 
 
 class ListSink(Sink):
-    """Keeps in order what it is told of motions."""
+    """Keeps events in order."""
 
     def __init__(self) -> None:
         self.failed = 0
@@ -183,7 +183,7 @@ class ListSink(Sink):
 
     @property
     def events(self) -> list[Event]:
-        """The events among what was told."""
+        """The events that the sink got."""
         return [each for each in self.told if isinstance(each, Event)]
 
 
@@ -216,7 +216,7 @@ def stage(library: MotionLibrary) -> Iterator[Stage]:
 
 
 def test_every_sink_hears_of_every_event(stage: Stage, library: MotionLibrary) -> None:
-    """Each sink is told the events that a recogniser of its own would have, each right after its recognition."""
+    """Each sink gets the events of a recogniser alone, each right after its recognition."""
     frames = [*_frames("bow"), *_frames("jump", start=102.0)]
     stage.perform(frames)
     recognizer = Recognizer(library)
@@ -248,7 +248,7 @@ def test_a_dropped_performers_motion_ends_for_every_sink(stage: Stage) -> None:
 
 
 def test_several_performers_events_are_their_own(stage: Stage) -> None:
-    """Frames of two performers, interleaved, make each one's events as if alone."""
+    """Interleaved frames of two performers give each the events of its own frames alone."""
     both = [f for pair in zip(_frames("bow", "Ada"), _frames("jump", "Bo"), strict=True) for f in pair]
     stage.perform(both)
     assert sorted(_told(stage.sinks[0].events)) == [("Ada", START, "bow"), ("Bo", START, "jump")]

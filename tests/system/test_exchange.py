@@ -72,7 +72,7 @@ def _pushed(recognizer: Recognizer, frames: Sequence[Frame]) -> list[Recognition
 def _exchanged(
     frames: Sequence[Frame], first: WindowIndex, then: WindowIndex, at: int, settings: Settings | None = None
 ) -> tuple[list[Recognition], list[Recognition], Event | None]:
-    """Exchange a recogniser's library before a frame; give the answers before and after, and what was ended."""
+    """Exchange a recogniser's library before a frame; give the answers before and after, and the event."""
     recognizer = Recognizer(first, settings)
     before = _pushed(recognizer, frames[:at])
     ended = recognizer.exchange(then)
@@ -137,7 +137,7 @@ def test_a_motion_that_goes_on_goes_on(small_index: WindowIndex, taught: WindowI
 
 
 def test_a_motion_whose_class_is_gone_ends(small_index: WindowIndex, frames: list[Frame]) -> None:
-    """Its end is given by the exchange, at the time of the newest frame, and nothing ends twice."""
+    """The exchange gives its end, at the time of the newest frame, and the end comes once."""
     without = WindowIndex.of(small_index.library.without(classes=["kickLFront1Reps"]))
     _, after, ended = _exchanged(frames, small_index, without, 130)
     assert ended is not None
@@ -147,7 +147,7 @@ def test_a_motion_whose_class_is_gone_ends(small_index: WindowIndex, frames: lis
 
 
 def test_a_library_that_holds_nothing(small_index: WindowIndex, taught: WindowIndex, frames: list[Frame]) -> None:
-    """A class that becomes `nothing` is no class of the answers any more."""
+    """A class renamed to `nothing` is no longer among the answers' classes."""
     index = WindowIndex.of(taught.library.renamed({"squat1Reps": NOTHING}))
     _, after, _ = _exchanged(frames, small_index, index, 200)
     assert {answer.classes for answer in after} == {("hopBothLegs1hops", "kickLFront1Reps", "lieDownFloor")}
@@ -155,7 +155,7 @@ def test_a_library_that_holds_nothing(small_index: WindowIndex, taught: WindowIn
 
 
 def test_all_performers_go_on(small_index: WindowIndex, taught: WindowIndex, frames: list[Frame]) -> None:
-    """Those who are there lose no answer, and who comes later is compared with the new library."""
+    """Present performers lose no answer, and later ones are compared with the new library."""
     performers = Performers(small_index)
     answers = [performers.push(frame, 0.0) for frame in frames[:200]]
     assert performers.exchange(taught) == []
@@ -180,7 +180,7 @@ def test_other_joints_are_refused(small_index: WindowIndex, sticks: MotionLibrar
 
 
 def test_two_threads_at_once_are_refused(small_index: WindowIndex, frames: list[Frame]) -> None:
-    """Of two threads that use one recogniser one is told so, and the recogniser stays usable."""
+    """When two threads use one recogniser at once, one gets an error, and the recogniser stays usable."""
     recognizer, refused = Recognizer(small_index), list[str]()
     done = threading.Event()
 

@@ -1,4 +1,4 @@
-"""A feed in the service: what is due by the clock is done although nothing comes."""
+"""A feed in the service: work that is due by the clock is done although no packet comes."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def source() -> Iterator[FeedSource]:
 
 
 def test_the_last_frame_is_not_kept_waiting(source: FeedSource) -> None:
-    """A frame that nothing more comes for is closed by time, and reaches its recogniser without another packet."""
+    """A last frame is closed by time, and reaches its recogniser without another packet."""
     now = [100.0]
     library = MotionLibrary.builtin().restricted_to(source.preset.joints)
     performers = Performers(library)
@@ -62,7 +62,7 @@ def test_the_last_frame_is_not_kept_waiting(source: FeedSource) -> None:
 
 
 def test_only_feeds_are_tended(source: FeedSource) -> None:
-    """Our own frames come whole: their sources have nothing to do by the clock."""
+    """Our own frames are whole: their sources have no work that is due by the clock."""
     assert source.tended
     ours = Source(OscReceiver(LOOPBACK, 0), OscDecoder())
     assert not ours.tended

@@ -38,7 +38,7 @@ def play(layout: str, port: int, seconds: float = 2.5) -> None:
 
 
 def heard(receiver: OscReceiver, address: str) -> list[Message]:
-    """Collect what came with one address, waiting for the first."""
+    """Collect messages of one address, waiting for the first."""
     until = time.monotonic() + PATIENCE
     messages: list[Message] = []
     while not messages and time.monotonic() < until:
@@ -101,7 +101,7 @@ def test_ones_own_preset_and_a_reply_to_the_sender(tmp_path: Path) -> None:
 
 
 def test_hands_are_shaken_with_qualisys(tmp_path: Path) -> None:
-    """A sender that must be asked first is asked, sends, is recognised, and is told when we stop."""
+    """A sender that needs a handshake gets it, sends, is recognised, and gets the farewell."""
     receiver = OscReceiver(LOOPBACK, 0)
     with ExitStack() as stack:
         stack.callback(receiver.close)
@@ -136,7 +136,7 @@ def test_hands_are_shaken_with_qualisys(tmp_path: Path) -> None:
     ],
 )
 def test_what_cannot_be_is_one_line(options: tuple[str, ...], said: str) -> None:
-    """A preset or an output that does not exist is said in one line, and nothing is left open."""
+    """A preset or an output that does not exist ends the program with one line, and no socket stays open."""
     status, output, errors = finished("live", *options)
     assert (status, output) == (2, "")
     assert errors.startswith(f"kinespace: {said}")

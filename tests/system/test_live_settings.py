@@ -1,4 +1,4 @@
-"""The recogniser's two signatures and what is set of each: what applies is used, what does not is refused."""
+"""The recogniser's two signatures and their settings: settings that do not apply are refused."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ def test_every_answer_says_what_the_eigenvector_says(
 
 
 def test_only_the_default_signature_has_evidence(small_library: MotionLibrary, frames: list[Frame]) -> None:
-    """What speaks for a known motion stands in an answer by all parts; the paper knows no unknown motion."""
+    """Answers by all parts carry the evidence; the paper's signature has none."""
     for signature in LiveSignature:
         answers = _answers(Recognizer(small_library, Settings(signature=signature)), frames[:200])
         assert {each.evidence is None for each in answers} == {signature is LiveSignature.PAPER}
@@ -192,7 +192,7 @@ def test_a_larger_lead_starts_later(sticks: MotionLibrary) -> None:
 
 @pytest.mark.parametrize("reset", [False, True])
 def test_the_end_is_at_the_last_frame(sticks: MotionLibrary, *, reset: bool) -> None:
-    """What goes on ends once, at the time of the last frame taken in, also when the window was forgotten since."""
+    """A motion ends once, at the time of the last frame, also when the window was forgotten since."""
     recognizer = Recognizer(sticks)
     assert recognizer.end() is None
     frames = _stick_frames("jump")

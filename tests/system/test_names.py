@@ -56,7 +56,7 @@ def motions() -> MotionLibrary:
 
 
 def _as_bvh(clip: Clip, parents: dict[str, str]) -> str:
-    """Write a motion as BVH whose joints move without turning: each one's channels say where it is from its parent."""
+    """Write a motion as BVH whose joints move without turning: channels are positions relative to the parent."""
     labels = tuple(parents)
     ours = dict(zip(labels, Naming.asked("mixamo").read(labels).joints, strict=True))
     nodes = {label: Node(f"mixamorig:{label}", (0.0, 0.0, 0.0), MOVES) for label in labels}
@@ -94,7 +94,7 @@ def _written(folder: Path, motions: MotionLibrary, naming: str) -> Path:
 
 
 def _answered(library: MotionLibrary, clip: Clip, joints: Sequence[str], naming: Naming | None = None) -> str:
-    """Recognise a motion whose sender announces its joints by these names; the commonest guess of its last half."""
+    """Recognise a motion whose sender announces joints by these names; give the commonest guess of its last half."""
     # The paper's signature has no windows to be learned, which takes seconds.
     settings = Settings(signature=LiveSignature.PAPER)
     performers = Performers(library, settings, joints=SentJoints(naming=naming or Naming()))
@@ -182,6 +182,6 @@ def test_names_can_be_left_as_they_are(tmp_path: Path, motions: MotionLibrary) -
 
 
 def test_convention_that_is_not_known_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """A mistyped convention ends the program with the list of those there are."""
+    """A mistyped convention ends the program with the list of conventions."""
     assert main(["build", str(tmp_path), "--names", "klingon", "-o", str(tmp_path / "a.npz")]) == 2
     assert "names: expected one of hdm05, acclaim-bvh" in capsys.readouterr().err

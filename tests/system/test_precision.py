@@ -1,4 +1,4 @@
-"""Loss of precision and nothing else: sums that follow a window, where they lose digits, against the true ones."""
+"""Loss of precision: rolling sums at places where they lose digits, compared with exact sums."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from kinespace.library.skeleton import Skeleton
 from kinespace.stream.frame import Frame
 from kinespace.stream.recognition import Outcome
 from kinespace.stream.recognizer import LiveSignature, Recognizer, Settings
-from kinespace.stream.recognizer.rolling import RollingCovariance, RollingMoments
-from kinespace.stream.recognizer.sliding_window import SlidingWindow
+from kinespace.stream.recognizer.windows.rolling import RollingCovariance, RollingMoments
+from kinespace.stream.recognizer.windows.sliding_window import SlidingWindow
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -45,7 +45,7 @@ class Error(NamedTuple):
 
 
 class Followed:
-    """Rows that run through a window of half a second, and what follows it."""
+    """Rows that run through a window of half a second, and the sums that follow it."""
 
     def __init__(self, width: int, rate: float = 120.0) -> None:
         self.rate, self.length = rate, round(rate / 2)
@@ -111,7 +111,7 @@ def test_all_motions_as_one_performance(builtin: MotionLibrary) -> None:
 
 @pytest.mark.parametrize("distance", [1e3, 1e4])
 def test_far_from_the_origin(some_clips: tuple[Clip, ...], distance: float) -> None:
-    """Where the body stands does not matter: kilometres away the covariance is that of the body at home."""
+    """Kilometres from the origin the covariance is the same as near it."""
     offset = distance * np.array([1.0, -2.0, 0.5])
     for clip in some_clips[::2]:
         at_home, away = (

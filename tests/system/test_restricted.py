@@ -1,4 +1,4 @@
-"""Fewer joints: a library restricted to what a feed has is the library of clips that never had more."""
+"""Fewer joints: a restricted library equals a library of clips without the other joints."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def restricted(request: pytest.FixtureRequest, small_library: MotionLibrary) -> 
 
 @pytest.fixture(scope="module")
 def stranger(builtin: MotionLibrary) -> tuple[Clip, ...]:
-    """Give a motion of each class of the small library by somebody it does not know."""
+    """Give a motion of each class of the small library by a person that the library lacks."""
     names = ("kickLFront1Reps", "lieDownFloor", "squat1Reps")
     return tuple(next(m for m in builtin.motions if (m.class_name, m.actor) == (name, "bk")) for name in names)
 
@@ -81,7 +81,7 @@ def test_fewer_joints_still_name_motions(restricted: MotionLibrary, stranger: tu
 def test_the_order_of_joints_says_nothing(
     small_library: MotionLibrary, stranger: tuple[Clip, ...], signature: LiveSignature
 ) -> None:
-    """A library whose columns stand in alphabetical order gives the same answers, with parents or without."""
+    """A library whose joints are in alphabetical order gives the same answers, with parents or without."""
     joints = tuple(sorted(small_library.skeleton.joints))[:20]
     fewer = [clip.restricted_to(joints) for clip in small_library.motions]
     theirs = fewer[0].skeleton.joints
@@ -97,7 +97,7 @@ def test_the_order_of_joints_says_nothing(
 
 
 def test_all_of_hdm05s_joints_get_hdm05s_order(small_library: MotionLibrary) -> None:
-    """Clips whose columns stand in alphabetical order build the very library that the usual order builds."""
+    """Clips whose joints are in alphabetical order build the same library as clips in the usual order."""
     joints = tuple(sorted(small_library.skeleton.joints))
     shuffled = MotionLibrary.of_clips(clip.as_of(Skeleton(joints)) for clip in small_library.motions)
     assert shuffled.skeleton.joints == small_library.skeleton.joints

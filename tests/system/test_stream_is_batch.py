@@ -1,4 +1,4 @@
-"""A stream is answered as if everything were computed again from all frames, at every hop, at every rate."""
+"""The answers to a stream equal those computed from all frames again, at every hop and every rate."""
 
 from __future__ import annotations
 
@@ -124,7 +124,7 @@ def _compare(twin: Twin, frames: Sequence[Frame], settings: Settings | None = No
 
 
 def _assert_decided_alike(course: Course, twin: Twin, settings: Settings) -> None:
-    """Hold the guess and whether it is known against what follows from the course of distances and evidence."""
+    """Compare the guess and its outcome with those computed from all distances and evidence."""
     if not course.answers:
         return
     index = twin.index
@@ -207,7 +207,7 @@ def test_with_everything_that_goes_wrong(clips: list[Clip], twin: Twin) -> None:
 
 @pytest.mark.parametrize("noise", [0.0, 1e-5, 1e-3])
 def test_a_stop_right_after_moving(clips: list[Clip], twin: Twin, noise: float) -> None:
-    """Who stops dead, each coordinate wavering by up to a millimetre or not at all, is answered as the twin answers."""
+    """A body that stops dead, wavering by up to a millimetre or not at all, is answered as by the twin."""
     clip = clips[0]
     pose = np.repeat(clip.positions[60:61], 150, axis=0)
     pose += noise * np.random.default_rng(16).normal(size=pose.shape)
@@ -219,7 +219,7 @@ def test_a_stop_right_after_moving(clips: list[Clip], twin: Twin, noise: float) 
 
 
 def test_all_joints_in_one_point(clips: list[Clip], twin: Twin) -> None:
-    """A tracker that sees nobody, then somebody, then nobody again, is answered as the twin answers."""
+    """A tracker that sees nobody, then a body, then nobody again, is answered as by the twin."""
     clip = clips[0]
     nobody = np.full((40, *clip.positions.shape[1:]), 0.5)
     frames = _frames(clip.moved_to(np.concatenate([nobody, clip.positions[:80], nobody])))
@@ -301,7 +301,7 @@ def test_interleaved_performers_get_the_answers_they_get_alone(clips: list[Clip]
 
 @pytest.mark.parametrize("window", [0.3, 1.0])
 def test_the_papers_signature_at_every_hop(clips: list[Clip], small_index: WindowIndex, window: float) -> None:
-    """Share, gap and |inner products| are those of the leading eigenvector of the window's whole covariance.
+    """Share, gap and |inner products| equal those of the leading eigenvector of the window's covariance.
 
     The basis holds nearly all of the variance, so that numbers are the twin's but for what it loses.
     """

@@ -1,4 +1,4 @@
-"""Frames whose joints nobody names: a publisher says it once, before we join. What is seen of it, and what mends it."""
+"""Frames without joint names, because the publisher sent the names before we joined: what is shown, and what helps."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def test_joints_that_are_told_by_hand_are_recognised(joints: str) -> None:
 
 
 def test_names_that_come_later_mend_it_too(sticks: MotionLibrary) -> None:
-    """A publisher that names its joints again is recognised from then on, and nothing is said of it any more."""
+    """A publisher that names its joints again is recognised from then on, and the note is gone."""
     performers = Performers(sticks)
     clip = stick_clip("wave", seed=9, frames=120)
     shown = clip.positions[:, ::-1]
@@ -82,7 +82,7 @@ def test_names_that_come_later_mend_it_too(sticks: MotionLibrary) -> None:
 
 
 def test_why_frames_are_refused(sticks: MotionLibrary) -> None:
-    """How many joints are the library's is told, and so is a count that is not the names'; who left is remembered."""
+    """The reason gives the number of shared joints, or a wrong count; it stays after the performer has left."""
     performers = Performers(sticks, silence=1.0)
     joints = STICK.joints
     performers.announce(Announcement("few", joints[:2]), 0.0)
@@ -99,7 +99,7 @@ def test_why_frames_are_refused(sticks: MotionLibrary) -> None:
 
 
 def test_assumed_joints_are_in_their_order(sticks: MotionLibrary) -> None:
-    """Frames in another order are answered as those in the library's own; what a sender says goes before."""
+    """Frames in another assumed order get the same answers; a sender's announcement overrides it."""
     positions = stick_clip("wave", seed=9, frames=120).positions
 
     def answers(joints: tuple[str, ...], shown: NDArray[np.float64], *told: Announcement) -> list[tuple[str, float]]:
@@ -118,7 +118,7 @@ def test_assumed_joints_are_in_their_order(sticks: MotionLibrary) -> None:
 
 
 def test_joints_are_told_by_name_or_by_preset(tmp_path: Path) -> None:
-    """A list, a built-in preset and a copy of it say the same; what the library has not keeps the sender's name."""
+    """A list, a built-in preset and a copy of it mean the same; joints that the library lacks keep their names."""
     assert len(KINECT) == 25
     assert set(KINECT) == set(joints_of("kinectv2"))
     assert joints_in_order(",".join(KINECT)) == KINECT
@@ -138,7 +138,7 @@ def test_joints_are_told_by_name_or_by_preset(tmp_path: Path) -> None:
     ],
 )
 def test_joints_that_make_no_sense_are_refused(text: str, message: str) -> None:
-    """Names that are missing or twice, presets without an order, and what is neither."""
+    """Missing or repeated names, presets without an order, and other text are refused."""
     with pytest.raises(ValueError, match=message.replace(".", r"\.")):
         joints_in_order(text)
 

@@ -1,1 +1,1 @@
-"""`kinespace bench`: what every step costs, and what a user would take instead costs, in one run on real recordings."""
+"""`kinespace bench`: the cost of every step, beside the cost of other methods, in one run on real recordings."""

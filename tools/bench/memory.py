@@ -1,4 +1,4 @@
-"""How much memory a process holds, and how long it has had a core."""
+"""How much memory a process has, and for how long it has used a core."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ _MEGABYTE = 1 << 20
 
 
 def resident_mb(process_id: int | None = None) -> float | None:
-    """Give the resident memory of a process in MB, of this one by default; None where the system does not say.
+    """Give the resident memory of a process in MB, of this one by default; None where the system does not tell.
 
     Linux tells in `/proc`; elsewhere `ps` is asked.
     """
@@ -34,13 +34,13 @@ def _told_by_ps(process_id: int) -> float | None:
 
 
 def core_seconds(process_id: int | None = None) -> float | None:
-    """Give how many seconds a process, this one by default, has had a core; None where the system does not say.
+    """Give for how many seconds a process, this one by default, has used a core; None where the system does not tell.
 
-    All its threads count. Only Linux is asked, in `/proc`.
+    All its threads count. Only Linux tells, in `/proc`.
     """
     number = os.getpid() if process_id is None else process_id
     try:
-        # After the command's name, which may hold anything; user and system time are the 14th and 15th field of all.
+        # After the command's name, which may hold any character; user and system time are the 14th and 15th field.
         told = Path(f"/proc/{number}/stat").read_text(encoding="utf-8", errors="replace").rpartition(")")[2].split()
     except OSError:
         return None

@@ -13,7 +13,7 @@ except ImportError as error:
     raise ImportError("pictures need matplotlib: pip install kinespace[pictures]") from error
 
 from kinespace.stream.recognizer import LiveSignature
-from kinespace.tools.bench.stages import STEPS
+from kinespace.tools.bench.cases.stages import STEPS
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -21,14 +21,14 @@ if TYPE_CHECKING:
 
     from matplotlib.axes import Axes
 
-    from kinespace.tools.bench.peers import Peers
+    from kinespace.tools.bench.cases.peers import Peers
+    from kinespace.tools.bench.cases.scaling import Growth
+    from kinespace.tools.bench.cases.sockets import Sockets
+    from kinespace.tools.bench.cases.stages import Stages
     from kinespace.tools.bench.report import Report
-    from kinespace.tools.bench.scaling import Growth
-    from kinespace.tools.bench.sockets import Sockets
-    from kinespace.tools.bench.stages import Stages
 
 _OURS, _THEIRS = "#b5367a", "#5f6a72"
-#: Frames per second of the feed: whoever is slower cannot follow one performer.
+#: Frames per second of the feed: a slower method cannot follow one performer.
 _FEED = 120.0
 _PERCENTS = (50, 99)
 
@@ -39,14 +39,14 @@ def draw(path: Path, report: Report) -> None:
     Parameters
     ----------
     path
-        The picture; its ending says which kind (.png, .svg, .pdf).
+        The picture's file; its ending sets the format (.png, .svg, .pdf).
     report
-        What was found.
+        The results.
 
     Raises
     ------
     ValueError
-        Nothing was run that can be drawn, or the ending is of no kind matplotlib draws.
+        No part was run that can be drawn, or matplotlib has no format of this ending.
     OSError
         The file cannot be written.
     """
@@ -80,7 +80,7 @@ def _draw_peers(panel: Axes, peers: Peers) -> None:
         name, colour = (f"kinespace, {peer.name}", _OURS) if ours else (peer.name, _THEIRS)
         at = (peer.frames_per_second, 100 * peer.accuracy)
         panel.plot(*at, "o", color=colour, markersize=8)
-        # Peers that compute the same thing lie side by side: labels take turns above and below.
+        # Peers that compute the same lie side by side: labels alternate above and below.
         offset = 12 if place % 2 == 0 else -18
         panel.annotate(name, at, xytext=(0, offset), textcoords="offset points", ha="center", fontsize=8, color=colour)
     panel.axvline(_FEED, color="lightgrey", zorder=0)

@@ -1,4 +1,4 @@
-"""What every part plays: motions of the built-in library, or recordings, as an endless feed; never noise."""
+"""The feed of every part: motions of the built-in library, or recordings, without end; never noise."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ if TYPE_CHECKING:
 
 #: Frames per second of the feeds.
 FRAME_RATE = 120.0
-#: Which of the library's motions are played: some of each class.
+#: One in so many of the library's motions is played, so that there are some of each class.
 _EVERY = 8
 #: Seconds of recordings that are read at most.
 _MAX_SECONDS = 120.0
 
 
 def positions(folder: Path | None = None) -> NDArray[np.float32]:
-    """Give what a feed plays: every eighth motion of the built-in library, or two minutes of a folder's recordings.
+    """Give the positions of a feed: every eighth motion of the built-in library, or two minutes of recordings.
 
     Returns
     -------
@@ -33,7 +33,7 @@ def positions(folder: Path | None = None) -> NDArray[np.float32]:
     Raises
     ------
     ValueError
-        No recording is in the folder, one cannot be used, or its joints are not the built-in library's.
+        The folder has no recording, one cannot be used, or its joints are not the built-in library's.
     """
     library = MotionLibrary.builtin()
     clips = read_recordings(find_recordings([folder])) if folder else library.motions[::_EVERY]
@@ -48,9 +48,9 @@ class Feed:
     positions
         Shape (frames, joints, 3), metres.
     performer
-        Who performs.
+        The performer's name.
     begin
-        Which frame comes first.
+        The index of the first frame.
     """
 
     def __init__(self, positions: NDArray[np.floating], performer: str = "bench", begin: int = 0) -> None:

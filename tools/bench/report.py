@@ -1,4 +1,4 @@
-"""What the bench found, in its standard figures and as tables."""
+"""The results of the bench, as its standard figures and as tables."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ if TYPE_CHECKING:
 
     from rich.table import Table
 
-    from kinespace.tools.bench.capacity import Crowd
-    from kinespace.tools.bench.peers import Peers
-    from kinespace.tools.bench.scaling import Growth
-    from kinespace.tools.bench.soak import Soak
-    from kinespace.tools.bench.sockets import Sockets
-    from kinespace.tools.bench.stages import Stages
+    from kinespace.tools.bench.cases.capacity import Crowd
+    from kinespace.tools.bench.cases.peers import Peers
+    from kinespace.tools.bench.cases.scaling import Growth
+    from kinespace.tools.bench.cases.soak import Soak
+    from kinespace.tools.bench.cases.sockets import Sockets
+    from kinespace.tools.bench.cases.stages import Stages
 
-#: What is said where nothing was measured.
+#: The cell of a table where nothing was measured.
 _NOTHING = "-"
-#: What the standard figures call the alternatives.
+#: The names of the alternatives in the standard figures.
 _PEERS = {"svd": "SVD of the window", "eigh": "np.cov + eigh", "dtw": "DTW"}
 
 
@@ -34,7 +34,7 @@ class Report:
     Attributes
     ----------
     signature
-        Of which the standard figures tell.
+        The signature of the standard figures.
     """
 
     signature: LiveSignature
@@ -46,7 +46,7 @@ class Report:
     notes: list[str] = field(default_factory=list)
 
     def figures(self) -> dict[str, float | int | None]:
-        """Give the standard figures by name, every name always; None for what was not measured."""
+        """Give the standard figures by name, always every name; None for a figure that was not measured."""
         found = {**self._of_stages(), **self._of_peers(), **self._of_growth(), **self._of_sockets(), **self._of_soak()}
         return {name: _rounded(value) for name, value in found.items()}
 
@@ -115,7 +115,7 @@ class Report:
 
 
 def _rounded(value: float | None) -> float | int | None:
-    """Keep four digits: more would be noise; None for what is no number."""
+    """Keep four digits, because more would be noise; None for NaN and infinity."""
     if value is None or isinstance(value, int):
         return value
     return float(f"{value:.4g}") if math.isfinite(value) else None

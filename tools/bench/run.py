@@ -1,4 +1,4 @@
-"""`kinespace bench`: run the parts that are asked for, print what they found, draw it."""
+"""`kinespace bench`: run parts, print their results, draw them."""
 
 from __future__ import annotations
 
@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, Literal, get_args
 from kinespace.library import MotionLibrary
 from kinespace.library.kernels import compiled
 from kinespace.stream.recognizer import LiveSignature, Settings
-from kinespace.tools.bench import peers, recorded, scaling, soak, sockets, stages
+from kinespace.tools.bench import recorded
+from kinespace.tools.bench.cases import peers, scaling, soak, sockets, stages
 from kinespace.tools.bench.report import Report
 from kinespace.tools.bench.timing import one_thread
 from kinespace.tools.cli.arguments import add_json, count, not_negative, positive
@@ -31,28 +32,28 @@ PARTS: tuple[Part, ...] = get_args(Part)
 
 @dataclass(frozen=True, slots=True)
 class Effort:
-    """How long the parts take.
+    """How long the parts run, and how far they go.
 
     Attributes
     ----------
     rounds
-        Turns of which medians are taken.
+        Turns, of which medians are taken.
     seconds
-        Of each latency run.
+        Seconds of each latency run.
     person
-        Whose motions the peers are raced over.
+        The person whose motions the peers are compared on.
     frames
-        Of the long run.
+        Frames of the long run.
     minutes
-        Of the long run over sockets, 0 for none.
+        Minutes of the long run over sockets, 0 for none.
     sizes
-        To which things are grown.
+        The sizes up to which joints and libraries grow.
     rates
         Frames per second of the latency runs.
     most
-        Performers at most.
+        The number of performers, at most.
     starts
-        Of the program.
+        How often the program is started.
     """
 
     rounds: int = 9
@@ -82,7 +83,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--signature",
         choices=[str(signature) for signature in LiveSignature],
-        help="of which the figures of --json, growth and sockets tell (default: the recogniser's own)",
+        help="the signature of --json, growth and sockets (default: the recogniser's own)",
     )
     parser.add_argument("--rounds", type=count, default=9, help="medians are of so many (default %(default)s)")
     parser.add_argument("--seconds", type=positive, default=20.0, help="of a latency run (default %(default)s)")
@@ -115,21 +116,21 @@ def bench(
     picture: Path | None,
     as_json: bool,
 ) -> int:
-    """Run some parts and tell what they found.
+    """Run some parts and print the results.
 
     Parameters
     ----------
     parts
-        Which, in any order.
+        The parts, in any order.
     data
         A folder of recordings to play in place of the built-in library's motions.
     signature
-        Of which the standard figures tell and which growth, sockets and the long run use; the recogniser's own when
+        The signature of the standard figures, of growth, of sockets and of the long run; the recogniser's default when
         not given.
     effort
-        How long everything takes.
+        How long every part runs.
     picture
-        Where to draw it.
+        The file to draw the results in.
     as_json
         Print one JSON object of the standard figures and nothing else.
     """
@@ -157,7 +158,7 @@ def bench(
 def measured(
     parts: Sequence[Part], positions: NDArray[np.float32], *, signature: LiveSignature | None, effort: Effort
 ) -> Report:
-    """Run some parts, in the order that a reader wants them; positions as `recorded.positions` gives them."""
+    """Run some parts, in the order in which a reader wants them; positions as `recorded.positions` gives them."""
     usual = signature or LiveSignature.WINDOWS
     report = Report(usual)
 
@@ -197,6 +198,6 @@ def measured(
 
 
 def _machine() -> str:
-    """Say on what this was measured, and how busy that was with other things."""
+    """Describe the machine of the measurement, and how busy it was otherwise."""
     load = f", load {os.getloadavg()[0]:.1f}" if hasattr(os, "getloadavg") else ""
     return f"{os.cpu_count()} cores{load}, Python {platform.python_version()}, {platform.system()}; {compiled.kind()}"

@@ -1,4 +1,4 @@
-"""Honest timing on a machine that does other things too: one thread and its own time, turns, warm-up, medians."""
+"""Timing on a busy machine: one thread and its own time, turns, warm-up, medians."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-#: What BLAS libraries read at their start; processes started by the bench inherit it.
+#: The variables that BLAS libraries read at their start; processes started by the bench inherit them.
 _THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
-#: Whether a thread's own time is counted finely enough here.
+#: Whether the system counts a thread's own time finely enough.
 _FINE = time.get_clock_info("thread_time").resolution <= 1e-6
 
 
@@ -28,7 +28,7 @@ def one_thread() -> Iterator[str | None]:
 
     Yields
     ------
-    None, or what to tell the reader because this process could not be pinned.
+    None, or a note that this process could not be pinned.
     """
     pinned_already = os.environ.get(_THREADS[0]) == "1"
     before = {name: os.environ.get(name) for name in _THREADS}
@@ -50,15 +50,15 @@ def one_thread() -> Iterator[str | None]:
 
 
 def clock() -> float:
-    """Give seconds that this thread has had a core: what others took from it in between is not counted.
+    """Give the seconds for which this thread has used a core; other programs' time does not count.
 
-    Where the system counts them too coarsely it is the time of day that passes.
+    Where the system counts it too coarsely, the wall clock is used.
     """
     return time.thread_time() if _FINE else time.perf_counter()
 
 
 def timed(call: Callable[[], object]) -> float:
-    """Give how many seconds of a core a call took."""
+    """Give the seconds of a core that a call took."""
     start = clock()
     call()
     return clock() - start
@@ -67,20 +67,20 @@ def timed(call: Callable[[], object]) -> float:
 def in_turns(
     jobs: Mapping[str, Callable[[], float]], rounds: int, *, what: str | None = None
 ) -> dict[str, NDArray[np.float64]]:
-    """Run jobs one after the other, again and again, so that what disturbs the machine disturbs all alike.
+    """Run jobs one after the other, in rounds, so that a disturbance of the machine meets all jobs alike.
 
     Parameters
     ----------
     jobs
-        Each gives the cost it measured, in a unit of its own. The first turn of each warms up and is not counted.
+        Each job returns its cost, in a unit of its own. The first turn of each job warms up and does not count.
     rounds
         Turns that count.
-    what
+    The title of the progress bar; no bar when not given.
         What the progress shown is called; none is shown when not given.
 
     Returns
     -------
-    By job, the cost of each round, shape (rounds,): ratios are to be taken round by round.
+    By job, the cost of each round, shape (rounds,); take ratios round by round.
 
     Raises
     ------
@@ -106,7 +106,7 @@ def exponent(sizes: Sequence[float], costs: Sequence[float]) -> float:
 
     Raises
     ------
-    ValueError
+    There are fewer than two, or one is not positive.
         Fewer than two, or one is not positive.
     """
     if len(sizes) < 2 or len(sizes) != len(costs) or min(*sizes, *costs) <= 0:

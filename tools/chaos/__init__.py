@@ -1,1 +1,1 @@
-"""What strangers and faults do to a running recogniser: `make chaos`."""
+"""Strangers and faults against a running recogniser: `make chaos`."""

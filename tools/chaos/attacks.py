@@ -1,4 +1,4 @@
-"""What strangers send: each attack runs in a process of its own until it is told to stop."""
+"""Attacks of strangers: each runs in a process of its own until it is told to stop."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
     from multiprocessing.synchronize import Event
 
-#: The performer whom nobody may harm.
+#: The performer whom the attacks must not harm.
 INNOCENT = "innocent"
-#: Seconds between two handfuls of a flood.
+#: Seconds between two bursts of a flood.
 _HANDFUL = 0.002
 _JOINTS = 31
 #: Joints of the smallest body that is recognised.
@@ -28,12 +28,12 @@ _FEW = ("lhumerus", "rhumerus", "lfemur", "rfemur", "head")
 #: ZeroMQ's greeting without security, and the flags of its frames: more to come, long, command.
 _GREETING = b"\xff" + bytes(8) + b"\x7f\x03\x00" + b"NULL".ljust(20, b"\0") + bytes(32)
 _MORE, _LONG, _COMMAND = 1, 2, 4
-#: Bits of a flood a second, and packets.
+#: Bits of a flood a second, and packets a second.
 BITS, PACKETS = 30_000_000, 20_000
 
 
 class Place(NamedTuple):
-    """Where a recogniser listens and answers."""
+    """The addresses of a recogniser."""
 
     osc: tuple[str, int]
     frames: str
@@ -41,12 +41,12 @@ class Place(NamedTuple):
 
 
 def _handfuls(rate: float, stop: Event) -> Iterator[int]:
-    """Give how many are to be sent now, so that it is so many a second, until told to stop."""
+    """Give the number to send now for a steady rate, until told to stop."""
     begun, sent = time.perf_counter(), 0
     while not stop.is_set():
         due = int((time.perf_counter() - begun) * rate) - sent
         sent += due
-        # Who was kept waiting does not make up for it all at once.
+        # A delay is not made up for all at once.
         yield min(due, int(rate / 20) + 1)
         time.sleep(_HANDFUL)
 
@@ -82,7 +82,7 @@ def _moving(performer: str, rate: float, joints: int) -> Iterator[bytes]:
 
 
 def garbage(place: Place, stop: Event) -> None:
-    """Send 20,000 packets a second that are nothing."""
+    """Send 20,000 packets a second of garbage."""
     generator = np.random.default_rng(1)
     _flood(place, stop, _again_and_again(*(generator.bytes(64) for _ in range(997))), PACKETS)
 
@@ -161,7 +161,7 @@ def _messages(*messages: list[bytes]) -> Iterator[list[bytes]]:
 
 
 def zmq_garbage(place: Place, stop: Event) -> None:
-    """Send 20,000 ZeroMQ messages a second that are nothing."""
+    """Send 20,000 ZeroMQ messages a second of garbage."""
     _publish(place.frames, stop, _messages([b"hello/", b"x" * 64]), PACKETS)
 
 
@@ -249,7 +249,7 @@ def unfinished_message(place: Place, stop: Event) -> None:
 
 
 def silent_connections(place: Place, stop: Event) -> None:
-    """Open 1,300 connections that say nothing, and open anew those that are ended."""
+    """Open 1,300 silent connections, and open them anew when they are closed."""
     opened: list[socket.socket] = []
     while not stop.is_set():
         try:

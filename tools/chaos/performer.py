@@ -29,14 +29,14 @@ if TYPE_CHECKING:
 
 FRAME_RATE = 120.0
 ANSWER_RATE = 30.0
-#: Seconds until the performer's process has begun, at most.
+#: Seconds within which the performer's process must have begun.
 _MAX_START = 60.0
-#: Makes the cues of a feed that a fault befell of the cues that were meant.
+#: Makes faulty cues of the intended cues of a feed.
 Fault = Callable[[list[Cue]], list[Cue]]
 
 
 class Sent(NamedTuple):
-    """A packet on its way: when it is due, the time in its frame, and its bytes."""
+    """A packet of the schedule: when it is due, the time in its frame, and its bytes."""
 
     due: float
     time: float
@@ -44,7 +44,7 @@ class Sent(NamedTuple):
 
 
 class Answer(NamedTuple):
-    """An answer: the time of the frame that it answers, when it came, and what was said of the joints."""
+    """An answer: the time of its frame, when it came, and the joints that it doubts."""
 
     time: float
     arrival: float
@@ -53,18 +53,18 @@ class Answer(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Performance:
-    """What a performer sent and heard; moments as `time.perf_counter` tells them, which all processes share.
+    """The frames sent and answers heard; moments as `time.perf_counter` reads them, which all processes share.
 
     Attributes
     ----------
     begun
         When the schedule began.
     sent
-        When each frame was sent, by the time in it; of frames sent twice the first.
+        When each frame was sent, by the time in it; for frames sent twice the first.
     answers
         In the order in which they came.
     told
-        The last status that was heard.
+        The last status.
     """
 
     begun: float
@@ -73,7 +73,7 @@ class Performance:
     told: dict[str, object]
 
     def latencies(self, begin: float, end: float) -> NDArray[np.float64]:
-        """Give the seconds from each frame to its answer, of frames sent between two moments of the schedule."""
+        """Give the seconds from each frame to its answer, for frames sent between two moments of the schedule."""
         found: dict[float, float] = {}
         for answer in self.answers:
             at = self.sent.get(answer.time)
@@ -103,11 +103,11 @@ def schedule(
     Parameters
     ----------
     positions
-        Of each frame, shape (frames, joints, 3), metres, 120 a second.
+        Positions of each frame, shape (frames, joints, 3), metres, 120 a second.
     joints
         Their names, announced every second.
     befalls
-        From when to when, seconds, which fault befalls the feed; None for none.
+        The seconds from and until which a fault affects the feed, and the fault; None for no fault.
     over
         "osc" or "zmq".
     begin
@@ -135,12 +135,12 @@ def schedule(
 
 
 class Performer:
-    """A performer in a process of its own, from entering to leaving.
+    """A performer in a process of its own; a context manager.
 
     Parameters
     ----------
     place
-        The recogniser's.
+        The recogniser's addresses.
     packets
         As `schedule` makes them.
     over
@@ -164,7 +164,7 @@ class Performer:
         self._connection.close()
 
     def begin(self) -> float:
-        """Let the performer begin once the answers can be heard; when that was, by `time.perf_counter`."""
+        """Let the performer begin once answers can be heard; give the moment, by `time.perf_counter`."""
         self._connection.send(None)
         if not self._connection.poll(_MAX_START):
             raise TimeoutError("the performer's process did not meet the recogniser")
@@ -172,7 +172,7 @@ class Performer:
         return begun
 
     def end(self) -> Performance:
-        """Let the performer stop, and give what was sent and heard."""
+        """Let the performer stop, and give its frames and answers."""
         self._connection.send(None)
         performance: Performance = self._connection.recv()
         return performance
@@ -193,7 +193,7 @@ def _perform(connection: Connection, place: Place, packets: Sequence[Sent], over
             if connection.poll():
                 break
             heard += listener.listen_until(begun + packet.due)
-            # Before the call, not after: the answer may be on its way before it returns.
+            # Before the call, because the answer may be on its way before the call returns.
             sent.setdefault(packet.time, time.perf_counter())
             sender.send(packet.parts if over == "zmq" else packet.parts[0])  # type: ignore[arg-type]  # of its kind
         while not connection.poll():

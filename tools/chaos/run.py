@@ -1,4 +1,4 @@
-"""`kinespace chaos`: everything that can go wrong, one thing after the other, and what it does to a performer."""
+"""`kinespace chaos`: attacks and faults, one after the other, and their effect on a performer."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from kinespace.tools.chaos.performer import Fault
     from kinespace.tools.chaos.trial import Live, Outcome
 
-#: Of the bodies played: the places of both wrists and of the joints of an arm.
+#: Indices of joints of the bodies that are played: both wrists, and the joints of an arm.
 _JOINTS = MotionLibrary.builtin().skeleton.joints
 _WRISTS = [_JOINTS.index(name) for name in ("lwrist", "rwrist")]
 #: Seconds that a sender's clock jumps by, and bytes after which a disk is full.
@@ -82,7 +82,7 @@ def _stop_and_go(live: Live, seconds: float) -> None:
 
 
 def _full_disk(live: Live, seconds: float) -> None:
-    """Let no file grow, as on a disk that is full, and then again."""
+    """Let no file grow, as on a full disk, and then again."""
     import resource  # noqa: PLC0415 - there is none on Windows
 
     usual = resource.prlimit(live.process.pid, resource.RLIMIT_FSIZE)

@@ -1,4 +1,4 @@
-"""One trial: a running `kinespace live`, an innocent performer, and something that goes wrong for some seconds."""
+"""One trial: a running `kinespace live`, an innocent performer, and an attack or a fault for some seconds."""
 
 from __future__ import annotations
 
@@ -38,17 +38,17 @@ if TYPE_CHECKING:
 LOOPBACK = "127.0.0.1"
 #: Seconds a program may take to begin or end.
 _PATIENCE = 60.0
-#: Megabytes within which memory is back.
+#: Megabytes within which memory counts as given back.
 _BACK_WITHIN = 50.0
-#: Seconds of answers that show that all is well again, and the share of them that must have come, each soon enough.
+#: Seconds of answers that show that all is well again, and the share of them that must have come in time.
 _WELL, _WELL_SHARE, _WELL_LATENCY = 0.5, 0.9, 0.05
-#: Files that a process may open usually: the limit of the recogniser under attack, whatever ours is.
+#: The usual number of files that a process may open: the limit of the attacked recogniser, whatever ours is.
 _USUAL_FILES = 1024
 
 
 @dataclass(frozen=True, slots=True)
 class Effort:
-    """Seconds before, during and after what goes wrong; memory is looked at until the last of them."""
+    """Seconds before, during and after the attack; memory is measured until the end."""
 
     before: float = 2.0
     during: float = 5.0
@@ -57,30 +57,30 @@ class Effort:
 
     @property
     def whole(self) -> float:
-        """Seconds of a trial at most."""
+        """Seconds of a trial, at most."""
         return self.before + self.during + self.after + self.memory
 
 
 @dataclass(frozen=True, slots=True)
 class Trial:
-    """What goes wrong.
+    """An attack or a fault.
 
     Attributes
     ----------
     name
-        In words.
+        The name for people.
     attacks
-        Run in processes of their own.
+        Attacks, each run in a process of its own.
     fault
-        What becomes of the performer's feed; None for nothing.
+        The fault of the performer's feed; None for none.
     deed
-        What is done to the recogniser's process itself, from our own, for about as many seconds as it is told.
+        An action on the recogniser's process, from our own process, for about the given seconds.
     over
-        How the performer's frames come: "osc" or "zmq".
+        The transport of the performer's frames: "osc" or "zmq".
     options
-        Of `kinespace live`; `{folder}` is a folder for files.
+        Options of `kinespace live`; `{folder}` is a folder for files.
     first
-        The attack is there before the performer.
+        Whether the attack begins before the performer.
     """
 
     name: str
@@ -94,28 +94,28 @@ class Trial:
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """What became of a trial.
+    """The result of a trial.
 
     Attributes
     ----------
     name
-        Of the trial.
+        The trial's name.
     answered, expected
-        Answers to the innocent performer while something went wrong.
+        Answers to the innocent performer during the attack.
     p99, p99_before
-        Of their latencies, seconds, and of the latencies before something went wrong.
+        Their latency, 99th percentile, seconds, and the same before the attack.
     memory
-        Resident megabytes of the recogniser: before, most, and afterwards.
+        Resident megabytes of the recogniser: before, at most, and afterwards.
     recovered
-        Seconds from the end of what went wrong until all was well; infinite for never.
+        Seconds from the end of the attack until all was well; infinite for never.
     stale
         Answers that came more than a second after their frame.
     told
-        What the recogniser counted.
+        The recogniser's counts.
     ended
-        How the program ended: 0 when it was asked to, and did.
+        The program's exit status: 0 when it ended on demand.
     noticed
-        Seconds until an answer said that joints cannot be believed; None where none did.
+        Seconds until an answer said that joints cannot be believed; None if none did.
     """
 
     name: str
@@ -140,7 +140,7 @@ class Live(NamedTuple):
     folder: Path
 
     def printed(self) -> str:
-        """Give what it has printed so far."""
+        """Give its output so far."""
         return self.output.read_text(encoding="utf-8", errors="replace")
 
     def memory(self) -> float:
@@ -150,7 +150,7 @@ class Live(NamedTuple):
 
 
 def _as_usual() -> None:
-    """Let a process open as many files as is usual, and no more."""
+    """Limit the files that a process may open to the usual number."""
     import resource  # noqa: PLC0415 - there is none on Windows
 
     _, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
@@ -159,7 +159,7 @@ def _as_usual() -> None:
 
 @contextmanager
 def running(folder: Path, options: Sequence[str], place: Place | None = None) -> Iterator[Live]:
-    """Start `kinespace live` and wait until it listens, on ports of its own choice or where one did before."""
+    """Start `kinespace live` and wait until it listens, on ports of its own choice or on the given ones."""
     begun = place or Place((LOOPBACK, 0), f"tcp://{LOOPBACK}:*", f"tcp://{LOOPBACK}:*")
     ends = ["--osc-in", "{}:{}".format(*begun.osc), "--zmq-in", begun.frames, "--zmq-out", begun.answers]
     command = [sys.executable, "-m", "kinespace", "live", *ends, "--plain", *options]
@@ -194,11 +194,11 @@ def tried(trial: Trial, effort: Effort, positions: NDArray[np.float32], joints: 
     Parameters
     ----------
     trial
-        What goes wrong.
+        The attack or fault.
     effort
-        For how long.
+        Its lengths.
     positions
-        What the performer does, shape (frames, joints, 3), metres, 120 a second, again and again.
+        The performer's positions, shape (frames, joints, 3), metres, 120 a second, repeated.
     joints
         Their names.
     """
@@ -261,14 +261,14 @@ def tried(trial: Trial, effort: Effort, positions: NDArray[np.float32], joints: 
 
 
 def _due(frames: NDArray[np.float32], begin: float, end: float) -> int:
-    """Count the answers to frames between two moments when nothing goes wrong: after a jump of the body none come."""
+    """Count the answers to frames between two moments without an attack: after a jump of the body none come."""
     recognizer = Recognizer(MotionLibrary.builtin())
     answers = (recognizer.push(Frame(INNOCENT, 1.0 + k / FRAME_RATE, each)) for k, each in enumerate(frames))
     return sum(answer is not None and begin <= answer.time - 1.0 < end for answer in answers)
 
 
 def _attack(attack: Attack, place: Place, ready: Semaphore, go: Event, stop: Event) -> None:
-    """Run in an attacker's process: wait for the word, so that no attack begins with the start of a process."""
+    """Run in an attacker's process: wait for the signal, so that no attack begins with the start of a process."""
     ready.release()
     go.wait()
     attack(place, stop)
@@ -309,7 +309,7 @@ def _noticed(performance: Performance, begin: float) -> float | None:
 
 
 def _counted(printed: str) -> str:
-    """Give what was counted, beside what was received: every count that is not 0."""
+    """Give the counts apart from `received`: every count that is not 0."""
     summary = printed.rpartition("received ")[2]
     told = re.findall(r"([a-z][a-z ]*?) (\d+)(?=[,\n ])", summary.partition(" answers of")[0])
     found = [f"{name} {int(count):,}" for name, count in told if int(count)]

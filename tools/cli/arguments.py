@@ -7,9 +7,11 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from kinespace.library import MotionLibrary
 from kinespace.library.naming import AS_THEY_ARE, AUTO, Naming, conventions
 from kinespace.library.recordings import ActorIn, Reading
 from kinespace.stream.recognizer import LiveSignature, Settings
+from kinespace.stream.recognizer.settings import SENSITIVITY_LEARNED, SENSITIVITY_OWN
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -19,6 +21,8 @@ if TYPE_CHECKING:
 _DEFAULTS = Settings()
 #: Where frames come in unless the user says otherwise: a port that none of the usual senders uses.
 OSC_IN = "127.0.0.1:9310"
+#: What the built-in library is called wherever a library may be named.
+BUILT_IN = Path("built-in")
 
 
 def add_reading(parser: argparse.ArgumentParser) -> None:
@@ -39,14 +43,14 @@ def add_reading(parser: argparse.ArgumentParser) -> None:
 
 
 def add_names(parser: argparse.ArgumentParser, whose: str) -> None:
-    """Let a person say whose names joints have."""
+    """Add the option for the convention of joint names."""
     known = ", ".join(each.name for each in conventions())
     parser.add_argument(
         "--names",
         dest="naming",
         default=AUTO,
         metavar="NAME",
-        help=f"what the {whose} call their joints: {AUTO}, {AS_THEY_ARE}, {known}, or FILE.toml (default %(default)s)",
+        help=f"how the {whose} name joints: {AUTO}, {AS_THEY_ARE}, {known}, or FILE.toml (default %(default)s)",
     )
 
 
@@ -62,20 +66,33 @@ def add_keys(parser: argparse.ArgumentParser) -> None:
         "--keys",
         type=Path,
         metavar="DIR",
-        help="ZeroMQ with keys, made by kinespace keys: let in those alone whose .key is there",
+        help="ZeroMQ with keys, made by kinespace keys: let in only keys whose .key file is there",
     )
 
 
 def add_sender(parser: argparse.ArgumentParser) -> None:
     """Add the option for the host that is asked for frames."""
     parser.add_argument(
-        "--sender", metavar="HOST", default="127.0.0.1", help="host to ask for frames, if the feed must ask"
+        "--sender", metavar="HOST", default="127.0.0.1", help="host to ask for frames, for feeds that ask"
     )
 
 
 def add_library(parser: argparse.ArgumentParser) -> None:
     """Add the option for the motion library."""
-    parser.add_argument("--library", type=Path, metavar="FILE", help="a motion library (default: the built-in one)")
+    parser.add_argument("--library", type=Path, metavar="FILE", help=f"a motion library (default: {BUILT_IN})")
+
+
+def library_at(path: Path | None) -> MotionLibrary:
+    """Load the library of a file, or the built-in one by its name or when there is no path.
+
+    Raises
+    ------
+    ValueError
+        The file is no library.
+    OSError
+        It cannot be opened.
+    """
+    return MotionLibrary.builtin() if path in (None, BUILT_IN) else MotionLibrary.load(path)
 
 
 def add_labels(parser: argparse.ArgumentParser, told: str) -> None:
@@ -96,7 +113,7 @@ def add_takes(parser: argparse.ArgumentParser, *, required: bool = False) -> Non
         default=[],
         required=required,
         metavar="CSV",
-        help="file,subject,contains,perhaps for each take; one with neither of the last shows nothing known",
+        help="file,subject,contains,perhaps for each take; a take with neither of the last two shows nothing known",
     )
 
 
@@ -134,8 +151,26 @@ def add_changes(parser: argparse.ArgumentParser) -> None:
 
 
 def add_json(parser: argparse.ArgumentParser) -> None:
-    """Add `--json`, with which a program prints for another program."""
-    parser.add_argument("--json", action="store_true", help="print one JSON object and nothing else")
+    """Add `--json`, for output that another program reads."""
+    parser.add_argument(
+        "--json", action="store_true", help="print JSON and nothing else (.github/docs/json.md says what)"
+    )
+
+
+def add_clips(parser: argparse.ArgumentParser, usual: str) -> None:
+    """Add the arguments for clips; `usual` says which clips are taken when none are given."""
+    parser.add_argument(
+        "folder", nargs="*", type=Path, metavar="FOLDER", help=f"clips, or folders of them (default: {usual})"
+    )
+    add_reading(parser)
+    add_actor_in(parser)
+
+
+def add_map(parser: argparse.ArgumentParser) -> None:
+    """Add the option for labels that the library calls otherwise."""
+    parser.add_argument(
+        "--map", nargs="+", action="extend", type=mapping, default=[], metavar="LABEL=CLASS", help="rename labels"
+    )
 
 
 def add_overwrite(parser: argparse.ArgumentParser) -> None:
@@ -154,7 +189,7 @@ def add_actor_in(parser: argparse.ArgumentParser) -> None:
 
 
 def reading_of(parsed: argparse.Namespace) -> Reading:
-    """Make the reading options of what was typed."""
+    """Make the reading options from the arguments."""
     return Reading(
         asf=parsed.asf,
         frame_rate=parsed.frame_rate,
@@ -167,7 +202,7 @@ def reading_of(parsed: argparse.Namespace) -> Reading:
 
 
 def _raw(path: Path, feed: str | None) -> Sequence[Clip]:
-    from kinespace.tools.feeding.raw_takes import read_raw  # noqa: PLC0415 - only who reads one loads what decodes it
+    from kinespace.tools.feeding.raw_takes import read_raw  # noqa: PLC0415 - decoders are loaded only for a raw recording
     from kinespace.tools.programs.feeds import preset_named  # noqa: PLC0415 - as above
 
     return read_raw(path, preset_named(feed) if feed else None)
@@ -185,8 +220,8 @@ def add_settings(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--sensitivity",
         type=share,
-        help="share of unknown motions that may be answered, as the library can tell (default: 0.1 with the built-in "
-        "library, 0.2 with your own); windows only",
+        help=f"share of unknown motions that may be answered, as the library can tell (default: {SENSITIVITY_LEARNED} "
+        f"with the built-in library, {SENSITIVITY_OWN} with your own); windows only",
     )
     parser.add_argument(
         "--window", type=positive, help="seconds that the paper's window looks back (default 0.5); paper only"
@@ -202,7 +237,7 @@ def add_settings(parser: argparse.ArgumentParser) -> None:
 
 
 def settings_of(parsed: argparse.Namespace) -> Settings:
-    """Make settings of the options; an option that does not belong to the signature is refused."""
+    """Make settings from the arguments; an option that does not belong to the signature is refused."""
     return Settings(
         signature=LiveSignature(parsed.signature),
         window=parsed.window,

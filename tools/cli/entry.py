@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import os
 
-#: A window's matrices are small: threads of the linear algebra would only take the cores from the feed.
+#: A window's matrices are small: threads of the linear algebra would only take cores from the feed.
 _THREADS = ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS")
 
 
 def main() -> int:
     """Run the program; return the exit status.
 
-    Linear algebra keeps to one thread, unless the environment says otherwise. numpy reads the variables when it is
+    Linear algebra uses one thread, unless the environment sets another number. numpy reads these variables when it is
     loaded, so the program sets them here. Importing kinespace sets nothing.
     """
     for name in _THREADS:

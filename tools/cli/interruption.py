@@ -1,4 +1,4 @@
-"""The end of a program that a user or the system asks for: Ctrl-C, SIGTERM, a terminal that was closed."""
+"""A program's end, when the user or the system asks for it: Ctrl-C, SIGTERM, a closed terminal."""
 
 from __future__ import annotations
 
@@ -14,19 +14,19 @@ _asked = False
 
 
 def _signals() -> list[signal.Signals]:
-    """List the signals that end a program; what the parent let us ignore (`nohup`) stays ignored."""
+    """List the signals that end a program; signals that the parent made us ignore (`nohup`) stay ignored."""
     here = [getattr(signal, name) for name in _NAMES if hasattr(signal, name)]
     return [number for number in here if signal.getsignal(number) is not signal.SIG_IGN]
 
 
 def interrupt_on_signals() -> None:
-    """Let every such signal raise KeyboardInterrupt in the main thread, and be remembered."""
+    """Let every such signal raise KeyboardInterrupt in the main thread, and note it."""
     for number in _signals():
         signal.signal(number, _interrupt)
 
 
 def stop_on_signals(stop: Callable[[], None]) -> None:
-    """Let every such signal call `stop` in place of what it did before."""
+    """Let every such signal call `stop` instead of its former action."""
     for number in _signals():
         signal.signal(number, lambda *_: stop())
 
@@ -41,7 +41,7 @@ def check_interrupted() -> None:
     """Raise KeyboardInterrupt if the end was asked for.
 
     Python drops an exception that is raised while an abandoned generator is closed, and a signal may come just then.
-    Loops that have to end therefore ask.
+    Loops that must end therefore ask.
     """
     if _asked:
         raise KeyboardInterrupt

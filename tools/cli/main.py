@@ -1,7 +1,7 @@
-"""The command line: `kinespace PROGRAM`. Finds the program, runs it, and turns its failure into one line.
+"""The command line `kinespace PROGRAM`: finds the program, runs it, and turns its failure into one line.
 
-A program is a module with two functions: `add_arguments(parser)` says which options it takes, `run(options)` does the
-work and gives the exit status. It is imported when it is asked for, and no other is.
+A program is a module with two functions: `add_arguments(parser)` adds its options, and `run(options)` does the work and
+returns the exit status. Only the module of the program that is asked for is imported.
 """
 
 from __future__ import annotations
@@ -30,13 +30,14 @@ PROGRAMS: Programs = {
     "cut": ("programs.cut", "propose labels for a recording: a row for each movement"),
     "build": ("programs.build", "make a motion library from recordings and other libraries"),
     "learn": ("evaluation.learn", "teach a library which movement is unknown, by takes of strangers"),
-    "info": ("programs.info", "say what is in a motion library or in recordings"),
+    "info": ("programs.info", "describe a motion library or recordings"),
     "evaluate": ("", "measure how often the right class is found"),
-    "bench": ("bench.run", "measure what everything costs, beside what a user would take instead"),
-    "keys": ("programs.keys", "make keys, so that ZeroMQ lets in those alone who are known"),
-    "chaos": ("chaos.run", "let everything go wrong that can, and measure what that does to a performer"),
-    "feeds": ("programs.feeds", "list the products whose feeds are understood, and what to set in them"),
-    "listen": ("programs.listen", "show what arrives on a port, guess the feed, say what is missing"),
+    "bench": ("bench.run", "measure the cost of every step, beside other methods"),
+    "keys": ("programs.keys", "make keys, so that ZeroMQ lets in only known keys"),
+    "chaos": ("chaos.run", "attack a recogniser in every way, and measure what that does to a performer"),
+    "feeds": ("programs.feeds", "list the products whose feeds are understood, and their settings"),
+    "listen": ("programs.listen", "show the packets on a port, guess the feed, say what is missing"),
+    "completion": ("programs.completion", "print what completes these commands in a shell"),
 }
 #: The experiments of `kinespace evaluate`.
 EXPERIMENTS: Programs = {
@@ -56,9 +57,9 @@ EXPERIMENTS: Programs = {
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run `kinespace`; give the exit status: 0 done, 1 ended by the user or not answered, 2 could not be done."""
+    """Run `kinespace`; return the exit status: 0 done, 1 ended by the user or not answered, 2 failed."""
     for stream in (sys.stdout, sys.stderr):
-        # A performer's name that this terminal has no characters for must not end a recogniser.
+        # A performer's name with characters that this terminal lacks must not end a recogniser.
         if isinstance(stream, TextIOWrapper):
             stream.reconfigure(errors="replace")
     try:
@@ -70,7 +71,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         return 1
     except BrokenPipeError:
-        # The reader of our output has closed it: say nothing more, at the interpreter's end either.
+        # The reader of our output has closed it: print nothing more, not even at the interpreter's end.
         sys.stderr.close()
         return 1
     except (OSError, ValueError, ImportError, MemoryError) as error:
@@ -97,7 +98,7 @@ def _size(text: str) -> int:
 
 
 class _ProgramParser(argparse.ArgumentParser):
-    """The parser of one program, which imports the program when its arguments are to be parsed.
+    """The parser of one program, which imports the program when its arguments are parsed.
 
     Attributes
     ----------
@@ -109,15 +110,24 @@ class _ProgramParser(argparse.ArgumentParser):
 
     def parse_known_args(self, *arguments: Any, **options: Any) -> Any:  # noqa: ANN401 - argparse's own has four overloads
         """Parse as argparse does, once the program has said which arguments it takes."""
+        self.fill()
+        return super().parse_known_args(*arguments, **options)
+
+    def fill(self) -> None:
+        """Let the program say which arguments it takes."""
         if self.module:
             program = import_module(f"kinespace.tools.{self.module}")
             self.module = ""
             program.add_arguments(self)
             self.set_defaults(run=program.run)
-        return super().parse_known_args(*arguments, **options)
 
 
-def _parser() -> argparse.ArgumentParser:
+def whole_parser() -> argparse.ArgumentParser:
+    """Make the parser with the arguments of all programs, for what completes them in a shell."""
+    return _parser(filled=True)
+
+
+def _parser(*, filled: bool = False) -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="kinespace",
         description="Names the movement a performer is doing, live, from joint positions arriving by OSC or ZeroMQ.",
@@ -130,14 +140,17 @@ def _parser() -> argparse.ArgumentParser:
         help="memory that one file may take when it is read, like 500MB or 4GB (default 1GB)",
     )
     programs = _add_programs(parser, PROGRAMS, title="programs", metavar="PROGRAM")
-    _add_programs(programs["evaluate"], EXPERIMENTS, title="experiments", metavar="EXPERIMENT")
+    experiments = _add_programs(programs["evaluate"], EXPERIMENTS, title="experiments", metavar="EXPERIMENT")
+    if filled:
+        for each in (*programs.values(), *experiments.values()):
+            each.fill()
     return parser
 
 
 def _add_programs(
     parser: argparse.ArgumentParser, programs: Programs, *, title: str, metavar: str
 ) -> dict[str, _ProgramParser]:
-    """Let a parser find programs; give the parser of each."""
+    """Add the programs to a parser; return the parser of each."""
     added = parser.add_subparsers(title=title, metavar=metavar, required=True, parser_class=_ProgramParser)
     parsers = {name: added.add_parser(name, help=told) for name, (_, told) in programs.items()}
     for name, each in parsers.items():

@@ -18,18 +18,19 @@ from kinespace.tools.cli.arguments import (
     add_actor_in,
     add_json,
     add_library,
+    add_map,
     add_reading,
     add_settings,
     add_subjects,
     add_takes,
-    mapping,
+    library_at,
     positive,
     reading_of,
     settings_of,
 )
 from kinespace.tools.evaluation.faults import FAULTS, Feed
-from kinespace.tools.evaluation.protocols import Protocol, folds_of
-from kinespace.tools.evaluation.stream_tables import percent
+from kinespace.tools.evaluation.scoring.protocols import Protocol, folds_of
+from kinespace.tools.evaluation.scoring.stream_tables import percent
 from kinespace.tools.evaluation.takes import Sources, Take, read_takes
 from kinespace.tools.terminal.console import console, progress
 from kinespace.tools.terminal.tables import narrow_table
@@ -39,31 +40,31 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from kinespace.stream.recognition import Recognition
-    from kinespace.tools.evaluation.protocols import Fold
+    from kinespace.tools.evaluation.scoring.protocols import Fold
 
-#: Seconds that an answer's segment must have lasted for the answer to count.
+#: Seconds for which an answer's segment must have lasted for the answer to count.
 _INSIDE = 1.0
 
 
 @dataclass(frozen=True, slots=True)
 class FaultScore:
-    """How takes with one fault were answered. Shares are 0 to 1; None where there is nothing to take a share of.
+    """How right the answers to takes with one fault were. Shares are 0 to 1; None where there is none.
 
     Attributes
     ----------
     fault
-        What went wrong with the joints.
+        The fault of the joints.
     answers
-        How many answers were given to motions that the library knows, the last second inside the segment.
+        The number of answers to motions that the library knows, with the last second inside the segment.
     right, guessed, wrong, implausible
-        Share of these that name the class performed, whose best guess it is, that name another class, and that are
-        `Outcome.IMPLAUSIBLE`.
+        The shares of these answers that name the class performed, that have it as best guess, that name another class,
+        and that are `Outcome.IMPLAUSIBLE`.
     unknown_named
-        Share of the answers to motions that the library does not know, the last second inside, that name a class.
+        Share of the answers to motions that the library does not know, last second inside, that name a class.
     noticed_s
-        Seconds until anything was noticed, the slowest take's; None when nothing was in some take.
+        Seconds until a fault was noticed, in the slowest take; None when none was noticed in some take.
     alarmed, seconds
-        In how many of the takes' seconds anything was noticed or done without, and how many seconds there are.
+        The number of seconds in which a fault was noticed or joints were left out, and the number of all seconds.
     segments, persons
         What the shares rest on.
     """
@@ -84,7 +85,7 @@ class FaultScore:
 
 @dataclass(slots=True)
 class _Counts:
-    """What was counted in one take."""
+    """The counts of one take."""
 
     answers: int = 0
     right: int = 0
@@ -99,7 +100,7 @@ class _Counts:
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Say which options the program takes."""
+    """Add the program's options."""
     parser.description = (
         "Plays takes into the live recogniser with joints frozen, lost, exchanged or out of order, and bodies that "
         "jump between two postures; counts answers with the last second inside the segment, and seconds of alarm."
@@ -113,9 +114,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--protocol", choices=[str(protocol) for protocol in Protocol], default=str(Protocol.LIBRARY), help="as stream"
     )
-    parser.add_argument(
-        "--map", nargs="+", action="extend", type=mapping, default=[], metavar="LABEL=CLASS", help="rename labels"
-    )
+    add_map(parser)
     parser.add_argument(
         "--fault", nargs="+", action="extend", choices=list(FAULTS), default=[], help="only these (default: all)"
     )
@@ -126,7 +125,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Run the program as its options say; the exit status."""
+    """Run the program with these options; return the exit status."""
     sources = Sources(
         options.takes,
         tables=options.tables,
@@ -137,7 +136,7 @@ def run(options: argparse.Namespace) -> int:
     if not sources:
         raise ValueError("TAKE, --takes: expected takes, got none")
     takes = read_takes(sources, reading_of(options))
-    known = MotionLibrary.load(options.library) if options.library else None
+    known = library_at(options.library) if options.library else None
     folds = folds_of(takes, Protocol(options.protocol), lambda: known or MotionLibrary.builtin())
     asked = [(fault, fold, take) for fault in options.fault or FAULTS for fold in folds for take in fold.takes]
     counted: dict[str, list[tuple[Take, _Counts]]] = {}

@@ -1,50 +1,48 @@
-"""`kinespace evaluate noise`: motions as a sensor with noise sees them, through the recogniser that runs live."""
+"""`kinespace evaluate noise`: motions as a noisy sensor sees them, through the recogniser that runs live."""
 
 from __future__ import annotations
 
 import json
 import math
 from dataclasses import asdict, dataclass, replace
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kinespace.library import MotionLibrary, find_recordings
-from kinespace.library.recordings import labelled
+from kinespace.library import MotionLibrary
 from kinespace.stream.frame import Frame
 from kinespace.stream.recognizer import Recognizer, Settings
 from kinespace.tools.cli.arguments import (
-    add_actor_in,
+    add_clips,
     add_json,
-    add_reading,
     add_settings,
     count,
     not_negative,
     reading_of,
     settings_of,
 )
-from kinespace.tools.evaluation.bootstrap import Interval, Ratio
-from kinespace.tools.evaluation.stream_tables import interval, percent
+from kinespace.tools.evaluation.scoring.bootstrap import Interval, Ratio
+from kinespace.tools.evaluation.scoring.stream_tables import interval, percent
 from kinespace.tools.feeding.joint_sets import joints_of
 from kinespace.tools.terminal.console import console, progress
-from kinespace.tools.terminal.named_joints import read_and_tell
+from kinespace.tools.terminal.named_joints import read_labelled
 from kinespace.tools.terminal.tables import narrow_table
 
 if TYPE_CHECKING:
     import argparse
     from collections.abc import Sequence
+    from pathlib import Path
 
     from kinespace.library import Clip, Reading
     from kinespace.stream.recognition import Recognition
 
-#: Frames per second of the sensors that have such noise.
+#: Frames per second of noisy sensors.
 FRAME_RATE = 30.0
 
 
 @dataclass(frozen=True, slots=True)
 class Heard:
-    """What was answered to one motion: how many answers, in how many the class named and the best guess were right."""
+    """The answers to one motion: their number, and in how many the class named and the best guess were right."""
 
     person: str
     seconds: float
@@ -57,18 +55,18 @@ class Heard:
 
 @dataclass(frozen=True, slots=True)
 class NoiseScore:
-    """How right the answers were under one noise. Shares are 0 to 1; an answer without a class is not right.
+    """How right the answers under one noise were. Shares are 0 to 1; an answer without a class is not right.
 
     Attributes
     ----------
     noise_mm
         Standard deviation of each coordinate, millimetres.
     answers_right, answers_guessed
-        Share of all answers that name the class performed, and whose best guess it is, named or not.
+        The shares of all answers that name the class performed, and that have it as best guess, named or not.
     clips_right, clips_guessed
-        Share of the motions whose last answer does; a motion without an answer counts as wrong.
+        The same shares of the motions' last answers; a motion without an answer counts as wrong.
     seconds, clips, persons
-        What the figures rest on; persons None where nobody has said who they are.
+        What the figures rest on; persons None when they are not known.
     intervals
         Ends of the 95 % interval of each share, by its name: bootstrap over motions.
     """
@@ -88,17 +86,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the program's options."""
     parser.description = (
         "Plays motions at 30 frames per second with white noise on every coordinate into the live recogniser. Motions "
-        "are left out of the library in groups, so that none is named by itself."
+        "are left out of the library in groups, so that no motion is named by itself."
     )
-    parser.add_argument(
-        "folder",
-        nargs="*",
-        type=Path,
-        metavar="FOLDER",
-        help="clips, or folders of them (default: the built-in library's motions)",
-    )
-    add_reading(parser)
-    add_actor_in(parser)
+    add_clips(parser, "the built-in library's motions")
     parser.add_argument(
         "--noise",
         nargs="+",
@@ -146,17 +136,17 @@ def evaluate(
     places
         Clips, or folders of them; the built-in library's motions when there are none.
     reading
-        How they are read.
+        How to read them.
     noises
         Standard deviations of each coordinate, millimetres.
     groups
-        In how many groups motions are left out of the library that names them.
+        The number of groups; each group is left out of the library that names its motions.
     seed
-        Of the noise.
+        The seed of the noise.
     skeleton
-        Name of a joint set that motions are restricted to; as recorded when not given.
+        Name of a joint set to which motions are restricted; all joints when not given.
     settings
-        Of the recogniser.
+        The recogniser's settings.
     as_json
         Print one JSON object and nothing else.
     """
@@ -182,15 +172,11 @@ def evaluate(
 def _library(places: Sequence[Path], reading: Reading) -> MotionLibrary:
     if not places:
         return MotionLibrary.builtin()
-    paths = find_recordings(places)
-    read = read_and_tell(paths, reading)
-    return MotionLibrary.of_clips(
-        [labelled(clip, path, reading.actor_in) for clip, path in zip(read, paths, strict=True)]
-    )
+    return MotionLibrary.of_clips(read_labelled(places, reading))
 
 
 def _groups(library: MotionLibrary, groups: int) -> list[range]:
-    """Deal motions out, which are sorted by class and person: each group has some of every class."""
+    """Distribute motions, which are sorted by class and person, so that each group has some of every class."""
     if not 2 <= groups <= len(library):
         raise ValueError(f"--groups: expected 2 to {len(library)}, the motions there are, got {groups}")
     return [range(first, len(library), groups) for first in range(groups)]
@@ -230,7 +216,7 @@ def _guess(answer: Recognition) -> str | None:
 
 
 def scored(noise: float, heard: Sequence[Heard]) -> NoiseScore:
-    """Score what was answered under one noise, in millimetres."""
+    """Score the answers under one noise, in millimetres."""
     answers, one = [each.answers for each in heard], [1] * len(heard)
     shares = {
         "answers_right": Ratio([each.named for each in heard], answers),

@@ -1,4 +1,4 @@
-"""`kinespace evaluate progress`: how right phase, speed and amplitude are, with the performer's motions left out."""
+"""`kinespace evaluate progress`: errors of phase, speed and amplitude, with the performer's motions left out."""
 
 from __future__ import annotations
 
@@ -31,42 +31,43 @@ if TYPE_CHECKING:
     from kinespace.library.windows.index import WindowIndex
     from kinespace.stream.recognition import Recognition
 
-    #: Of each step of a played motion: the phase and the speed, NaN where nothing was told.
+    #: At each step of a played motion the phase and the speed, NaN where there was no answer.
     Told = tuple[NDArray[np.float64], NDArray[np.float64]]
 
-#: Seconds from a motion's start that are not scored: nobody can tell yet.
+#: Seconds from a motion's start that are not scored: no method can tell the phase yet.
 _UNSCORED = 0.3
 #: The speed curve: 2 to the power of a sine of this period, seconds, so from half to twice the speed.
 _PERIOD = 3.0
 #: Factors by which deviations from the mean posture are scaled.
 SIZES = (0.6, 0.8, 1.25, 1.6)
-#: An amplitude is read this long after the start, or at the end of a shorter motion; shorter ones are passed over.
+#: An amplitude is read this long after the start, or at the end of a shorter motion; shorter motions are left out.
 _READ_AFTER, _SHORTEST = 1.5, 1.0
-#: A phase this near is right; a phase that falls by more goes back.
+#: A phase with a smaller error is right; a phase that falls by more goes back.
 _NEAR, _FALLS = 0.1, 0.02
 
 
 @dataclass(frozen=True, slots=True)
 class ProgressScore:
-    """How right one way of telling the phase was, under one way of playing.
+    """The errors of one method, in one way of playing.
 
     Attributes
     ----------
     played
         `as recorded`, or `warped`: at a speed that swings between half and twice.
     method
-        What told the phase: a clock that runs from the true start or from the recogniser's first right answer for as
-        long as the class's mean motion lasts, online time warping, or the filter; told the class, or as it is named.
+        The method: a clock that runs from the true start or from the recogniser's first right answer for as long as the
+        class's mean motion lasts; online time warping; or the filter, given the class, or with the class as it is
+        named.
     phase_mean, phase_median
         Absolute error of the phase.
     phase_near
         Share of the steps whose phase is within 0.1.
     speed_octaves
-        Median absolute error of the speed, octaves; None where the method tells none.
+        Median absolute error of the speed, octaves; None for a method without speeds.
     back
         Share of the steps whose phase is lower by more than 0.02 than a step before.
     answered
-        Share of the steps at which a phase was told at all.
+        Share of the steps with a phase.
     steps, motions, persons
         What the figures rest on.
     """
@@ -86,7 +87,7 @@ class ProgressScore:
 
 @dataclass(frozen=True, slots=True)
 class _Played:
-    """One motion as it is played: a body at every step, and the truth."""
+    """One motion as it is played: a body at every step, and its true phase and speed."""
 
     clip: Clip
     positions: NDArray[np.float64]
@@ -95,7 +96,7 @@ class _Played:
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Say which options the program takes."""
+    """Add the program's options."""
     parser.description = (
         "Plays the built-in library's motions, as recorded and at speeds that swing between half and twice, and "
         "follows each by the motions of the other actors. The true phase of a motion is the median of its time "
@@ -106,7 +107,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Run the program as its options say; the exit status."""
+    """Run the program with these options; return the exit status."""
     library = MotionLibrary.builtin()
     scores, amplitude = evaluated(library, every=options.every)
     if options.json:
@@ -126,7 +127,7 @@ def evaluated(library: MotionLibrary, *, every: int = 1) -> tuple[list[ProgressS
 
     Returns
     -------
-    The scores, and the median relative error of known amplitudes with how many these are.
+    The scores, and the median relative error of known amplitudes with the number of amplitudes.
     """
     truth = _true_phases(library)
     heard: dict[tuple[str, str], list[tuple[_Played, Told]]] = {}
@@ -182,7 +183,7 @@ def _played(clip: Clip, phases: NDArray[np.float64], mean_seconds: float, *, war
 
 
 def _told(played: _Played, index: WindowIndex, table: PhaseTable) -> dict[str, Told]:
-    """Let every method tell phase and speed at every step."""
+    """Get phase and speed of every method at every step."""
     count, class_name = len(played.positions), played.clip.class_name
     moments = table.classes[class_name]
     answers = _recognized(played, index)
@@ -226,13 +227,13 @@ def _points(positions: NDArray[np.float64], index: WindowIndex) -> NDArray[np.fl
 
 
 def _warped_online(points: NDArray[np.float64], moments: Moments, table: PhaseTable) -> NDArray[np.float64]:
-    """Warp onto every recording at once, with an open begin; the phase where the cheapest path is now (Dixon 2005)."""
+    """Warp onto every recording at once, with an open begin; give the phase of the cheapest path's end (Dixon 2005)."""
     starts = np.zeros(len(moments.phases), dtype=bool)
     starts[moments.starts] = True
     total, phases = np.zeros(len(moments.phases)), []
     for place, point in enumerate(points):
         live = moving_point(points[max(0, place - round(2 / MOMENTS_PER_SECOND / STEP))], point) @ table.whitening
-        cost = np.sqrt(((moments.vectors - live) ** 2).sum(axis=1))
+        cost = np.sqrt(((moments.vectors - live[:, None]) ** 2).sum(axis=0))
         before = np.where(starts, np.inf, np.roll(total, 1))
         total = np.minimum(total, before) + cost if place else cost
         phases.append(moments.phases[total.argmin()])
@@ -240,7 +241,7 @@ def _warped_online(points: NDArray[np.float64], moments: Moments, table: PhaseTa
 
 
 def _size_errors(clip: Clip, index: WindowIndex, table: PhaseTable) -> list[float]:
-    """Scale a motion's deviations from its mean posture, and compare the amplitudes told with the known factors."""
+    """Scale a motion's deviations from its mean posture, and compare the amplitudes with the known factors."""
     if clip.duration < _SHORTEST:
         return []
 
@@ -261,7 +262,7 @@ def _size_errors(clip: Clip, index: WindowIndex, table: PhaseTable) -> list[floa
 
 
 def _score(kind: str, method: str, results: Sequence[tuple[_Played, Told]]) -> ProgressScore:
-    """Compare what one method told with the truth, from `_UNSCORED` seconds on."""
+    """Compare one method's phases and speeds with the true ones, from `_UNSCORED` seconds on."""
     first = round(_UNSCORED / STEP)
     errors = np.concatenate([(told[0] - played.phases)[first:] for played, told in results])
     rising = np.concatenate([np.diff(told[0])[first:] for _, told in results])

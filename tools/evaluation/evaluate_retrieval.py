@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from rich.table import Table
 
-from kinespace.library import Clip, MotionLibrary, find_recordings
-from kinespace.library.recordings import labelled
+from kinespace.library import Clip, MotionLibrary
 from kinespace.library.retrieval.experiment import (
     SPLIT_LIBRARY_ACTORS,
     Labels,
@@ -28,12 +27,12 @@ from kinespace.library.retrieval.experiment import (
     splits,
     turned,
 )
-from kinespace.tools.cli.arguments import add_actor_in, add_reading, reading_of
-from kinespace.tools.evaluation.bootstrap import Ratio
-from kinespace.tools.evaluation.stream_tables import interval, percent
+from kinespace.tools.cli.arguments import add_clips, reading_of
+from kinespace.tools.evaluation.scoring.bootstrap import Ratio
+from kinespace.tools.evaluation.scoring.stream_tables import interval, percent
 from kinespace.tools.feeding.joint_sets import joints_of
 from kinespace.tools.terminal.console import console, progress
-from kinespace.tools.terminal.named_joints import read_and_tell
+from kinespace.tools.terminal.named_joints import read_labelled
 from kinespace.tools.terminal.output_path import require_place_for
 from kinespace.tools.terminal.tables import add_names, csv_text, narrow_table
 
@@ -44,14 +43,14 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from kinespace.library import Reading
-    from kinespace.tools.evaluation.bootstrap import Interval
+    from kinespace.tools.evaluation.scoring.bootstrap import Interval
 
-#: Characters that the figures beside the names of sets of joints need.
+#: Characters of the columns beside the names of joint sets.
 _BESIDE_SKELETONS = 50
 
 
 class _Way(NamedTuple):
-    """By what of which numbers motions are compared."""
+    """The space and the signature by which motions are compared."""
 
     space: Space
     signature: SignatureKind
@@ -59,14 +58,14 @@ class _Way(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Splits:
-    """What came out of all ways to make a library of three of five actors.
+    """The result of all libraries of three of five actors.
 
     Attributes
     ----------
     mean, worst
         Share of motions whose nearest neighbour is of their class.
     worst_library
-        The three actors of the worst.
+        The three actors of the worst library.
     """
 
     mean: float
@@ -75,7 +74,7 @@ class Splits:
 
 
 class _Outcome(NamedTuple):
-    """What came out one way: of each protocol, and of all splits where there are five actors."""
+    """The result in one space by one signature: of each protocol, and of all splits where there are five actors."""
 
     retrievals: dict[Protocol, Retrieval]
     splits: Splits | None
@@ -87,15 +86,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "For every motion, counts whether its nearest other motion is of its class, and whether one of the two nearest "
         "is, in the spaces of joint distances, joint positions and joint rotations."
     )
-    parser.add_argument(
-        "folder",
-        nargs="*",
-        type=Path,
-        metavar="FOLDER",
-        help="recordings, or folders of them (default: the built-in library's motions, which have no rotations)",
-    )
-    add_reading(parser)
-    add_actor_in(parser)
+    add_clips(parser, "the built-in library's motions, which have no rotations")
     parser.add_argument("--space", choices=("distances", "positions", "rotations"), help="default: all")
     parser.add_argument("--signature", choices=("eigenvector", "spread"), help="default: both, for distances")
     parser.add_argument("--protocol", choices=("leave-one-out", "actor-held-out", "split"), help="default: all")
@@ -104,9 +95,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         nargs="+",
         default=[],
         metavar="NAME",
-        help="what these products' joints keep of it, like kinectv2",
+        help="also with the joints of these products alone, like kinectv2",
     )
-    parser.add_argument("--turned", action="store_true", help="first turn and shift every clip by chance")
+    parser.add_argument("--turned", action="store_true", help="first turn and shift every clip at random")
     parser.add_argument("--seed", type=int, default=0, help="of --turned (default %(default)s)")
     parser.add_argument(
         "--picture",
@@ -154,16 +145,16 @@ def evaluate(
     ----------
     places
         Recordings, or folders of them; the built-in library's motions when there are none.
-    reading
+    How to read them.
         How they are read.
     space, signature, protocol
-        One of each, or None for all that the motions allow.
+        One of each, or None for all that the motions have.
     skeletons
-        Names of joint sets to restrict the clips to, each for itself; as recorded when there is none.
+        Names of joint sets to restrict the clips to, one after the other; all joints when empty.
     turned_by
-        Seed with which clips are first turned and shifted; None to take them as recorded.
+        Seed for turning and shifting clips; None to leave them as recorded.
     picture
-        Where to draw the confusion matrix of each space; their numbers go beside it, ending in `.csv`.
+        The file for a picture of each space's confusion matrix; the numbers go beside it, ending in `.csv`.
     as_json
         Print one JSON object, for one space and protocol.
     """
@@ -194,7 +185,7 @@ def evaluate(
 def _run_by_skeleton(
     clips: Sequence[Clip], skeletons: Sequence[str], protocols: Sequence[Protocol], *, as_json: bool
 ) -> int:
-    """Say what each set of joints keeps of the distances' figures, by both signatures."""
+    """Print the figures of the distances with each set of joints, by both signatures."""
     ways = [_Way(Space.DISTANCES, signature) for signature in SignatureKind]
     found = dict[str, tuple[list[Clip], dict[_Way, _Outcome]]]()
     for name in progress(skeletons, "Comparing", len(skeletons)):
@@ -229,9 +220,7 @@ def _clips(places: Sequence[Path], reading: Reading, turned_by: int | None) -> l
 
 
 def _recorded(places: Sequence[Path], reading: Reading) -> list[Clip]:
-    paths = find_recordings(places)
-    read = read_and_tell(paths, reading)
-    clips = [labelled(clip, path, reading.actor_in) for clip, path in zip(read, paths, strict=True)]
+    clips = read_labelled(places, reading)
     short = [clip.name for clip in clips if clip.frames < 2]
     if short:
         raise ValueError(f"{short[0]}: expected a motion of at least 2 frames, got one")
@@ -239,7 +228,7 @@ def _recorded(places: Sequence[Path], reading: Reading) -> list[Clip]:
 
 
 def _protocols(clips: Sequence[Clip]) -> list[Protocol]:
-    """List the protocols for which enough is known of who performs."""
+    """List the protocols that the known actors allow."""
     actors = {clip.actor for clip in clips}
     protocols = [Protocol.LEAVE_ONE_OUT]
     if len(actors) > 1 and "" not in actors:
@@ -258,7 +247,7 @@ def _require_actors(clips: Sequence[Clip], protocols: Sequence[Protocol]) -> Non
 
 
 def _spaces(clips: Sequence[Clip]) -> list[Space]:
-    """List the spaces that the motions have numbers in."""
+    """List the spaces for which the motions have numbers."""
     rotating = all(clip.rotations.size for clip in clips)
     return [space for space in Space if rotating or space is not Space.ROTATIONS]
 
@@ -319,7 +308,7 @@ def _as_json(clips: Sequence[Clip], way: _Way, outcome: _Outcome) -> dict[str, o
 def _print_table(clips: Sequence[Clip], outcomes: Mapping[_Way, _Outcome], turned_by: int | None) -> None:
     title = "Of how many motions is the nearest neighbour of their class?"
     if turned_by is not None:
-        title += " Every clip turned and shifted by chance."
+        title += " Every clip turned and shifted at random."
     persons = {clip.actor for clip in clips} - {""}
     told = f"{sum(clip.duration for clip in clips):.0f} s, {len(persons) or 'no'} persons told; 95 %: by motions"
     table = narrow_table(title, told)
@@ -348,7 +337,7 @@ def _require_place_for_confusions(picture: Path) -> None:
 
 
 def _write_confusions(picture: Path, clips: Sequence[Clip], protocol: Protocol) -> None:
-    """Draw and write the confusions of the paper's spaces, whatever else is asked for."""
+    """Draw and write the confusion matrices of the paper's spaces, whatever else is asked for."""
     from kinespace.tools.terminal import pictures  # noqa: PLC0415 - matplotlib is an extra, and slow to load
 
     labels = Labels.of_clips(clips)

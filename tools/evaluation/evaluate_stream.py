@@ -1,4 +1,4 @@
-"""`kinespace evaluate stream`: takes replayed through the recogniser that runs live, and how right it was."""
+"""`kinespace evaluate stream`: replays takes through the recogniser that runs live, and scores its answers."""
 
 from __future__ import annotations
 
@@ -20,19 +20,20 @@ from kinespace.tools.cli.arguments import (
     add_json,
     add_labels,
     add_library,
+    add_map,
     add_reading,
     add_settings,
     add_subjects,
     add_takes,
-    mapping,
+    library_at,
     reading_of,
     settings_of,
 )
-from kinespace.tools.evaluation.protocols import Fold, Protocol, folds_of
-from kinespace.tools.evaluation.stream_score import LOWER_IS_BETTER, StreamScore, score_courses
-from kinespace.tools.evaluation.stream_tables import print_persons, print_score
+from kinespace.tools.evaluation.scoring.protocols import Fold, Protocol, folds_of
+from kinespace.tools.evaluation.scoring.stream_score import LOWER_IS_BETTER, StreamScore, score_courses
+from kinespace.tools.evaluation.scoring.stream_tables import print_persons, print_score
+from kinespace.tools.evaluation.scoring.timeline import Course, confusion, course_of
 from kinespace.tools.evaluation.takes import Sources, Take, read_takes, takes_of
-from kinespace.tools.evaluation.timeline import Course, confusion, course_of
 from kinespace.tools.feeding.joint_sets import joints_of
 from kinespace.tools.terminal.console import progress
 
@@ -43,13 +44,13 @@ if TYPE_CHECKING:
     from kinespace.library import Clip, Reading
     from kinespace.library.formats.labels import Segment
 
-#: Seconds that must lie in a segment for a moment to count as inside it, whatever the recogniser looks at.
+#: Seconds before a moment that must lie in a segment for the moment to count as inside it.
 _INSIDE = 1.0
 
 
 @dataclass(frozen=True, slots=True)
 class Pictures:
-    """Where to draw answers over time, and what was answered to what; nowhere when not given."""
+    """Files for pictures of the answers over time, and of labels against answers; None for no picture."""
 
     timeline: Path | None = None
     confusion: Path | None = None
@@ -63,7 +64,7 @@ class Pictures:
                 pictures.require_place_for_picture(picture)
 
     def draw(self, courses: Sequence[Course], classes: Sequence[str]) -> None:
-        """Draw what was asked for."""
+        """Draw the pictures that were asked for."""
         if not (self.timeline or self.confusion):
             return
         from kinespace.tools.terminal import pictures  # noqa: PLC0415 - matplotlib is an extra, and slow to load
@@ -100,7 +101,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--clips", action="store_true", help="a recording without labels is one motion, of its folder")
     add_reading(parser)
     add_actor_in(parser)
-    add_labels(parser, "for each TAKE, in order (default: beside the take, ending in .csv)")
+    add_labels(parser, "for each TAKE, in order (default: beside the take, called like it)")
     add_library(parser)
     parser.add_argument(
         "--protocol",
@@ -110,9 +111,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "with what is cut from one person's, for each person in turn",
     )
     add_subjects(parser)
-    parser.add_argument(
-        "--map", nargs="+", action="extend", type=mapping, default=[], metavar="LABEL=CLASS", help="rename labels"
-    )
+    add_map(parser)
     parser.add_argument("--skeleton", metavar="NAME", help="with the joints of this product alone, like kinectv2")
     add_settings(parser)
     parser.add_argument(
@@ -160,22 +159,22 @@ def evaluate(
     drawn: Pictures,
     as_json: bool,
 ) -> int:
-    """Replay takes, score the answers, and print or draw what came out.
+    """Replay takes, score the answers, and print or draw the results.
 
     Parameters
     ----------
     sources
         The takes; with none the motions of the library.
     reading
-        How they are read.
+        How to read them.
     library
-        To recognise with, where the protocol makes none of the takes; the built-in one when not given.
+        The library to recognise with, if the protocol makes none from the takes; by default the built-in one.
     protocol
         Which library recognises which take.
     settings
-        Of the recogniser.
+        The recogniser's settings.
     without
-        Parts of the signature that are left out, to see what they are worth.
+        Parts of the signature that are left out, to measure what they are worth.
     drawn
         The pictures.
     as_json
@@ -212,25 +211,25 @@ def evaluate(
 def replay(
     take: Clip, segments: Sequence[Segment], *, library: MotionLibrary, classes: Sequence[str], settings: Settings
 ) -> Course:
-    """Push a take through the recogniser, frame by frame, and lay its answers beside the labels.
+    """Push a take through the recogniser, frame by frame, and put its answers beside the labels.
 
     Parameters
     ----------
     take
-        Recorded with the library's joints, in whatever order.
+        A recording of the library's joints, in any order.
     segments
-        What is performed when.
+        The segments performed.
     library, settings
-        Of the recogniser.
+        The recogniser's library and settings.
     classes
-        All classes of an evaluation, the library's among them: what indices count in.
+        All classes of an evaluation, including the library's; indices count in them.
     """
     return _course(Take(take, tuple(segments)), library, classes, settings)
 
 
 @lru_cache(maxsize=2)
 def _compared(library: MotionLibrary, without: Kind | None) -> MotionLibrary | WindowIndex:
-    """Give the library, or its windows as compared without some parts."""
+    """Give the library, or its windows without some parts."""
     return WindowIndex.of(library, weighing=usual_weighing(library).without(without)) if without else library
 
 
@@ -256,12 +255,12 @@ def _course(take: Take, compared: MotionLibrary | WindowIndex, classes: Sequence
 
 
 def _library(path: Path | None, skeleton: str | None) -> MotionLibrary:
-    whole = MotionLibrary.load(path) if path else MotionLibrary.builtin()
+    whole = library_at(path)
     return whole.restricted_to(joints_of(skeleton)) if skeleton else whole
 
 
 def _motions(library: Path | None, sources: Sources, protocol: Protocol) -> list[Take]:
-    """Take the library's own motions, where they do not recognise themselves."""
+    """Take the library's own motions, if the protocol leaves each out of the library that recognises it."""
     if protocol is Protocol.LIBRARY:
         raise ValueError("TAKE, --takes, --unknown: expected takes with --protocol library, got none")
     whole = _library(library, sources.skeleton)
@@ -269,7 +268,7 @@ def _motions(library: Path | None, sources: Sources, protocol: Protocol) -> list
 
 
 def _require_classes(takes: Sequence[Take], sources: Sources, classes: Sequence[str]) -> None:
-    """Refuse names that are no class: nobody would see that nothing is known."""
+    """Refuse names that are no class, because nobody would notice that no motion is known."""
     for class_name in sources.names.values():
         if class_name not in classes:
             raise ValueError(f"--map: expected one of {', '.join(classes)}, got {class_name!r}")
@@ -282,7 +281,7 @@ def _require_classes(takes: Sequence[Take], sources: Sources, classes: Sequence[
 
 
 def _by_person(folds: Sequence[Fold], courses: Sequence[Course], classes: Sequence[str]) -> dict[str, StreamScore]:
-    """Score the takes of each person's fold alone, where folds are persons'."""
+    """Score the takes of each person's fold separately, if folds are persons'."""
     return {
         person: score_courses(
             [course for fold, course in zip(folds, courses, strict=True) if fold.person == person], classes, _INSIDE

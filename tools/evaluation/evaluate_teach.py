@@ -1,4 +1,4 @@
-"""`kinespace evaluate teach`: a person teaches by few examples; their other motions, and other people's, are asked."""
+"""`kinespace evaluate teach`: a person teaches by few examples; other motions of the same and of other persons ask."""
 
 from __future__ import annotations
 
@@ -13,9 +13,6 @@ import numpy as np
 
 from kinespace.library import MotionLibrary
 from kinespace.library.windows.index import WindowIndex, teacher_of
-from kinespace.stream.frame import Frame
-from kinespace.stream.recognition import EventKind
-from kinespace.stream.recognizer import Recognizer
 from kinespace.tools.cli.arguments import (
     add_actor_in,
     add_json,
@@ -26,7 +23,8 @@ from kinespace.tools.cli.arguments import (
     settings_of,
 )
 from kinespace.tools.cli.arguments import count as above_zero
-from kinespace.tools.evaluation.bootstrap import Percentile, Ratio
+from kinespace.tools.evaluation.scoring.bootstrap import Percentile, Ratio
+from kinespace.tools.evaluation.scoring.hearing import heard, starts_heard, starts_of
 from kinespace.tools.evaluation.takes import Sources, read_takes, takes_of
 from kinespace.tools.terminal.console import console, progress
 from kinespace.tools.terminal.tables import narrow_table
@@ -36,26 +34,28 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from kinespace.library import Clip, Reading
+    from kinespace.stream.recognition import Event
     from kinespace.stream.recognizer import Settings
+    from kinespace.tools.evaluation.scoring.hearing import Hop
 
-#: Motions of a class that are asked in one draw, at most: of the same person, and of all others.
+#: Motions of a class that ask in one draw, at most: of the same person, and of all other persons.
 _ASKED_OWN, _ASKED_OTHERS = 4, 2
-#: Seconds between two windows of a motion that is taught.
+#: Seconds between two windows of a taught motion.
 _EVERY = 0.1
 
 
 @dataclass(frozen=True, slots=True)
 class Asked:
-    """What came of one motion that was asked.
+    """The result of one motion that asked.
 
     Attributes
     ----------
     seconds
-        How long it lasts.
+        Its length in seconds.
     first
         Class of the first start event; empty when there was none.
     right
-        Whether that is the class performed.
+        Whether this is the class performed.
     delay
         Seconds from the motion's first frame to the first start event; NaN when there was none.
     false_starts
@@ -71,27 +71,27 @@ class Asked:
 
 @dataclass(frozen=True, slots=True)
 class TeachScore:
-    """Figures for each number of examples, in the order of `examples`; None where nothing could be asked.
+    """Figures for each number of examples, in the order of `examples`; None where no motion could ask.
 
     Attributes
     ----------
     examples
-        Examples of each class that were taught.
+        The numbers of examples of each class that were taught.
     same_first_right, other_first_right
         Share of the motions whose first start event names the class performed, of the person who taught and of others.
-        A motion without a start event is not right.
+        A motion without a start event counts as wrong.
     same_started, other_started
         Share of the motions that had a start event.
     same_first_right_of_started, other_first_right_of_started
-        Share of those that had one, whose first is right.
+        Share of the motions with a start event whose first start event is right.
     delay_s, other_delay_s
-        Seconds from a motion's first frame to its first start event, where that is right, median.
+        Seconds from a motion's first frame to its first start event, if that is right, median.
     false_per_minute, other_false_per_minute
         Start events of other classes than the one performed, per minute.
     same_asked, other_asked
-        How many motions were asked, over all draws; the same motion may be asked in several.
+        The number of motions that asked, over all draws; a motion may ask in several draws.
     persons, draws
-        Who taught, and how often each.
+        The number of persons who taught, and of draws for each person.
     """
 
     examples: list[int]
@@ -111,7 +111,7 @@ class TeachScore:
     draws: int = 0
 
     def add(self, same: Sequence[Asked], other: Sequence[Asked]) -> None:
-        """Score what was asked with the next number of examples."""
+        """Score the motions that asked with the next number of examples."""
         for whose, asked in (("same", same), ("other", other)):
             prefix = "" if whose == "same" else "other_"
             right, one = [each.right for each in asked], [1.0] * len(asked)
@@ -132,16 +132,16 @@ class TeachScore:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Person:
-    """One person's motions, as one library whose windows are measured once; each draw opens some of them.
+    """One person's motions as one library, whose windows are computed once; each draw opens some of them.
 
     Attributes
     ----------
     index
-        The windows of all that the person may teach.
+        The windows of all motions that the person may teach.
     takes
-        Name of the recording that each of the library's motions was cut from.
+        For each of the library's motions the name of the recording that it was cut from.
     beside
-        Indices of the library's motions that are taught by nobody: the built-in ones.
+        Indices of the library's motions that nobody teaches: the built-in ones.
     """
 
     index: WindowIndex
@@ -162,7 +162,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="TAKE",
         help="labelled takes, clips named as HDM05's, or folders of them (default: the built-in library's motions)",
     )
-    add_labels(parser, "for each TAKE, in order (default: beside the take, ending in .csv)")
+    add_labels(parser, "for each TAKE, in order (default: beside the take, called like it)")
     parser.add_argument("--clips", action="store_true", help="a recording without labels is one motion, of its folder")
     add_reading(parser)
     add_actor_in(parser)
@@ -206,27 +206,27 @@ def evaluate(
     settings: Settings,
     as_json: bool,
 ) -> int:
-    """Draw examples, teach them, ask what was not taught, and print how right the first start events were.
+    """Draw examples, teach them, let other motions ask, and print how right the first start events were.
 
     Parameters
     ----------
     sources
         Labelled takes or clips; with none the built-in library's motions.
     reading
-        How they are read.
+        How to read them.
     person
-        Who performs in takes that do not say so.
+        The person who performs in takes that name none.
     examples
-        How many of each class are taught.
+        The numbers of examples of each class.
     draws
-        How often examples are drawn for each person.
+        How many times examples are drawn for each person.
     seed
-        Of the draws.
+        The seed of the draws.
     beside
         Teach beside the built-in library instead of alone. The person who teaches is left out of it, and the taught
-        classes are called `my ...`: they must win over the built-in ones, even over those of the same motion.
+        classes are called `my ...`: they must win over the built-in classes, even over those of the same motion.
     settings
-        Of the recogniser.
+        The recogniser's settings.
     as_json
         Print one JSON object and nothing else.
     """
@@ -246,9 +246,10 @@ def evaluate(
     other: dict[int, list[Asked]] = {count: [] for count in examples}
     for place, (teaching, own) in enumerate(progress(sorted(by_person.items()), "Teaching", len(by_person))):
         taught = _person(own, beside=beside)
+        asking = _Asking(taught.index, settings)
         others = [clip for name, each in by_person.items() if name != teaching for _, clip in each]
         if beside:
-            # The built-in library's persons are known to it, and not asked.
+            # The built-in library knows its own persons, so they do not ask.
             others = [clip for clip in others if clip.actor not in builtin.actors]
         for draw in range(draws):
             for count in examples:
@@ -258,8 +259,8 @@ def evaluate(
                     continue
                 index = taught.index.of_some([*taught.beside, *chosen])
                 known = {taught.index.library.motions[motion].class_name for motion in chosen}
-                same[count] += _ask(asked, index, known, _ASKED_OWN, settings=settings, generator=generator)
-                other[count] += _ask(others, index, known, _ASKED_OTHERS, settings=settings, generator=generator)
+                same[count] += asking.ask(asked, index, known, _ASKED_OWN, generator)
+                other[count] += asking.ask(others, index, known, _ASKED_OTHERS, generator)
     for count in examples:
         score.add(same[count], other[count])
     if as_json:
@@ -272,11 +273,10 @@ def evaluate(
 def drawn(
     own: Sequence[tuple[str, Clip]], taught: _Person, count: int, generator: np.random.Generator
 ) -> tuple[list[int], list[Clip]]:
-    """Draw the examples of each class, and say which motions of the same person are left to ask.
+    """Draw the examples of each class, and give the motions of the same person that are left to ask.
 
-    Recordings come in a drawn order, and each class is taught by the first motions of it; what was recorded together
-    with an example is not asked. So a person whose motions are cut from whole takes teaches from one and is asked in
-    another.
+    Recordings come in a drawn order, and each class is taught by its first motions; motions from the same recording as
+    an example do not ask. So a person whose motions are cut from whole takes teaches from one take and asks in another.
 
     Parameters
     ----------
@@ -285,13 +285,13 @@ def drawn(
     taught
         The same motions as a library.
     count
-        Examples of each class.
+        The number of examples of each class.
     generator
-        Of the draw.
+        The generator of the draw.
 
     Returns
     -------
-    Indices of the examples in the library, and the motions to ask; none and none where no class has as many.
+    Indices of the examples in the library, and the motions to ask; empty where no class has enough examples.
     """
     classes = {clip.class_name for _, clip in own}
     places = defaultdict(list)
@@ -312,12 +312,12 @@ def drawn(
 
 
 def _person(own: Sequence[tuple[str, Clip]], *, beside: bool) -> _Person:
-    """Measure the windows of all that one person may teach, in metrics that do not know the person."""
+    """Compute the windows of all motions that one person may teach, in metrics learned without the person."""
     library = MotionLibrary.of_clips([clip for _, clip in own])
     person = own[0][1].actor
     builtin = MotionLibrary.builtin().restricted_to(library.skeleton.joints)
     strangers = builtin.without(actors=[person]) if person in builtin.actors else builtin
-    # A library's motions are sorted, and stay in their order within a class and person.
+    # A library's motions are sorted, but keep their order within a class and person.
     names = [name for name, _ in sorted(own, key=lambda each: each[1].class_name)]
     if not beside:
         teacher = teacher_of(library)
@@ -336,35 +336,41 @@ def _person(own: Sequence[tuple[str, Clip]], *, beside: bool) -> _Person:
     return _Person(index, takes, tuple(place for place, take in enumerate(takes) if not take))
 
 
-def _ask(
-    clips: Sequence[Clip],
-    index: WindowIndex,
-    known: set[str],
-    most: int,
-    *,
-    settings: Settings,
-    generator: np.random.Generator,
-) -> list[Asked]:
-    """Ask some motions of each class that is known, drawn at random."""
-    asked = []
-    for class_name in sorted(known):
-        mine = [clip for clip in clips if clip.class_name == class_name]
-        places = generator.permutation(len(mine))[:most]
-        asked += [asked_of(mine[place], index, settings) for place in places.tolist()]
-    return asked
+class _Asking:
+    """Asks motions of one person's libraries; each motion is heard once.
+
+    Parameters
+    ----------
+    everything
+        The windows of all that the person may teach: the libraries are made of some of them.
+    settings
+        Of the recogniser.
+    """
+
+    def __init__(self, everything: WindowIndex, settings: Settings) -> None:
+        self._everything, self._settings = everything, settings
+        self._heard: dict[int, Sequence[Hop] | None] = {}
+
+    def ask(
+        self, clips: Sequence[Clip], index: WindowIndex, known: set[str], most: int, generator: np.random.Generator
+    ) -> list[Asked]:
+        """Ask some motions of each class that is known, drawn at random."""
+        asked = []
+        for class_name in sorted(known):
+            mine = [clip for clip in clips if clip.class_name == class_name]
+            places = generator.permutation(len(mine))[:most]
+            asked += [scored(mine[place], self._starts(mine[place], index)) for place in places.tolist()]
+        return asked
+
+    def _starts(self, clip: Clip, index: WindowIndex) -> list[Event]:
+        if id(clip) not in self._heard:
+            self._heard[id(clip)] = heard(clip, self._everything, self._settings)
+        hops = self._heard[id(clip)]
+        return starts_of(clip, index, self._settings) if hops is None else starts_heard(hops, index, self._settings)
 
 
-def asked_of(clip: Clip, index: WindowIndex, settings: Settings) -> Asked:
-    """Push a motion through a recogniser of its own, frame by frame, and look at its start events."""
-    recognizer = Recognizer(index, settings)
-    moving = clip.as_of(index.library.skeleton)
-    starts = [
-        event
-        for time, positions in zip(moving.times.tolist(), moving.positions, strict=True)
-        if (recognition := recognizer.push(Frame("clip", time, positions))) is not None
-        for event in recognition.events
-        if event.kind is EventKind.START
-    ]
+def scored(clip: Clip, starts: Sequence[Event]) -> Asked:
+    """Look at the start events of a motion that was asked."""
     first = starts[0] if starts else None
     return Asked(
         seconds=clip.duration,

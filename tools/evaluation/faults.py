@@ -1,4 +1,4 @@
-"""What goes wrong with the joints of a feed, done to recorded takes."""
+"""Faults of a feed's joints, applied to recorded takes."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from kinespace.library.distances import distance_rows
-from kinespace.stream.recognizer.plausibility import mirrored_places
+from kinespace.stream.recognizer.joints.plausibility import mirrored_places
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -16,11 +16,11 @@ if TYPE_CHECKING:
 
     from kinespace.library.skeleton import Skeleton
 
-#: Those of the left arm that a skeleton has, in HDM05's names.
+#: The joints of the left arm, in HDM05's names; a skeleton has some of them.
 LEFT_ARM = ("lhumerus", "lradius", "lwrist", "lhand", "lthumb", "lfingers")
-#: Coordinates' standard deviation in metres, and the share of frames that is dropped.
+#: The standard deviation of each coordinate in metres, and the share of frames that is dropped.
 NOISE, DROPPED = 0.02, 0.5
-#: Frames of which one is looked at when the posture farthest from the first is looked for.
+#: One in so many frames is searched for the posture farthest from the first.
 _EVERY = 12
 
 
@@ -110,7 +110,7 @@ def _drops(feed: Feed, generator: np.random.Generator) -> Feed:
     return Feed(feed.times[kept], feed.positions[kept], feed.skeleton)
 
 
-#: By name; of the last four nothing is wrong that a body could be blamed for.
+#: Faults by name; for the last four no joint is to blame.
 FAULTS: dict[str, Callable[[Feed, np.random.Generator], Feed]] = {
     "left arm frozen": _frozen,
     "wrists exchanged": _wrists,

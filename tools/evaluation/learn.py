@@ -1,14 +1,15 @@
-"""`kinespace learn`: teach a library what is unknown, by takes of other people.
+"""`kinespace learn`: teaches a library what is unknown, by takes of other people.
 
-A library's own motions tell little of how unknown motion looks. Here takes in which nothing known happens, and takes
-that contain a known motion at some time, teach the weights of the evidence (`library.windows.rejection`). Figures are
-by subjects who were left out of the fitting; the numbers that are kept are fitted on all.
+A library's own motions hardly show how unknown motion looks. Here takes without known motions, and takes that contain a
+known motion at some time, teach the weights of the evidence (`library.windows.rejection`). Figures come from subjects
+who were left out of the fitting; the saved numbers are fitted on all subjects.
 """
 
 from __future__ import annotations
 
 import json
 import math
+from collections import defaultdict
 from dataclasses import dataclass, replace
 from itertools import product
 from pathlib import Path
@@ -26,7 +27,15 @@ from kinespace.library.windows.rejection import RATES, Evidence, Rejection, stan
 from kinespace.stream.frame import Frame
 from kinespace.stream.recognizer import Recognizer, Settings
 from kinespace.stream.recognizer.hysteresis import Judgement
-from kinespace.tools.cli.arguments import add_json, add_overwrite, add_reading, add_subjects, add_takes, reading_of
+from kinespace.tools.cli.arguments import (
+    add_json,
+    add_overwrite,
+    add_reading,
+    add_subjects,
+    add_takes,
+    library_at,
+    reading_of,
+)
 from kinespace.tools.evaluation.evaluate_noise import seen_with
 from kinespace.tools.evaluation.takes import Sources, read_takes
 from kinespace.tools.terminal.console import console, progress
@@ -41,22 +50,24 @@ if TYPE_CHECKING:
     from kinespace.library import Clip, Reading
     from kinespace.tools.evaluation.takes import Take
 
-#: Seconds between two windows that are learned from.
+#: Seconds between two windows that take part in learning.
 _HOP = 0.1
 #: Windows of a motion of the library before it counts as known: a beginning looks like many motions.
 _BEGUN = 2
-#: Noises with which the library's own motions are asked, metres on every coordinate.
-_NOISES = (0.0, 0.01, 0.02)
-#: Sensitivity at which every class must be named, and the share of its own motions that then are at some time.
-_USUAL, _NAMED_AT_LEAST = 0.05, 0.5
-#: A logit that no evidence reaches.
+#: Noises with which the library's own motions ask, metres on every coordinate, and how much each counts as known: the
+#: noisier a known motion is, the more it looks like an unknown one, and strangers' takes have no noise.
+_NOISES = {0.0: 1.0, 0.01: 2.0, 0.02: 4.0}
+#: Sensitivity at which every class must be named, and the share of its own motions that must then be named at some
+#: time.
+_USUAL, _MIN_NAMED = 0.05, 0.5
+#: A logit above all evidence.
 _FAR = 20.0
-#: How much the library's own motions count as unknown, their class left out, and strangers' as known: other motions are
-#: more like everyday movement, and nobody has said when strangers perform the known motion.
-_LEFT_OUT_COUNT, _STRANGERS_COUNT = 0.5, 0.5
+#: The weight of the library's own motions as unknown, their class left out: other motions are more like everyday
+#: movement. The weight of strangers' motions as known: only they show how another laboratory's bodies differ.
+_LEFT_OUT_COUNT, _STRANGERS_COUNT = 0.5, 2.0
 #: Subjects are left out of the fitting in this many groups.
 _FOLDS = 4
-#: How much weights of either sign cost: they must earn it on many windows.
+#: The cost of weights of either sign: they must pay on many windows.
 _SHRINKING = 0.005
 
 #: The evidence and the guess of some windows.
@@ -64,7 +75,7 @@ Evidenced = list[tuple[Evidence, str]]
 
 
 class Lesson(NamedTuple):
-    """Windows that are known, or are not, and how much all of them count together."""
+    """Windows that are known, or are not, and their weight together."""
 
     windows: Evidenced
     is_known: bool
@@ -72,7 +83,7 @@ class Lesson(NamedTuple):
 
 
 class _Own(NamedTuple):
-    """A motion of the library, recognised by the other persons' motions, and by those without its class."""
+    """A motion of the library, recognised by the other persons' motions, with and without its class."""
 
     class_name: str
     noise: float
@@ -80,7 +91,7 @@ class _Own(NamedTuple):
     left_out: Evidenced
 
     def right(self) -> Evidenced:
-        """Give the windows that are named rightly, once it has begun."""
+        """Give the windows that are named rightly, after the motion's beginning."""
         return [each for each in self.windows[_BEGUN:] if each[1] == self.class_name]
 
 
@@ -128,22 +139,24 @@ def run(options: argparse.Namespace) -> int:
 
 
 def learn(source: Path, output: Path, sources: Sources, *, reading: Reading, overwrite: bool, as_json: bool) -> int:
-    """Learn, save the library with what was learned, and print what it is worth.
+    """Learn, save the library with the learned numbers, and print their figures.
 
     Parameters
     ----------
     source, output
         The library's file, and the file to write.
     sources, reading
-        Where the takes come from, and how they are read.
+        The takes, and how to read them.
     overwrite
         Whether a file that is there may be written over.
     as_json
         Print one JSON object and nothing else.
     """
     require_place_for(output, overwrite=overwrite)
-    library = MotionLibrary.load(source)
+    library = library_at(source)
     takes = read_takes(sources, reading)
+    if all(take.labels for take in takes):
+        raise ValueError("takes: expected some in which nothing known happens, got none")
     own = _own_courses(library)
     index = _index(library)
     courses = [_Course(take, _windows(index, take.clip)) for take in progress(takes, "Strangers", len(takes))]
@@ -157,7 +170,7 @@ def learn(source: Path, output: Path, sources: Sources, *, reading: Reading, ove
     fits = [fit([each for each in courses if each.take.person not in fold]) for fold in folds]
     clean = [each for each in own if not each.noise]
     usual = _threshold(clean, _judged(folds, fits, courses), _USUAL)
-    # Every class is named at the usual sensitivity, also one that strangers' everyday movement resembles.
+    # Every class is named at the usual sensitivity, also a class that resembles strangers' everyday movement.
     judged = _judged(folds, [_raised(each, clean, usual) for each in fits], courses)
     thresholds = [_threshold([], judged, rate) for rate in RATES]
     raised = _raised(fit(courses), clean, usual)
@@ -172,7 +185,7 @@ def learn(source: Path, output: Path, sources: Sources, *, reading: Reading, ove
 
 
 def _index(library: MotionLibrary) -> WindowIndex:
-    """Open a library to be asked; nobody asks yet what is known."""
+    """Open a library for asking; its rejection is not used yet."""
     index = WindowIndex.of(library, weighing=ACROSS_LABORATORIES)
     return replace(index, judged_by=stand_in(len(ACROSS_LABORATORIES.groups)))
 
@@ -216,7 +229,8 @@ def _own_lessons(own: Sequence[_Own]) -> list[Lesson]:
     lessons = list[Lesson]()
     for noise, name in product(_NOISES, sorted({each.class_name for each in own})):
         motions = [each for each in own if (each.noise, each.class_name) == (noise, name)]
-        lessons.append(Lesson([window for each in motions for window in each.right()], is_known=True, weight=1.0))
+        right = [window for each in motions for window in each.right()]
+        lessons.append(Lesson(right, is_known=True, weight=_NOISES[noise]))
         lessons.append(
             Lesson([window for each in motions for window in each.left_out], is_known=False, weight=_LEFT_OUT_COUNT)
         )
@@ -225,12 +239,14 @@ def _own_lessons(own: Sequence[_Own]) -> list[Lesson]:
 
 
 def _lessons(courses: Sequence[_Course]) -> list[Lesson]:
-    """Take strangers' takes as known and as unknown."""
+    """Take strangers' takes as unknown and as known; each class that they perform counts alike."""
     unknown = [window for each in courses if each.is_unknown for window in each.windows]
-    if not unknown:
-        raise ValueError("takes: expected some in which nothing known happens, got none")
-    known = [window for each in courses for window in each.known()]
-    return [Lesson(known, is_known=True, weight=_STRANGERS_COUNT), Lesson(unknown, is_known=False, weight=1.0)]
+    known = defaultdict[str, Evidenced](list)
+    for window in (window for each in courses for window in each.known()):
+        known[window[1]].append(window)
+    weight = _STRANGERS_COUNT / max(len(known), 1)
+    lessons = [Lesson(windows, is_known=True, weight=weight) for windows in known.values()]
+    return [*lessons, Lesson(unknown, is_known=False, weight=1.0)]
 
 
 def _raised(rejection: Rejection, own: Sequence[_Own], threshold: float) -> Rejection:
@@ -239,7 +255,7 @@ def _raised(rejection: Rejection, own: Sequence[_Own], threshold: float) -> Reje
     for name in biases:
         highest = [_highest(rejection, name, windows) for performed, _, windows, _ in own if performed == name]
         if highest:
-            biases[name] += max(threshold - float(np.quantile(highest, 1 - _NAMED_AT_LEAST)), 0.0)
+            biases[name] += max(threshold - float(np.quantile(highest, 1 - _MIN_NAMED)), 0.0)
     return replace(rejection, biases=biases)
 
 
@@ -297,7 +313,7 @@ def fitted(lessons: Sequence[Lesson], class_names: Sequence[str], typical: NDArr
 
 
 def _numbers(windows: Evidenced, class_names: Sequence[str], typical: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Write what `Rejection` weighs of windows, for every class its bias and its lead: (windows, numbers)."""
+    """Give the inputs of `Rejection`'s weights, with a bias and a lead for every class: (windows, numbers)."""
     compared = np.array([evidence.compared for evidence, _ in windows]) - typical
     leads = compared[:, len(typical) // 2 :].mean(axis=1)
     noise = [evidence.noisiness for evidence, _ in windows]
@@ -320,7 +336,7 @@ def _threshold(own: Sequence[_Own], judged: Sequence[tuple[_Course, Rejection]],
 
 
 def _figures(judged: Sequence[tuple[_Course, Rejection]], threshold: float) -> dict[str, float]:
-    """Say what a threshold does with the takes: shares of unknown time and of takes, and starts a minute."""
+    """Count the results of a threshold on the takes: shares of unknown time and of takes, and starts a minute."""
     named = seconds = starts = found = containing = 0.0
     for course, rejection in judged:
         judgement = Judgement(threshold)

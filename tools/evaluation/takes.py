@@ -1,4 +1,4 @@
-"""Takes to be recognised, and all that somebody has said of what happens in them."""
+"""Takes to be recognised, and what is known of the motions in them."""
 
 from __future__ import annotations
 
@@ -10,9 +10,10 @@ from typing import TYPE_CHECKING
 
 from kinespace.library import NOTHING, find_recordings, hdm05
 from kinespace.library.formats import utkinect
-from kinespace.library.formats.labels import LabelError, Segment, cut, read_labels, renamed
+from kinespace.library.formats.labels import LabelError, Segment, cut, labels_beside, oddities, read_labels, renamed
 from kinespace.library.recordings import labelled, performed
 from kinespace.tools.feeding.joint_sets import joints_of
+from kinespace.tools.terminal.console import progress_console
 from kinespace.tools.terminal.named_joints import read_and_tell
 
 if TYPE_CHECKING:
@@ -29,18 +30,18 @@ _COLUMNS = ("file", "subject", "contains", "perhaps")
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Take:
-    """A recording, and what is performed in it.
+    """A recording, and the motions performed in it.
 
     Attributes
     ----------
     clip
-        With frames that follow each other evenly; those that a sensor skipped stand on straight lines.
+        A clip of evenly spaced frames; frames that a sensor skipped are on straight lines.
     segments
-        What is performed when; all of it is `NOTHING` in a take in which nothing known happens.
+        The labelled segments; one segment of `NOTHING` in a take without known motions.
     contains
-        Classes that are performed at some time, nobody has said when.
+        Classes that are performed at some time in the take.
     delivered
-        Which of the clip's frames a sensor delivered, shape (frames,); None where it delivered all.
+        The clip's frames that a sensor delivered, shape (frames,); None when it delivered all.
     """
 
     clip: Clip
@@ -50,7 +51,7 @@ class Take:
 
     @property
     def person(self) -> str:
-        """Who performs; empty where nobody has said."""
+        """The person who performs; empty when not known."""
         return self.clip.actor
 
     @property
@@ -60,11 +61,11 @@ class Take:
 
     @property
     def labels(self) -> set[str]:
-        """What is performed at some time, whether the library knows it or not; without `NOTHING`."""
+        """The labels of all motions performed, whether the library knows them or not; without `NOTHING`."""
         return {*self.contains, *(segment.label for segment in self.segments)} - {NOTHING}
 
     def motions(self) -> list[Clip]:
-        """Cut out what is performed: one motion for each segment."""
+        """Cut out the motions performed, one for each segment."""
         if len(self.segments) == 1 and self.segments[0].duration >= self.clip.duration:
             return [replace(self.clip, class_name=self.segments[0].label)]
         return list(cut(self.clip, self.segments))
@@ -72,27 +73,28 @@ class Take:
 
 @dataclass(frozen=True, slots=True)
 class Sources:
-    """Where takes come from.
+    """The places from which takes are read.
 
     Attributes
     ----------
     places
-        Labelled takes, or folders of them: labels lie beside each, ending in `.csv`, or as UTKinect has them.
+        Labelled takes, or folders of them: each take's labels lie beside it, ending in `.csv`, `.tsv` or `.txt`, or as
+        UTKinect has them.
     labels
-        The takes' labels in their order, when they lie elsewhere.
+        The takes' labels in the takes' order, when they lie elsewhere.
     clips
-        Whether each recording without labels is one motion from its beginning to its end, whose class its name tells
-        (as HDM05's do, which need not be told) or its folder's.
+        Whether each recording without labels is one motion from beginning to end. Its class is in its name (for files
+        named like HDM05's, without this option too) or is its folder's name.
     unknown
-        Recordings in which nothing known happens, or folders of them.
+        Recordings without known motions, or folders of them.
     tables
-        CSV files that say of each take which classes it contains.
+        CSV files that list the classes that each take contains.
     names
-        Class name of labels that the library calls otherwise.
+        Class names for labels that the library calls otherwise.
     persons, without_persons
-        Of whom takes are kept; of everybody when empty, and of whom not.
+        The persons whose takes are kept (all when empty), and the persons whose takes are left out.
     skeleton
-        Name of a joint set that takes are restricted to; as recorded when not given.
+        Name of a joint set to which takes are restricted; all joints when not given.
     """
 
     places: Sequence[Path] = ()
@@ -115,7 +117,7 @@ class Sources:
 
 @dataclass(frozen=True, slots=True)
 class _Entry:
-    """What is known of a recording before it is read; segments None: it is one motion; person None: its place says."""
+    """A recording before it is read; segments None: it is one motion; person None: its path names the person."""
 
     path: Path
     segments: tuple[Segment, ...] | None = ()
@@ -129,16 +131,18 @@ def read_takes(sources: Sources, reading: Reading) -> list[Take]:
     Raises
     ------
     ValueError
-        A recording, a table or labels cannot be used, a name is given to a label that no take has, or nobody's takes
-        are left.
+        A recording, a table or labels cannot be used, `names` renames a label that no take has, or no takes are left.
     OSError
-        A file or a take's labels are not there or cannot be opened.
+        A file or a take's labels are missing or cannot be opened.
     """
     entries = [*_labelled(sources), *_unknown(sources), *(each for table in sources.tables for each in _listed(table))]
     wanted = [each for each in entries if each.person is None or sources.wants(each.person)]
     read = read_and_tell([each.path for each in wanted], reading)
     takes = [_take(clip, entry, reading) for clip, entry in zip(read, wanted, strict=True)]
     takes = [take for take in takes if sources.wants(take.person)]
+    for take in takes:
+        for line in oddities(take.clip, take.segments) if take.is_known else ():
+            progress_console.print(line, soft_wrap=True, markup=False, highlight=False)
     if not takes:
         persons = ", ".join((*sources.persons, *(f"not {name}" for name in sources.without_persons)))
         raise ValueError(f"--subjects: expected some whose takes are there, got {persons}")
@@ -159,7 +163,7 @@ def _labelled(sources: Sources) -> Iterator[_Entry]:
     if sources.labels and len(sources.labels) != len(paths):
         raise ValueError(f"--labels: expected one for each of {len(paths)} takes, got {len(sources.labels)}")
     for index, path in enumerate(paths):
-        labels = sources.labels[index] if sources.labels else path.with_suffix(".csv")
+        labels = sources.labels[index] if sources.labels else labels_beside(path) or path.with_suffix(".csv")
         named = hdm05.read_clip_name(path)
         if labels.is_file():
             yield _Entry(path, read_labels(labels))
@@ -179,7 +183,7 @@ def _unknown(sources: Sources) -> Iterator[_Entry]:
 
 
 def _listed(table: Path) -> Iterator[_Entry]:
-    """Read which takes a table lists, but for those that somebody might take for a class: of them nothing is known."""
+    """Read the takes that a table lists, without takes that may contain a class: nothing is known of them."""
     try:
         with table.open(newline="", encoding="utf-8-sig") as file:
             rows = csv.DictReader(file)
@@ -218,7 +222,7 @@ def _throughout(clip: Clip, label: str) -> tuple[Segment]:
 
 
 def _with_labels(takes: Sequence[Take], names: Mapping[str, str]) -> list[Take]:
-    """Give labels the library's names; a name for a label that is not there is a slip that nobody would see."""
+    """Rename labels; a name for a label that no take has is a mistake, and is refused."""
     there = {label for take in takes for label in take.labels}
     for label in names:
         if label not in there:
@@ -234,7 +238,7 @@ def _with_labels(takes: Sequence[Take], names: Mapping[str, str]) -> list[Take]:
 
 
 def _with_distinct_names(takes: Sequence[Take]) -> list[Take]:
-    """Tell takes of the same name apart: what is counted in each is counted by its name."""
+    """Make names of takes distinct, because counts are kept by name."""
     seen, numbered = Counter[str](), list[Take]()
     for take in takes:
         seen[take.clip.name] += 1

@@ -1,11 +1,11 @@
-"""Print what kinespace answers, with python-osc. First, elsewhere: kinespace live."""
+"""Print kinespace's answers, with python-osc. First start, elsewhere: kinespace live."""
 
 import sys
 
 from pythonosc.dispatcher import Dispatcher
 from pythonosc.osc_server import BlockingOSCUDPServer
 
-# Where kinespace answers to.
+# The address to which kinespace answers.
 PORT = int(sys.argv[1]) if len(sys.argv) > 1 else 9311
 
 last: dict[str, str] = {}
@@ -20,7 +20,7 @@ def label(address: str, name: str) -> None:
 
 
 def event(address: str, kind: str, name: str, *_: float) -> None:
-    """Print that a motion starts or ends."""
+    """Print the start or the end of a motion."""
     print(f"{address.split('/')[2]}: {name} {kind}s", flush=True)
 
 

@@ -1,4 +1,4 @@
-"""Send a squat to kinespace, 30 frames a second, with python-osc. First, elsewhere: kinespace live."""
+"""Send a squat to kinespace, 30 frames a second, with python-osc. First start, elsewhere: kinespace live."""
 
 import sys
 import time
@@ -6,7 +6,7 @@ from pathlib import Path
 
 from pythonosc.udp_client import SimpleUDPClient
 
-# Where kinespace listens, and how often to squat.
+# The address on which kinespace listens, and the number of squats.
 PORT = int(sys.argv[1]) if len(sys.argv) > 1 else 9310
 TIMES = int(sys.argv[2]) if len(sys.argv) > 2 else 5
 # A line for each frame: x y z in metres of HDM05's 31 joints. Joints of other names or in another order:
@@ -17,7 +17,7 @@ client = SimpleUDPClient("127.0.0.1", PORT)
 due = time.monotonic()
 for _ in range(TIMES):
     for numbers in FRAMES:
-        # Who performs, the time in seconds (0: when it arrives), and the positions.
+        # The performer, the time in seconds (0: the time of arrival), and the positions.
         client.send_message("/motion/frame", ["python", 0.0, *numbers])
         due += 1 / 30
         time.sleep(max(due - time.monotonic(), 0))

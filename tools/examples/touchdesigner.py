@@ -13,6 +13,6 @@ from pathlib import Path
 text = Path(project.folder, "squat.txt").read_text(encoding="utf-8")
 frames = [[float(number) for number in line.split()] for line in text.splitlines()]
 for number, numbers in enumerate(frames):
-    # x y z in metres of HDM05's 31 joints, after who performs and the time in seconds (0: when it arrives).
+    # The performer, the time in seconds (0: the time of arrival), and x y z in metres of HDM05's 31 joints.
     packet = ["/motion/frame", ["td", 0.0, *numbers]]
     run("op('oscout1').sendOSC(*args[0])", packet, delayMilliSeconds=number * 1000 // 30)

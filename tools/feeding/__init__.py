@@ -1,1 +1,1 @@
-"""Motions made into a live feed: cues, senders and their pace."""
+"""Motions turned into a live feed: cues, senders and their pace."""

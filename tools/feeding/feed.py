@@ -21,10 +21,10 @@ if TYPE_CHECKING:
     from kinespace.library import Clip
     from kinespace.stream.zeromq import Endpoint, Keyring
 
-#: Seconds between two announcements of the skeleton, as a live sender repeats it for receivers that start later.
+#: Seconds between two announcements of the skeleton: live senders repeat it for receivers that start later.
 ANNOUNCE_EVERY = 1.0
 
-#: Seconds of the longest sleep: how soon an end that was asked for is noticed.
+#: Seconds of the longest sleep: the program ends within this time.
 _MAX_SLEEP = 0.1
 
 #: A datagram, or the parts of a ZeroMQ message.
@@ -45,12 +45,16 @@ class Cue:
         The sender's count.
     class_name
         The class that is being performed; empty when it is not known.
+    recording, name
+        Which recording it is of, counted from 0, and what that is called.
     """
 
     due: float
     frame: Frame
     seq: int
     class_name: str = ""
+    recording: int = 0
+    name: str = ""
 
 
 class Piece(NamedTuple):
@@ -63,7 +67,7 @@ class Piece(NamedTuple):
 def clip_cues(clips: Iterable[Clip], performer: str, *, speed: float = 1.0, pause: float = 1.0) -> Iterator[Cue]:
     """Cue clips one after the other.
 
-    Frames carry the recordings' own time, so that a feed at another speed gets the same answers.
+    Frames have the recordings' own times, so that a feed at another speed gets the same answers.
 
     Parameters
     ----------
@@ -72,7 +76,7 @@ def clip_cues(clips: Iterable[Clip], performer: str, *, speed: float = 1.0, paus
     performer
         The performer's name in all frames.
     speed
-        How many times as fast as recorded they are sent.
+        The factor on the recorded speed.
     pause
         Seconds (of recorded time) between two clips; more than the recogniser's longest gap starts its window anew.
     """
@@ -89,16 +93,17 @@ def piece_cues(pieces: Iterable[Piece], performer: str, *, speed: float = 1.0, p
     performer, speed, pause
         As in `clip_cues`.
     """
-    begin, ended, seq = 0.0, 0.0, 0
+    begin, ended, seq, recording = 0.0, 0.0, 0, 0
     for start, clip in pieces:
         if not start and seq:
             begin += ended + pause
+            recording += 1
         times = np.arange(start, start + clip.frames) / clip.frame_rate
         ended = (start + clip.frames) / clip.frame_rate
         for moment, positions in zip(times.tolist(), clip.positions, strict=True):
             # Time 0 would mean "on arrival".
             frame = Frame(performer, 1.0 + begin + moment, positions)
-            yield Cue((begin + moment) / speed, frame, seq, clip.class_name)
+            yield Cue((begin + moment) / speed, frame, seq, clip.class_name, recording, clip.name)
             seq += 1
 
 
@@ -114,7 +119,7 @@ def resampled(clip: Clip, frame_rate: float) -> Clip:
     """
     if clip.frame_rate == frame_rate:
         return clip
-    # The last place is the last frame's, which rounding must not lose.
+    # The last place is the last frame's; rounding must not lose it.
     count = int((clip.frames - 1) * frame_rate / clip.frame_rate + 1e-6) + 1
     places = np.arange(count) * (clip.frame_rate / frame_rate)
     before = np.minimum(places.astype(np.intp), max(clip.frames - 2, 0))
@@ -158,7 +163,7 @@ def with_jitter(cues: Iterable[Cue], seconds: float, generator: np.random.Genera
 
 
 def with_reordering(cues: Iterable[Cue], share: float, generator: np.random.Generator) -> Iterator[Cue]:
-    """Let a share of the frames, 0 to 1, change places with the one after them."""
+    """Let a share of the frames, 0 to 1, change places with the next frame."""
     held: Cue | None = None
     for cue in cues:
         if held is not None:
@@ -178,10 +183,10 @@ class FrameSender(Protocol):
 
     @property
     def failed(self) -> int:
-        """Packets the system would not take."""
+        """Packets that the system would not send."""
 
     def announce(self, announcement: Announcement) -> None:
-        """Send which joints the frames hold."""
+        """Send the names of the joints."""
 
     def encode(self, cue: Cue) -> Packet:
         """Make the packet of a frame."""
@@ -201,7 +206,7 @@ class OscFrameSender:
 
     @property
     def failed(self) -> int:
-        """Datagrams the system would not take."""
+        """Datagrams that the system would not send."""
         return self._sender.failed
 
     def announce(self, announcement: Announcement) -> None:
@@ -230,11 +235,11 @@ class ZmqFrameSender:
 
     @property
     def failed(self) -> int:
-        """Messages ZeroMQ would not take."""
+        """Messages that ZeroMQ would not send."""
         return self._sender.failed
 
     def greet(self) -> None:
-        """Send an empty message, to see whether it arrives."""
+        """Send an empty message, to find out whether it arrives."""
         self._sender.send([b"hello/", b""])
 
     def announce(self, announcement: Announcement) -> None:
@@ -263,7 +268,7 @@ class Pace:
         self._start = time.perf_counter()
 
     def moment(self, due: float) -> float:
-        """Give the `time.perf_counter` reading so many seconds after the start."""
+        """Give the `time.perf_counter` reading for so many seconds after the start."""
         return self._start + due
 
     def put_off(self, seconds: float) -> float:
@@ -272,7 +277,7 @@ class Pace:
         return seconds
 
     def wait_for(self, due: float) -> None:
-        """Sleep until so many seconds after the start; return at once when that is past.
+        """Sleep until so many seconds after the start; return at once if that is past.
 
         Raises
         ------

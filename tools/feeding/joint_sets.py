@@ -1,10 +1,10 @@
-"""Sets of joints by name: which of the library's joints a product's feed has."""
+"""Sets of joints by name: the library's joints that a product's feed has."""
 
 from __future__ import annotations
 
 from kinespace.library.formats import utkinect
+from kinespace.library.naming import spelling
 from kinespace.stream.feeds import builtin_names, builtin_preset
-from kinespace.stream.feeds.preset import spelling
 from kinespace.tools.programs.feeds import preset_named
 
 #: Joint sets that no preset has: the joints of Kinect 1's own tools.
@@ -17,21 +17,21 @@ def names() -> tuple[str, ...]:
 
 
 def joints_in_order(text: str) -> tuple[str, ...]:
-    """Read the joints of a sender's frames, in order, from what the user typed.
+    """Read the joints of a sender's frames, in order, from an option's text.
 
     Parameters
     ----------
     text
-        Names with commas between; or a preset, by its name or a file ending in .toml, whose `order` says it.
+        Names with commas between; or a preset with an `order`, by its name or a file ending in .toml.
 
     Returns
     -------
-    The motion library's names; the sender's own for joints that it has not.
+    The motion library's names, and the sender's own names for joints that the library lacks.
 
     Raises
     ------
     ValueError
-        A preset's messages all name their joints, so that it says no order; or a name is empty or stands twice.
+        A preset has no order, because its messages name their joints; or a name is empty or appears twice.
     OSError
         The file cannot be read.
     """

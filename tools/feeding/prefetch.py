@@ -1,4 +1,4 @@
-"""Work done ahead in a thread: while one recording is played, the next one is read, and no more."""
+"""Work done ahead in a thread: while one recording is played, the next one is read."""
 
 from __future__ import annotations
 
@@ -12,22 +12,22 @@ from typing import TYPE_CHECKING, Generic, Self, TypeVar
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-#: Seconds the reading thread may keep Python's lock while a frame that is due waits for it.
+#: Seconds for which the reading thread may keep Python's lock while a frame that is due waits for it.
 _SWITCH_INTERVAL = 0.0005
-#: Seconds between two looks of a thread with nothing to do at whether it is still wanted.
+#: Seconds after which an idle thread checks whether it is still needed.
 _LOOK_EVERY = 0.1
-#: Seconds a thread in the middle of its work is waited for at the end.
+#: Seconds to wait for a busy thread at the end.
 _PATIENCE = 5.0
 
 _Item = TypeVar("_Item")
 
 
 class ReadAhead(Generic[_Item]):
-    """Passes on an iterator's items, which a thread fetches beforehand; a context manager and an iterator.
+    """Fetches an iterator's items in a thread, ahead of the consumer; a context manager and an iterator.
 
     Parameters
     ----------
-    source
+    The iterator. An error that it raises is raised here, after the items before it.
         The iterator. An error that it raises is raised here, after the items before it.
     most
         How many items are kept ready.
@@ -35,7 +35,7 @@ class ReadAhead(Generic[_Item]):
     Attributes
     ----------
     waited
-        Seconds that the consumer has had to wait so far.
+        Seconds for which the consumer has waited so far.
     """
 
     def __init__(self, source: Iterator[_Item], *, most: int = 1) -> None:
@@ -85,7 +85,7 @@ class ReadAhead(Generic[_Item]):
             self._put(StopIteration())
 
     def _put(self, ready: tuple[_Item] | BaseException) -> bool:
-        """Hand something to the consumer; False when the consumer has left."""
+        """Hand an object to the consumer; False when the consumer has left."""
         while not self._unwanted.is_set():
             try:
                 self._ready.put(ready, timeout=_LOOK_EVERY)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from itertools import chain
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,6 +12,7 @@ from kinespace.library.formats.errors import RecordingError
 from kinespace.library.formats.timed_frames import evened
 from kinespace.library.skeleton import Skeleton, SkeletonMismatchError
 from kinespace.stream.frame import Announcement
+from kinespace.stream.inputs.clock import SenderClock
 from kinespace.stream.recording.kinerec import RawFile
 from kinespace.stream.recording.playback import decoded
 
@@ -26,30 +26,37 @@ if TYPE_CHECKING:
     from kinespace.stream.feeds import Preset
     from kinespace.stream.frame import Frame
 
-#: Seconds by which a sender's clock may leave the recorder's before it is taken to have begun anew.
+#: Seconds by which a sender's clock may differ from the recorder's before the sender is taken to have begun anew.
 _ASTRAY = 1.0
 
 
 @dataclass(slots=True)
 class Seen:
-    """What a first look at a recording finds of a performer.
+    """A first look at one performer in a recording.
 
     Attributes
     ----------
     frames
-        How many there are.
+        The number of frames.
     joints
-        As first announced; empty when they never were.
+        The joints as first announced; empty when they never were.
     sizes
-        How many frames have how many joints.
+        The number of frames for each number of joints.
+    clock
+        Reads the times of the frames.
     """
 
     frames: int = 0
     joints: tuple[str, ...] = ()
     sizes: dict[int, int] = field(default_factory=dict)
+    clock: SenderClock = field(default_factory=SenderClock)
+
+    def times(self) -> SenderClock:
+        """Give what reads the times from the recording's beginning, now that they are known."""
+        return SenderClock(self.clock.verdict)
 
     def skeleton(self) -> Skeleton:
-        """Name the joints as announced; unannounced, HDM05's when there are as many, as everywhere; else by number."""
+        """Name the joints as announced; else as HDM05's when there are as many; else by number."""
         if self.joints:
             return Skeleton(self.joints)
         size = max(self.sizes, key=lambda size: self.sizes[size])
@@ -58,31 +65,34 @@ class Seen:
         return Skeleton(tuple(f"joint{number}" for number in range(1, size + 1)))
 
 
-def events_of(recording: RawFile, preset: Preset | None) -> Iterator[Frame | Announcement]:
-    """Give frames and announcements of a recording, in order."""
-    return chain.from_iterable(each.events for each in decoded(recording.header, recording.packets(), preset))
+def events_of(recording: RawFile, preset: Preset | None) -> Iterator[tuple[float, Frame | Announcement]]:
+    """Give frames and announcements of a recording, in order, each with its arrival in seconds."""
+    for each in decoded(recording.header, recording.packets(), preset):
+        for event in each.events:
+            yield each.arrival, event
 
 
-def seen_in(events: Iterator[Frame | Announcement]) -> dict[str, Seen]:
-    """Look through a recording for who performs in it."""
+def seen_in(events: Iterator[tuple[float, Frame | Announcement]]) -> dict[str, Seen]:
+    """List the performers of a recording."""
     seen: dict[str, Seen] = {}
-    for event in events:
+    for arrival, event in events:
         each = seen.setdefault(event.performer, Seen())
         if isinstance(event, Announcement):
             each.joints = each.joints or event.joints
         else:
             each.frames += 1
+            each.clock.read(event.time, arrival)
             each.sizes[len(event.positions)] = each.sizes.get(len(event.positions), 0) + 1
     return seen
 
 
 class JointOrder:
-    """Puts a performer's frames in a skeleton's order, as announcements tell it.
+    """Puts a performer's frames in a skeleton's order, by the announcements.
 
     Parameters
     ----------
     skeleton
-        Whose order.
+        The skeleton whose order is wanted.
     """
 
     def __init__(self, skeleton: Skeleton) -> None:
@@ -91,7 +101,7 @@ class JointOrder:
         self._size = len(skeleton.joints)
 
     def announce(self, announcement: Announcement) -> None:
-        """Take in what the next frames hold."""
+        """Take in the joints of the next frames."""
         self._size = len(announcement.joints)
         try:
             self._order = self._skeleton.order_from(announcement.joints)
@@ -108,27 +118,27 @@ class JointOrder:
 def read_raw(path: Path, preset: Preset | None = None) -> list[Clip]:
     """Read a raw recording: a clip for each performer, by name, each from the recording's first packet on.
 
-    Frames have the sender's times, its clock laid on the recorder's; where a sender began anew it is laid on it again.
+    Frames have the sender's times, shifted to the recorder's clock; a sender that began anew is shifted anew.
 
     Parameters
     ----------
     path
         The recording.
     preset
-        Another product's feed that it is read as; None for what it says of itself.
+        Another product's feed to read it as; None for the feed that the recording names.
 
     Raises
     ------
     RecordingError
         No performer has two frames of the same joints.
     ValueError
-        It is no raw recording, or names a feed that is not known.
+        The file is no raw recording, or names an unknown feed.
     OSError
         The file cannot be opened.
     """
     recording = RawFile(path)
     seen = {name: each for name, each in seen_in(events_of(recording, preset)).items() if each.frames > 1}
-    kept = _frames(recording, preset, {name: each.skeleton() for name, each in seen.items()})
+    kept = _frames(recording, preset, seen)
     clips = [
         replace(
             evened(np.array(times), np.array(positions), begin=0.0).clip(seen[name].skeleton()),
@@ -144,30 +154,30 @@ def read_raw(path: Path, preset: Preset | None = None) -> list[Clip]:
 
 
 def _frames(
-    recording: RawFile, preset: Preset | None, skeletons: Mapping[str, Skeleton]
+    recording: RawFile, preset: Preset | None, seen: Mapping[str, Seen]
 ) -> dict[str, tuple[list[float], list[NDArray[np.float64]]]]:
     """Give each performer's frames, at seconds since the first packet."""
-    orders = {name: JointOrder(skeleton) for name, skeleton in skeletons.items()}
-    kept: dict[str, tuple[list[float], list[NDArray[np.float64]]]] = {name: ([], []) for name in skeletons}
-    ahead = dict.fromkeys(skeletons, 0.0)
-    began: float | None = None
-    for each in decoded(recording.header, recording.packets(), preset):
-        began = each.arrival if began is None else began
-        for event in each.events:
-            if event.performer not in orders:
-                continue
-            if isinstance(event, Announcement):
-                orders[event.performer].announce(event)
-                continue
-            positions = orders[event.performer].ordered(event)
-            if positions is None or not np.isfinite(positions).all():
-                continue
-            times, rows = kept[event.performer]
-            time, arrival = event.time + ahead[event.performer], each.arrival - began
-            if abs(time - arrival) > _ASTRAY:
-                ahead[event.performer] = arrival - event.time
-                time = arrival
-            if not times or time > times[-1]:
-                times.append(time)
-                rows.append(np.asarray(positions, dtype=np.float64))
+    orders = {name: JointOrder(each.skeleton()) for name, each in seen.items()}
+    clocks = {name: each.times() for name, each in seen.items()}
+    kept: dict[str, tuple[list[float], list[NDArray[np.float64]]]] = {name: ([], []) for name in seen}
+    ahead = dict.fromkeys(seen, 0.0)
+    began = next(iter(recording.packets())).arrival
+    for arrived, event in events_of(recording, preset):
+        if event.performer not in orders:
+            continue
+        if isinstance(event, Announcement):
+            orders[event.performer].announce(event)
+            continue
+        seconds = clocks[event.performer].read(event.time, arrived)
+        positions = orders[event.performer].ordered(event)
+        if positions is None or not np.isfinite(positions).all():
+            continue
+        times, rows = kept[event.performer]
+        time, arrival = seconds + ahead[event.performer], arrived - began
+        if abs(time - arrival) > _ASTRAY:
+            ahead[event.performer] = arrival - seconds
+            time = arrival
+        if not times or time > times[-1]:
+            times.append(time)
+            rows.append(np.asarray(positions, dtype=np.float64))
     return kept

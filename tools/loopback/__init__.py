@@ -1,1 +1,1 @@
-"""A service in a process of its own, its answers, and the answers that are expected of it."""
+"""A service in a process of its own, its answers, and the answers expected of it."""

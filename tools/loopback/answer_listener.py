@@ -1,4 +1,4 @@
-"""Hearing what a recogniser, or an echo, sends back, with the moment each packet came in."""
+"""The answers of a recogniser, or of an echo, with the moment at which each packet came in."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ if TYPE_CHECKING:
     from kinespace.stream.answer import Answer
     from kinespace.tools.feeding.feed import Packet
 
-#: The poller counts milliseconds; what is left of one is slept in pieces this long, seconds.
+#: The poller counts milliseconds; the rest of a millisecond is slept in pieces of these seconds.
 _SHORT_SLEEP = 5e-5
-#: Milliseconds of the longest wait: how soon an end that was asked for is noticed.
+#: Milliseconds of the longest wait: the program ends within this time.
 _MAX_WAIT = 100
 
 Receiver = osc.OscReceiver | zeromq.ZmqReceiver
@@ -46,7 +46,7 @@ class Listener:
             self._poller.register(receiver.socket, zmq.POLLIN)
 
     def listen_until(self, moment: float) -> list[Heard]:
-        """Collect packets until a `time.perf_counter` reading; at least once, however late it is."""
+        """Collect packets until a `time.perf_counter` reading; at least once, even when that is past."""
         heard = list[Heard]()
         while True:
             check_interrupted()
@@ -67,5 +67,5 @@ class Listener:
 
 
 def answer_in(packet: Packet) -> Answer | None:
-    """Read the answer in a packet; None when it is something else."""
+    """Read the answer in a packet; None for other packets."""
     return osc.decode_answer(packet) if isinstance(packet, bytes) else zeromq.decode_answer(packet)

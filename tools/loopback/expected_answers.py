@@ -1,4 +1,4 @@
-"""What a recogniser will answer to a feed, known beforehand: how a received answer finds the frame it answers."""
+"""The answers to a feed, computed beforehand; by them a received answer finds its frame."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _SAME_SCORE = 1e-5
 
 @dataclass(frozen=True, slots=True)
 class Expected:
-    """An answer that is to come: which cue (by index) it answers, and what it will say."""
+    """An answer that is to come: the index of its cue, and its content."""
 
     cue: int
     label: str
@@ -30,7 +30,7 @@ class Expected:
 
 
 def expected_answers(cues: Sequence[Cue], library: MotionLibrary, settings: Settings) -> list[Expected]:
-    """Recognise a feed of one performer as it will be recognised, positions rounded as the wire rounds them."""
+    """Recognise a feed of one performer like the service, positions rounded as in packets."""
     recognizer = Recognizer(library, settings)
     expected = list[Expected]()
     for index, cue in enumerate(cues):
@@ -42,10 +42,10 @@ def expected_answers(cues: Sequence[Cue], library: MotionLibrary, settings: Sett
 
 
 class AnswerMatcher:
-    """Pairs answers with the frames they answer, in order; those skipped were lost.
+    """Pairs answers with their frames, in order; answers that were skipped are lost.
 
-    An answer says neither its frame nor its number. What it says is known beforehand, though, so the next expected
-    answer that says the same is it.
+    An answer names neither its frame nor its number. But its content is known beforehand, so it is paired with the next
+    expected answer of the same content.
     """
 
     def __init__(self, expected: Sequence[Expected]) -> None:
@@ -54,7 +54,7 @@ class AnswerMatcher:
         self.unexpected = 0
 
     def match(self, answer: Answer) -> Expected | None:
-        """Give what this answer was expected as; None for one that was not."""
+        """Give the expected answer that this answer is; None for an unexpected answer."""
         for skipped, expected in enumerate(self._waiting):
             if expected.label == answer.label and abs(expected.score - answer.score) < _SAME_SCORE:
                 for _ in range(skipped + 1):

@@ -1,4 +1,4 @@
-"""A service, or what stands in for it, in a process of its own: what demo, latency and tests talk to over loopback."""
+"""A service, or a stand-in for it, in a process of its own: demo, latency and tests use it over loopback."""
 
 from __future__ import annotations
 
@@ -35,18 +35,18 @@ if TYPE_CHECKING:
 Transport = Literal["osc", "zmq"]
 LOOPBACK = "127.0.0.1"
 ANY_ENDPOINT = Endpoint(f"tcp://{LOOPBACK}:*", bind=True)
-#: Seconds a new process may take before it is given up.
+#: Seconds after which a new process is given up.
 _MAX_START = 60.0
-#: Seconds between two looks of a stand-in at whether the parent wants it to stop.
+#: Seconds after which a stand-in checks whether the parent wants it to stop.
 _CHECK_EVERY = 0.1
 _GREET_EVERY_MS = 50
 
 
 class StandIn(Protocol):
-    """What answers in a recogniser's place, to see what everything around it costs; it is sent to the process."""
+    """Answers in a recogniser's place, to measure the cost of everything around it; it is sent to the process."""
 
     def answer(self, packet: Packet) -> Packet | None:
-        """Give what is sent back for a packet; None for nothing."""
+        """Give the answer to a packet; None for no answer."""
 
 
 class Echo:
@@ -69,7 +69,7 @@ class _Request:
 
 
 class BackgroundService:
-    """A recogniser, or what stands in for it, in its own process on this machine.
+    """A recogniser, or a stand-in for it, in its own process on this machine.
 
     Use as a context manager; on leaving, the process is stopped and `status` holds its last counts.
 
@@ -78,14 +78,13 @@ class BackgroundService:
     transport
         "osc" or "zmq".
     library
-        What is recognised with; the built-in library when not given.
+        The library to recognise with; the built-in library when not given.
     settings
         Of the recognisers.
     stand_in
-        What answers instead of a recogniser. Over ZeroMQ it must send something back for a greeting, whose topic is
-        `hello/`.
+        Answers instead of a recogniser. Over ZeroMQ it must answer a greeting, whose topic is `hello/`.
     performers
-        How many at once, at most.
+        The number of performers at once, at most.
     keys
         Folder of the keys that both ends of ZeroMQ use; None for none.
 
@@ -110,7 +109,7 @@ class BackgroundService:
         self._stand_in = stand_in
         self._receiver: osc.OscReceiver | None = osc.OscReceiver(LOOPBACK, 0) if transport == "osc" else None
         port = self._receiver.address[1] if self._receiver else 0
-        # A fresh interpreter, so that the child holds none of the parent's sockets and threads.
+        # A fresh interpreter, so that the child has none of the parent's sockets and threads.
         context = multiprocessing.get_context("spawn")
         self._connection, self._theirs = context.Pipe()
         request = _Request(transport, library, settings or Settings(), port, stand_in, performers, keys)
@@ -119,7 +118,7 @@ class BackgroundService:
     def __enter__(self) -> Self:
         try:
             self._process.start()
-            # Only the child keeps its end, so that its death is heard at once.
+            # Only the child keeps its end, so that its death is noticed at once.
             self._theirs.close()
             self._frames_to, self._answers_at = self._started()
         except BaseException:
@@ -142,7 +141,7 @@ class BackgroundService:
         return frames_to, answers_at
 
     def __exit__(self, *_: object) -> None:
-        # A child that died has nothing to say; whoever waited for its answers has seen that they stopped.
+        # A child that died tells nothing; its answers have stopped already.
         with suppress(EOFError, OSError):
             self._connection.send(None)
             if self._connection.poll(_MAX_START):
@@ -160,24 +159,24 @@ class BackgroundService:
 
     @property
     def frames_to(self) -> str | tuple[str, int]:
-        """Where frames are to be sent, once it runs: (host, port) of UDP, or a ZeroMQ endpoint to connect to."""
+        """The address to send frames to, once it runs: (host, port) of UDP, or a ZeroMQ endpoint to connect to."""
         address: str | tuple[str, int] = self._frames_to
         return address
 
     @property
     def process_id(self) -> int | None:
-        """Of the process it runs in, once it runs."""
+        """The number of the process, once it runs."""
         return self._process.pid
 
     def connect(self) -> tuple[FrameSender, Receiver]:
-        """Open a sender of frames to it and a receiver of what it sends, and see that both reach.
+        """Open a sender of frames to the service and a receiver of its answers, and check that both reach it.
 
-        UDP reaches at once. ZeroMQ peers take a moment to meet, and what is sent before is lost.
+        UDP reaches it at once. ZeroMQ peers take a moment to connect, and messages before that are lost.
 
         Raises
         ------
         TimeoutError
-            They did not meet within a minute.
+            They did not connect within a minute.
         """
         if self._receiver:
             return OscFrameSender(*self._frames_to), self._receiver
@@ -193,19 +192,19 @@ class BackgroundService:
         raise TimeoutError("ZeroMQ: the recogniser's process was not reached")
 
     def _has_heard_us(self, parts: list[bytes]) -> bool:
-        """Whether a message shows that our greetings arrive: what a stand-in answers, or a status that counts them."""
+        """Whether a message shows that greetings arrive: a stand-in's answer, or a status that counts them."""
         if self._stand_in:
             return True
         return parts[0] == b"status/" and json.loads(parts[1])["inputs"]["received"] > 0
 
 
 def _serve(connection: Connection, request: _Request) -> None:
-    """Run in the child: open sockets, say where, go on until told to stop, say how it went."""
-    # Ctrl-C and a closed terminal reach every process of it; this one ends when its parent says so, or is gone.
+    """Run in the child: open sockets, report the address, go on until told to stop, report the counts."""
+    # Ctrl-C and a closed terminal reach every process of it; this process ends when its parent says so, or is gone.
     for name in ("SIGINT", "SIGHUP", "SIGBREAK"):
         if hasattr(signal, name):
             signal.signal(getattr(signal, name), signal.SIG_IGN)
-    # A parent that is gone wants to know nothing.
+    # A parent that is gone needs no report.
     with suppress(BrokenPipeError, ConnectionError):
         _serve_parent(connection, request)
 
@@ -231,13 +230,13 @@ def _serve_parent(connection: Connection, request: _Request) -> None:
 
 def _performers(request: _Request) -> Performers:
     library = request.library or MotionLibrary.builtin()
-    # The first recogniser computes the library's windows; the first performer's first frame shall not wait for that.
+    # The first recogniser computes the library's windows; the first performer's first frame must not wait for them.
     Recognizer(library, request.settings)
     return Performers(library, request.settings, most=request.performers)
 
 
 def _when_told(connection: Connection, stop: Callable[[], None]) -> None:
-    """Stop when the parent says so, or is gone; to ask every time costs as much as to deal with a packet."""
+    """Stop when the parent says so, or is gone; a thread waits, because checking every time is slow."""
 
     def wait() -> None:
         connection.poll(None)
@@ -252,14 +251,14 @@ def _osc_ends(request: _Request) -> tuple[Source, LayoutSink | ZmqSink, tuple[ob
 
 
 def _zmq_ends(request: _Request) -> tuple[Source, LayoutSink | ZmqSink, tuple[object, object]]:
-    # Closed by the process's end.
+    # The end of the process closes it.
     keyring = Keyring(request.keys) if request.keys else None
     receiver, sender = zeromq.ZmqReceiver(ANY_ENDPOINT, keyring=keyring), zeromq.ZmqSender(ANY_ENDPOINT, keyring)
     return Source(receiver, ZmqDecoder()), ZmqSink(sender), (receiver.address, sender.address)
 
 
 def _stand_in(connection: Connection, source: Source, sink: LayoutSink | ZmqSink, stand_in: StandIn) -> None:
-    """Receive and send, nothing else: what the transport and the machine cost without us."""
+    """Receive and send, nothing else: the cost of the transport and the machine."""
     stopped = threading.Event()
     _when_told(connection, stopped.set)
     poller = zmq.Poller()

@@ -1,1 +1,1 @@
-"""The programs a person starts, one file each: `add_arguments` says what it takes, `run` does it."""
+"""The programs, one file each: `add_arguments` adds a program's options, `run` runs it."""

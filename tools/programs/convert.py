@@ -1,4 +1,4 @@
-"""`kinespace convert`: a raw recording or a motion file as plain numbers, `.npz` or CSV."""
+"""`kinespace convert`: writes a raw recording or a motion file as plain numbers, `.npz` or CSV."""
 
 from __future__ import annotations
 
@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     from kinespace.library import Clip, Reading
     from kinespace.library.skeleton import Skeleton
     from kinespace.stream.feeds import Preset
+    from kinespace.tools.feeding.raw_takes import Seen
 
 #: A frame's time in seconds and its positions, (joints, 3), metres.
 _Posture = tuple[float, "NDArray[np.floating]"]
@@ -42,7 +43,7 @@ _Posture = tuple[float, "NDArray[np.floating]"]
 
 @dataclass(slots=True)
 class _Motion:
-    """Frames of one performer, as they come; how many is known where they were counted."""
+    """Frames of one performer, one after the other; their number is known if they were counted."""
 
     skeleton: Skeleton
     performer: str
@@ -53,10 +54,21 @@ class _Motion:
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the program's options."""
     parser.description = (
-        "Writes times and joint positions (seconds, metres) as .npz, or as CSV with a line for each frame."
+        "Writes times and joint positions (seconds, metres) as .npz, or as CSV with a line for each frame. Of a folder "
+        "every recording is converted."
     )
-    parser.add_argument("source", type=Path, metavar="FILE", help="a .kinerec or a motion file")
-    parser.add_argument("-o", "--output", type=Path, required=True, metavar="FILE", help="ending in .npz or .csv")
+    parser.add_argument(
+        "source", type=Path, metavar="FILE|FOLDER", help="a .kinerec, a motion file, or a folder of them"
+    )
+    parser.add_argument(
+        "-o",
+        "--output",
+        type=Path,
+        required=True,
+        metavar="FILE|FOLDER",
+        help="a file that ends in .npz or .csv; of a folder the folder to write to",
+    )
+    parser.add_argument("--csv", action="store_true", help="of a folder: write CSV (default: .npz)")
     parser.add_argument("--performer", help="whose frames, where there are several performers")
     add_overwrite(parser)
     add_recorded_feed(parser)
@@ -65,19 +77,45 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Run the program with these options; return the exit status."""
-    return convert(
-        options.source,
-        options.output,
-        performer=options.performer,
-        feed=options.feed,
-        reading=reading_of(options),
-        overwrite=options.overwrite,
-    )
+    ending = ".csv" if options.csv else ".npz"
+    if options.source.is_dir():
+        pairs = _in_folder(options.source, options.output, ending)
+    elif options.csv:
+        raise ValueError(f"--csv: expected a folder to convert with it, got {options.source}")
+    else:
+        pairs = [(options.source, options.output)]
+    for source, output in pairs:
+        convert(
+            source,
+            output,
+            performer=options.performer,
+            feed=options.feed,
+            reading=reading_of(options),
+            overwrite=options.overwrite,
+        )
+    return 0
+
+
+def _in_folder(folder: Path, output: Path, ending: str) -> list[tuple[Path, Path]]:
+    """Pair each recording of a folder with the file to write, in the same layout below another, new folder."""
+    if output.suffix.lower() in (".npz", ".csv"):
+        raise ValueError(f"--output: expected a folder to write to, for {folder} is one, got {output}")
+    if output.resolve() == folder.resolve():
+        raise ValueError(f"--output: expected another folder than {folder}")
+    found = [path for path in find_recordings([folder]) if output.resolve() not in path.resolve().parents]
+    pairs = [(path, (output / path.relative_to(folder)).with_suffix(ending)) for path in found]
+    written = {target for _, target in pairs}
+    if len(written) < len(pairs):
+        # Two files that differ only in their endings would become one.
+        pairs = [(path, target.with_name(path.name + ending)) for path, target in pairs]
+    for _, target in pairs:
+        target.parent.mkdir(parents=True, exist_ok=True)
+    return pairs
 
 
 def convert(
     source: Path, output: Path, *, performer: str | None, feed: str | None, reading: Reading, overwrite: bool
-) -> int:
+) -> None:
     """Convert one file, frame by frame.
 
     Parameters
@@ -89,11 +127,11 @@ def convert(
         `joints`; `parents`, empty when they are not known; `performer`) or `.csv` (a column for the time and three for
         each joint).
     performer
-        Whose frames, where a raw recording has several performers.
+        The performer, if a raw recording has several.
     feed
-        Name or file of the preset that a raw recording's packets are read by; None for what it says of itself.
+        Name or file of the preset for a raw recording's packets; None for the preset that the recording names.
     reading
-        How a motion file is read.
+        How to read a motion file.
     overwrite
         Whether a file that is there may be written over.
     """
@@ -118,7 +156,6 @@ def convert(
     )
     if damage:
         console.print(damage, soft_wrap=True)
-    return 0
 
 
 def _of_file(source: Path, reading: Reading) -> _Motion:
@@ -142,7 +179,7 @@ def _postures_of(clips: Iterable[Clip]) -> Iterator[_Posture]:
 
 
 def _of_raw(recording: RawFile, performer: str | None, preset: Preset | None) -> tuple[_Motion, int]:
-    """Look through a recording once for who is in it, then give one performer's frames; how many are left out."""
+    """Look through a recording once for its performers, then give one performer's frames, and how many are left out."""
     seen = seen_in(progress(events_of(recording, preset), "Looking", None))
     performing = [name for name, each in seen.items() if each.frames]
     if performer is None and len(performing) > 1:
@@ -151,22 +188,24 @@ def _of_raw(recording: RawFile, performer: str | None, preset: Preset | None) ->
     if chosen not in performing:
         raise ValueError(f"{recording.path}: no frame{f' of {chosen!r}' if chosen else ''} in it")
     skeleton = seen[chosen].skeleton()
-    frames = sum(1 for _ in _postures(recording, preset, chosen, skeleton))
+    frames = sum(1 for _ in _postures(recording, preset, chosen, seen[chosen]))
     if not frames:
         raise ValueError(f"{recording.path}: no frame of {chosen!r} has the {len(skeleton.joints)} announced joints")
-    motion = _Motion(skeleton, chosen, frames, _postures(recording, preset, chosen, skeleton))
+    motion = _Motion(skeleton, chosen, frames, _postures(recording, preset, chosen, seen[chosen]))
     return motion, seen[chosen].frames - frames
 
 
-def _postures(recording: RawFile, preset: Preset | None, performer: str, skeleton: Skeleton) -> Iterator[_Posture]:
-    order = JointOrder(skeleton)
-    for event in events_of(recording, preset):
+def _postures(recording: RawFile, preset: Preset | None, performer: str, seen: Seen) -> Iterator[_Posture]:
+    order, clock = JointOrder(seen.skeleton()), seen.times()
+    for arrival, event in events_of(recording, preset):
         if event.performer != performer:
             continue
         if isinstance(event, Announcement):
             order.announce(event)
-        elif (positions := order.ordered(event)) is not None:
-            yield event.time, positions
+            continue
+        seconds = clock.read(event.time, arrival)
+        if (positions := order.ordered(event)) is not None:
+            yield seconds, positions
 
 
 def _write_csv(output: Path, motion: _Motion) -> int:
@@ -175,14 +214,14 @@ def _write_csv(output: Path, motion: _Motion) -> int:
         rows = csv.writer(file)
         rows.writerow(["time", *(csv_text(f"{joint}_{axis}") for joint in motion.skeleton.joints for axis in "xyz")])
         for moment, positions in motion.postures:
-            # Nine digits give every 32-bit number back as it was.
+            # Nine digits give every 32-bit number back exactly.
             rows.writerow([repr(float(moment)), *(f"{number:.9g}" for number in positions.ravel().tolist())])
             frames += 1
     return frames
 
 
 def _write_npz(output: Path, motion: _Motion) -> int:
-    """Write the arrays without ever holding them: positions go to a scratch file first, and from there into the zip."""
+    """Write the arrays piece by piece: positions go to a scratch file first, and from there into the zip."""
     times = array("d")
     with tempfile.TemporaryFile(dir=output.absolute().parent) as scratch:
         for moment, positions in motion.postures:

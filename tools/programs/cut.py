@@ -1,4 +1,4 @@
-"""`kinespace cut`: a row for each movement of a recording that lies between two stillnesses, for a person to name."""
+"""`kinespace cut`: lists the movements between stillnesses of a recording, for a person to name."""
 
 from __future__ import annotations
 
@@ -6,8 +6,8 @@ import csv
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from kinespace.library.movement import STILLNESS, stretches_of
 from kinespace.library.recordings import RecordingReader, find_recordings
+from kinespace.library.teaching.movement import STILLNESS, stretches_of
 from kinespace.tools.cli.arguments import add_overwrite, add_reading, add_recorded_feed, positive, reading_of
 from kinespace.tools.terminal.console import console, printable, progress
 from kinespace.tools.terminal.output_path import require_place_for
@@ -56,11 +56,11 @@ def propose(source: Path, output: Path | None, *, reading: Reading, stillness: f
     source
         The recording.
     output
-        The CSV to write; beside the recording, called like it, when not given.
+        The CSV to write; by default beside the recording, with its name.
     reading
-        How the recording is read.
+        How to read the recording.
     stillness
-        Movement below which a body stands still (`library.movement`).
+        Movement below which a body stands still (`library.teaching.movement`).
     overwrite
         Whether a file that is there may be written over.
     """

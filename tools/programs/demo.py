@@ -1,7 +1,8 @@
-"""`kinespace demo`: the whole loop on this machine, with nothing but the built-in library.
+"""`kinespace demo`: the whole loop on this machine, with the built-in library alone.
 
-It plays recorded motions of the library, one of each class. The library that names them holds none of those played.
-Other motions of the same persons are in it: `kinespace evaluate` tells how well other persons are recognised.
+It plays recorded motions of the library, one of each class. The library that names them does not contain the motions
+that are played. It contains other motions of the same persons: `kinespace evaluate` tells how well other persons are
+recognised.
 """
 
 from __future__ import annotations
@@ -47,9 +48,9 @@ if TYPE_CHECKING:
     from kinespace.tools.loopback.service_process import Transport
 
 PERFORMER = "demo"
-#: Seconds of the shortest motion that is played, where a class has one so long: recognition begins after half a second.
+#: Seconds of the shortest motion that is played, if a class has one as long: recognition begins after half a second.
 MIN_SECONDS = 1.0
-#: Seconds between two motions: longer than the recogniser bridges, so that its window starts anew.
+#: Seconds between two motions: longer than the recogniser's longest gap, so that its window starts anew.
 _PAUSE = 0.7
 _LINGER = 0.3
 _PICTURE_WIDTH = 112
@@ -57,7 +58,7 @@ _PICTURE_WIDTH = 112
 
 @dataclass(slots=True)
 class _Played:
-    """The motion of one class, and what was answered while it played."""
+    """The motion of one class, and the answers while it played."""
 
     class_name: str
     labels: Counter[str] = field(default_factory=Counter)
@@ -66,7 +67,7 @@ class _Played:
 
     @property
     def answered(self) -> str:
-        """The label heard most often; empty when nothing was answered."""
+        """The most frequent label; empty without answers."""
         return self.labels.most_common(1)[0][0] if self.labels else ""
 
 
@@ -89,14 +90,14 @@ def run(options: argparse.Namespace) -> int:
 
 
 def demonstrate(transport: Transport, *, seconds: float, picture: Path | None, as_json: bool) -> int:
-    """Play a motion of every class and show what is answered.
+    """Play a motion of every class and show the answers.
 
     Raises
     ------
     ValueError
-        The seconds are too few for a motion of every class.
+        There are too few seconds for a motion of every class.
     OSError
-        The picture has no place to be written to.
+        The picture cannot be written.
     """
     if picture:
         require_place_for(picture)
@@ -124,21 +125,21 @@ def demonstrate(transport: Transport, *, seconds: float, picture: Path | None, a
 
 
 def chosen(library: MotionLibrary, seconds: float) -> list[Clip]:
-    """Choose a motion of each class: the longest up to a limit, the same for all, that lets all fit into the seconds.
+    """Choose a motion of each class: the longest up to a limit, the same for all, that fits all into the seconds.
 
-    A class without a motion below the limit gives its shortest; motions of less than a second are passed over.
+    A class without a motion below the limit gives its shortest; motions of less than a second are left out.
 
     Parameters
     ----------
     library
-        Whose motions.
+        The library whose motions are chosen.
     seconds
-        For all of them, with the pauses between.
+        Seconds for all motions, with the pauses between them.
 
     Raises
     ------
     ValueError
-        Even the shortest take longer.
+        Even the shortest motions take longer.
     """
     by_class = {name: [each for each in library.motions if each.class_name == name] for name in library.classes}
     candidates = [
@@ -154,7 +155,7 @@ def chosen(library: MotionLibrary, seconds: float) -> list[Clip]:
 
 
 class _Show:
-    """Who has played, what was answered, and how it is drawn."""
+    """The motions played so far, their answers, and their table."""
 
     def __init__(self, played: list[_Played], matcher: AnswerMatcher, transport: Transport) -> None:
         self.played = played
@@ -172,7 +173,7 @@ class _Show:
         self.now_playing = cue.class_name
 
     def hear(self, heard: Sequence[Heard]) -> bool:
-        """Note what was answered; say whether there was an answer."""
+        """Note the answers that came; say whether there were any."""
         news = False
         for each in heard:
             answer = answer_in(each.packet)
@@ -188,7 +189,7 @@ class _Show:
 
     @property
     def right(self) -> int:
-        """How many motions were answered with their own class most of the time."""
+        """The number of motions that were answered with their own class most of the time."""
         return sum(each.answered == each.class_name for each in self.played)
 
     @property
@@ -228,7 +229,7 @@ class _Show:
         return name, Text(each.answered, style=style), score, f"{each.latest.margin:.3f}", f"{latency:.2f}"
 
     def tally(self) -> str:
-        """Say how it went."""
+        """Give the last lines of the report."""
         latencies = self.latencies_ms
         answers = sum(each.labels.total() for each in self.played)
         right = sum(each.labels[each.class_name] for each in self.played)
@@ -247,7 +248,7 @@ def _play(cues: Sequence[Cue], sender: FrameSender, listener: Listener, show: _S
     for cue in cues:
         packet = sender.encode(cue)
         if show.hear(listener.listen_until(pace.moment(cue.due))) and live:
-            # Right after an answer nothing is under way that drawing could delay.
+            # Right after an answer, drawing delays no frame.
             live.update(show.table(console.width), refresh=True)
         show.sent(cue, time.perf_counter())
         sender.send(packet)

@@ -1,4 +1,4 @@
-"""`kinespace feeds`: which products' messages are understood, and what to set in them."""
+"""`kinespace feeds`: lists the products whose messages are understood, and their settings."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def tell(name: str | None) -> int:
 
 
 def described(preset: Preset) -> str:
-    """Say in a line whose messages a preset reads, on which port, and how many joints they have."""
+    """Describe a preset in a line: its port, its number of joints, its rate and its product."""
     return f"port {preset.port}, {len(preset.joints)} joints, some {preset.rate:g} Hz: {preset.product}"
 
 

@@ -1,4 +1,4 @@
-"""`kinespace latency`: last byte of a frame sent to its answer received, beside a bare echo of the same packets."""
+"""`kinespace latency`: from the last byte of a frame sent to its answer received, beside a bare echo of the packets."""
 
 from __future__ import annotations
 
@@ -31,30 +31,30 @@ if TYPE_CHECKING:
     from kinespace.tools.loopback.answer_listener import Heard
     from kinespace.tools.loopback.service_process import Transport
 
-#: Seconds answers are waited for after the last frame.
+#: Seconds after the last frame in which answers may still come.
 _LINGER = 0.5
-#: Seconds left to both processes between meeting and the first frame.
+#: Seconds between the connection of both processes and the first frame.
 _SETTLE = 0.2
-#: Seconds of feed whose latencies are not counted: caches fill, ZeroMQ peers meet.
+#: Seconds of feed whose latencies do not count: caches fill, ZeroMQ peers connect.
 _WARM_UP = 0.5
-#: Which of the library's motions are played: some of each class.
+#: One in so many of the library's motions is played, so that there are some of each class.
 _EVERY = 8
 
 
 @dataclass(frozen=True, slots=True)
 class Latency:
-    """What one run measured.
+    """The result of one run.
 
     Attributes
     ----------
     transport, rate_hz
-        What was run.
+        The transport and the frame rate.
     sent
         Frames sent.
     answered
         Answers received.
     lost
-        Answers due that never came.
+        Answers due that did not come.
     seconds
         Latency of each answer, seconds, shape (answers,).
     echo_seconds
@@ -103,9 +103,9 @@ def measure(
 ) -> Latency:
     """Feed a recogniser in another process and time its answers.
 
-    The feed plays every eighth motion of the built-in library, one after the other, again and again. Each frame says
-    its time, so that it is known beforehand which frames are answered. Every packet also goes, half a frame later, to a
-    process that sends it straight back.
+    The feed plays every eighth motion of the built-in library, one after the other, again and again. Each frame carries
+    its time, so that the answered frames are known beforehand. Every packet also goes, half a frame later, to a process
+    that sends it straight back.
 
     Parameters
     ----------
@@ -114,7 +114,7 @@ def measure(
     rate_hz
         Frames per second.
     seconds
-        How long to feed.
+        The length of the feed.
     settings
         Of the recogniser.
     keys
@@ -123,7 +123,7 @@ def measure(
     Raises
     ------
     ValueError
-        Nothing would be answered after the first half second, which warms up.
+        No frame would be answered after the first half second, which warms up.
     """
     library = MotionLibrary.builtin()
     warm = int(_WARM_UP * rate_hz)
@@ -165,15 +165,15 @@ class _Run:
         self.echoes: list[Heard] = []
 
     def play(self, cues: Sequence[Cue], announcement: Announcement, rate_hz: float) -> None:
-        """Send every frame when it is due, its copy to the echo half a frame later."""
+        """Send every frame when it is due, and its copy to the echo half a frame later."""
         self._sender.announce(announcement)
-        # What greeted during connecting is not part of the run.
+        # Greetings from the connection are not part of the run.
         self._listener.listen_until(time.perf_counter() + _SETTLE)
         pace = Pace()
         for cue in cues:
             packet, echoed = self._sender.encode(cue), self._echo_sender.encode(cue)
             self._keep(self._listener.listen_until(pace.moment(cue.due)))
-            # Before the call, not after: the answer may be on its way before it returns.
+            # Before the call, because the answer may be on its way before the call returns.
             self.sent.append(time.perf_counter())
             self._sender.send(packet)
             self._keep(self._listener.listen_until(pace.moment(cue.due + 0.5 / rate_hz)))

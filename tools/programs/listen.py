@@ -1,9 +1,10 @@
-"""`kinespace listen`: what arrives on a port, which feed it looks like, and what recognition lacks."""
+"""`kinespace listen`: shows the packets on a port, the feed they look like, and what recognition lacks."""
 
 from __future__ import annotations
 
 import errno
 import json
+import shlex
 import time
 from typing import TYPE_CHECKING
 
@@ -15,7 +16,7 @@ from kinespace.library.motion_library import MIN_JOINTS
 from kinespace.library.naming import NamedJoints, Naming
 from kinespace.library.naming import told as names_told
 from kinespace.stream.feeds import builtin_names, builtin_preset
-from kinespace.stream.feeds.detection import MOST_KINDS, Guess, Survey
+from kinespace.stream.feeds.detection import MAX_KINDS, OURS, Guess, Survey
 from kinespace.stream.feeds.handshake import NEVER, farewells, is_due, questions
 from kinespace.stream.osc import SKELETON, OscReceiver
 from kinespace.stream.osc.udp import LookedUp
@@ -30,14 +31,14 @@ if TYPE_CHECKING:
 
     from kinespace.stream.feeds import Preset
 
-#: The preset of our own messages, in which joints need not be named.
+#: The preset of our own messages, whose joints need not be named.
 _NATIVE = "native"
-#: Kinds of messages that are shown.
+#: Kinds of messages that are shown, at most.
 _MAX_SHOWN = 40
-#: Gaps that are worth a word, seconds, and in intervals of the message's own rate.
+#: Gaps that are reported: seconds, and intervals of the message's own rate.
 _GAP_SECONDS, _GAP_INTERVALS = 0.2, 4.0
 _MAX_WAIT = 100
-#: Characters that what stands beside addresses needs.
+#: Characters of the columns beside addresses.
 _BESIDE_ADDRESSES = 48
 
 
@@ -66,7 +67,7 @@ def run(options: argparse.Namespace) -> int:
 
 
 def listen(address: str | None, *, feed: str | None, sender: str, seconds: float, as_json: bool) -> int:
-    """Listen for some seconds and say what came: 0 when it can be recognised, 1 when not."""
+    """Listen for some seconds and report: 0 when the feed can be recognised, 1 when not."""
     preset = preset_named(feed) if feed else None
     host, port = host_and_port(address) if address else ("127.0.0.1", preset.port if preset else 0)
     try:
@@ -81,21 +82,23 @@ def listen(address: str | None, *, feed: str | None, sender: str, seconds: float
         if not as_json:
             host, port = receiver.address
             console.print(f"listening on OSC {host}:{port} for {seconds:g} s; Ctrl-C ends", soft_wrap=True)
+        place = receiver.address
         survey = heard(receiver, seconds, preset, sender)
     finally:
         receiver.close()
     presets = [preset] if preset else [builtin_preset(name) for name in builtin_names()]
     guess = survey.looked_at_as(preset) if preset else survey.guess(presets)
-    told = [*advice(survey, guess, address), *survey.reasons(guess.preset if guess else None)]
+    told = advice(survey, guess, address)
+    pasted = command(guess, feed, place) if guess and guess.frames else None
     if as_json:
-        print(json.dumps(as_object(survey, guess, told)))
+        print(json.dumps(as_object(survey, guess, told) | {"command": pasted}))
     else:
-        _show(survey, guess, told)
+        _show(survey, guess, [*([f"recognise it: {pasted}"] if pasted else []), *told])
     return 0 if guess and guess.frames else 1
 
 
 def heard(receiver: OscReceiver, seconds: float, preset: Preset | None, sender: str) -> Survey:
-    """Collect what arrives for some seconds, or until Ctrl-C; ask for it where the preset must be asked."""
+    """Collect packets for some seconds, or until Ctrl-C; send the preset's messages to the sender if it has any."""
     survey = Survey()
     poller = zmq.Poller()
     poller.register(receiver.socket, zmq.POLLIN)
@@ -126,7 +129,7 @@ def _tell(receiver: OscReceiver, packet: bytes, target: LookedUp | None) -> None
 
 
 def advice(survey: Survey, guess: Guess | None, address: str | None) -> list[str]:
-    """Say what is missing for recognition, and what to do about it; nothing to say means that all is well."""
+    """Say what is missing for recognition, and what to do about it; empty when all is well."""
     if not survey.packets:
         lines = ["nothing arrived: is the sender's port this one, and its address this machine's?"]
         if not (address or "").startswith("0.0.0.0"):  # noqa: S104 - compared, not bound
@@ -136,9 +139,12 @@ def advice(survey: Survey, guess: Guess | None, address: str | None) -> list[str
     if survey.undecodable:
         lines.append(f"{survey.undecodable} of {survey.packets} packets are no OSC: another protocol on this port?")
     if guess is None:
+        if any(kind.address in OURS for kind in survey.kinds.values()):
+            return [*lines, *survey.findings(builtin_preset(_NATIVE)).refusals]
         lines.append("no feed we know: write a preset (kinespace feeds native > my.toml) with the addresses above")
         return lines
     lines += _lacking(survey, guess)
+    lines += _odd(survey, guess)
     shared = MotionLibrary.builtin().skeleton.joints
     if not set(guess.preset.joints) & set(shared):
         lines.append("none of the joints is the built-in library's: build your own library from this feed")
@@ -151,16 +157,18 @@ def advice(survey: Survey, guess: Guess | None, address: str | None) -> list[str
 
 
 def _lacking(survey: Survey, guess: Guess) -> list[str]:
-    """Say what a feed lacks to be recognised."""
+    """Say what a feed lacks for recognition."""
     if guess.preset.name == _NATIVE and survey.announced:
         return _named_otherwise(survey)
     if guess.missing and guess.preset.name == _NATIVE and not any(k.address == SKELETON for k in survey.kinds.values()):
         return [
             f"{len(guess.joints)} joints whose names were never sent: let the sender send {SKELETON}, or",
-            "say which they are: kinespace live --joints A,B,... or --joints PRESET",
+            f"say which they are: kinespace live --joints {_listing(len(guess.joints))}",
         ]
     lines = list[str]()
-    if guess.missing:
+    if guess.missing and guess.frames:
+        lines.append(f"done without, because they never came: {', '.join(guess.missing)}")
+    elif guess.missing:
         lines.append(f"missing for recognition: {', '.join(guess.missing)}")
         lines.append("let the sender send them, or leave them out of [joints] in a copy of the preset")
     if guess.unknown:
@@ -168,17 +176,47 @@ def _lacking(survey: Survey, guess: Guess) -> list[str]:
     if not guess.frames and not guess.missing:
         lines.append("no whole frame: too short a time, or joints that come too far apart")
     elif guess.refused:
-        lines.append(f"{guess.refused} frames refused, because joints in them were absent for too long")
+        lines.append(f"{guess.refused} frames refused, because too many joints were absent from them")
     return lines
 
 
+def _listing(count: int) -> str:
+    """Name the presets that list so many joints in the order of their frames, the first as an option takes it."""
+    known = {name: builtin_preset(name) for name in builtin_names() if name != _NATIVE}
+    first, *others = [name for name, preset in known.items() if len(preset.order) == count] or ["A,B,..."]
+    return f"{first} (or {', '.join(others)})" if others else first
+
+
+def _odd(survey: Survey, guess: Guess) -> list[str]:
+    """Describe oddities of the frames, and the reasons why packets could not be read."""
+    clocks, stretching, refusals = survey.findings(guess.preset)
+    return [
+        *(f"performer {name}: {told}" for name, told in clocks.items()),
+        *(
+            f"performer {name}: many segments change their length by more than a tenth. A depth sensor's do; else the "
+            "joints stand in another order than their names, or angles are sent in place of positions"
+            for name in stretching
+        ),
+        *refusals,
+    ]
+
+
+def command(guess: Guess, feed: str | None, place: tuple[str, int]) -> str:
+    """Give the command that recognises the feed on a host and port; `feed` as typed, if it was."""
+    native = guess.preset.name == _NATIVE
+    named = "" if native else f" --feed {shlex.quote(feed or guess.preset.name)}"
+    usual = OSC_IN if native else f"127.0.0.1:{guess.preset.port}"
+    host, port = place
+    return f"kinespace live{named}" + ("" if f"{host}:{port}" == usual else f" --osc-in {host}:{port}")
+
+
 def named_joints(survey: Survey) -> NamedJoints | None:
-    """Give the joints that a sender of our own messages announced by our names; None where none did."""
+    """Give the announced joints of our own messages, by our names; None without an announcement."""
     return Naming().read(survey.announced) if survey.announced else None
 
 
 def _named_otherwise(survey: Survey) -> list[str]:
-    """Say what announced joints lack: they may be fewer, and others' names, but five must be ours."""
+    """Say what announced joints lack: they may be fewer, with other names, but five must be ours."""
     shared = set(Naming().read(survey.announced).joints) & set(hdm05.SKELETON.joints)
     if len(shared) >= MIN_JOINTS:
         return []
@@ -224,7 +262,7 @@ def _show(survey: Survey, guess: Guess | None, told: list[str]) -> None:
     if survey.kinds:
         console.print(table)
     if len(shown) > _MAX_SHOWN:
-        console.print(f"and {len(shown) - _MAX_SHOWN}{' or more' if len(shown) >= MOST_KINDS else ''} other kinds")
+        console.print(f"and {len(shown) - _MAX_SHOWN}{' or more' if len(shown) >= MAX_KINDS else ''} other kinds")
     if guess:
         _say(
             f"looks like {guess.preset.name} ({guess.preset.product}): {guess.understood:.0%} of the messages, "
@@ -234,7 +272,6 @@ def _show(survey: Survey, guess: Guess | None, told: list[str]) -> None:
             _say(names_told(named.title or "our", named.joints))
         if guess.frames:
             _say(f"performers: {', '.join(map(printable, guess.performers))}, {guess.rate:.1f} frames per second each")
-            _say(f"recognise it: kinespace live --feed {guess.preset.name}")
     for line in told:
         _say(line)
 

@@ -15,16 +15,14 @@ from typing import TYPE_CHECKING
 
 from rich.live import Live
 
-from kinespace.library import MotionLibrary
 from kinespace.library.naming import Naming
 from kinespace.stream import osc, zeromq
-from kinespace.stream.background_opener import BackgroundOpener
+from kinespace.stream.background_opener import background_restricter, background_windows
 from kinespace.stream.feeds.source import FeedSource
 from kinespace.stream.inputs import Admission, OscDecoder, Source, ZmqDecoder
 from kinespace.stream.outputs import LAYOUTS, LayoutSink, NativeLayout, ReplySink, Sink, ZmqSink
 from kinespace.stream.recognizer import LiveSignature, Performers, Recognizer, SentJoints
 from kinespace.stream.recording import RawWriter, Recorder, source_name
-from kinespace.stream.restricted_beside import RestrictedBeside
 from kinespace.stream.service import Service
 from kinespace.stream.zeromq import Endpoint, Keyring
 from kinespace.tools.cli.address import host_and_port
@@ -37,6 +35,7 @@ from kinespace.tools.cli.arguments import (
     add_overwrite,
     add_sender,
     add_settings,
+    library_at,
     names,
     settings_of,
 )
@@ -54,30 +53,31 @@ if TYPE_CHECKING:
     import argparse
     from collections.abc import Sequence
 
+    from kinespace.library import MotionLibrary
     from kinespace.library.windows.index import WindowIndex
     from kinespace.stream.feeds import Preset
     from kinespace.stream.inputs.receiver import Networks
     from kinespace.stream.recognizer import Settings
     from kinespace.tools.teaching.desk import Desk
 
-#: Where answers go unless the user says otherwise: a port that none of the usual receivers uses.
+#: Where answers go by default: a port that no usual receiver uses.
 OSC_OUT = "127.0.0.1:9311"
 #: The addresses of all of a machine's networks, and of the machine itself.
 _LOOPBACK = (ipaddress.ip_network("127.0.0.0/8"), ipaddress.ip_network("::1/128"))
 _ANY_HOST, _THIS_MACHINE = ("0.0.0.0", "::"), ("127.0.0.1", "::1")  # noqa: S104 - compared, not bound
 #: Times a second the table is drawn.
 _REDRAWS = 5
-#: Seconds a thread may keep Python's lock while another waits. Drawing takes longer than a frame may wait.
+#: Seconds for which a thread may keep Python's lock while another waits. Drawing takes longer than a frame may wait.
 _SWITCH_INTERVAL = 0.0005
-#: Files and connections that may be open at once, as far as the system lets us.
+#: Files and connections that may be open at once, as far as the system allows.
 MAX_CONNECTIONS = 16_384
-#: In place of a library: nothing is known but what is taught.
+#: In place of a library: only taught motions are known.
 _NO_LIBRARY = Path("none")
 
 
 @dataclass(frozen=True, slots=True)
 class Addresses:
-    """Where frames come in and answers go out, as typed; None for not at all."""
+    """Addresses of frames and answers, as typed; None for none."""
 
     osc_in: str | None = None
     osc_out: str | None = None
@@ -87,21 +87,21 @@ class Addresses:
 
 @dataclass(frozen=True, slots=True)
 class Feed:
-    """Another product's feed, as typed, and who hears the answer in which layout.
+    """Another product's feed, as typed, and the layouts of the answers.
 
     Attributes
     ----------
     preset
         Name or file of a preset; None for our own messages.
     sender
-        Host that is told to send, for presets that ask.
+        Host that gets the messages of presets that have any.
     outs
         NAME or NAME=HOST:PORT of layouts; the host `sender` is each performer's own sender.
     joints
-        What frames in our own messages hold whose sender does not say so, as
-        `tools.feeding.joint_sets.joints_in_order` reads it; None for the library's joints.
+        The joints of our own messages' frames when the sender does not name them, as read by
+        `tools.feeding.joint_sets.joints_in_order`; None for the library's joints.
     naming
-        How the joint names are read that senders of our own messages announce.
+        How announced joint names of our own messages are read.
     """
 
     preset: str | None = None
@@ -113,12 +113,12 @@ class Feed:
 
 @dataclass(frozen=True, slots=True)
 class Guard:
-    """Who is let in, as typed.
+    """The senders that are let in, as typed.
 
     Attributes
     ----------
     performers
-        Names that are let in; empty for all.
+        Names that are allowed; empty for all.
     networks
         Addresses or networks, like 192.168.0.0/24, whose packets are read; empty for all.
     merge
@@ -135,12 +135,12 @@ class Guard:
 
 @dataclass(frozen=True, slots=True)
 class Teaching:
-    """Whether people may teach, and who, as typed.
+    """Whether people may teach, and by which ways, as typed.
 
     Attributes
     ----------
     file
-        Where what is taught is kept; None: nobody may teach.
+        The file for taught motions; None: nobody may teach.
     controls
         Further ways in: `wekinator`, `wekinator=HOST:PORT`, or the ZeroMQ endpoint of a socket that replies.
     """
@@ -149,7 +149,7 @@ class Teaching:
     controls: Sequence[str] = ()
 
     def require_file(self, settings: Settings) -> None:
-        """Refuse what makes sense with a file only, and what cannot be taught; ValueError."""
+        """Refuse options that need a file, and settings that cannot be taught; ValueError."""
         if self.file is None and self.controls:
             raise ValueError("--control: expected --teach with it")
         if self.file and settings.signature is LiveSignature.PAPER:
@@ -293,12 +293,12 @@ def recognise(
     ):
         if desk:
             desk.sinks = service.sinks
-        # Before anybody can know that we are there.
+        # Before anybody can know that the program runs.
         stop_on_signals(service.stop)
         _announce([*sources, *doors], sinks)
         if not guard.keyring:
             _warn_of_strangers([addresses.zmq_in, addresses.zmq_out, *teaching.controls])
-        # What was loaded so far lives as long as we do: the collector need not look at it again.
+        # All objects so far live as long as the program: the collector need not look at them again.
         gc.freeze()
         with Keys(desk, shown) if desk and isinstance(shown, LiveTable) else nullcontext():
             if isinstance(shown, LiveTable):
@@ -325,12 +325,12 @@ def _performers(
     settings: Settings,
     most: int,
 ) -> tuple[Performers, Desk | None]:
-    """Make the recognisers, and the desk that stands for them where people may teach."""
+    """Make the recognisers, and the desk in front of them if people may teach."""
     nothing = library == _NO_LIBRARY
     if nothing and not teaching.file:
         raise ValueError("--library none: expected --teach with it")
     joints = _assumed_joints(feed)
-    motions = MotionLibrary.load(library) if library and not nothing else MotionLibrary.builtin()
+    motions = library_at(None if nothing else library)
     if feed.naming.convention or feed.naming.finds:
         motions = motions.in_our_names(Naming())
     if nothing:
@@ -339,23 +339,22 @@ def _performers(
         motions = fitted(motions, f"feed {preset.name}", preset.joints)
     elif joints:
         motions = fitted(motions, "--joints", joints)
+    sent = SentJoints(joints, feed.naming, background_restricter(settings))
     if teaching.file:
-        desk = _desk(teaching, None if nothing else motions, SentJoints(joints, feed.naming), settings, most)
+        desk = _desk(teaching, None if nothing else motions, sent, settings, most)
         return as_performers(desk), desk
     _require_room_for(motions, settings)
-    sent = SentJoints(joints, feed.naming, RestrictedBeside(motions, settings))
-    return Performers(motions, settings, most=most, joints=sent, opener=BackgroundOpener()), None
+    return Performers(motions, settings, most=most, joints=sent, opener=background_windows()), None
 
 
 def _desk(teaching: Teaching, motions: MotionLibrary | None, sent: SentJoints, settings: Settings, most: int) -> Desk:
-    """Open what was taught before."""
+    """Open the taught library."""
     assert teaching.file is not None  # noqa: S101 - told to mypy
 
     def performers(index: WindowIndex, classes: Sequence[str]) -> Performers:
         covers = set(index.library.skeleton.joints) <= set(sent.assumed)
-        fewer = RestrictedBeside(index.library, settings)
-        joints = SentJoints(sent.assumed if covers else (), sent.naming, fewer)
-        opener = BackgroundOpener()
+        joints = sent if covers else replace(sent, assumed=())
+        opener = background_windows()
         return Performers(index, settings, most=most, joints=joints, opener=opener, classes=classes)
 
     return open_desk(Start(teaching.file, motions, sent.assumed), performers)
@@ -364,7 +363,7 @@ def _desk(teaching: Teaching, motions: MotionLibrary | None, sent: SentJoints, s
 def _doors(
     teaching: Teaching, desk: Desk, sources: Sequence[Source], networks: Networks, keyring: Keyring | None
 ) -> list[WekinatorDoor | RequestDoor]:
-    """Open the ways in for commands: the frames' own ports, and what was asked for beside them."""
+    """Open the ways in for commands: the frames' own ports, and further ones."""
     allowed = Allowed(networks)
     for source in sources:
         source.decoder = TaughtDecoder(source.decoder, desk, allowed)
@@ -388,7 +387,7 @@ def _assumed_joints(feed: Feed) -> tuple[str, ...]:
 
 
 def fitted(motions: MotionLibrary, whose: str, joints: Sequence[str]) -> MotionLibrary:
-    """Restrict a library to the joints a feed has, and say so.
+    """Restrict a library to the joints a feed has, and print which.
 
     Raises
     ------
@@ -412,7 +411,7 @@ def fitted(motions: MotionLibrary, whose: str, joints: Sequence[str]) -> MotionL
 
 
 def frames_made(source: FeedSource) -> str:
-    """Say what became of a feed's joints, and which were lacking where frames were refused."""
+    """Describe what happened to a feed's joints, and which were missing in refused frames."""
     counts = source.decoder.assembler.counts
     closed = ", ".join(f"{count} by {closing}" for closing, count in counts.closed_by.most_common())
     line = (
@@ -444,7 +443,7 @@ def _open(
     keyring: Keyring | None,
     admission: Admission,
 ) -> tuple[list[_AnyReceiver], list[Sink], RawWriter | None]:
-    """Open what was asked for; what was opened before a failure is closed again."""
+    """Open the addresses; after a failure the open ones are closed again."""
     if preset and not (addresses.osc_in or addresses.zmq_in):
         addresses = replace(addresses, osc_in=f"127.0.0.1:{preset.port}")
     if not (addresses.osc_in or addresses.zmq_in):
@@ -479,7 +478,7 @@ def _open(
 
 
 def _require_no_loop(receivers: Sequence[_AnyReceiver], sinks: Sequence[Sink]) -> None:
-    """Refuse answers to a port that frames come in on: they would be taken for frames."""
+    """Refuse answers to a port on which frames come in: they would be taken for frames."""
     heard = [receiver.address for receiver in receivers if isinstance(receiver, osc.OscReceiver)]
     for sink in sinks:
         sender = sink.sender if isinstance(sink, LayoutSink) else None
@@ -528,7 +527,7 @@ def _announce(sources: Sequence[object], sinks: Sequence[Sink]) -> None:
 
 
 def _warn_of_strangers(places: Sequence[str | None]) -> None:
-    """Say which ZeroMQ endpoints other machines reach."""
+    """List the ZeroMQ endpoints that other machines reach."""
     endpoints = [Endpoint.parse(place, bind=True) for place in places if place and "://" in place]
     if reached := [endpoint.address for endpoint in endpoints if endpoint.is_open_to_others]:
         console.print(
@@ -539,7 +538,7 @@ def _warn_of_strangers(places: Sequence[str | None]) -> None:
 
 
 def _run_with_table(service: Service, shown: LiveTable) -> None:
-    """Draw in a second thread, so that the feed waits for a lock's turn at most, never for a picture."""
+    """Draw in a second thread, so that the feed waits at most for the lock, never for a picture."""
     sys.setswitchinterval(_SWITCH_INTERVAL)
     loop = threading.Thread(target=service.run, name="kinespace service")
     loop.start()
@@ -550,6 +549,6 @@ def _run_with_table(service: Service, shown: LiveTable) -> None:
                 time.sleep(1 / _REDRAWS)
             live.update(shown.drawn(), refresh=True)
     finally:
-        # The thread must be out of the sockets before they are closed, whatever became of the picture.
+        # The thread must be out of the sockets before they are closed, also after an error in drawing.
         service.stop()
         loop.join()

@@ -1,4 +1,4 @@
-"""`kinespace record`: every packet of a feed, as it came, into a file."""
+"""`kinespace record`: writes every packet of a feed to a file, as it came."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from kinespace.tools.terminal.output_path import require_place_for
 if TYPE_CHECKING:
     import argparse
 
-#: Milliseconds of the longest sleep: how soon Ctrl-C is heard.
+#: Milliseconds of the longest sleep: Ctrl-C takes effect within this time.
 _MAX_SLEEP = 100
 
 _Receivers = list[osc.OscReceiver | zeromq.ZmqReceiver]
@@ -56,18 +56,18 @@ def run(options: argparse.Namespace) -> int:
 def record(
     output: Path, *, osc_in: str | None, zmq_in: str | None, keys: Path | None, seconds: float | None, overwrite: bool
 ) -> int:
-    """Record until interrupted, or for so many seconds; say what was kept.
+    """Record until interrupted, or for so many seconds; print the counts.
 
     Parameters
     ----------
     output
-        The file to make.
+        The file to write.
     osc_in, zmq_in
-        Where packets come in, one of them at least.
+        Where packets come in; at least one of the two.
     keys
         Folder of the keys of ZeroMQ senders; None for none.
     seconds
-        How long; until interrupted when not given.
+        How long; by default until interrupted.
     overwrite
         Whether a file that is there may be written over.
     """
@@ -107,7 +107,7 @@ def _open(opened: ExitStack, osc_in: str | None, zmq_in: str | None, keys: Path 
 
 
 class _Recording:
-    """Packets from sockets into a file, until stopped.
+    """Writes packets from sockets to a file, until stopped.
 
     Attributes
     ----------
@@ -130,7 +130,7 @@ class _Recording:
         self._stopped = True
 
     def run(self, seconds: float | None, shown: Status) -> None:
-        """Go on until stopped or until so many seconds have gone by; what has arrived by then is still kept."""
+        """Go on until stopped or until so many seconds have passed; packets that have arrived by then are kept."""
         began = told = time.monotonic()
         while not self._stopped and (seconds is None or time.monotonic() < began + seconds):
             self._poller.poll(_MAX_SLEEP)

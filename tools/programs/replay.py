@@ -1,4 +1,4 @@
-"""`kinespace replay`: recordings, or motions of the built-in library, as a fake live feed, and what was answered."""
+"""`kinespace replay`: sends recordings, or motions of the built-in library, as a fake live feed, and scores answers."""
 
 from __future__ import annotations
 
@@ -7,14 +7,17 @@ import time
 from collections import Counter
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass, field, replace
-from itertools import chain
+from itertools import chain, pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+from rich.markup import escape
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
 from kinespace.library import Clip, MotionLibrary, Reading, find_recordings
+from kinespace.library.formats.labels import labels_beside, read_labels
 from kinespace.library.recordings import RecordingReader, labelled
 from kinespace.stream import osc, zeromq
 from kinespace.stream.frame import Announcement
@@ -22,6 +25,7 @@ from kinespace.stream.recording.kinerec import ENDING
 from kinespace.stream.zeromq import Endpoint, Keyring
 from kinespace.tools.cli.address import host_and_port
 from kinespace.tools.cli.arguments import (
+    BUILT_IN,
     OSC_IN,
     add_json,
     add_keys,
@@ -45,7 +49,7 @@ from kinespace.tools.feeding.feed import (
 from kinespace.tools.feeding.prefetch import ReadAhead
 from kinespace.tools.loopback.answer_listener import Listener, answer_in
 from kinespace.tools.programs import replay_packets
-from kinespace.tools.terminal.console import console, progress, progress_console
+from kinespace.tools.terminal.console import console, printable, progress_console
 from kinespace.tools.terminal.named_joints import NameTeller
 from kinespace.tools.terminal.tables import add_names
 
@@ -53,23 +57,24 @@ if TYPE_CHECKING:
     import argparse
     from collections.abc import Iterable, Iterator, Sequence
 
+    from kinespace.library.formats.labels import Segment
     from kinespace.library.skeleton import Skeleton
     from kinespace.tools.feeding.feed import Cue, FrameSender
     from kinespace.tools.loopback.answer_listener import Heard
 
-#: Seconds without an answer after which the last one has come, and the most seconds waited after the last frame.
+#: Seconds without an answer after which no more are expected, and seconds to wait after the last frame, at most.
 _LINGER, _MAX_LINGER = 0.3, 3.0
-#: Seconds ZeroMQ peers get to meet before the first frame; what is sent before is lost to whoever is not there yet.
+#: Seconds for ZeroMQ peers to connect before the first frame; a peer that connects later loses the first messages.
 _MEETING = 0.5
-#: Characters that the figures beside classes' names need.
+#: Characters of the columns beside classes' names.
 _BESIDE_CLASSES = 24
-#: Seconds a feed may stand still that nobody notices.
+#: Seconds for which a feed may stand still without a note.
 _NOTICED = 0.05
 
 
 @dataclass(frozen=True, slots=True)
 class Course:
-    """Who performs, how fast, with which pauses, once or for ever, from when to when of each recording (seconds)."""
+    """How recordings are played: performer, speed, pause, loop, and the part of each recording (seconds)."""
 
     performer: str
     speed: float = 1.0
@@ -85,12 +90,12 @@ class Course:
 
 @dataclass(frozen=True, slots=True)
 class Faults:
-    """What goes wrong on the way, by chance from a seed.
+    """Faults of the feed, drawn from a seed.
 
     Attributes
     ----------
     drop, reorder
-        Shares of the frames, 0 to 1, that are lost or change places with the next.
+        Shares of the frames, 0 to 1, that are dropped or change places with the next frame.
     jitter
         Seconds by which frames may be late.
     """
@@ -101,7 +106,7 @@ class Faults:
     seed: int = 0
 
     def applied(self, cues: Iterator[Cue]) -> Iterator[Cue]:
-        """Let a feed suffer them."""
+        """Apply the faults to a feed."""
         generator = np.random.default_rng(self.seed)
         if self.drop:
             cues = with_drops(cues, self.drop, generator)
@@ -114,15 +119,32 @@ class Faults:
 
 @dataclass(slots=True)
 class Score:
-    """How many answers were right while each class was performed."""
+    """The share of right answers while each class was performed.
+
+    Attributes
+    ----------
+    answers, right
+        By class.
+    unlabelled
+        Answers at moments without a label.
+    """
 
     answers: Counter[str] = field(default_factory=Counter)
     right: Counter[str] = field(default_factory=Counter)
+    unlabelled: int = 0
 
     def add(self, performed: str, label: str) -> None:
         """Count one answer."""
+        if not performed:
+            self.unlabelled += 1
+            return
         self.answers[performed] += 1
         self.right[performed] += performed == label
+
+    @property
+    def heard(self) -> int:
+        """The number of answers, at labelled moments and others."""
+        return self.answers.total() + self.unlabelled
 
     def share(self) -> float | None:
         """Give the share of answers that was right; None without any."""
@@ -135,9 +157,11 @@ class Score:
         table.add_column("answers", justify="right")
         table.add_column("right", justify="right")
         for performed, answers in sorted(self.answers.items()):
-            table.add_row(performed or "?", f"{answers}", f"{self.right[performed] / answers:.0%}")
+            table.add_row(performed, f"{answers}", f"{self.right[performed] / answers:.0%}")
         table.add_section()
-        table.add_row("all", f"{self.answers.total()}", f"{self.share() or 0.0:.0%}")
+        table.add_row("all", f"{self.answers.total()}", "" if self.share() is None else f"{self.share():.0%}")
+        if self.unlabelled:
+            table.add_row("without a label", f"{self.unlabelled}", "")
         return table
 
 
@@ -145,8 +169,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the program's options."""
     parser.description = (
         "Sends recordings as live packets on an absolute schedule. With --listen it hears the answers and prints the "
-        "share that was right; a clip's class is in its name (HDM05) or is its folder's name. Exit status: 0 sent "
-        "(and, with --listen, answered), 1 with --listen and without any answer, 2 could not be done."
+        "share that was right; a clip's class is in its name (HDM05) or is its folder's name. Of a take beside which a "
+        "file of labels lies, called like it, the class is the label of the moment. Exit status: 0 sent (and, with "
+        "--listen, answered), 1 with --listen and without any answer, 2 could not be done."
     )
     parser.add_argument(
         "clips",
@@ -154,7 +179,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=Path,
         metavar="CLIP|CLASS",
         help="recordings, folders of them, or classes of the built-in library, whose motions are played; or one "
-        ".kinerec (default: all motions of the built-in library)",
+        ".kinerec (default: built-in, all its motions)",
     )
     add_reading(parser)
     parser.add_argument("--osc", metavar="HOST:PORT", help=f"send OSC there (default {OSC_IN})")
@@ -210,18 +235,18 @@ def play(
     as_json: bool,
     keys: Path | None = None,
 ) -> int:
-    """Send the recordings; with `listen`, print what share of the answers was right.
+    """Send the recordings; with `listen`, print the share of right answers.
 
     Parameters
     ----------
     places
         Recordings, folders of them, and classes of the built-in library; all its motions when there are none.
     reading
-        How recordings are read.
+        How to read recordings.
     osc_to, zmq_to, listen
         Where frames go, and where answers come in.
     course, faults
-        How they are played, and what goes wrong.
+        How they are played, and the faults.
     as_json
         Print one JSON object and nothing else.
     keys
@@ -229,13 +254,12 @@ def play(
 
     Returns
     -------
-    The exit status: 1 when answers were listened for and none came, else 0.
+    The exit status: 1 when listening and no answers came, else 0.
 
     Raises
     ------
     ValueError
-        A place is no recording, folder or class, a recording cannot be used, or something was asked for that the
-        places have no use for.
+        A place is no recording, folder or class, a recording cannot be used, or an option does not apply to the places.
     """
     raw = [place for place in places if place.suffix.lower() == ENDING]
     if raw:
@@ -249,9 +273,10 @@ def play(
             faults=faults,
             json=as_json,
         )
+    recordings = _to_play(places, reading)
     with ExitStack() as opened:
         keyring = opened.enter_context(Keyring(keys)) if keys else None
-        pieces = opened.enter_context(ReadAhead(_pieces(_to_play(places, reading), reading, course)))
+        pieces = opened.enter_context(ReadAhead(_pieces(recordings, reading, course)))
         with progress_console.status("Reading"):
             first = next(iter(pieces))
         announcement = Announcement(course.performer, first.clip.skeleton.joints)
@@ -262,17 +287,17 @@ def play(
         sender = _sender(osc_to, zmq_to, keyring)
         opened.callback(sender.close)
         replaying = _Replay(sender, listener, announcement)
-        # Neither Ctrl-C nor a recording that cannot be read ends the report.
+        # Ctrl-C, or a recording that cannot be read, does not end the report.
         opened.callback(replaying.report, as_json=as_json)
         with suppress(KeyboardInterrupt):
             if zmq_to:
                 time.sleep(_MEETING)
-            replaying.play(progress(faults.applied(played), "Sending", None), pieces)
+            replaying.play(_shown(faults.applied(played), None if course.loop else len(recordings)), pieces)
     return 0 if replaying.answered or not listener else 1
 
 
 def _to_play(places: Sequence[Path], reading: Reading) -> list[Path | Clip]:
-    """List the files to be read and the built-in library's motions, place by place, each once."""
+    """List the files to read and the built-in library's motions, place by place, each once."""
     found = [each for place in places for each in _in_place(place)] if places else [*MotionLibrary.builtin().motions]
     if reading != Reading() and not any(isinstance(each, Path) for each in found):
         raise ValueError(
@@ -282,13 +307,13 @@ def _to_play(places: Sequence[Path], reading: Reading) -> list[Path | Clip]:
 
 
 def _in_place(place: Path) -> Sequence[Path | Clip]:
-    """Give the motions of the built-in library's class of that name, where it is not the path of anything."""
+    """Give the motions of the built-in library, or of its class of that name, if no path has that name."""
     motions = () if place.exists() else MotionLibrary.builtin().motions
-    return [each for each in motions if each.class_name == str(place)] or find_recordings([place])
+    return [each for each in motions if place == BUILT_IN or each.class_name == str(place)] or find_recordings([place])
 
 
 def _pieces(recordings: Sequence[Path | Clip], reading: Reading, course: Course) -> Iterator[Piece]:
-    """Read what is to be played, one recording after the other, in a loop for ever; all with the first one's joints."""
+    """Read the recordings, one after the other, in a loop for ever; all with the first recording's joints."""
     skeleton: Skeleton | None = None
     teller = NameTeller()
     with RecordingReader(reading) as reader:
@@ -302,11 +327,43 @@ def _pieces(recordings: Sequence[Path | Clip], reading: Reading, course: Course)
 
 
 def _read(reader: RecordingReader, recording: Path | Clip) -> Iterator[Clip]:
+    """Read a recording in consecutive pieces, each of one class, by labels beside the recording if there are any."""
     if isinstance(recording, Clip):
-        yield recording
+        yield replace(recording, name=recording.name or f"{recording.class_name} {recording.actor}".strip())
         return
+    labels = labels_beside(recording)
+    segments, start = read_labels(labels) if labels else (), 0
     for clip in reader.pieces(recording):
-        yield labelled(clip, recording)
+        if not segments:
+            yield labelled(clip, recording)
+            continue
+        yield from _by_label(clip, start, segments)
+        start += clip.frames
+
+
+def _by_label(clip: Clip, start: int, segments: Sequence[Segment]) -> Iterator[Clip]:
+    """Divide a clip, whose first frame is a recording's frame `start`, where labels begin and end."""
+    spans = [(round(each.start * clip.frame_rate), round(each.end * clip.frame_rate), each.label) for each in segments]
+    ends = (place - start for span in spans for place in span[:2])
+    places = sorted({0, clip.frames, *(place for place in ends if 0 < place < clip.frames)})
+    for first, last in pairwise(places):
+        label = next((label for begin, end, label in spans if begin <= start + first < end), "")
+        yield replace(
+            clip, positions=clip.positions[first:last], rotations=clip.rotations[first:last], class_name=label
+        )
+
+
+def _shown(cues: Iterable[Cue], recordings: int | None) -> Iterator[Cue]:
+    """Pass cues through and show on a terminal which recording is sent, and of how many (None: endless)."""
+    columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
+    with Progress(*columns, console=progress_console, transient=True, disable=not progress_console.is_terminal) as bar:
+        task, shown = bar.add_task("Sending", total=recordings), -1
+        for cue in cues:
+            if cue.recording != shown:
+                shown = cue.recording
+                told = f"{shown + 1} of {recordings}" if recordings else f"{shown + 1}"
+                bar.update(task, completed=shown, description=f"Sending {told}: {escape(printable(cue.name))}")
+            yield cue
 
 
 def _run_raw(
@@ -320,7 +377,7 @@ def _run_raw(
     faults: Faults,
     json: bool,
 ) -> int:
-    """Send a raw recording; what would change its packets, or needs to know what they say, is refused."""
+    """Send a raw recording; options that would change its packets, or need their contents, are refused."""
     if len(places) != 1:
         raise ValueError(f"replay: expected one {ENDING} alone, got {len(places)} recordings")
     if listen or faults != Faults(seed=faults.seed):
@@ -339,7 +396,7 @@ def _run_raw(
 
 
 def _cut(clips: Iterable[Clip], begin: float, end: float | None) -> Iterator[Piece]:
-    """Give the part of a recording between two moments, seconds from its start; no more of it is read."""
+    """Give the part of a recording between two moments, seconds from its start; only this part is read."""
     start = given = 0
     clip: Clip | None = None
     for clip in clips:
@@ -356,13 +413,13 @@ def _cut(clips: Iterable[Clip], begin: float, end: float | None) -> Iterator[Pie
 
 
 class _Replay:
-    """One feed on its way, and what is answered to it."""
+    """One feed with its answers."""
 
     def __init__(self, sender: FrameSender, listener: Listener | None, announcement: Announcement) -> None:
         self._sender = sender
         self._listener = listener
         self._announcement = announcement
-        # OSC answers name the performer in their address, where not every character may stand.
+        # OSC answers name the performer in their address, which cannot hold every character.
         self._names = {announcement.performer, osc.address_part(announcement.performer)}
         self._score = Score()
         self._sent = self._heard = 0
@@ -372,8 +429,8 @@ class _Replay:
     def play(self, cues: Iterable[Cue], pieces: ReadAhead[Piece]) -> None:
         """Send every frame when it is due, the skeleton before the first and every second.
 
-        When a recording is not read in time the feed stands still, and goes on from there at its own pace: frames
-        that were all sent at once to make up for it would be no feed.
+        When a recording is not read in time the feed stands still, and then goes on at its own pace: frames sent all at
+        once to catch up would be no feed.
         """
         pace, next_announcement, waited = Pace(), 0.0, pieces.waited
         for cue in cues:
@@ -401,22 +458,22 @@ class _Replay:
             pace.wait_for(due)
 
     def _hear(self, heard: Sequence[Heard]) -> bool:
-        """Count what was heard; say whether an answer about our performer was among it."""
+        """Count the answers that came; say whether one about our performer was among them."""
         self._heard += len(heard)
-        before = self._score.answers.total()
+        before = self._score.heard
         for each in heard:
             answer = answer_in(each.packet)
             if answer and answer.performer in self._names:
                 self._score.add(self._performed, answer.label)
-        return self._score.answers.total() > before
+        return self._score.heard > before
 
     @property
     def answered(self) -> bool:
         """Whether any answer was heard."""
-        return bool(self._score.answers)
+        return bool(self._score.heard)
 
     def _silence(self) -> str:
-        """Say that no answer came, and where to look."""
+        """Say that no answer came, and what to check."""
         if self._heard:
             return (
                 f"no answers about {self._announcement.performer!r} heard, but {self._heard} other packets: do the "
@@ -425,17 +482,18 @@ class _Replay:
         return "no answers heard: is a recogniser running, and does it send its answers here?"
 
     def report(self, *, as_json: bool) -> None:
-        """Print what was sent and, where answers were listened for, which share was right."""
+        """Print the counts and, when listening, the share of right answers."""
         score = self._score
         if as_json:
             share = score.share()
             figures = {"sent": self._sent, "failed": self._sender.failed, "answers": score.answers.total()}
+            figures |= {"unlabelled": score.unlabelled} if score.unlabelled else {}
             print(json.dumps({**figures, "right": None if share is None else round(share, 4)}))
             return
         console.print(f"{self._sent} frames sent, {self._sender.failed} the system would not take")
         if self._stood_still > _NOTICED:
             console.print(f"the feed stood still for {self._stood_still:.1f} s: a recording took longer to be read")
-        if self._listener and not score.answers:
+        if self._listener and not score.heard:
             console.print(self._silence(), soft_wrap=True)
         elif self._listener:
             console.print(score.table())

@@ -1,4 +1,4 @@
-"""Raw recordings sent again, bit for bit, when they came or faster."""
+"""Raw recordings sent again, bit for bit, at their own pace or faster."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
     from kinespace.stream.recording.kinerec import RawPacket
 
-#: Seconds ZeroMQ peers get to meet before the first message.
+#: Seconds for ZeroMQ peers to connect before the first message.
 _MEETING = 0.5
 
 _Senders = dict[str, osc.OscSender | zeromq.ZmqSender]
@@ -39,29 +39,29 @@ def run(
     end: float | None,
     as_json: bool,
 ) -> int:
-    """Send a recording's packets on the schedule of their arrivals.
+    """Send a recording's packets at the times of their arrivals.
 
     Parameters
     ----------
     path
         The recording.
     osc_to, zmq_to
-        Where its datagrams and its ZeroMQ messages go; those of a kind without an address are counted and left out.
+        Where its datagrams and its ZeroMQ messages go; packets of a kind without an address are counted and left out.
     keys
         Folder of the keys of the other end of ZeroMQ; None for none.
     speed
-        How many times as fast as they came.
+        The factor on the speed.
     loop
         Begin again after the last, until interrupted.
     begin, end
-        Seconds from the recording's first packet between which packets are sent; the end is not part of it.
+        Only packets between these seconds from the recording's first packet are sent; the end is not part of them.
     as_json
         Print one JSON object and nothing else.
 
     Raises
     ------
     ValueError
-        There are no packets in it, or none between the two moments.
+        The recording has no packets, or none between the two moments.
     """
     recording = RawFile(path)
     counts: Counter[str] = Counter()
@@ -106,7 +106,7 @@ def _nothing_to_send(recording: RawFile) -> str:
 
 
 def cut(packets: Iterator[RawPacket], begin: float, end: float | None) -> Iterator[tuple[float, RawPacket]]:
-    """Give the packets between two moments, seconds from the first packet, with when each is due from `begin` on."""
+    """Give the packets between two moments, seconds from the first packet, with the time at which each is due."""
     first: float | None = None
     for packet in packets:
         first = packet.arrival if first is None else first

@@ -1,1 +1,1 @@
-"""Teaching while a feed runs: the desk between service, teacher and file, and the doors that commands come in by."""
+"""Teaching while a feed runs: the desk between service, teacher and file, and the doors for commands."""

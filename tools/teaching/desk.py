@@ -1,8 +1,8 @@
 """The desk: performers who are recognised and taught at once.
 
-The service hands its frames to the desk as it would to `Performers`. The recognisers get them first. The slow part is
-done by a worker: it opens the enlarged library, saves it, checks the new example and tries it on the performer's last
-minutes. Between two frames the desk takes the worker's results and exchanges the library.
+The service hands its frames to the desk as it would to `Performers`. The recognisers get them first. A worker does the
+slow part: it opens the enlarged library, saves it, checks the new example and tries it on the performer's last minutes.
+Between two frames the desk takes the worker's results and exchanges the library.
 """
 
 from __future__ import annotations
@@ -17,9 +17,9 @@ from typing import TYPE_CHECKING, cast
 import numpy as np
 
 from kinespace.library.clip import Clip
-from kinespace.library.examples import Roster, TaughtWindows, checked
 from kinespace.library.motion_library import NOTHING, MotionLibrary
 from kinespace.library.skeleton import Skeleton
+from kinespace.library.teaching.examples import Roster, TaughtWindows, checked
 from kinespace.library.windows.index import WindowIndex, opened
 from kinespace.stream.frame import Frame
 from kinespace.stream.recognition import EventKind
@@ -31,24 +31,24 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
     from pathlib import Path
 
-    from kinespace.library.examples import Check
+    from kinespace.library.teaching.examples import Check
     from kinespace.stream.frame import Input
     from kinespace.stream.outputs.sink import Sink
     from kinespace.stream.recognition import Event, Recognition
     from kinespace.stream.recognizer.performers import PerformerCounts
     from kinespace.stream.teaching import Command, Notice
 
-#: Seconds that a thread may keep Python's lock while a frame waits.
+#: Seconds for which a thread may keep Python's lock while a frame waits.
 _SWITCH_INTERVAL = 0.0005
-#: Seconds between two answers when an example is tried on the last minutes: to count starts, fewer do.
+#: Seconds between two answers when an example is tried on the last minutes: enough to count starts.
 _TRIED_EVERY = 0.1
-#: Frames after which the worker lets others have the processor, and for how many seconds.
+#: Frames after which the worker pauses for other threads, and the pause in seconds.
 _FRAMES_AT_ONCE, _PAUSE = 15, 0.002
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Job:
-    """A roster to be opened and saved; an example to be checked, and the performer's last minutes before it."""
+    """A roster to open and save, an example to check, and the performer's last minutes before it."""
 
     roster: Roster
     number: int = 0
@@ -75,12 +75,12 @@ class _Failed:
 
 
 class Desk:
-    """Stands where the service expects performers.
+    """Takes the place of `Performers` in the service.
 
     Parameters
     ----------
     performers
-        The recognisers; compared with `windows.index_of(teacher.roster)`, or with anything while that is None.
+        The recognisers; they compare with `windows.index_of(teacher.roster)`, or with any library while that is None.
     teacher
         Records the examples.
     windows
@@ -93,7 +93,7 @@ class Desk:
     Attributes
     ----------
     sinks
-        Who is told of notices, and of the classes when they change.
+        The sinks for notices, and for the classes when they change.
     """
 
     def __init__(
@@ -110,7 +110,7 @@ class Desk:
         self._clock = clock
         self._places = ClassPlaces(windows.base_classes)
         self._order = self._places.of(teacher.roster)
-        #: Nobody is answered while there is nothing to compare with, or when somebody asked for it.
+        #: Whether performers are answered: not without a library, and not while answers are switched off.
         self._something = bool(windows.base_classes or teacher.roster.examples)
         self._running = True
         self._jobs: queue.SimpleQueue[_Job | None] = queue.SimpleQueue()
@@ -122,37 +122,37 @@ class Desk:
 
     @property
     def settings(self) -> Settings:
-        """How everybody is recognised."""
+        """The settings of all recognisers."""
         return self._performers.settings
 
     @property
     def classes(self) -> tuple[str, ...]:
-        """The classes that are answered; one that was known once keeps its index."""
+        """The classes of the answers; a class keeps its index once it was known."""
         return self._order
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The performers now followed."""
+        """The performers that are followed now."""
         return self._performers.names
 
     @property
     def counts(self) -> PerformerCounts:
-        """What became of all frames so far."""
+        """Counts of what happened to all frames so far."""
         return self._performers.counts
 
     @property
     def refused(self) -> dict[str, str]:
-        """Performers whose frames are refused for their joints, and why."""
+        """Performers whose frames are refused for their joints, with the reason."""
         return self._performers.refused
 
     @property
     def compared(self) -> dict[str, str]:
-        """By which joints performers are compared, where these are not all."""
+        """The joints by which performers are compared, if these are not all."""
         return self._performers.compared
 
     @property
     def doubted(self) -> dict[str, str]:
-        """Performers of whom some joints cannot be believed, and what was noticed."""
+        """Performers with joints that cannot be believed, and the reason."""
         return self._performers.doubted
 
     @property
@@ -161,11 +161,11 @@ class Desk:
         return self._performers.silence
 
     def take_gone(self) -> list[str]:
-        """Give the performers who were dropped since this was last asked."""
+        """Give the performers who were dropped since the last call."""
         return self._performers.take_gone()
 
     def push_all(self, events: Sequence[Input], arrival: float) -> list[Recognition | None]:
-        """Recognise what came, and let the teacher see it."""
+        """Recognise frames, and show them to the teacher."""
         answers = self._performers.push_all(events, arrival)
         for event in events:
             if isinstance(event, Frame) and (frame := self._performers.ordered(event)) is not None:
@@ -175,31 +175,31 @@ class Desk:
         return answers
 
     def drop_silent(self, now: float) -> list[Event]:
-        """Forget performers of whom nothing came."""
+        """Forget silent performers."""
         return self._performers.drop_silent(now)
 
     def end(self) -> list[Event]:
-        """Give the ends of all motions going on."""
+        """Give the ends of all motions that go on."""
         return self._performers.end()
 
     def command(self, command: Command) -> list[Notice]:
-        """Do what somebody asks; give what came of it at once."""
+        """Carry out a command; give its notices."""
         notices = self._teacher.command(command, self._clock())
         self._deal_with(notices)
         return [notice for notice in notices if isinstance(notice, State)]
 
     def ask(self, command: Command) -> None:
-        """Do, at the next turn, what somebody asks in another thread."""
+        """Carry out, at the next turn, a command from another thread."""
         self._asked.put(command)
 
     def refuse(self, reason: str) -> State:
-        """Tell that a command made no sense."""
+        """Give a notice that a command could not be read."""
         told = State("", Step.REFUSED, 0.0, reason)
         self._deal_with([told])
         return told
 
     def tend(self, now: float) -> None:
-        """Do what is due by the clock, and take what the worker has done."""
+        """Do what is due by the clock, and take the worker's results."""
         self._deal_with(self._teacher.tick(now))
         while not self._asked.empty():
             self.command(self._asked.get())
@@ -207,7 +207,7 @@ class Desk:
             self._take(self._results.get())
 
     def close(self) -> None:
-        """Let the worker save what is left, and end."""
+        """Let the worker save the last changes, and end."""
         self._jobs.put(None)
         self._worker.join()
         self.tend(self._clock())
@@ -245,7 +245,7 @@ class Desk:
             sink.publish_classes(self._order)
 
     def _work(self) -> None:
-        """Open, save, check and try, one change after the other, until told to end."""
+        """Open, save, check and try, one change after the other, until the end."""
         unsaved: Roster | None = None
         while (job := self._jobs.get()) is not None:
             try:
@@ -291,18 +291,18 @@ class Desk:
 
 
 class ClassPlaces:
-    """Keeps each class's index as long as the desk stands: what is new comes last, a new name takes the old place.
+    """Keeps each class's index while the desk exists: new classes come last, a renamed class keeps its index.
 
     Parameters
     ----------
     base
-        Classes known without any example: the first ones.
+        Classes that are known without examples: the first ones.
     """
 
     def __init__(self, base: Sequence[str]) -> None:
         self._names = list(base)
         self._base = len(self._names)
-        #: The place of the class that each example, by number, was of last.
+        #: The class index of each example, by number, at the last call.
         self._examples: dict[int, int] = {}
 
     def of(self, roster: Roster) -> tuple[str, ...]:
@@ -325,16 +325,16 @@ class ClassPlaces:
 
 @dataclass(frozen=True, slots=True)
 class Start:
-    """What teaching starts from.
+    """The beginning of teaching.
 
     Attributes
     ----------
     file
-        A library of what was taught; it need not be there.
+        A library of taught motions; it may be missing.
     library
-        Whose motions are compared with beside what is taught; None for none.
+        The library that is compared beside the taught motions; None for none.
     joints
-        What frames hold, where somebody has said; used where there is no library.
+        The joints of frames, if known; used without a library.
     """
 
     file: Path
@@ -342,7 +342,7 @@ class Start:
     joints: tuple[str, ...] = ()
 
     def base(self, taught: MotionLibrary | None) -> WindowIndex | None:
-        """Open the windows in whose metrics examples are compared; None when they must teach their own."""
+        """Open the windows in whose metrics examples are compared; None when examples learn their own metrics."""
         if self.library:
             return opened(self.library.restricted_to(taught.skeleton.joints) if taught else self.library)
         builtin = replace(MotionLibrary.builtin(), learned=None)
@@ -353,21 +353,21 @@ class Start:
 
 
 def open_desk(start: Start, performers: Callable[[WindowIndex, Sequence[str]], Performers]) -> Desk:
-    """Open what was taught before and make the desk.
+    """Open the taught library and make the desk.
 
     Parameters
     ----------
     start
-        What teaching starts from.
+        The beginning of teaching.
     performers
-        Makes the recognisers of an opened library and the order of its classes.
+        Makes the recognisers from an opened library and the order of its classes.
 
     Raises
     ------
     ValueError
         The file is no library, or has too few of the library's joints.
     OSError
-        The file cannot be read, or its folder is not there.
+        The file cannot be read, or its folder is missing.
     """
     file = start.file
     if not file.absolute().parent.is_dir():
@@ -387,14 +387,14 @@ def open_desk(start: Start, performers: Callable[[WindowIndex, Sequence[str]], P
 
 
 def _any_motion(joints: Sequence[str]) -> MotionLibrary:
-    """Make a library of joints that nobody has taught yet: recognisers need one, and are not asked before."""
+    """Make a library of joints that nobody has taught yet: recognisers need one, but are not asked with it."""
     generator = np.random.default_rng(0)
     positions = np.cumsum(generator.normal(0, 0.05, (60, len(joints), 3)), axis=0)
     return MotionLibrary.of_clips([Clip(Skeleton(tuple(joints)), positions, 30.0, class_name="motion")])
 
 
 def as_performers(desk: Desk) -> Performers:
-    """Say that a desk is all that a service asks of performers."""
+    """Give the desk as the performers that a service needs."""
     return cast("Performers", desk)
 
 

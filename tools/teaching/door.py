@@ -1,4 +1,4 @@
-"""The doors that commands come in by: the port of the frames, one of Wekinator's, and a ZeroMQ socket that replies."""
+"""The doors for commands: the port of the frames, a port for Wekinator's messages, and a ZeroMQ socket that replies."""
 
 from __future__ import annotations
 
@@ -25,24 +25,24 @@ if TYPE_CHECKING:
     from kinespace.stream.zeromq import Endpoint, Keyring
     from kinespace.tools.teaching.desk import Desk
 
-#: Where Wekinator listens.
+#: The port on which Wekinator listens.
 WEKINATOR_PORT = 6448
 
 
 class Allowed:
-    """Who may teach: this machine, the hosts that were named, and all who have shown a key that is let in.
+    """Who may teach: this machine, hosts in the given networks, and owners of known keys.
 
     Parameters
     ----------
     networks
-        Whose senders may, beside this machine's.
+        Networks whose senders may teach, beside this machine.
     """
 
     def __init__(self, networks: Networks = ()) -> None:
         self._networks = tuple(networks)
 
     def __call__(self, sender: Sender) -> bool:
-        """Whether a sender may; nobody whose transport does not tell who it is."""
+        """Whether a sender may teach; never, if the transport does not tell the sender."""
         if sender is None:
             return False
         if sender[0].startswith(KEYED):
@@ -52,16 +52,16 @@ class Allowed:
 
 
 class TaughtDecoder:
-    """Takes commands out of what comes with the frames, and leaves the rest to the frames' own decoder.
+    """Takes commands out of the frames' packets, and leaves the other packets to the frames' own decoder.
 
     Parameters
     ----------
     decoder
-        Of the frames.
+        The decoder of frames.
     desk
-        Does what is asked.
+        Carries out the commands.
     allowed
-        Who may ask.
+        Tells who may teach.
     """
 
     expires = True
@@ -72,12 +72,12 @@ class TaughtDecoder:
 
     @property
     def counts(self) -> InputCounts:
-        """What was read so far; commands from elsewhere count as foreign."""
+        """Counts of packets; commands from other hosts count as foreign."""
         counts = self.decoder.counts
         return replace(counts, received=counts.received + self._received, foreign=counts.foreign + self._refused)
 
     def decode(self, packet: Packet, arrival: float, sender: Sender) -> Sequence[Input]:
-        """Decode one packet: commands are done, frames given."""
+        """Decode one packet: carry out commands, give frames."""
         datagram = datagram_of(packet)
         if not wire.is_teaching(datagram):
             return self.decoder.decode(packet, arrival, sender)
@@ -94,7 +94,7 @@ class TaughtDecoder:
         self._desk.tend(now)
         return self.decoder.expire(now)
 
-    def __getattr__(self, name: str) -> Any:  # noqa: ANN401 - whatever the frames' own decoder has
+    def __getattr__(self, name: str) -> Any:  # noqa: ANN401 - any attribute of the frames' own decoder
         return getattr(self.decoder, name)
 
 
@@ -107,13 +107,13 @@ def _obey(desk: Desk, datagram: bytes, decode: Callable[[bytes], list[Command]])
 
 
 class WekinatorDoor:
-    """A source of no frames: Wekinator's control messages."""
+    """A source without frames: Wekinator's control messages."""
 
     tended = True
     has_put_aside = False
-    #: Nothing that a person should know.
+    #: There are no notes for a person.
     notes: Sequence[str] = ()
-    #: A command is done when it comes; how long it waited is of no interest.
+    #: A command is carried out when it comes; how long it waited does not matter.
     waited = 0.0
 
     def __init__(self, receiver: OscReceiver, desk: Desk, allowed: Allowed) -> None:
@@ -131,11 +131,11 @@ class WekinatorDoor:
 
     @property
     def counts(self) -> InputCounts:
-        """What came in so far."""
+        """Counts of packets."""
         return replace(self._counts, overrun=self._receiver.kernel_drops)
 
     def take(self, arrival: float) -> Sequence[Admitted] | None:  # noqa: ARG002 - as a source has it
-        """Do what one packet asks; None when nothing is waiting."""
+        """Carry out the commands of one packet; None when no packet waits."""
         packet = self._receiver.receive()
         if packet is None:
             return None
@@ -153,30 +153,30 @@ class WekinatorDoor:
         return ()
 
     def close(self) -> None:
-        """Give the port back."""
+        """Close the socket."""
         self._receiver.close()
 
 
 class RequestDoor:
-    """A source of no frames: requests over ZeroMQ, each in JSON and each replied to.
+    """A source without frames: requests over ZeroMQ, each in JSON and each with a reply.
 
     Parameters
     ----------
     endpoint
-        Of a REP socket.
+        The address of a REP socket.
     desk
-        Does what is asked.
+        Carries out the commands.
     allowed
-        Who may ask, where the transport tells who does; another process of this machine may.
+        Tells who may teach, if the transport tells the sender; another process of this machine may.
     keyring
-        Keys of those who may ask, wherever they are; None for no keys.
+        Keys of peers who may teach, on any host; None for no keys.
     """
 
     tended = True
     has_put_aside = False
-    #: Nothing that a person should know.
+    #: There are no notes for a person.
     notes: Sequence[str] = ()
-    #: A command is done when it comes; how long it waited is of no interest.
+    #: A command is carried out when it comes; how long it waited does not matter.
     waited = 0.0
 
     def __init__(self, endpoint: Endpoint, desk: Desk, allowed: Allowed, keyring: Keyring | None = None) -> None:
@@ -199,11 +199,11 @@ class RequestDoor:
 
     @property
     def counts(self) -> InputCounts:
-        """What came in so far; a copy."""
+        """Counts of packets; a copy."""
         return replace(self._counts)
 
     def take(self, arrival: float) -> Sequence[Admitted] | None:  # noqa: ARG002 - as a source has it
-        """Do what one request asks, and reply; None when nothing is waiting."""
+        """Carry out one request, and reply; None when none waits."""
         try:
             request = self._socket.recv_multipart(zmq.NOBLOCK, copy=False)[0]
         except zmq.Again:
@@ -233,5 +233,5 @@ class RequestDoor:
         return ()
 
     def close(self) -> None:
-        """Give the address back."""
+        """Close the socket."""
         self._socket.close()

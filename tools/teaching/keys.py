@@ -1,4 +1,4 @@
-"""Keys that teach while the table is shown: for a performer who is alone with a keyboard."""
+"""Keys for teaching while the table is shown, for a performer who is alone with a keyboard."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from kinespace.tools.teaching.desk import Desk
     from kinespace.tools.terminal.live_table import LiveTable
 
-#: Seconds between two looks for a key.
+#: Seconds between two checks for a key.
 _LOOK = 0.1
 HINT = "t teach a new motion · a another example · space stop · x cancel · u undo · r redo · s save"
 _PLAIN: dict[str, Command] = {
@@ -26,14 +26,14 @@ _PLAIN: dict[str, Command] = {
 
 
 class Keys:
-    """Reads keys, where standard input is a terminal, from entering to leaving; a context manager.
+    """Reads keys from a terminal on standard input; a context manager.
 
     Parameters
     ----------
     desk
-        Does what is asked.
+        Carries out the commands.
     shown
-        Says which keys there are.
+        Shows the list of keys.
     """
 
     def __init__(self, desk: Desk, shown: LiveTable) -> None:
@@ -54,7 +54,7 @@ class Keys:
             self._thread.join()
 
     def command_of(self, key: str) -> Command | None:
-        """Say what a key asks; new motions are numbered, to be renamed later."""
+        """Give a key's command; new motions are numbered, to be renamed later."""
         if key == "t":
             names = self._desk.classes
             self._taught = next(number for number in range(1, len(names) + 2) if f"motion {number}" not in names)
@@ -63,7 +63,7 @@ class Keys:
         return _PLAIN.get(key)
 
     def _read(self) -> None:
-        import select  # noqa: PLC0415 - where there is a terminal of this kind
+        import select  # noqa: PLC0415 - only on systems with such terminals
         import termios  # noqa: PLC0415 - as above
         import tty  # noqa: PLC0415 - as above
 

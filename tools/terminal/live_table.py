@@ -1,8 +1,8 @@
-"""A running recogniser as the user sees it: a table, or a line per change; a summary at the end."""
+"""A running recogniser as the user sees it: a table, or a line for each change; a summary at the end."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from rich.text import Text
 
@@ -10,7 +10,7 @@ from kinespace.stream.outputs.sink import Sink
 from kinespace.stream.recognition import EventKind, Outcome
 from kinespace.stream.teaching.wire import as_line
 from kinespace.tools.terminal.console import console, printable
-from kinespace.tools.terminal.tables import narrow_table
+from kinespace.tools.terminal.tables import narrow_table, shortened
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -21,22 +21,51 @@ if TYPE_CHECKING:
     from kinespace.stream.status import Status
     from kinespace.stream.teaching.notices import Notice
 
-#: Characters of a full score bar, and of a terminal wide enough to have one.
-_BAR = 20
-_WIDE = 110
+#: Characters of a full score bar, and of the shortest useful bar.
+_BAR, _MIN_BAR = 20, 5
+#: Characters of a performer's name at most, of a class's name at least, and of the heading above classes.
+_PERFORMER, _CLASS, _HEADING = 16, 8, len("this moment")
 #: Characters between two columns.
 _BETWEEN = 2
-#: Notices of teaching that are shown.
-_NOTICES = 3
+#: Notices of teaching, and ended motions of each performer, that are shown, at most.
+_NOTICES, _MOTIONS = 3, 3
 
 
-def score_shown(score: float, width: int) -> Text:
-    """Show a score from 0 to 1, with a bar before it on a terminal of enough characters."""
+def score_shown(score: float, bar: int) -> Text:
+    """Show a score from 0 to 1, behind a bar of so many characters."""
     number = Text(f"{score:.3f}")
-    if width < _WIDE:
+    if not bar:
         return number
-    filled = round(min(max(score, 0.0), 1.0) * _BAR)
-    return Text("█" * filled, style="green") + Text("░" * (_BAR - filled) + " ", style="dim") + number
+    filled = round(min(max(score, 0.0), 1.0) * bar)
+    return Text("█" * filled, style="green") + Text("░" * (bar - filled) + " ", style="dim") + number
+
+
+class _Widths(NamedTuple):
+    """Widths of the columns of performers, classes and bars, and the figures for which there is room.
+
+    Names are shortened to make room for the figures; only on a terminal of few characters some figures are left out.
+    """
+
+    performer: int
+    name: int
+    bar: int
+    figures: Sequence[str]
+
+    @classmethod
+    def of(cls, width: int, performers: Sequence[str], classes: Sequence[str]) -> _Widths:
+        performer = min(max(map(len, ("performer", *performers))), _PERFORMER)
+        longest = max(map(len, classes), default=0)
+        figures = {"score": len("0.000"), "margin": len("margin"), "frames/s": len("frames/s")}
+        # The last column is followed by a space, too.
+        room = width - 1 - performer - 2 * _BETWEEN - sum(figures.values()) - len(figures) * _BETWEEN
+        while room < 2 * max(_CLASS, _HEADING) and len(figures) > 1:
+            room += _BETWEEN + figures.popitem()[1]
+        wanted = max(longest, _HEADING)
+        left = room - 2 * wanted - 1
+        least = _MIN_BAR if room - _MIN_BAR - 1 >= 2 * _HEADING else 0
+        bar = min(max(left, least), _BAR)
+        name = min(wanted, (room - (bar + 1 if bar else 0)) // 2)
+        return cls(performer, max(name, _CLASS), bar, list(figures))
 
 
 class PlainLines(Sink):
@@ -44,13 +73,12 @@ class PlainLines(Sink):
 
     def __init__(self) -> None:
         self._labels: dict[str, str] = {}
-        self._refused: dict[str, str] = {}
         self._notes: set[str] = set()
-        self._doubted: dict[str, str] = {}
-        self._compared: dict[str, str] = {}
+        #: The notes on performers at the last status.
+        self._said: list[str] = []
 
     def publish(self, recognition: Recognition) -> None:
-        """Print the recognition if it says something new."""
+        """Print the recognition if its label is new."""
         if self._labels.get(recognition.performer) != recognition.label:
             self._labels[recognition.performer] = recognition.label
             console.print(
@@ -66,131 +94,135 @@ class PlainLines(Sink):
         )
 
     def publish_status(self, status: Status) -> None:
-        """Forget performers that have left, so that their return is printed again."""
+        """Forget performers that have left, so that their return is printed."""
         self._labels = {name: label for name, label in self._labels.items() if name in status.performers}
-        for name, why in status.refused.items():
-            if self._refused.get(name) != why:
-                console.print(refused_frames(name, why), soft_wrap=True)
-        for name, what in status.doubted.items():
-            if self._doubted.get(name) != what:
-                console.print(doubted_joints(name, what), soft_wrap=True)
-        self._doubted = status.doubted
-        for name, what in status.compared.items():
-            if self._compared.get(name) != what:
-                console.print(compared_joints(name, what), soft_wrap=True)
-        self._refused, self._compared = status.refused, status.compared
+        said = said_of(status)
+        for line in said:
+            if line not in self._said:
+                console.print(line, soft_wrap=True)
+        self._said = said
         for note in status.notes:
-            # A sender may find a new mistake each second: one line of each kind is enough while it runs.
+            # A sender may make a new mistake each second: one line of each kind is enough.
             kind = note.partition(":")[0]
             if kind not in self._notes:
                 self._notes.add(kind)
                 console.print(printable(note), soft_wrap=True)
 
     def publish_notice(self, notice: Notice) -> None:
-        """Print it."""
+        """Print the notice."""
         if line := as_line(notice):
             console.print(printable(line), soft_wrap=True, markup=False)
 
 
 class LiveTable(Sink):
-    """A sink that remembers what to draw: the last recognition of each performer, the last status."""
+    """A sink that keeps what the table shows: the last recognition of each performer, the last status."""
 
     def __init__(self, classes: Sequence[str]) -> None:
         self._classes = classes
+        #: The performer in each row; empty when the performer has left, until a newcomer takes the row.
+        self._rows: list[str] = []
         self._latest: dict[str, Recognition] = {}
-        self._going_on: dict[str, str] = {}
+        self._going_on: dict[str, Event] = {}
+        #: For each performer the last ended motions, with their lengths.
+        self._over: dict[str, tuple[str, ...]] = {}
         self._status: Status | None = None
-        #: What is said below the table while somebody may be taught.
+        #: The line below the table while somebody may be taught.
         self.hint = ""
         self._taught: list[str] = []
 
     def publish_notice(self, notice: Notice) -> None:
-        """Remember the last ones."""
+        """Keep the last notices."""
         if line := as_line(notice):
             self._taught = [*self._taught, printable(line)][-_NOTICES:]
 
     def publish(self, recognition: Recognition) -> None:
-        """Remember the recognition."""
-        self._latest[recognition.performer] = recognition
+        """Keep the recognition."""
+        name = recognition.performer
+        self._latest[name] = recognition
+        if name not in self._rows:
+            place = self._rows.index("") if "" in self._rows else len(self._rows)
+            self._rows[place : place + 1] = [name]
 
     def publish_event(self, event: Event) -> None:
-        """Remember the motion that is going on."""
-        self._going_on[event.performer] = event.label if event.kind is EventKind.START else ""
+        """Keep the motion that goes on, and ended ones."""
+        if event.kind is EventKind.START:
+            self._going_on[event.performer] = event
+        elif begun := self._going_on.pop(event.performer, None):
+            told = f"{shortened(event.label, _PERFORMER)} {event.time - begun.time:.1f} s"
+            self._over[event.performer] = (*self._over.get(event.performer, ()), told)[-_MOTIONS:]
 
     def publish_classes(self, classes: Sequence[str]) -> None:
-        """Remember the classes."""
+        """Keep the classes."""
         self._classes = classes
 
     def publish_status(self, status: Status) -> None:
-        """Remember the status, and forget performers that have left."""
+        """Keep the status, and forget performers that have left; the others keep their rows."""
         self._status = status
-        self._latest = {name: last for name, last in self._latest.items() if name in status.performers}
-        self._going_on = {name: label for name, label in self._going_on.items() if name in status.performers}
+        here = status.performers
+        rows = [name if name in here else "" for name in self._rows]
+        while rows and not rows[-1]:
+            del rows[-1]
+        self._rows = rows
+        self._latest = {name: last for name, last in self._latest.items() if name in here}
+        self._going_on = {name: event for name, event in self._going_on.items() if name in here}
+        self._over = {name: over for name, over in self._over.items() if name in here}
 
     def drawn(self) -> Table:
-        """Draw the table as it is now; from any thread."""
+        """Draw the current table; from any thread."""
         table = narrow_table("kinespace live", self._caption())
-        latest, rates = dict(self._latest), self._status.performers if self._status else {}
-        performers = [printable(name) for name in latest]
-        figures = self._figures_beside(performers)
+        rows, latest, rates = list(self._rows), dict(self._latest), self._status.performers if self._status else {}
+        going_on = dict(self._going_on)
+        widths = _Widths.of(console.width, [printable(name) for name in rows], self._classes)
         for heading in ("performer", "doing", "this moment"):
-            table.add_column(heading, overflow="fold")
-        for heading in figures:
+            table.add_column(heading, no_wrap=True)
+        for heading in widths.figures:
             table.add_column(heading, justify="left" if heading == "score" else "right", no_wrap=True)
-        for shown, (name, last) in zip(performers, latest.items(), strict=True):
+        for name in rows:
+            last = latest.get(name)
+            if last is None:
+                table.add_row()
+                continue
             cells = {
-                "score": score_shown(last.score, console.width),
+                "score": score_shown(last.score, widths.bar),
                 "margin": Text(f"{last.margin:.3f}"),
                 "frames/s": Text(f"{rates[name]:.0f}" if name in rates else ""),
             }
-            doing = Text(self._going_on.get(name, ""), style="bold")
-            label = Text(last.label, style="" if last.outcome is Outcome.NAMED else "dim")
-            table.add_row(shown, doing, label, *(cells[heading] for heading in figures))
-        if not self._latest:
+            doing = going_on[name].label if name in going_on else ""
+            table.add_row(
+                Text(shortened(printable(name), widths.performer)),
+                Text(shortened(doing, widths.name), style="bold"),
+                Text(shortened(last.label, widths.name), style="" if last.outcome is Outcome.NAMED else "dim"),
+                *(cells[heading] for heading in widths.figures),
+            )
+        if not latest:
             table.add_row("", Text("waiting for frames ...", style="dim"))
         return table
-
-    def _figures_beside(self, performers: Sequence[str]) -> list[str]:
-        """Choose the figures for which there is room when the names of performers and classes are not broken."""
-        names = max(map(len, ("performer", *performers))) + 2 * max(map(len, ("this moment", *self._classes)))
-        room = console.width - names - 3 * _BETWEEN
-        figures = []
-        for heading, width in {"score": len(score_shown(1.0, console.width)), "margin": 6, "frames/s": 8}.items():
-            room -= width + _BETWEEN
-            figures += [heading] if room >= 0 else []
-        return figures
 
     def _caption(self) -> str:
         status = self._status
         if status is None:
             return f"{len(self._classes)} classes"
-        told = "".join(f"\n{compared_joints(name, what)}" for name, what in status.compared.items())
-        told += "".join(f"\n{refused_frames(name, why)}" for name, why in status.refused.items())
-        told += "".join(f"\n{doubted_joints(name, what)}" for name, what in status.doubted.items())
-        told += "".join(f"\n{printable(note)}" for note in status.notes)
-        told += "".join(f"\n{line}" for line in (*self._taught, *([self.hint] if self.hint else ())))
-        return f"{len(self._classes)} classes · {counts(status)}{told}"
+        told = [f"{printable(name)} before: {', '.join(over)}" for name, over in list(self._over.items())]
+        told += [*said_of(status), *map(printable, status.notes), *self._taught, *([self.hint] if self.hint else ())]
+        return "\n".join([f"{len(self._classes)} classes · {counts(status)}", *told])
 
 
-def doubted_joints(performer: str, what: str) -> str:
-    """Say which of a performer's joints cannot be believed."""
-    return f"performer {printable(performer)}: {what}"
-
-
-def compared_joints(performer: str, what: str) -> str:
-    """Say by which joints a performer is compared."""
-    return f"performer {printable(performer)}: {what}"
+def said_of(status: Status) -> list[str]:
+    """List notes on performers' joints and clocks, and why frames are refused, a line each."""
+    noticed = (*status.compared.items(), *status.clocks.items(), *status.doubted.items())
+    told = [f"performer {printable(name)}: {what}" for name, what in noticed]
+    return [*told, *(refused_frames(name, why) for name, why in status.refused.items())]
 
 
 def refused_frames(performer: str, why: str) -> str:
-    """Say why a performer's frames are refused, and what can be done about it."""
+    """Say why a performer's frames are refused, and what to do about it."""
     return (
         f"performer {printable(performer)}: frames refused: {why}. Let the sender send them, or say them with --joints"
     )
 
 
 def counts(status: Status) -> str:
-    """Say in one line what came in and what was lost."""
+    """Count in one line all that came in and was lost."""
     inputs, outcomes = status.inputs, status.outcomes
     recognizers = outcomes.recognizers
     return (

@@ -1,4 +1,4 @@
-"""Files that a program will write: checked before the work, not after it."""
+"""Output files, checked before the work."""
 
 from __future__ import annotations
 
@@ -11,21 +11,21 @@ if TYPE_CHECKING:
 
 
 def require_place_for(output: Path, *, overwrite: bool = True) -> None:
-    """Refuse a place that cannot be written to, by its own name.
+    """Refuse a place that cannot be written to, with its name.
 
     Parameters
     ----------
     output
         The file to be written.
     overwrite
-        Whether it may replace a file; where it may not, the message names the option that allows it.
+        Whether a file may be replaced; if not, the message names the option that allows it.
 
     Raises
     ------
     IsADirectoryError, FileNotFoundError, PermissionError
-        It is a folder, or its folder does not exist or may not be written to.
+        It is a folder, or its folder does not exist or is not writable.
     FileExistsError
-        It exists, and may not be written over.
+        It exists, and may not be replaced.
     """
     folder = output.absolute().parent
     if output.is_dir():

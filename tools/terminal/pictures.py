@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from kinespace.library.retrieval.experiment import Protocol, Retrieval, Space
-    from kinespace.tools.evaluation.timeline import Course
+    from kinespace.tools.evaluation.scoring.timeline import Course
 
 
 def require_place_for_picture(path: Path) -> None:
@@ -32,9 +32,9 @@ def require_place_for_picture(path: Path) -> None:
     Raises
     ------
     ValueError
-        The ending is of no kind matplotlib draws.
+        Matplotlib has no format of this ending.
     OSError
-        It is a folder, or its folder does not exist or may not be written to.
+        It is a folder, or its folder does not exist or is not writable.
     """
     require_place_for(path)
     kinds = Figure().canvas.get_supported_filetypes()
@@ -48,16 +48,16 @@ def draw_confusions(path: Path, results: Mapping[Space, Retrieval], protocol: Pr
     Parameters
     ----------
     path
-        The picture; its ending says which kind (.png, .svg, .pdf).
+        The picture's file; its ending sets the format (.png, .svg, .pdf).
     results
         The outcome in each space.
     protocol
-        Under which protocol, for the title.
+        The protocol, for the title.
 
     Raises
     ------
     ValueError
-        The ending is of no kind matplotlib draws.
+        Matplotlib has no format of this ending.
     OSError
         The file cannot be written.
     """
@@ -78,14 +78,14 @@ def draw_confusions(path: Path, results: Mapping[Space, Retrieval], protocol: Pr
 
 
 def draw_time_confusion(path: Path, labels: Sequence[str], answers: Sequence[str], shares: NDArray[np.float64]) -> None:
-    """Draw, for each performed label, the shares of its time that were answered with each class.
+    """Draw, for each performed label, the shares of its time by answered class.
 
     Parameters
     ----------
     path
         The picture.
     labels, answers
-        Performed labels (rows) against published ones (columns).
+        Performed labels (rows) against answers (columns).
     shares
         Shape (labels, answers), 0 to 1.
     """
@@ -101,7 +101,7 @@ def draw_time_confusion(path: Path, labels: Sequence[str], answers: Sequence[str
 
 
 def draw_timelines(path: Path, courses: Sequence[Course], classes: Sequence[str]) -> None:
-    """Draw each take over time: above the performed labels, below them the published ones, under both the raw score.
+    """Draw each take over time: performed labels above answers, and below both the raw score.
 
     Parameters
     ----------

@@ -37,18 +37,26 @@ def csv_text(text: str) -> str:
 
 
 def add_names(table: Table, heading: str, names: Iterable[str], *, beside: int) -> None:
-    """Add a column of names, as wide as the longest name: other columns give way before a name is broken.
+    """Add a column of names, as wide as the longest name: other columns are narrowed first.
 
     Parameters
     ----------
     table
-        Without rows so far.
+        A table without rows.
     heading
-        Of the column.
+        The column's heading.
     names
-        The names that will stand in it.
+        The names in the column.
     beside
         Characters that the other columns need at least; this column takes at most the rest.
     """
     longest = max(map(len, (heading, *names)))
     table.add_column(heading, width=min(longest, max(console.width - beside, _MIN_WIDTH)), overflow="fold")
+
+
+def shortened(name: str, width: int) -> str:
+    """Give a name in at most so many characters; its middle is left out, because ends tell classes apart."""
+    if len(name) <= width:
+        return name
+    end = width // 2
+    return f"{name[: width - end - 1]}…{name[len(name) - end :]}"

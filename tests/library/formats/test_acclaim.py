@@ -125,7 +125,7 @@ def test_root_orientation_is_the_frame_it_turns_in(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("dof", [*itertools.permutations(("rx", "ry", "rz")), ("rz", "rx"), ("ry",), ("RZ", "RY")])
 def test_dof_says_which_number_is_which(tmp_path: Path, dof: tuple[str, ...]) -> None:
-    """Angles given in any order of `dof`, and those left out as zero, stand the bone in the same place."""
+    """Angles given in any order of `dof`, omitted angles as zero, put the bone in the same place."""
     angles = {"rx": 20.0, "ry": 50.0, "rz": -70.0}
     named = [word.lower() for word in dof]
     full = {"root": STILL, "rod": [angles[word] if word in named else 0.0 for word in ("rx", "ry", "rz")]}
@@ -363,7 +363,7 @@ def test_more_gap_than_motion_is_refused(tmp_path: Path) -> None:
 def test_frame_rate_comes_from_caller_name_file_or_habit(
     tmp_path: Path, name: str, header: str, given_rate: float | None, expected: float
 ) -> None:
-    """What the caller gives goes before what the name says, that before the file, and 120 stands for silence."""
+    """The caller's rate is used first, then the name's, then the file's, else 120."""
     amc = write_pair(tmp_path, ARM.asf(), amc_text(arm_frames(3), header=header))
     body = read_asf(tmp_path / "tiny.asf")
     assert read_clip(amc.rename(tmp_path / name), body, frame_rate=given_rate).frame_rate == expected
@@ -407,7 +407,7 @@ def test_the_skeleton_beside_goes_before_the_one_above(tmp_path: Path) -> None:
 
 
 def test_a_missing_skeleton_is_named(tmp_path: Path) -> None:
-    """Without a skeleton two folders up or elsewhere the message names the motion and what was looked for."""
+    """When the skeleton lies two folders up or elsewhere, the message names the motion and the names tried."""
     (tmp_path / "HDM_bd.asf").write_text(ARM.asf())
     deep = tmp_path / "one" / "two"
     deep.mkdir(parents=True)
@@ -474,7 +474,7 @@ GOOD_AMC = (
     ],
 )
 def test_a_motion_that_does_not_fit_is_refused(tmp_path: Path, old: str, new: str, message: str) -> None:
-    """What does not fit the skeleton is refused with the file and the line, or the frame where columns were read."""
+    """A motion that does not fit its skeleton is refused with file and line, or with the frame."""
     assert GOOD_AMC.count(old) >= 1
     amc = write_pair(tmp_path, ARM.asf(), GOOD_AMC.replace(old, new, 1))
     with pytest.raises(AcclaimError, match=re.escape(str(amc)) + message):
@@ -493,7 +493,7 @@ def test_a_number_that_is_not_finite_is_found_line_by_line_too(tmp_path: Path, v
 
 
 def test_a_motion_cut_off_anywhere_is_refused(tmp_path: Path) -> None:
-    """Cut at every byte, a motion is refused by name unless whole frames are left, and then those are read."""
+    """A motion cut at any byte is refused by name, unless whole frames are left, which are read."""
     text = amc_text(arm_frames(3))
     whole = read_clip(write_pair(tmp_path, ARM.asf(), text))
     # A number may be cut short and still be one: from the first digit of a frame's last number to its line's end.
@@ -563,7 +563,7 @@ def test_rubbish_is_refused_by_name(tmp_path: Path, content: bytes) -> None:
 def test_rubbish_in_the_middle_is_refused_by_name_or_read(
     tmp_path: Path, start: int, length: int, rubbish: bytes, *, asf: bool
 ) -> None:
-    """Bytes overwritten anywhere in either file raise nothing but an error naming it, if they raise."""
+    """Bytes overwritten anywhere in either file raise no error but one that names it."""
     amc = write_pair(tmp_path, ARM.asf(), GOOD_AMC)
     path = tmp_path / "tiny.asf" if asf else amc
     content = path.read_bytes()

@@ -80,7 +80,7 @@ def test_the_root_moves_and_turns_everything(tmp_path: Path) -> None:
 
 
 def test_position_channels_stand_in_place_of_the_offset(tmp_path: Path) -> None:
-    """A joint's own position channels replace its offset; left at 0 all through the file they say nothing."""
+    """A joint's position channels replace its offset; if they are 0 in the whole file the offset stays."""
     root = arm(upper=(*MOVES, *TURNS))
     (places,) = stand(tmp_path, root, [0.0] * 6 + [3.0, 0.0, 0.0] + [0.0] * 6)
     assert places[1].tolist() == [3.0, 0.0, 0.0]
@@ -89,7 +89,7 @@ def test_position_channels_stand_in_place_of_the_offset(tmp_path: Path) -> None:
 
 
 def test_joints_that_always_coincide_are_one(tmp_path: Path) -> None:
-    """A joint at its parent's place, or at a sister's, is left out; what hangs on it hangs on the one that stays."""
+    """A joint at its parent's place, or a sister's, is left out; its children move to the joint that stays."""
     left = Node("left", (0.0, 1.0, 0.0), TURNS, [Node("left_end", (1.0, 0.0, 0.0))])
     right = Node("right", (0.0, 1.0, 0.0), TURNS, [Node("right_end", (-1.0, 0.0, 0.0))])
     same = Node("same", (0.0, 0.0, 0.0), TURNS, [left, right])
@@ -108,7 +108,7 @@ def test_joints_that_always_coincide_are_one(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(("scale", "reach"), [(1.0, 2.7), (100.0, 2.7), (1000.0, 2.7), (0.1, 0.27)])
 def test_the_unit_is_told_by_size(tmp_path: Path, scale: float, reach: float) -> None:
-    """Metres, centimetres and millimetres are told apart by the body's reach; a given unit goes before."""
+    """Metres, centimetres and millimetres are told apart by the body's size; a given unit is used instead."""
     root = arm()
     for node in root.all():
         node.offset = tuple(scale * number for number in node.offset)
@@ -177,7 +177,7 @@ def test_any_body_is_read_as_written_and_stands_where_the_recursion_puts_it(
 
 
 def test_many_frames_are_placed_as_few_are(tmp_path: Path) -> None:
-    """Frames beyond a block of those that are worked out at once stand where they stand alone."""
+    """Frames in several blocks have the same positions as alone."""
     frames = np.random.default_rng(5).uniform(-90, 90, (4100, 12)).tolist()
     places = stand(tmp_path, arm(), *frames)
     for index in (0, 4095, 4096, 4099):
@@ -240,7 +240,7 @@ def test_chosen_joints_hang_on_the_nearest_chosen_above(tmp_path: Path) -> None:
     assert clip.skeleton.joints == ("hip", "lower", "lower_end")
     assert clip.skeleton.parents == (-1, 0, 1)
     np.testing.assert_array_equal(clip.positions, read_clip(path).positions[:, [0, 2, 3]])
-    with pytest.raises(BvhError, match=re.escape(f"{path}: nothing in it is called 'nose'; there are hip, upper")):
+    with pytest.raises(BvhError, match=re.escape(f"{path}: no joint is called 'nose'; there are hip, upper")):
         read_clip(path, joints=("nose",))
 
 
@@ -275,7 +275,7 @@ def test_chosen_joints_hang_on_the_nearest_chosen_above(tmp_path: Path) -> None:
     ],
 )
 def test_a_file_that_makes_no_sense_is_refused(tmp_path: Path, old: str, new: str, message: str) -> None:
-    """Each thing that can be wrong is told with the file and the line."""
+    """Each mistake is reported with the file and the line."""
     assert old in GOOD
     path = write(tmp_path, GOOD.replace(old, new, 1))
     with pytest.raises(BvhError, match=re.escape(f"{path}{message}")):
@@ -283,7 +283,7 @@ def test_a_file_that_makes_no_sense_is_refused(tmp_path: Path, old: str, new: st
 
 
 def test_numbers_that_are_none_are_refused(tmp_path: Path) -> None:
-    """NaN and infinity in the motion are told by frame, a word by line."""
+    """NaN and infinity in the motion are reported with their frame, a word with its line."""
     lines = GOOD.splitlines()
     for word, message in (("nan", "NaN or infinity in frame 2"), ("1e999", "in frame 2"), ("x", "expected numbers")):
         broken = [*lines[:24], f"{word} {lines[24].partition(' ')[2]}", *lines[25:]]

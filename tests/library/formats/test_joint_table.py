@@ -61,7 +61,7 @@ def test_freemocap_has_no_times_and_millimetres(tmp_path: Path) -> None:
 
 
 def test_a_gap_is_told(tmp_path: Path) -> None:
-    """For two seconds nothing came: the body stands where it was last seen, and the clip says so."""
+    """During two seconds without frames the body stays where it was last seen, and the clip lists the gap."""
     times = [*np.arange(10) / 20, *(2.45 + np.arange(10) / 20)]
     clip = read_clip(_written(tmp_path, HEADER + _rows(times)))
     assert clip.gaps == (pytest.approx((0.45, 2.45)),)

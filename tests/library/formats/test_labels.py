@@ -15,7 +15,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from synthetic import stick_clip
 
-from kinespace.library.formats.labels import LabelError, Segment, cut, read_labels, renamed
+from kinespace.library.formats.labels import LabelError, Segment, cut, labels_beside, oddities, read_labels, renamed
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -86,6 +86,98 @@ def test_what_spreadsheets_write_is_read(tmp_path: Path, text: str | bytes) -> N
     assert read_labels(_file(tmp_path, text)) == (Segment(0.0, 1.0, "Übung"),)
 
 
+TWO = (Segment(0.5, 2.25, "wave"), Segment(62.5, 64.0, "bow low"))
+ELAN = "Begin Time - hh:mm:ss.ms\tBegin Time - ss.msec\tEnd Time - hh:mm:ss.ms\tEnd Time - ss.msec"
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        pytest.param("start_s;end_s;label\n0.5;2.25;wave\n62.5;64;bow low\n", id="semicolons"),
+        pytest.param("start_s;end_s;label\n0,5;2,25;wave\n62,5;64,0;bow low\n", id="semicolons, decimal commas"),
+        pytest.param("start_s\tend_s\tlabel\n0.5\t2.25\twave\n62,5\t64\tbow low\n", id="tabs"),
+        pytest.param("0.500000\t2.250000\twave\n62.500000\t64.000000\tbow low\n", id="Audacity"),
+        pytest.param(
+            "0.500000\t2.250000\twave\n\\\t20.5\t300.0\n3.000000\t3.000000\tclap\n62.5\t64.0\tbow low\n70.0\t71.0\t\n",
+            id="Audacity with frequencies, a moment, a region without a name",
+        ),
+        pytest.param("0\t1\tjump\n", id="Audacity by hand"),
+        pytest.param(
+            "body\t\t00:00:00.500\t0.5\t500\t00:00:02.250\t2.25\t2250\t00:00:01.750\t1.75\t1750\twave\n"
+            "body\t\t00:01:02.500\t62.5\t62500\t00:01:04.000\t64.0\t64000\t00:00:01.500\t1.5\t1500\tbow low\n",
+            id="ELAN without headings, every format",
+        ),
+        pytest.param("body\tann\t500\t2250\t1750\twave\nbody\tann\t62500\t64000\t1500\tbow low\n", id="ELAN, ms"),
+        pytest.param("body\t0.5\t2.25\t1.75\twave\nbody\t62.5\t64.0\t1.5\tbow low\n", id="ELAN, seconds"),
+        pytest.param(
+            f"{ELAN}\tmotion\n00:00:00.500\t0.5\t00:00:02.250\t2.25\twave\n"
+            "00:00:30.000\t30.0\t00:00:31.000\t31.0\t\n00:01:02.500\t62.5\t00:01:04.000\t64.0\tbow low\n",
+            id="ELAN with headings, a column for each tier",
+        ),
+        pytest.param(
+            "Tier\tParticipant\tBegin Time - msec\tEnd Time - msec\tDuration - msec\tAnnotation\n"
+            "body\tann\t500\t2250\t1750\twave\nbody\tann\t62500\t64000\t1500\tbow low\n",
+            id="ELAN with headings, ms",
+        ),
+        pytest.param(
+            "Begin Time - hh:mm:ss.ms\tEnd Time - hh:mm:ss.ms\tmotion\n00:00:00.500\t00:00:02.250\twave\n"
+            "00:01:02.500\t00:01:04.000\tbow low\n",
+            id="ELAN with headings, clock",
+        ),
+    ],
+)
+def test_exports_of_other_programs_are_read(tmp_path: Path, text: str) -> None:
+    """Semicolons, tabs, Audacity's labels and ELAN's annotations are the same segments, and are found beside a take."""
+    path = _file(tmp_path, text)
+    wanted = (Segment(0.0, 1.0, "jump"),) if "jump" in text else TWO
+    assert read_labels(path) == wanted
+    assert labels_beside(path.with_suffix(".amc")) == path
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("0.5\t1.5\twave\n2.0\tx\tbow\n", ":2: expected start, end and label with tabs between, got '2.0"),
+        ("0.5\t1.5\twave\n3.0\t2.0\tbow\n", ":2: segment: expected 0 <= start < end, got 3.0 to 2.0"),
+        ("Begin Time - hh:mm:ss:ff\tEnd Time - hh:mm:ss:ff\tm\n1\t2\ta\n", ": expected begin and end times as msec or"),
+        ("100\t200\t300\t4\n", ": expected the columns start_s, end_s, label, no start_s, end_s, label in it"),
+    ],
+)
+def test_exports_that_make_no_sense_are_refused(tmp_path: Path, text: str, said: str) -> None:
+    """A row that is no label is named by its line."""
+    path = _file(tmp_path, text)
+    with pytest.raises(LabelError, match=re.escape(f"{path}{said}")):
+        read_labels(path)
+
+
+def test_what_lies_beside_a_take_and_is_no_labels_is_left_alone(tmp_path: Path) -> None:
+    """Notes, tables of numbers and of joints, and the take itself are no labels; the table comes before an export."""
+    take = tmp_path / "take.csv"
+    take.write_text("time,root_x,root_y,root_z\n0,1,2,3\n")
+    (tmp_path / "take.txt").write_text("filmed on Monday\n")
+    (tmp_path / "take.tsv").write_text("0.0\t1.5\t2.5\n")
+    assert labels_beside(tmp_path / "take.amc") is None
+    assert labels_beside(take) is None
+    (tmp_path / "take.txt").write_text("0.0\t1.5\twave\n")
+    assert labels_beside(take) == tmp_path / "take.txt"
+    take.write_text(HEADER)
+    assert labels_beside(tmp_path / "take.bvh") == take
+
+
+def test_what_is_odd_about_labels_is_said() -> None:
+    """Frame numbers, labels beyond the end and tiny ones are told; good ones are not."""
+    take = _take(frames=100)
+    assert oddities(take, [Segment(0.0, 1.0, "bow"), Segment(1.0, 2.0, "wave")]) == []
+    assert oddities(take, []) == []
+    (frames,) = oddities(take, [Segment(0.0, 50.0, "bow"), Segment(50.0, 100.0, "wave")])
+    assert (
+        frames == "evening: the labels end at 100, the take at 2.0 s or frame 100: frame numbers? Seconds are expected"
+    )
+    beyond, tiny = oddities(take, [Segment(0.0, 0.2, "bow"), Segment(1.5, 2.5, "wave"), Segment(7.0, 8.5, "bow")])
+    assert beyond == "evening: 2 of 3 labels end beyond the take's 2.0 s, the last at 8.5 s"
+    assert tiny == "evening: 1 of 3 labels are shorter than 0.25 s, too short for any window"
+
+
 @pytest.mark.parametrize(
     ("line", "said"),
     [
@@ -100,7 +192,7 @@ def test_what_spreadsheets_write_is_read(tmp_path: Path, text: str | bytes) -> N
     ],
 )
 def test_a_line_that_makes_no_sense_is_named(tmp_path: Path, line: str, said: str) -> None:
-    """A bad line is refused naming the file, the line as an editor counts and what is wrong with it."""
+    """A bad line is refused with the file, the line number of an editor, and the mistake."""
     path = _file(tmp_path, f"{HEADER}0,1,bow\n\n{line}\n5,6,bow\n")
     with pytest.raises(LabelError, match=re.escape(f"{path}:4: {said}")):
         read_labels(path)
@@ -166,7 +258,7 @@ def test_a_cut_clip_is_its_segments_frames() -> None:
     st.lists(st.integers(1, 4000), min_size=2, max_size=6, unique=True).map(sorted),
 )
 def test_cuts_are_made_at_frame_boundaries(frame_rate: float, milliseconds: list[int]) -> None:
-    """A segment has the frames whose middles lie in it: neighbours share none and leave none out between them."""
+    """A segment has the frames whose middles lie in it: neighbours share no frame and omit none."""
     take = _take(70, frame_rate)
     times = [number / 1000 + 1e-7 for number in milliseconds]
     segments = [Segment(start, end, "bow") for start, end in pairwise(times)]

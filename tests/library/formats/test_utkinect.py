@@ -56,13 +56,13 @@ def test_frames_are_read_once_each(tmp_path: Path) -> None:
 
 
 def test_nobody_in_sight_is_no_frame(tmp_path: Path) -> None:
-    """A frame of zeros is left out, also as the first; an empty line says nothing."""
+    """A frame of zeros is left out, also as the first frame; an empty line is ignored."""
     lines = [_line(8, [0.0] * 60), _line(10, _values(1)), "", _line(12, [0.0] * 60), _line(14, _values(2))]
     assert utkinect.read_frames(_write(tmp_path, lines)).numbers.tolist() == [10, 14]
 
 
 def test_a_clip_has_every_frame(tmp_path: Path) -> None:
-    """Skipped frames stand on straight lines between their neighbours, at 30 a second; the name says who and what."""
+    """Skipped frames are on straight lines between their neighbours, at 30 a second; actor and take are in the name."""
     clip = utkinect.read_clip(_take(tmp_path))
     assert (clip.frames, clip.frame_rate, clip.filled) == (13, 30.0, 8 * 20)
     frames = utkinect.read_frames(tmp_path / "joints_s01_e02.txt").positions
@@ -116,7 +116,7 @@ def test_the_joints_are_kinects() -> None:
     ],
 )
 def test_a_broken_take_is_refused(lines: list[str], message: str, tmp_path: Path) -> None:
-    """What is no frame is named by file and line."""
+    """A malformed frame is reported with file and line."""
     path = _write(tmp_path, lines)
     with pytest.raises(UTKinectError, match=re.escape(f"{path}{message}"[:100])):
         utkinect.read_clip(path)
@@ -124,7 +124,7 @@ def test_a_broken_take_is_refused(lines: list[str], message: str, tmp_path: Path
 
 def test_joints_that_are_not_there_are_refused(tmp_path: Path) -> None:
     """Asking for a joint that Kinect 1 does not track names it."""
-    with pytest.raises(UTKinectError, match="nothing in it is called 'lthumb'"):
+    with pytest.raises(UTKinectError, match="no joint is called 'lthumb'"):
         utkinect.read_clip(_take(tmp_path), joints=("lthumb",))
 
 
@@ -132,7 +132,7 @@ def test_joints_that_are_not_there_are_refused(tmp_path: Path) -> None:
 
 
 def test_labels_are_seconds_since_the_first_frame(tmp_path: Path) -> None:
-    """Frame numbers become seconds; another take's actions, and those of unknown time, are left out."""
+    """Frame numbers become seconds; other takes' actions and actions of unknown time are left out."""
     _labels(
         tmp_path, "s01_e01\nwalk: 10 14\ns01_e02\nwalk: 10 16 \ncarry:  NaN NaN\nthrow: 19 22\ns02_e01\npush: 1 2\n"
     )
@@ -140,7 +140,7 @@ def test_labels_are_seconds_since_the_first_frame(tmp_path: Path) -> None:
 
 
 def test_segments_do_not_overlap(tmp_path: Path) -> None:
-    """Actions come by their start, the earlier of two ending where the later begins; those before any frame do not."""
+    """Actions are sorted by start and do not overlap; actions before the first frame are left out."""
     _labels(tmp_path, "S01_e02\npush: 16 22\npull: 10 19\nthrow: 4 8\nclap: 7 13\n")
     found = utkinect.read_segments(_take(tmp_path))
     assert [(round(30 * each.start), round(30 * each.end), each.label) for each in found] == [
@@ -160,7 +160,7 @@ def test_segments_do_not_overlap(tmp_path: Path) -> None:
     ],
 )
 def test_broken_labels_are_refused(text: str, message: str, tmp_path: Path) -> None:
-    """What is no label is named by file and line."""
+    """A malformed label is reported with file and line."""
     _labels(tmp_path, text)
     with pytest.raises(UTKinectError, match=re.escape(f"{tmp_path / 'actionLabel.txt'}{message}")):
         utkinect.read_segments(_take(tmp_path))

@@ -19,6 +19,9 @@ from programs import ROOT
 from kinespace.library import MotionLibrary
 from kinespace.library.distances import distance_rows
 from kinespace.library.kernels import compiled
+from kinespace.library.progress.phase_table import Moments as Moments_
+from kinespace.library.progress.phase_table import PhaseTable
+from kinespace.library.windows.basis import Basis
 from kinespace.library.windows.body import Body
 from kinespace.library.windows.comparison import ACROSS_LABORATORIES, WITHIN_LABORATORY
 from kinespace.library.windows.cutting import eigenpairs_of, window_covariances
@@ -37,7 +40,8 @@ from kinespace.library.windows.parts import (
 )
 from kinespace.stream.frame import Frame
 from kinespace.stream.recognizer import LiveSignature, Recognizer, Settings
-from kinespace.stream.recognizer.live_windows import LiveWindows
+from kinespace.stream.recognizer.progress import STEP, ProgressFollower
+from kinespace.stream.recognizer.windows.live_windows import LiveWindows
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -89,7 +93,7 @@ def _covariances(clip: Clip) -> np.ndarray:
 
 
 def test_as_many_kinds_are_tried_as_the_processor_has(loops: compiled.Loops) -> None:
-    """What is in use is what was asked for, and what does not exist is refused by name."""
+    """The loops in use are the loops asked for; unknown ones are refused by name."""
     kind = loops.kind()
     assert kind in KINDS
     assert compiled.kind() == f"compiled loops ({kind})"
@@ -120,7 +124,7 @@ def _sums(rows: np.ndarray, times: np.ndarray, reference: np.ndarray, begin: flo
 
 @pytest.mark.parametrize(("entered", "left"), [(4, 4), (1, 0), (0, 3), (9, 2), (0, 0)])
 def test_sums_follow_rows(loops: compiled.Loops, entered: int, left: int) -> None:
-    """What entered is added and what left is taken away; the largest sum of squares is told with its sum."""
+    """Rows that enter are added and rows that leave are subtracted; the largest sum of squares comes with its sum."""
     for clip in CLIPS:
         rows = _with_room(distance_rows(clip.positions, clip.skeleton))
         times = np.arange(len(rows)) / 60 + 1e3
@@ -182,7 +186,7 @@ def _trend(rows: np.ndarray, times: np.ndarray) -> np.ndarray:
 
 
 def test_a_body_in_one_point_has_numbers(loops: compiled.Loops) -> None:
-    """Where no joint is apart from another, and none ever moved, nothing is divided by nothing."""
+    """For a body in one point that never moved no division by zero takes place."""
     body = Body.of(BUILTIN.skeleton)
     parts, paths = np.full((3, len(PAIRS)), np.nan), np.ascontiguousarray(body.paths.T)
     sums, clock = np.zeros((4, len(PAIRS))), np.zeros(3)
@@ -228,7 +232,7 @@ def test_eigenpairs_of_any_size(loops: compiled.Loops, size: int) -> None:
 
 
 def test_what_is_no_number_has_no_eigenpairs(loops: compiled.Loops) -> None:
-    """A covariance that holds what is no number is told, and does not hang."""
+    """A covariance with NaN or infinity is reported, and does not hang."""
     matrices = np.full((1, 8, 8), np.nan)
     assert not loops.eigenpairs(matrices, np.empty((1, 4)), np.empty((1, 4, 8)))
 
@@ -313,11 +317,54 @@ def test_more_views_than_there_is_room_for_are_left_to_numpy() -> None:
 @pytest.mark.usefixtures("loops")
 @pytest.mark.parametrize("copied", [copy.deepcopy, lambda each: pickle.loads(pickle.dumps(each))])  # noqa: S301 - its own
 def test_an_index_can_be_copied(copied: Callable[[object], Any]) -> None:
-    """A deep copy, and what another process is handed, compare as the index does."""
+    """A deep copy, and a copy in another process, compare like the index."""
     index = WindowIndex.of(MotionLibrary.of_clips(BUILTIN.motions[:3]))
     eigenvector = np.eye(index.basis.directions.shape[1])[0]
     scores = index.eigenvector_scores(eigenvector)
     assert np.array_equal(copied(index).eigenvector_scores(eigenvector), scores)
+
+
+# --- a body followed through a motion ------------------------------------------------------------------------------
+
+
+def _moments(*, cyclic: bool, directions: int = 3) -> Moments_:
+    """Make the moments of four recordings that wander at random."""
+    generator = np.random.default_rng(directions)
+    lengths = [17, 5, 23, 8]
+    wandering = [np.cumsum(generator.normal(size=(length, 2 * directions)), axis=0) for length in lengths]
+    count = sum(lengths)
+    return Moments_(
+        vectors=np.ascontiguousarray(np.concatenate(wandering).T, dtype=np.float32),
+        phases=np.concatenate([np.linspace(0, 1, length) for length in lengths]),
+        starts=np.cumsum([0, *lengths[:-1]]),
+        speeds=generator.uniform(0.5, 2, count),
+        usual_speeds=generator.uniform(0.5, 2, count),
+        usual_swings=generator.normal(size=count),
+        seconds=1.0,
+        cyclic=cyclic,
+    )
+
+
+@pytest.mark.usefixtures("loops")
+@pytest.mark.parametrize("cyclic", [True, False])
+@pytest.mark.parametrize("directions", [1, 3, 32])
+def test_a_body_is_followed_as_numpy_follows_it(directions: int, cyclic: bool) -> None:  # noqa: FBT001 - a parameter
+    """At every step phase, certainty, speed and amplitude are numpy's, near the library's moments and far from them."""
+    moments = _moments(cyclic=cyclic, directions=directions)
+    whitening = np.eye(2 * directions)
+    points = np.cumsum(np.random.default_rng(7).normal(scale=0.3, size=(80, directions)), axis=0)
+    points[60:] *= 10
+    basis = Basis(np.zeros((1, directions)), np.ones(1), np.zeros((directions, 1)), 1.0)
+    table = PhaseTable({"motion": moments}, whitening, basis)
+    followers = [ProgressFollower(table), ProgressFollower(table)]
+    for index, point in enumerate(points):
+        ours = followers[0].push(index * STEP, point, "motion")
+        with compiled.left_aside():
+            theirs = followers[1].push(index * STEP, point, "motion")
+        assert ours
+        assert theirs
+        for name in ("phase", "sure", "speed", "amplitude"):
+            assert getattr(ours, name) == pytest.approx(getattr(theirs, name), rel=1e-3, abs=1e-4), (index, name)
 
 
 # --- whole streams -----------------------------------------------------------------------------------------------
@@ -438,6 +485,25 @@ def _parts(loops: compiled.Loops, **other: np.ndarray) -> object:
     }
     sums, clock, sizing, segments, paths, parts = (usual | other).values()
     return loops.read_parts(sums, clock, 2.0, sizing, segments, paths, 0.1, 0.5, parts)
+
+
+def _followed(loops: compiled.Loops, **other: np.ndarray) -> object:
+    """Follow a body through two moments in two numbers, with another array or two."""
+    usual = {
+        "course": np.ones((4, 2)),
+        "indices": np.array([[0, 1], [0, 1]]),
+        "starts": _ONE,
+        "vectors": np.zeros((2, 2), _F),
+        "lengths": np.zeros(2, _F),
+        "expected": np.zeros((1, 2)),
+        "constants": np.ones(8) / 8,
+        "live": np.zeros(2, _F),
+        "belief": np.ones(2) / 2,
+        "after": np.zeros(2),
+        "room": np.zeros(18, _F),
+        "told": np.zeros(3),
+    }
+    return loops.follow_phase(*(usual | other).values())
 
 
 _REFUSED: dict[str, tuple[Callable[[compiled.Loops], object], str]] = {
@@ -610,6 +676,21 @@ _REFUSED: dict[str, tuple[Callable[[compiled.Loops], object], str]] = {
         lambda loops: _with_group(loops).compared(np.zeros(4), np.zeros((1, 2))),
         "classes: expected 1, got 2",
     ),
+    "moving: back": (
+        lambda loops: loops.moving(np.zeros((3, 2)), 3, 1.0, np.zeros((4, 4)), np.zeros(4, _F)),
+        "back: expected 0 to 2",
+    ),
+    "moving: whitening": (
+        lambda loops: loops.moving(np.zeros((3, 2)), 1, 1.0, np.zeros((3, 4)), np.zeros(4, _F)),
+        "whitening: expected 4, got 3",
+    ),
+    "followed: bins": (lambda loops: _followed(loops, indices=np.array([[0, 64], [0, 1]])), "indices: expected bins"),
+    "followed: order": (lambda loops: _followed(loops, indices=np.array([[0, 1], [0, 2]])), "indices: expected bins"),
+    "followed: starts": (lambda loops: _followed(loops, starts=np.array([1])), "indices: expected bins below 64"),
+    "followed: room": (lambda loops: _followed(loops, room=np.zeros(17, _F)), "room: expected 18, got 17"),
+    "followed: told": (lambda loops: _followed(loops, told=np.zeros(2)), "told: expected 3, got 2"),
+    "followed: live": (lambda loops: _followed(loops, live=np.zeros(3, _F)), "live: expected 2, got 3"),
+    "followed: constants": (lambda loops: _followed(loops, constants=np.zeros(7)), "constants: expected 8, got 7"),
     "table: no window": (
         lambda loops: loops.Table(0, _ONE, _ONE, np.ones((1, 1), _F), 0.01),
         "windows: expected 1 to [0-9]*, got 0",
@@ -619,18 +700,29 @@ _REFUSED: dict[str, tuple[Callable[[compiled.Loops], object], str]] = {
 
 @pytest.mark.parametrize("name", _REFUSED)
 def test_arrays_that_do_not_fit_are_refused(loops: compiled.Loops, name: str) -> None:
-    """An array of another shape or type raises ValueError, saying which, what was expected and what was got."""
+    """An array of another shape or type raises ValueError with its name, the expectation and what was got."""
     call, told = _REFUSED[name]
     with pytest.raises(ValueError, match=told):
         call(loops)
 
 
 @pytest.mark.parametrize(
-    "function", ["measure_distances", "follow", "follow_products", "read_parts", "read_eigen", "eigenpairs", "Table"]
+    "function",
+    [
+        "measure_distances",
+        "follow",
+        "follow_products",
+        "read_parts",
+        "read_eigen",
+        "eigenpairs",
+        "follow_phase",
+        "moving",
+        "Table",
+    ],
 )
 def test_too_few_arguments_are_refused(loops: compiled.Loops, function: str) -> None:
     """A call without its arrays raises TypeError."""
-    with pytest.raises(TypeError, match=r"expected \d arguments, got 1"):
+    with pytest.raises(TypeError, match=r"expected \d+ arguments, got 1"):
         getattr(loops, function)(np.zeros(3))
 
 

@@ -61,13 +61,13 @@ def test_users_file(tmp_path: Path) -> None:
     ],
 )
 def test_mistakes_are_told(text: str, message: str) -> None:
-    """A mistake is one line that names the file and what is wrong."""
+    """A mistake is reported in one line that names the file and the mistake."""
     with pytest.raises(ConventionError, match="mine.toml: .*" + message.replace("[", r"\[")):
         parse_convention(text, "mine.toml")
 
 
 def test_no_text(tmp_path: Path) -> None:
-    """A file that is no text is told, and one that is not there is the system's error."""
+    """A file that is no text is reported; a missing file is the system's error."""
     file = tmp_path / "mine.toml"
     file.write_bytes(b"\xff\xfe")
     with pytest.raises(ConventionError, match="expected UTF-8 text, got byte 0"):

@@ -88,7 +88,7 @@ def test_foreign_names_stay(labels: tuple[str, ...]) -> None:
 
 @pytest.mark.parametrize("spelled", [str.upper, str.lower, lambda name: name.replace("_", " "), "Ann:{}".format])
 def test_spelling_says_nothing(spelled: Callable[[str], str]) -> None:
-    """Capitals, what separates words, and a namespace change nothing."""
+    """Capitals, marks between words and a namespace are ignored."""
     joints = Naming().read(skeletons.SMPL).joints
     assert Naming().read([spelled(name) for name in skeletons.SMPL]).joints == tuple(
         joint if joint in OURS else spelled(joint) for joint in joints
@@ -106,13 +106,13 @@ def test_prefixes_are_left_out(front: str) -> None:
 
 
 def test_left_arm_alone_keeps_its_side() -> None:
-    """What all labels begin with may be their side."""
+    """The beginning that all labels share may be their side."""
     labels = [f"left_{part}" for part in ("hip", "knee", "ankle", "shoulder", "elbow", "wrist")]
     assert Naming().read(labels).joints == ("lhipjoint", "lfemur", "ltibia", "lclavicle", "lhumerus", "lradius")
 
 
 def test_convention_that_is_asked_for() -> None:
-    """A given convention names what it knows, however little; as-they-are names nothing."""
+    """A given convention renames the joints it knows, however few; as-they-are renames none."""
     labels = ("head", "spine1", "prop")
     assert Naming.asked("smpl").read(labels).joints == ("upperneck", "lowerback", "prop")
     assert Naming.asked("as-they-are").read(skeletons.SMPL) == (skeletons.SMPL, None)
@@ -128,7 +128,7 @@ def test_other_joint_of_our_name_does_not_pass_for_ours() -> None:
 
 
 def test_bvh_of_acclaim_is_told_from_ends() -> None:
-    """The same names mean beginnings where what begins at the hips was left out, and ends where it is there."""
+    """The same names mean the beginnings of bones in one kind of file, and their ends in the other."""
     bvh = [joint for joint in OURS if joint not in ("lhipjoint", "rhipjoint", "lowerback", "lclavicle", "rclavicle")]
     bvh += ["head_end", "ltoes_end", "rtoes_end", "lfingers_end", "rfingers_end", "lthumb_end", "rthumb_end"]
     named = dict(zip(bvh, Naming().read(bvh).joints, strict=True))
@@ -145,7 +145,7 @@ def test_names_that_a_library_has_are_met() -> None:
 
 
 def test_line() -> None:
-    """A person is told whose names they were and how many of ours they mean."""
+    """A person is told the convention and how many of our joints it found."""
     named = Naming().read(skeletons.KINECT_1)
     assert told(named.title, named.joints) == "Kinect 1 names: 20 of 31 joints"
     assert Naming().read(OURS).title == ""
@@ -174,5 +174,5 @@ def test_presets_say_the_same(preset: str, convention: str) -> None:
 
 
 def test_conventions_have_their_own_titles() -> None:
-    """What is said to a person tells which of the tables it was."""
+    """No two conventions have the same title."""
     assert len({each.title for each in conventions()}) == len(conventions())

@@ -15,7 +15,6 @@ from hypothesis import strategies as st
 from synthetic import stick_clip
 
 from kinespace.library import MotionLibrary
-from kinespace.library.clip import Clip
 from kinespace.library.distances import distance_rows
 from kinespace.library.retrieval.experiment import (
     SPLIT_LIBRARY_ACTORS,
@@ -35,6 +34,8 @@ from kinespace.library.retrieval.experiment import (
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
+
+    from kinespace.library.clip import Clip
 
 #: 1-NN, measured independently on 287 of the 288 clips.
 NEAREST = {
@@ -102,7 +103,7 @@ def _figures(axes: np.ndarray, labels: Labels) -> dict[Protocol, tuple[int, floa
 
 
 def _assert_as_tallied(found: Retrieval, tally: naive.Tally) -> None:
-    """Hold an outcome against what the loops counted, confusion included."""
+    """Compare an outcome with the loops' counts, confusion included."""
     assert found.motions == tally.asked
     assert found.nearest == pytest.approx(tally.nearest / tally.asked)
     assert found.two_nearest == pytest.approx(tally.two_nearest / tally.asked)
@@ -141,14 +142,6 @@ def test_two_nearest_figures_are_the_reference(recorded_axes: Axes, hdm05_clips:
     for space, two_nearest in TWO_NEAREST.items():
         found = retrieve(compare(recorded_axes[space]), labels, Protocol.LEAVE_ONE_OUT)
         assert found.two_nearest == pytest.approx(two_nearest, abs=ONE_POINT), space
-
-
-def test_rigid_segments_carry_nothing(motions: tuple[Clip, ...], axes: Axes, labels: Labels) -> None:
-    """With 465 pairs and with 435 every figure is the same: the 30 rigid segments carry nothing."""
-    body = motions[0].skeleton.without_segments()
-    without = motion_axes([Clip(body, clip.positions, clip.frame_rate) for clip in motions], Space.DISTANCES)
-    assert (without.shape[1], axes[Space.DISTANCES].shape[1]) == (435, 465)
-    assert _figures(without, labels) == _figures(axes[Space.DISTANCES], labels)
 
 
 def test_turning_every_clip_leaves_distances_alone(turned_motions: list[Clip], axes: Axes, labels: Labels) -> None:
@@ -193,7 +186,7 @@ def test_by_the_spread_nearly_all_are_found(
 def test_scores_by_the_spread_are_those_of_the_inverted_scatter(
     spreads: np.ndarray, spread_scores: dict[Protocol, np.ndarray], labels: Labels, protocol: Protocol, asking: int
 ) -> None:
-    """A motion is scored by the metric learned from those alone it may find, the scatter written out and inverted."""
+    """A motion's scores use the metric learned only from motions it may find, scatter written out and inverted."""
     found = naive.allowed(asking, labels.actors.tolist(), protocol)
     scores = spread_scores[protocol][asking]
     assert np.flatnonzero(np.isfinite(scores)).tolist() == found
@@ -207,7 +200,7 @@ def test_scores_by_the_spread_are_those_of_the_inverted_scatter(
 
 @pytest.mark.parametrize("protocol", list(Protocol))
 def test_the_metric_knows_nothing_of_who_asks(protocol: Protocol) -> None:
-    """What class a motion is said to be of, and who else asks, does not change its own scores, but may others'."""
+    """A motion's own class, and the other asking motions, do not change its scores."""
     generator = np.random.default_rng(3)
     spreads = generator.normal(size=(12, 9))
     labels = Labels(np.array(["bow", "jump", "wave"] * 4), np.array(["bd", "bk", "tr", "mm"] * 3))
@@ -242,7 +235,7 @@ def test_axes_are_those_of_the_papers_svd(some_motions: tuple[Clip, ...], space:
 @pytest.mark.parametrize("protocol", list(Protocol))
 @pytest.mark.parametrize("space", IN_LIBRARY)
 def test_outcomes_are_those_of_sorted_lists(axes: Axes, labels: Labels, space: Space, protocol: Protocol) -> None:
-    """On the 288 motions every count and every entry of the confusion matrix is what sorting Python lists gives."""
+    """On the 288 motions every count and every entry of the confusion matrix equals that of sorted Python lists."""
     scores = compare(axes[space])
     tally = naive.retrieval(scores, labels.classes.tolist(), labels.actors.tolist(), protocol)
     _assert_as_tallied(retrieve(scores, labels, protocol), tally)
@@ -250,7 +243,7 @@ def test_outcomes_are_those_of_sorted_lists(axes: Axes, labels: Labels, space: S
 
 @given(st.integers(0, 2**32 - 1), st.integers(3, 14), st.sampled_from(list(Protocol)))
 def test_any_outcome_is_that_of_sorted_lists(seed: int, motions: int, protocol: Protocol) -> None:
-    """Whatever the scores, ties among them, and labels, the outcome is what sorting Python lists gives."""
+    """For any scores, with ties, and any labels the outcome equals that of sorted Python lists."""
     generator = np.random.default_rng(seed)
     scores = generator.integers(0, 5, size=(motions, motions)) / 4.0
     classes = generator.choice(["bow", "jump", "wave"], motions)
@@ -298,7 +291,7 @@ def test_a_class_that_never_asks_has_a_row_of_zeros() -> None:
 
 @pytest.mark.parametrize("protocol", list(Protocol))
 def test_candidates_are_those_of_the_loops(labels: Labels, protocol: Protocol) -> None:
-    """Whom each of the 288 motions may find is what going through them one by one gives, and never itself."""
+    """The motions that each of the 288 may find equal those of loops, and never contain the motion itself."""
     allowed = candidates(labels, protocol)
     actors = labels.actors.tolist()
     assert not allowed.diagonal().any()
@@ -332,7 +325,7 @@ def test_another_split_asks_other_actors(labels: Labels, spreads: np.ndarray, li
 
 
 def test_it_is_told_who_was_right() -> None:
-    """For each motion that asked it is told whether the nearest, and whether one of two, is of its class."""
+    """For each asking motion the outcome says whether the nearest, and whether one of two, is of its class."""
     labels = Labels(np.array(["bow", "jump", "jump", "bow"]), np.array(["aa", "aa", "bb", "bb"]))
     scores = np.array([[9, 3, 2, 1], [3, 9, 2, 1], [1, 2, 9, 3], [3, 2, 1, 9]], dtype=float)
     found = retrieve(scores, labels, Protocol.LEAVE_ONE_OUT)
@@ -385,7 +378,7 @@ def test_turning_is_repeatable(some_motions: tuple[Clip, ...]) -> None:
 
 
 def test_rotations_of_a_clip_without_any_are_refused() -> None:
-    """A clip whose source has no rotations is refused by name."""
+    """When a clip's source has no rotations, asking for them is refused with the clip's name."""
     with pytest.raises(ValueError, match="space: clip 'wave_3' has no rotations"):
         motion_axes([stick_clip("wave", seed=3)], Space.ROTATIONS)
 

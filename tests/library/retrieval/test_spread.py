@@ -1,4 +1,4 @@
-"""The spread of a motion and its metric: against loops and dense matrices, and what must not change it."""
+"""The spread of a motion and its metric: against loops and dense matrices, and its invariances."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def test_spreads_are_those_of_the_loops(some_motions: tuple[Clip, ...]) -> None:
 
 
 def test_spreads_do_not_depend_on_size_place_and_handedness(some_motions: tuple[Clip, ...]) -> None:
-    """The motion turned, mirrored and done by somebody half as large again has the same spread."""
+    """The motion turned, mirrored and performed by a body half as large again has the same spread."""
     generator = np.random.default_rng(7)
     moved = [turned(clip.moved_to(clip.positions * [1.5, 1.5, -1.5]), generator) for clip in some_motions]
     np.testing.assert_allclose(motion_spreads(moved), motion_spreads(some_motions), atol=1e-6)
@@ -69,7 +69,7 @@ def test_a_larger_motion_has_nearly_the_same_spread() -> None:
 @pytest.mark.parametrize("shrinkage", [0.01, 0.1, 0.5, 1.0])
 @pytest.mark.parametrize("pairs", [3, 20])
 def test_the_metric_is_that_of_the_inverted_scatter(shrinkage: float, pairs: int) -> None:
-    """Squared distances are those of the within-class scatter, shrunk and inverted, for few pairs or many."""
+    """Squared distances equal those by the within-class scatter, shrunk and inverted, for few pairs and many."""
     spreads, classes = _random(1, pairs=pairs)
     others = np.random.default_rng(2).normal(size=(5, pairs))
     matrix = naive_retrieval.within_class_metric(spreads, classes.tolist(), shrinkage)

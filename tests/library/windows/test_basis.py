@@ -29,7 +29,7 @@ def body(builtin: MotionLibrary) -> Body:
 
 
 def test_the_builtin_basis_holds_nearly_all_movement(builtin_index: WindowIndex) -> None:
-    """32 directions hold 98 % of what 465 distances do."""
+    """32 directions hold 98 % of the movement of 465 distances."""
     basis = builtin_index.basis
     assert basis.directions.shape == (465, MAX_DIRECTIONS)
     assert 0.98 <= basis.share < 1.0
@@ -44,7 +44,7 @@ def test_directions_are_orthonormal_but_for_the_weights(builtin_index: WindowInd
 
 
 def test_segments_are_rigid(builtin_index: WindowIndex) -> None:
-    """A bone's length does not move, so its distance counts nothing."""
+    """A bone's length does not change, so its distance has no weight."""
     basis, body = builtin_index.basis, builtin_index.body
     assert not basis.weights[body.segments].any()
     assert not basis.directions[body.segments].any()
@@ -85,7 +85,7 @@ def test_without_weights_the_basis_is_orthonormal(builtin: MotionLibrary, rows: 
 
 
 def test_few_moving_pairs_make_few_directions(body: Body) -> None:
-    """Two distances that swing leave room for two directions, and those hold everything."""
+    """Two distances that vary give two directions, which hold all movement."""
     still = np.ones((50, len(body.sizing)))
     still[:, 7] += np.sin(np.arange(50))
     still[:, 9] += np.cos(np.arange(50))

@@ -38,7 +38,7 @@ def test_the_length_between_two_joints_follows_the_segments_between_them() -> No
 
 
 def test_size_and_lengths_of_a_real_body(builtin: MotionLibrary, rows: NDArray[np.float64]) -> None:
-    """They equal those of the twin, which walks from joint to joint."""
+    """Size and lengths equal the twin's, which walks from joint to joint."""
     body, twin = Body.of(builtin.skeleton), body_of(builtin.skeleton)
     assert np.allclose(body.size(rows), [twin.size(row) for row in rows])
     assert np.allclose(body.lengths(rows), [twin.lengths(row) for row in rows])

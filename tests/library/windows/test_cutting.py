@@ -12,7 +12,7 @@ from kinespace.library import MotionLibrary, distance_rows
 from kinespace.library.windows.cutting import FIRST_WINDOW, CutWindows, window_ends
 from kinespace.library.windows.index import measured_clips
 from kinespace.library.windows.parts import EIGENVECTORS, PARTS, Kind
-from kinespace.stream.recognizer.live_windows import LiveWindows
+from kinespace.stream.recognizer.windows.live_windows import LiveWindows
 
 if TYPE_CHECKING:
     from kinespace.library.clip import Clip
@@ -46,7 +46,7 @@ def test_the_last_window_ends_with_the_motion(clip: Clip) -> None:
 
 
 def test_a_motion_shorter_than_the_first_window_has_one(short: Clip) -> None:
-    """It is the whole motion, as long as it is no shorter than the shortest window allowed."""
+    """The window is the whole motion, if the motion is no shorter than the shortest window."""
     assert window_ends(short, 0.4, first=0.5).tolist() == [13]
 
 
@@ -59,7 +59,7 @@ def test_the_shortest_motion_with_a_window(clip: Clip, frames: int, windows: int
 
 
 def test_two_frames_are_a_window_and_one_is_none(clip: Clip) -> None:
-    """At three frames a second one frame lasts long enough, but nothing moves in it."""
+    """At three frames a second one frame lasts long enough, but one frame has no movement."""
     slow = replace(clip, frame_rate=3.0)
     assert not len(window_ends(slow.moved_to(slow.positions[:1]), 0.4))
     assert 2 in window_ends(slow.moved_to(slow.positions[:2]), 0.4, first=1.0)
@@ -96,7 +96,7 @@ def test_eigenpairs(clip: Clip, builtin_index: WindowIndex, arithmetic: str) -> 
 
 
 def test_a_live_window_has_the_numbers_of_the_librarys(builtin_index: WindowIndex, arithmetic: str) -> None:
-    """Fed the frames of a motion one by one, the live windows give the library's own numbers where those end."""
+    """Given a motion's frames one by one, the live windows have the library's numbers."""
     [clip, *_], [ends, *_], _ = measured_clips(builtin_index.library, every=0.1)
     cut = CutWindows([clip], [ends], builtin_index.body, builtin_index.basis).numbers()
     live, compared = LiveWindows(builtin_index.body, builtin_index.basis), 0

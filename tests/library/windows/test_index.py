@@ -140,7 +140,7 @@ def test_people_do_what_others_do(index: WindowIndex, asking: tuple[Clip, ...]) 
 
 
 def test_nothing_competes(small_library: MotionLibrary, asking: tuple[Clip, ...]) -> None:
-    """Motions that are no class of the library have windows, and are nearest to what they are like."""
+    """Motions of the class `nothing` have windows, and similar motions are nearest to them."""
     index = WindowIndex.of(small_library.renamed({"squat1Reps": NOTHING}))
     assert index.library.classes == ("kickLFront1Reps", "lieDownFloor")
     assert index.classes == ("kickLFront1Reps", "lieDownFloor", NOTHING)
@@ -148,7 +148,7 @@ def test_nothing_competes(small_library: MotionLibrary, asking: tuple[Clip, ...]
 
 
 def test_without_some_motions(small_index: WindowIndex, asking: tuple[Clip, ...], arithmetic: str) -> None:
-    """The other classes stay as far as they were, and a class without motions is gone."""
+    """The other classes keep their distances, and a class without motions is gone."""
     numbers = _numbers(small_index, asking[0])[-1]
     gone = [place for place, clip in enumerate(small_index.library.motions) if clip.class_name == "lieDownFloor"]
     fewer = small_index.without(gone)
@@ -185,7 +185,7 @@ def test_motions_are_added_to_what_was_learned(small_index: WindowIndex, asking:
 
 
 def test_motions_too_short_are_not_added(small_index: WindowIndex) -> None:
-    """A clip without a window teaches nothing, and says so."""
+    """Adding a clip that is too short for a window is refused."""
     clip = small_index.library.motions[0]
     with pytest.raises(ValueError, match="long enough for a window"):
         small_index.with_motions([replace(clip, positions=clip.positions[:6])])
@@ -194,7 +194,7 @@ def test_motions_too_short_are_not_added(small_index: WindowIndex) -> None:
 def test_a_large_library_is_opened_in_pieces(
     small_library: MotionLibrary, small_index: WindowIndex, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Cut a few motions at a time, the windows are those that are cut all at once; lessons are a share of them."""
+    """Windows cut a few motions at a time equal windows cut all at once; lessons are a share of them."""
     alone = small_library.without(actors=("dg", "mm"))
     whole = WindowIndex.of(alone, small_library)
     monkeypatch.setattr("kinespace.library.windows.index._PIECE", 20)
@@ -301,7 +301,7 @@ def test_nothing_but_motions_too_short(sticks: MotionLibrary) -> None:
 
 
 def test_who_teaches(builtin: MotionLibrary, small_library: MotionLibrary, sticks: MotionLibrary) -> None:
-    """Three people who share classes teach their own library, else the built-in people do, if they know the joints."""
+    """Three persons who share classes teach their library, else the built-in persons do, if they have its joints."""
     assert teacher_of(small_library) is small_library
     alone = small_library.without(actors=("dg", "mm"))
     assert teacher_of(alone).actors == builtin.actors
@@ -313,7 +313,7 @@ def test_who_teaches(builtin: MotionLibrary, small_library: MotionLibrary, stick
 
 
 def test_three_people_who_share_no_class_do_not_teach(builtin: MotionLibrary, small_library: MotionLibrary) -> None:
-    """From them nobody learns how people differ who do the same."""
+    """Without a shared class nobody shows how people differ who perform the same."""
     only = zip(small_library.classes, small_library.actors, strict=True)
     wanted = set(only)
     motions = tuple(clip for clip in small_library.motions if (clip.class_name, clip.actor) in wanted)
@@ -330,7 +330,7 @@ def test_a_teacher_knows_joints_in_any_order(small_library: MotionLibrary) -> No
 
 
 def test_weighings(small_library: MotionLibrary, across: WindowIndex, small_index: WindowIndex) -> None:
-    """What was learned in another laboratory brings its weighing along, and any may be asked for."""
+    """A library learned in another laboratory brings its own weighing; any weighing may be asked for."""
     assert small_index.comparison.weighing is WITHIN_LABORATORY
     assert across.comparison.weighing is ACROSS_LABORATORIES
     asked = WindowIndex.of(small_library, weighing=ACROSS_LABORATORIES)

@@ -39,7 +39,7 @@ def test_people_who_do_the_same_are_at_a_mean_squared_distance_of_1(shrinkage: f
 
 
 def test_what_differs_between_people_counts_less() -> None:
-    """Shrunk little, the metric tells classes better than one that divides by nothing."""
+    """Shrunk little, the metric tells classes apart better than a metric without scatter."""
     numbers, lessons = _windows()
     ratios = []
     for shrinkage in (0.05, 1.0):
@@ -84,7 +84,7 @@ def test_classes_that_two_people_perform() -> None:
 
 
 def test_squared_distances() -> None:
-    """They are what subtracting gives, and never below 0."""
+    """Squared distances equal those by subtraction, and are never below 0."""
     first, second = np.random.default_rng(2).normal(size=(2, 5, 3))
     assert np.allclose(squared_distances(first, second), np.square(first[:, None] - second).sum(axis=2))
     assert (squared_distances(first * 1e6, first * 1e6) >= 0).all()

@@ -61,7 +61,7 @@ def test_eigenvectors_are_unit_vectors(paper: PaperIndex) -> None:
 
 
 def test_the_basis_has_no_weights(paper: PaperIndex) -> None:
-    """Inner products in an orthonormal basis are those of distance space."""
+    """Inner products in an orthonormal basis equal those in distance space."""
     directions = paper.basis.directions
     assert np.allclose(directions.T @ directions, np.eye(directions.shape[1]))
     assert paper.basis.share > 0.98

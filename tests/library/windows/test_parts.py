@@ -77,7 +77,7 @@ def test_a_body_twice_as_large_has_the_same_parts(kind: str, body: Body, rows: N
 
 @by_kind
 def test_a_body_in_one_point_has_no_parts(kind: str, body: Body, rows: NDArray[np.float64]) -> None:
-    """Where there is no length nothing is divided by it."""
+    """For a body without size no division by zero takes place."""
     numbers = OF_DISTANCES[kind](_moments(np.zeros_like(rows)), body)
     assert np.ptp(numbers) == 0
     assert np.isfinite(numbers).all()

@@ -44,7 +44,7 @@ def learning(builtin: MotionLibrary) -> WindowIndex:
 
 
 def _evidence(index: WindowIndex, window: int, left_out: np.ndarray) -> tuple[Evidence, str]:
-    """Let a window of the library ask the rest, and give the guess and what speaks for it."""
+    """Let a window of the library ask the other windows, and give the guess and its evidence."""
     logs = index.own_distances(window, left_out)
     weighing = index.comparison.weighing
     guess = int(weighing.named(logs).argmin())
@@ -80,7 +80,7 @@ def test_evidence_is_read_off_each_group_alone() -> None:
 
 
 def test_the_only_class_leads_by_as_much_as_counts() -> None:
-    """Nothing else could be nearer."""
+    """With one class the lead has its largest value."""
     assert Evidence.of(np.array([[0.5], [1.0]]), 0).leads == (MAX_LEAD, MAX_LEAD)
 
 
@@ -122,7 +122,7 @@ def test_numbers_that_do_not_fit_are_refused(name: str, wrong: np.ndarray | None
 
 
 def test_the_more_may_be_named_the_lower_the_threshold() -> None:
-    """At kept rates it is what was kept, between them in between, and beyond them it stays."""
+    """Thresholds are as kept at kept rates, between them in between, and constant beyond them."""
     assert [REJECTION.threshold_at(rate) for rate in RATES] == pytest.approx(REJECTION.thresholds.tolist())
     assert 1.0 < REJECTION.threshold_at(0.07) < 2.0
     assert REJECTION.threshold_at(0.0) == REJECTION.threshold_at(RATES[0])
@@ -130,7 +130,7 @@ def test_the_more_may_be_named_the_lower_the_threshold() -> None:
 
 
 def test_moved_to_other_joints_typical_evidence_is_judged_alike() -> None:
-    """What is typical of the one set of joints gets the logit that was typical of the other."""
+    """Typical evidence with one set of joints gets the logit of typical evidence with another set."""
     typical = np.array([1.5, 0.5, 0.25, 0.75])
     moved = REJECTION.moved_to(typical)
     before = REJECTION.logit(Evidence((0.5, -0.25), (1.0, 0.5)), "walk")
@@ -139,7 +139,7 @@ def test_moved_to_other_joints_typical_evidence_is_judged_alike() -> None:
 
 
 def test_a_library_learns_from_its_own_motions(learning: WindowIndex) -> None:
-    """Motions of a person left out are mostly known, those whose class is left out mostly not."""
+    """Motions of a person left out are mostly known, motions whose class is left out mostly not."""
     assert _share_known(learning, 0.1, with_class=True) > 0.75
     assert _share_known(learning, 0.1, with_class=False) < 0.25
 
@@ -177,7 +177,7 @@ def test_too_few_motions_to_learn_from(sticks: MotionLibrary) -> None:
 
 
 def test_a_library_with_learned_numbers_uses_them(builtin_index: WindowIndex) -> None:
-    """The built-in library's file says how its motions are told from others."""
+    """The built-in library's file holds the numbers of its rejection."""
     learned = builtin_index.library.learned
     assert learned is not None
     rejection = builtin_index.rejection

@@ -10,6 +10,8 @@ from golden import bundle, message
 from hypothesis import given
 from hypothesis import strategies as st
 
+from kinespace.library import hdm05
+from kinespace.stream.feeds import builtin_preset
 from kinespace.stream.feeds.frame_assembler import FORGET_AFTER, FrameAssembler
 from kinespace.stream.feeds.preset import parse_preset
 from kinespace.stream.frame import Announcement, Frame
@@ -146,7 +148,7 @@ def test_a_frame_split_over_bundles_is_one_frame() -> None:
 @pytest.mark.parametrize("rate", [15, 30, 120, 240])
 @pytest.mark.parametrize("close", [("bundle",), ("complete", "repeat"), ("repeat",)], ids="-".join)
 def test_who_begins_in_the_middle_of_a_frame_finds_the_next(close: tuple[str, ...], rate: int) -> None:
-    """Started between two joints, and again after a lost packet, no frame mixes what belongs to two for long."""
+    """Started between two joints, or after a lost packet, frames are soon no longer mixed."""
     target = assembler(*close, "timeout")
     made: list[Frame] = []
     for number in range(200):
@@ -188,7 +190,7 @@ def test_time_closes_a_frame() -> None:
 
 
 def test_another_time_begins_another_frame() -> None:
-    """Joints that carry their frame's time are told apart by it, whatever else is missing."""
+    """Joints that carry their frame's time are assigned by it, even if other messages are missing."""
     target = assembler("repeat", top='clock = "sender"\nseconds = 0.001')
 
     def timed(name: str, value: float, time: float) -> bytes:
@@ -256,6 +258,39 @@ def test_a_joint_that_never_came_is_not_made_up() -> None:
     assert (target.counts.incomplete, target.counts.absent) == (2, {"rhand": 2})
 
 
+def test_one_lost_joint_of_many_costs_no_frame() -> None:
+    """Of ten joints two may be absent for long, or never come: then they are NaN. Without three there is no frame."""
+    names = "abcdefghij"
+    joints = "\n".join(f'{name} = "{ours}"' for name, ours in zip(names, hdm05.SKELETON.joints, strict=False))
+    text = preset_text(["end"]).split("[joints]")[0] + f"[joints]\n{joints}\n"
+    target = FrameAssembler(parse_preset(text, "mine", "mine.toml"))
+    pushed(target, [*(joint(name, 0.0) for name in names[:9]), message("/end")], 0.0)
+    for lost, moment in ((0, 0.1), (1, 0.5), (2, 1.0)):
+        made = pushed(target, [*(joint(name, 1.0) for name in names[lost:9]), message("/end")], moment)
+        there = [[True] * lost + [False] * (9 - lost) + [True]] if lost < 2 else []
+        assert [np.isnan(values(frame)).tolist() for frame in made] == there
+    assert target.counts.incomplete == 1
+
+
+def test_what_hangs_on_a_lost_bone_is_lost() -> None:
+    """Of VMC's bones a hand that does not come any more is NaN, with its fingers; without a spine there is no frame."""
+    preset = builtin_preset("vmc")
+    bones = [bone.name for bone in preset.bones]
+
+    def made_without(lost: str) -> list[Frame]:
+        target = FrameAssembler(preset)
+        everything = [message("/VMC/Ext/Bone/Pos", "sfffffff", name, 0, 0, 0, 0, 0, 0, 1) for name in bones]
+        ended = message("/VMC/Ext/OK", "i", 1)
+        pushed(target, [*everything, ended], 0.0)
+        there = [packet for name, packet in zip(bones, everything, strict=True) if name != lost]
+        return pushed(target, [*there, ended], 1.0)
+
+    (frame,) = made_without("LeftHand")
+    gone = [name for name, row in zip(preset.joints, frame.positions, strict=True) if np.isnan(row).any()]
+    assert gone == ["lradius", "lhand"]
+    assert made_without("Spine") == []
+
+
 def test_a_joint_that_comes_back_is_taken() -> None:
     """After frames were refused, the absent joint's return makes frames again."""
     target = assembler("end")
@@ -297,7 +332,7 @@ def test_interleaved_performers_are_kept_apart() -> None:
 
 
 def test_an_end_message_without_a_name_ends_everybodys_frames() -> None:
-    """Where joints say whose they are and the end does not, it ends the frames of all."""
+    """When joints name their performer and the end does not, it ends all performers' frames."""
     target = assembler("end")
     made = pushed(target, [*whole(1.0, "p"), *whole(2.0, "q"), message("/end")], 0.0)
     assert {frame.performer: values(frame)[0] for frame in made} == {"p": 1.0, "q": 2.0}
@@ -326,7 +361,7 @@ def test_who_is_silent_is_forgotten() -> None:
 
 
 def test_there_is_room_for_so_many() -> None:
-    """Beyond the most performers a further one is refused and counted, those who are there go on."""
+    """A performer above the limit is refused and counted; the others go on."""
     target = assembler("end", most=2)
     assert {f.performer for f in pushed(target, [*whole(1.0, "p"), *whole(1.0, "q"), message("/end")], 0.0)} == {
         "p",
@@ -352,7 +387,7 @@ def test_who_leaves_is_not_held() -> None:
 
 
 def test_the_senders_clock_bridges_a_lost_time() -> None:
-    """A frame whose own time was lost is as far from its arrival as the one before."""
+    """A frame without a time gets the delay of the frame before."""
     target = assembler("end", top='clock = "sender"')
     made: list[Frame] = []
     for number in range(3):
@@ -369,7 +404,7 @@ def test_without_the_senders_clock_the_arrival_counts() -> None:
 
 
 def test_what_makes_no_sense_is_counted() -> None:
-    """Wrong arguments, other addresses and joints beyond any stage are counted, each as what it is."""
+    """Wrong arguments, unknown addresses and impossible joints are counted, each in its own count."""
     target = assembler("end")
     pushed(
         target,
@@ -385,7 +420,7 @@ def test_what_makes_no_sense_is_counted() -> None:
     st.lists(st.sampled_from(["a", "b", "c", "d", "e", "z", "end", "begin", "gone", "time"]), max_size=60), st.data()
 )
 def test_whatever_the_order_nothing_is_made_up(words: list[str], data: st.DataObject) -> None:
-    """Any order of messages gives frames whose every joint was sent, never older than the hold, times ascending."""
+    """Messages in any order give frames whose joints were sent, none older than the hold, times ascending."""
     target = assembler(
         *data.draw(st.lists(st.sampled_from(["end", "bundle", "repeat", "complete", "timeout"]), min_size=1))
     )

@@ -1,4 +1,4 @@
-"""What senders must be told, when, and that it is sent from the port that is listened on; many senders on one port."""
+"""Handshakes: the messages for a sender, their times, and their port; many senders on one port."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ LOOPBACK = "127.0.0.1"
 
 
 def told(packets: list[bytes]) -> list[Message]:
-    """Decode what a sender is told."""
+    """Decode the messages for a sender."""
     return [message for packet in packets for message in decode_packet(packet)]
 
 
@@ -139,7 +139,7 @@ def wait_for(source: FeedSource, arrival: float) -> list[object]:
 
 
 def test_whom_nobody_can_reach_is_counted() -> None:
-    """A sender whose name cannot be resolved costs a count, not the loop."""
+    """A sender whose name cannot be resolved is counted and does not stop the loop."""
     source = FeedSource(OscReceiver(LOOPBACK, 0), builtin_preset("qtm"), sender="no such host.invalid")
     source.tend(0.0)
     assert source.unasked == 2
@@ -160,7 +160,7 @@ def test_the_source_counts_everything() -> None:
 
 
 def test_hosts_are_numbered() -> None:
-    """Hosts are told apart by number; one that is silent for long gives its number back; there is an end to them."""
+    """Hosts get numbers; a host that is silent for long gives its number back; numbers are limited."""
     numbers = SenderNumbers()
     assert [numbers.number(host, 0.0) for host in ("a", "b", "a")] == [1, 2, 1]
     numbers.number("b", FORGET_AFTER)
@@ -171,7 +171,7 @@ def test_hosts_are_numbered() -> None:
 
 @pytest.mark.parametrize("name", ["qtm", "synapse", "captury"])
 def test_what_is_asked_is_osc(name: str) -> None:
-    """Everything that senders are told is one OSC message a packet, far below any network's limit."""
+    """Every message to a sender is one OSC message a packet, far below any network's limit."""
     for packet in questions(builtin_preset(name), 4545):
         assert len(decode_packet(packet)) == 1
         assert len(packet) < 200

@@ -82,7 +82,7 @@ def test_the_body_at_rest_is_a_body() -> None:
 
 @pytest.mark.parametrize("rotation", [(0.0,) * 4, (1e300,) * 4, (1e-20,) * 4])
 def test_a_rotation_that_is_none_is_no_rotation(rotation: tuple[float, ...]) -> None:
-    """Zeros, and numbers too large or small to have a direction, leave the bone as it is."""
+    """Zeros, and numbers too large or small for a direction, do not turn the bone."""
     bones = (Bone("a", "", (0.0, 0.0, 0.0)), Bone("b", "a", (1.0, 0.0, 0.0)))
     assert world_positions(bones, {"a": (None, rotation)})["b"] == (1.0, 0.0, 0.0)  # type: ignore[dict-item]  # of four
 

@@ -39,7 +39,7 @@ arguments = ["=pos", "joint", "performer", "x", "y", "z"]
 
 
 def test_addresses_name_joint_and_performer() -> None:
-    """What stands in the placeholders' places is taken, capitals in the rest of the address passed over."""
+    """The placeholders' texts are read; capitals elsewhere in the address are ignored."""
     reading = read(LOOSE, message("/Ada/AT/Hand", "fff", 1.0, 2.0, 3.0))
     assert (reading.performer, reading.sightings[0].joint) == ("Ada", "hand")
     assert reading.sightings[0].position == (1.0, 2.0, 3.0)
@@ -51,7 +51,7 @@ def test_further_arguments_are_passed_over() -> None:
 
 
 def test_a_text_that_must_stand_there_decides() -> None:
-    """With another text in its place the message is somebody else's, with fewer arguments after it a wrong one."""
+    """With another text the message is foreign, with fewer arguments after the text it is malformed."""
     assert read(LOOSE, message("/at", "sssfff", "pos", "head", "p", 1.0, 2.0, 3.0)).performer == "p"
     (other,) = decode_packet(message("/at", "sss", "quat", "head", "p"))
     assert LOOSE.read(other) is None
@@ -105,7 +105,7 @@ def test_what_is_not_there_is_no_number() -> None:
 
 
 def test_the_first_rule_that_fits_is_used() -> None:
-    """Two rules of one address are told apart by their arguments' number and kind."""
+    """Two rules of one address are told apart by the number and kinds of their arguments."""
     target = Mapper(builtin_preset("natnet2osc"))
     bone = ("Hip", 1.0, 2.0, 3.0, 0.0, 0.0, 0.0, 1.0)
     offsets = (2, 0.0, 0.0, 0.0)
@@ -147,14 +147,14 @@ def test_more_joints_than_names_are_refused() -> None:
 
 
 def test_nobody_is_there() -> None:
-    """`/mediapipe/pose 0` says that nobody is there, with or without anything after it."""
+    """`/mediapipe/pose 0` means that nobody is there, with and without further arguments."""
     target = Mapper(builtin_preset("mediapipe"))
     assert not read(target, message("/mediapipe/pose", "i", 0)).present
     assert not read(target, message("/mediapipe/pose", "iffff", 0, *[1.0] * 4)).present
 
 
 def test_a_user_is_lost() -> None:
-    """OSCeleton's `/lost_user` says who has left."""
+    """OSCeleton's `/lost_user` names the performer who has left."""
     reading = read(Mapper(builtin_preset("osceleton")), message("/lost_user", "i", 3))
     assert (reading.performer, reading.present) == ("3", False)
 
@@ -168,7 +168,7 @@ def test_a_time_of_64_bits_comes_in_two_halves() -> None:
 
 
 def test_memory_is_bounded() -> None:
-    """Somebody who makes up addresses, joints and names finds an end to what is remembered."""
+    """A sender that makes up addresses, joints and names fills a bounded memory."""
     target = Mapper(builtin_preset("natnetthree2osc"))
     for number in range(9000):
         target.read(Message(f"/skeleton/p{number}/bone/x{number}/position", [1.0, 2.0, 3.0]))

@@ -1,4 +1,4 @@
-"""Presets: those that come along are whole, and a mistake in one's own is one line that says what and where."""
+"""Presets: the built-in ones are complete, and a mistake in a user's own is one line that says what and where."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from kinespace.library.hdm05 import SKELETON
 from kinespace.stream.feeds import PresetError, builtin_names, builtin_preset, builtin_text, load_preset
-from kinespace.stream.feeds.preset import Closing, Means, parse_preset, spelling
+from kinespace.stream.feeds.preset import Closing, Means, parse_preset
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -154,7 +154,7 @@ def test_the_least_that_is_needed_is_little() -> None:
     ],
 )
 def test_a_mistake_is_one_line(old: str, new: str, said: str) -> None:
-    """File, key, expectation and what was got, in one line."""
+    """The line has the file, the key, the expectation and what was got."""
     assert old in GOOD
     with pytest.raises(PresetError) as caught:
         parse_preset(GOOD.replace(old, new), "mine", "mine.toml")
@@ -180,13 +180,8 @@ def test_a_file_that_is_no_text_is_said(tmp_path: Path) -> None:
         load_preset(tmp_path / "nothing.toml")
 
 
-def test_names_are_compared_without_capitals_and_what_is_between_words() -> None:
-    """LeftHand, left_hand and LEFT HAND are one joint's name."""
-    assert len({spelling(name) for name in ("LeftHand", "left_hand", "LEFT HAND", "left-hand")}) == 1
-
-
 def refusal(text: str) -> str:
-    """Say why a preset is refused; nothing when it is not."""
+    """Give the reason why a preset is refused; empty when it is not."""
     try:
         parse_preset(text, "mine", "mine.toml")
     except PresetError as error:

@@ -1,4 +1,4 @@
-"""Packets that are no OSC become messages; what is not packed so is one error, whatever it is."""
+"""Packets that are no OSC become messages; a packet of another form raises one kind of error."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def _joint(x: float) -> dict[str, dict[str, float]]:
 
 
 def test_rokoko_names_actors_and_joints() -> None:
-    """All actors of a frame come together; what OSC keeps for itself in a name becomes an underscore."""
+    """All actors of a frame come together; characters that OSC reserves become underscores in names."""
     actors = [{"name": "Ann/1", "body": {"hip": _joint(1.0)}}, {"name": "Bo", "body": {"head": _joint(4.0)}}]
     assert unpack_rokoko(_rokoko(actors)) == [
         Message("/rokoko/Ann_1/hip", [1.0, 2.0, 3.0]),
@@ -80,7 +80,7 @@ def test_xsens_cut_short_is_one_error(cut: int) -> None:
 
 
 def test_zigsim_comes_as_json_and_as_osc() -> None:
-    """Either is read; without a name the device's number says who performs; without a body nothing comes."""
+    """Both are read; without a name the device's number is the performer; without a body there is no message."""
     body = {"device": {"uuid": "B8"}, "sensordata": {"bodyTracking": {"hips_joint": [1.0, 2.0, 3.0]}}}
     assert unpack_zigsim(json.dumps(body).encode()) == [Message("/zigsim/B8/hips_joint", [1.0, 2.0, 3.0])]
     assert unpack_zigsim(b'{"sensordata": {"accel": {"x": 1}}}') == []
@@ -93,7 +93,7 @@ def test_zigsim_comes_as_json_and_as_osc() -> None:
 
 @pytest.mark.parametrize("channel", ["/p1/wrist_l:t{}", "/p1/wrist_l/t{}", "/p1/wrist_l_{}", "/p1/wrist_l.T{}"])
 def test_channels_become_joints(channel: str) -> None:
-    """Three numbers of one joint are a message, in one packet or in three; other messages are left as they are."""
+    """Three numbers of one joint are a message, in one packet or in three; other messages stay the same."""
     unpack, numbers = ChannelUnpacker(), (("x", 1.0), ("y", 2.0), ("z", 3.0))
     packets = [message(channel.format(axis), "f", number) for axis, number in numbers]
     joint = Message("/p1/wrist_l", [1.0, 2.0, 3.0])
@@ -102,7 +102,7 @@ def test_channels_become_joints(channel: str) -> None:
 
 
 def test_channels_of_a_sender_that_invents_names_do_not_pile_up() -> None:
-    """What waits for its other numbers is bounded."""
+    """Channels that wait for further numbers are limited."""
     unpack = ChannelUnpacker()
     for number in range(5000):
         assert unpack(message(f"/p1/joint{number}:tx", "f", 1.0)) == []

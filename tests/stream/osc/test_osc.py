@@ -104,7 +104,7 @@ def test_a_frame_is_what_pythonosc_builds_and_reads(performer: str, time: float,
     numbers=st.integers(0, 33).flatmap(lambda joints: st.lists(_FLOATS, min_size=3 * joints, max_size=3 * joints)),
 )
 def test_a_frame_is_read_as_it_was_sent(performer: str, time: float, numbers: list[float]) -> None:
-    """A frame of any number of joints comes back as it was, alone or in a bundle, which is read another way."""
+    """A frame of any number of joints is read back, alone or in a bundle, which takes another path."""
     packet = _frame_message(performer, time, numbers)
     expected = np.array(numbers).reshape(-1, 3)
     _assert_frame(osc.decode(packet, 77.0), performer, time, expected)
@@ -122,7 +122,7 @@ def test_positions_of_any_type_are_sent(dtype: DTypeLike) -> None:
 @pytest.mark.parametrize("time", [0.0, -0.0])
 @pytest.mark.parametrize("wrap", [bytes, _bundle])
 def test_time_0_is_the_arrival(time: float, wrap: Callable[[bytes], bytes]) -> None:
-    """A frame whose time is 0 happened when it came, however it was packed."""
+    """A frame whose time is 0 gets its arrival as time, in any kind of packet."""
     _assert_frame(osc.decode(wrap(_frame_message("p", time, [1.0] * 9)), 42.5), "p", 42.5, np.ones((3, 3)))
 
 
@@ -151,7 +151,7 @@ def test_performers_may_be_numbers() -> None:
 @given(performer=_NAMES, joints=st.lists(_NAMES, min_size=1, max_size=40, unique=True))
 @example(performer="p", joints=list(SKELETON.joints))
 def test_an_announcement_comes_back(performer: str, joints: list[str]) -> None:
-    """Joint names are sent as python-osc would and read as they were sent."""
+    """Joint names are sent as python-osc would send them, and are read back."""
     announcement = Announcement(performer, tuple(joints))
     packet = osc.encode_announcement(announcement)
     assert packet == _message("/motion/skeleton", *[("s", text) for text in (performer, *joints)])
@@ -206,13 +206,13 @@ def test_what_makes_no_sense_is_counted(packet: bytes) -> None:
     "address", ["/", "/motion", "/motion/frames", "/motion/frame/p", "/Motion/frame", "/VMC/Ext/T"]
 )
 def test_messages_of_others_are_passed_over(address: str) -> None:
-    """Another address is somebody else's, whatever its arguments."""
+    """A message with another address is foreign, with any arguments."""
     packet = _message(address, ("s", "p"), ("d", 1.0), *[("f", 0.5)] * 6)
     assert osc.decode(packet, 1.0) == osc.Received([], foreign=1)
 
 
 def test_in_a_bundle_the_good_is_not_lost_with_the_bad() -> None:
-    """Of a bundle everything valid is used, in order, and everything else is counted for what it is."""
+    """All valid messages of a bundle are used, in order; the others are counted by kind."""
     good = _frame_message("p", 1.0, [0.5] * 6)
     names = _message("/motion/skeleton", ("s", "p"), ("s", "hip"), ("s", "head"))
     received = osc.decode(_bundle(names, _MALFORMED[0], good, _message("/other"), _MALFORMED[17], good), 9.0)
@@ -231,7 +231,7 @@ def test_a_frame_cut_off_anywhere_is_malformed() -> None:
 
 
 def test_beginnings_of_one_length_are_not_mistaken_for_each_other() -> None:
-    """What was learned of one packet's beginning is not believed of another's of the same length or size."""
+    """A remembered beginning is not used for another beginning of the same length or size."""
     few, many = _frame_message("a" * 18, 1.0, [1.0] * 6), _frame_message("b" * 6, 2.0, [2.0] * 18)
     assert few.index(struct.pack(">d", 1.0)) == many.index(struct.pack(">d", 2.0))
     for _ in range(2):
@@ -256,7 +256,7 @@ def test_made_up_names_do_not_pile_up() -> None:
 @given(data=st.data())
 @settings(max_examples=400)
 def test_a_frame_with_bytes_changed_is_read_alike_both_ways(data: st.DataObject) -> None:
-    """With any bytes changed the quick way of reading a frame finds what the thorough one does."""
+    """With any bytes changed, the quick reader of frames agrees with the thorough one."""
     packet = bytearray(_VALID)
     for _ in range(data.draw(st.integers(1, 3))):
         packet[data.draw(st.integers(0, len(packet) - 1))] = data.draw(
@@ -405,7 +405,7 @@ def test_no_class_is_index_minus_1(outcome: Outcome) -> None:
 
 
 def test_what_channels_read_is_numbers() -> None:
-    """Class, scores and status hold integers and floats of 32 bits and nothing else, as TouchDesigner's CHOP wants."""
+    """Class, scores and status hold only integers and floats of 32 bits, as TouchDesigner's CHOP needs."""
     bundle = osc.encode_recognition(NAMED)
     status = osc.encode_status(Status(InputCounts(), PerformerCounts(), 0, {"p": 120.0}, 0.0, 0.0))
     assert b"/motion/Ada/class\0\0\0,iff\0\0\0\0" in bundle
@@ -441,7 +441,7 @@ def test_the_built_in_librarys_answers_carry_all_scores() -> None:
     [("Ada", "Ada"), ("7", "7"), ("a b", "a_b"), ("a/b", "a_b"), ("#*,?[]{}", "________"), ("Zoë", "Zo_"), ("\t", "_")],
 )
 def test_performers_stand_in_addresses(performer: str, part: str) -> None:
-    """What OSC keeps for itself in addresses, and what does not print, becomes an underscore there."""
+    """Characters that OSC reserves or that do not print become underscores in addresses."""
     assert osc.address_part(performer) == part
     addresses = _params(osc.encode_recognition(dataclasses.replace(NAMED, performer=performer)))
     assert set(addresses) == {f"/motion/{part}/{last}" for last in ("class", "guess", "label", "scores")}
@@ -453,7 +453,7 @@ def test_classes_are_sent_in_the_order_of_their_indices() -> None:
 
 
 def test_the_status_is_sent() -> None:
-    """The status says that we live, how many frames come per second of how many performers, and what was lost."""
+    """The status holds a sign of life, frames per second, the number of performers, and losses."""
     counts = PerformerCounts(no_room=10, other_joints=20)
     counts.recognizers.out_of_order = 30
     inputs = InputCounts(received=9999, malformed=1, foreign=500, overrun=2, missing=3)
@@ -528,7 +528,7 @@ def _receive(receiver: osc.OscReceiver) -> bytes | None:
 
 
 def test_datagrams_arrive_in_order(receiver: osc.OscReceiver, sender: osc.OscSender) -> None:
-    """What is sent is received, one datagram at a time and in order, an empty one too; then there is none."""
+    """Datagrams are received one at a time and in order, also an empty one; then there is none."""
     packets = [b"first", b"", b"third", osc.encode_recognition(NAMED)]
     for packet in packets:
         sender.send(packet)
@@ -538,7 +538,7 @@ def test_datagrams_arrive_in_order(receiver: osc.OscReceiver, sender: osc.OscSen
 
 
 def test_receiving_never_waits(receiver: osc.OscReceiver) -> None:
-    """When nothing has come there is nothing, at once."""
+    """When no datagram has come, receiving returns None at once."""
     assert not receiver.socket.getblocking()
     assert receiver.receive() is None
 
@@ -552,7 +552,7 @@ def test_the_largest_datagrams_are_whole(receiver: osc.OscReceiver, sender: osc.
 
 
 def test_the_system_is_asked_for_room(receiver: osc.OscReceiver) -> None:
-    """The receive buffer is larger than what a socket gets without asking, as far as the system allows."""
+    """The receive buffer is larger than the system's default, as far as the system allows."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as plain:
         usual = plain.getsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF)
         plain.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER)
@@ -607,7 +607,7 @@ def test_what_cannot_be_sent_is_counted(receiver: osc.OscReceiver, sender: osc.O
 
 
 def test_nobody_listening_is_no_error() -> None:
-    """Sending where nobody listens raises nothing, however often."""
+    """Sending where nobody listens raises no error."""
     gone = osc.OscReceiver(LOOPBACK, 0)
     sender = osc.OscSender(*gone.address)
     gone.close()

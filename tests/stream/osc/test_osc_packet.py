@@ -1,4 +1,4 @@
-"""OSC packets decoded: what python-osc decodes, and on anything else one kind of error."""
+"""OSC packets decoded: the same messages as by python-osc, and one kind of error for other bytes."""
 
 from __future__ import annotations
 
@@ -86,7 +86,7 @@ def _of_pythonosc(packet: bytes) -> list[Message]:
 
 
 def _in_order(element: OscMessage | OscBundle) -> list[Message]:
-    """Read what python-osc found in a packet, in the order of the bytes."""
+    """Give python-osc's messages of a packet, in the order of the bytes."""
     if hasattr(element, "params"):
         return [Message(element.address, element.params)]
     return [message for content in element for message in _in_order(content)]
@@ -98,7 +98,7 @@ def _in_order(element: OscMessage | OscBundle) -> list[Message]:
 @example(message=("/all", [("[", []), ("[", [("[", [("f", 1.0)]), ("f", 2.0)]), ("f", 3.0), ("f", 4.0)]))
 @settings(max_examples=300)
 def test_messages_are_what_pythonosc_reads(message: tuple[str, list[tuple[str, object]]]) -> None:
-    """Every message that python-osc builds, of all its types and arrays in arrays, is read as it reads it."""
+    """Every message that python-osc builds, with all its types and nested arrays, is read as python-osc reads it."""
     packet = _message(*message).dgram
     assert decode_packet(packet) == _of_pythonosc(packet)
     assert [decode_message(packet)] == decode_packet(packet)
@@ -126,7 +126,7 @@ def test_long_runs_of_floats(values: list[float], *, before: bool) -> None:
 
 
 def test_a_future_time_tag_delays_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A bundle dated years ahead is read like any other, and nobody sleeps over it."""
+    """A bundle dated years ahead is read like any other, without waiting."""
 
     def sleep(seconds: float) -> None:
         pytest.fail(f"slept {seconds} s")
@@ -241,7 +241,7 @@ def test_an_empty_bundle_holds_nothing() -> None:
 
 
 def test_bundles_nest_so_deep_and_no_deeper() -> None:
-    """Bundles in bundles are read down to the limit; below it, however deep, they are an error and exhaust nothing."""
+    """Nested bundles are read down to the limit; deeper ones are an error and do not exhaust the stack."""
     element = _message("/deep").dgram
     packets = []
     for _ in range(3000):

@@ -41,7 +41,7 @@ def read(packet: bytes | None) -> dict[str, list[object]]:
 
 @pytest.mark.parametrize("name", LAYOUTS)
 def test_every_answer_is_osc_that_fits(name: str) -> None:
-    """Whatever is told is valid OSC of at most 1200 bytes, for three classes and for a thousand."""
+    """Every message is valid OSC of at most 1200 bytes, for three classes and for a thousand."""
     layout = LAYOUTS[name]()
     told = [layout.recognition(recognition(classes=classes)) for classes in (3, 1000)]
     told += [layout.event(START), layout.classes(CLASSES), layout.status(STATUS), layout.gone("Ada L")]
@@ -53,7 +53,7 @@ def test_every_answer_is_osc_that_fits(name: str) -> None:
 
 
 def test_native_is_what_it_was() -> None:
-    """The native layout is byte for byte what the OSC sink sends."""
+    """The native layout's bytes equal those of the OSC answers."""
     layout = NativeLayout()
     assert layout.recognition(recognition()) == osc.encode_recognition(recognition())
     assert layout.event(START) == osc.encode_event(START, recognition().time)
@@ -90,7 +90,7 @@ def test_events_are_told_in_seconds_since_the_first_answer(name: str) -> None:
 
 @pytest.mark.parametrize("name", LAYOUTS)
 def test_a_class_is_none_where_the_label_is_unknown(name: str) -> None:
-    """In every layout alike an unknown motion, and a performer who left, are no class."""
+    """In every layout an unknown motion, and a performer who left, have no class."""
     layout = LAYOUTS[name]()
     none = {"wekinator": [0.0], "vrchat": [0]}.get(name, [-1])
     told = [read(layout.recognition(recognition(outcome))) for outcome in (Outcome.UNKNOWN, Outcome.NAMED)]
@@ -105,7 +105,7 @@ def test_a_class_is_none_where_the_label_is_unknown(name: str) -> None:
 
 
 def test_wekinator_counts_from_one() -> None:
-    """One float a performer, 0 for none, in the order they came; who left leaves a 0 that a newcomer takes."""
+    """One float a performer, 0 for none, in order of arrival; a newcomer takes the place of one who left."""
     layout = LAYOUTS["wekinator"]()
     assert read(layout.recognition(recognition())) == {"/wek/outputs": [2.0]}
     assert read(layout.recognition(recognition(Outcome.STILL, "Bob"))) == {"/wek/outputs": [2.0, 0.0]}

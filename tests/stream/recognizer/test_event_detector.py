@@ -83,7 +83,7 @@ def test_a_motion_starts_once_and_ends_once() -> None:
 
 
 def test_an_event_says_whose_and_how_sure() -> None:
-    """Performer, label, index, score and time are those of the recognition that decided; of an end, its own class's."""
+    """A start has performer, label, index, score and time of the deciding recognition; an end has its own class."""
     events = _pushed(EventDetector(), _course((1.0, Outcome.NAMED, 1), (1.0, Outcome.NAMED, 2)))
     start, end, other = events
     assert start == Event("p", START, "jump", 1, 0.9, start.time)
@@ -110,7 +110,7 @@ def test_a_doubtful_lead_is_believed_later_and_more_lead_later_still() -> None:
 
 
 def test_without_a_lead_to_wait_for_every_change_is_an_event() -> None:
-    """With a lead of 0 each change of the named class is told at its very hop."""
+    """With a lead of 0 each change of the named class is an event at its hop."""
     course = [_recognition(k * HOP, _led_by(k % 2)) for k in range(5)]
     events = _pushed(EventDetector(0.0), course)
     assert [event.time for event in events if event.kind is START] == [recognition.time for recognition in course]
@@ -129,7 +129,7 @@ def test_a_lead_that_is_none_is_refused(lead: float) -> None:
 
 @pytest.mark.parametrize("period", [1, 2, 3])
 def test_alternating_guesses_start_nothing_new(period: int) -> None:
-    """While two classes take turns every few hops, doubtful as at a change of motion, what goes on goes on."""
+    """While two classes alternate every few hops, the motion that goes on goes on."""
     detector = EventDetector()
     _pushed(detector, _course((1.0, Outcome.NAMED, 2)))
     flickering = [_recognition(11 + k * HOP, _led_by(k // period % 2, DOUBTFUL)) for k in range(300)]
@@ -175,7 +175,7 @@ def test_stillness_and_strangeness_add_up() -> None:
 
 
 def test_nothing_to_name_is_nothing_to_end() -> None:
-    """Before anything has started, however long nothing is named, there is no event."""
+    """Before a motion has started, hops without a class cause no event."""
     assert _pushed(EventDetector(), _course((3.0, Outcome.UNKNOWN, 0), (3.0, Outcome.STILL, 0))) == []
 
 
@@ -212,7 +212,7 @@ def test_the_hop_rate_does_not_matter(rate: int) -> None:
 
 
 def test_who_was_away_has_not_led_meanwhile() -> None:
-    """A gap in the feed counts as a tenth of a second: it neither starts what led before nor ends what goes on."""
+    """A gap in the feed counts as a tenth of a second: it neither starts nor ends a motion."""
     scores = _led_by(1, (0.55, 0.52, 0.2))
     detector = EventDetector()
     assert _pushed(detector, [_recognition(0.0, scores), _recognition(60.0, scores)]) == []
@@ -233,7 +233,7 @@ def test_a_clock_set_back_gathers_no_lead() -> None:
 
 
 def test_the_end_of_a_feed_ends_what_goes_on_once() -> None:
-    """`end` gives the end of what goes on at the time told, as the class and score it started with, then nothing."""
+    """`end` ends the motion that goes on, with the class and score of its start, once."""
     detector = EventDetector()
     assert detector.end(1.0) is None
     (start,) = _pushed(detector, _course((1.0, Outcome.NAMED, 2)))
@@ -242,7 +242,7 @@ def test_the_end_of_a_feed_ends_what_goes_on_once() -> None:
 
 
 def test_after_an_end_a_motion_starts_as_at_first() -> None:
-    """Nothing gathered before `end` counts after it."""
+    """Lead gathered before `end` does not count after it."""
     used = EventDetector()
     _pushed(used, _course((1.0, Outcome.NAMED, 0)))
     used.end(11.0)

@@ -51,7 +51,7 @@ def test_the_current_index_stays_until_another_has_gathered_enough() -> None:
 
 
 def test_after_clearing_everything_begins_anew() -> None:
-    """What had been gathered is gone, and nothing is current."""
+    """All gathered lead is forgotten, and no index is current."""
     hysteresis = Hysteresis(1.0)
     hysteresis.push(0, 0.9, HOP)
     hysteresis.clear()
@@ -61,7 +61,7 @@ def test_after_clearing_everything_begins_anew() -> None:
 
 
 def test_the_first_evidence_is_taken_as_it_is() -> None:
-    """There is nothing to average it with."""
+    """The first average is the first evidence."""
     judgement = Judgement(1.0)
     assert math.isnan(judgement.average)
     assert judgement.push(1.0, HOP)
@@ -110,7 +110,7 @@ def test_one_odd_window_does_not_make_a_motion_unknown() -> None:
 
 
 def test_a_cleared_judgement_knows_nothing() -> None:
-    """What was named does not hold any longer."""
+    """A motion that was known is no longer known."""
     judgement = Judgement(1.0)
     judgement.push(3.0, HOP)
     judgement.clear()

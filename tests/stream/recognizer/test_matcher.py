@@ -104,7 +104,7 @@ def test_nothing_is_read_before_the_first_window(small_index: WindowIndex, stran
 
 
 def test_a_cleared_matcher_reads_as_a_new_one(small_index: WindowIndex, stranger: dict[str, Clip]) -> None:
-    """Nothing of the motion before is left."""
+    """After clearing, the motion before has no influence."""
     used, new = _windows(small_index), _windows(small_index)
     _readings(used, stranger["kickLFront1Reps"])
     used.clear()
@@ -132,7 +132,7 @@ def test_eigenvectors_do_not_tell_a_motion_from_its_reverse(both_ways: WindowInd
 
 
 def test_nothing_is_answered_unknown(small_library: MotionLibrary, stranger: dict[str, Clip]) -> None:
-    """Motions like those of the class `nothing` have it as their guess, and it is never named."""
+    """Motions like those of the class `nothing` have it as their guess, and are answered unknown."""
     index = WindowIndex.of(small_library.renamed({"squat1Reps": NOTHING}))
     readings = _readings(_windows(index, sensitivity=0.4), stranger["squat1Reps"])
     of_nothing = [reading for reading in readings if index.classes[reading.guess] == NOTHING]
@@ -164,7 +164,7 @@ def test_a_body_that_does_not_move_is_still(small_index: WindowIndex, stranger: 
 
 
 def test_the_first_class_is_followed_at_once() -> None:
-    """There is nothing yet to hold on to."""
+    """The first guess needs no lead."""
     assert followed(Hysteresis(9.0), np.array([3.0, 1.0, 1.5]), HOP) == (1, 0.5)
 
 
@@ -202,7 +202,7 @@ def paper_score(reading: Reading) -> float:
 def test_why_the_papers_signature_names_none(
     paper: PaperIndex, stranger: dict[str, Clip], stillness: float, smallest_gap: float, outcome: Outcome
 ) -> None:
-    """Eigenvalues too near each other leave the axis open, and what does not move has none."""
+    """Nearly equal eigenvalues make the eigenvector arbitrary, and a still body has none."""
     matcher = PaperMatcher(paper, stillness=stillness, smallest_gap=smallest_gap)
     assert {reading.outcome for reading in _readings(matcher, stranger["kickLFront1Reps"])} == {outcome}
 

@@ -13,7 +13,6 @@ from synthetic import STICK, STICK_CLASSES, stick_clip
 
 from kinespace.stream.frame import Announcement, Frame
 from kinespace.stream.recognizer import Performers, Recognizer, SentJoints, Settings
-from kinespace.stream.restricted_beside import RestrictedBeside
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -79,7 +78,7 @@ def test_interleaved_feeds_are_recognised_as_if_alone(library: MotionLibrary, se
 @given(seed=st.integers(0, 2**32 - 1), most=st.sampled_from([1, 4, 40]))
 @settings(max_examples=15)
 def test_what_comes_together_is_recognised_as_if_one_by_one(library: MotionLibrary, seed: int, most: int) -> None:
-    """In batches of any sizes, mixed in any way, with announcements in between: the answers are those one by one."""
+    """Frames and announcements in batches of any sizes get the answers of frames one by one."""
     generator = np.random.default_rng(seed)
     order = [5, 4, 3, 2, 1, 0]
     reordered = Announcement("bow", tuple(STICK.joints[index] for index in order))
@@ -113,7 +112,7 @@ def test_what_comes_together_is_recognised_as_if_one_by_one(library: MotionLibra
 
 
 def test_the_settings_are_every_recognisers(library: MotionLibrary) -> None:
-    """What is set for all holds for each: with a hop of 0 every frame from the first answered on is answered."""
+    """Settings hold for every performer: with a hop of 0 every frame after the first window is answered."""
     performers = Performers(library, Settings(hop=0))
     for name in ("a", "b"):
         assert len(_pushed(performers, _frames(name, "jump"))) == 200 - 18
@@ -148,7 +147,7 @@ def test_an_announced_order_outlives_a_silence(library: MotionLibrary) -> None:
 
 
 def test_announcements_of_strangers_do_not_pile_up(library: MotionLibrary) -> None:
-    """Who announces under ever new names is remembered for so many of them only."""
+    """Announcements under ever new names are remembered up to a limit."""
     performers = Performers(library, most=2, silence=1.0)
     order = list(range(len(STICK.joints)))[::-1]
     backwards = tuple(STICK.joints[index] for index in order)
@@ -170,7 +169,7 @@ def test_without_an_announcement_the_skeletons_own_order_is_assumed(library: Mot
 
 @pytest.mark.parametrize("before", [0, 150])
 def test_saying_what_was_assumed_changes_nothing(library: MotionLibrary, before: int) -> None:
-    """The skeleton's own joints announced at any moment, again and again, leave the window as it is."""
+    """Announcing the assumed joints, at any moment and repeatedly, does not change the window."""
     frames = _frames("p", "jump")
     performers, answers = Performers(library), []
     for index, frame in enumerate(frames):
@@ -204,7 +203,7 @@ def test_other_joints_begin_a_new_window(library: MotionLibrary) -> None:
 
 
 def test_one_performers_joints_are_not_anothers(library: MotionLibrary) -> None:
-    """An announcement says what its own performer's frames hold."""
+    """An announcement holds for its own performer's frames only."""
     performers = Performers(library)
     performers.announce(Announcement("a", STICK.joints[::-1]), 0.0)
     frames = _frames("b", "jump")
@@ -246,7 +245,7 @@ def test_frames_of_some_of_the_joints_are_compared_by_them(library: MotionLibrar
 
 
 def test_what_went_on_before_joints_were_lost_is_ended(library: MotionLibrary) -> None:
-    """A performer whose sender names other joints in the midst of a motion: its start is followed by its end."""
+    """When a sender names other joints during a motion, the motion is ended."""
     performers = Performers(library)
     answers = _pushed(performers, _frames("p", "bow"))
     started = [event for answer in answers for event in answer.events]
@@ -266,25 +265,34 @@ def test_only_so_many_sets_of_joints(library: MotionLibrary) -> None:
 
 
 def test_who_waits_for_the_library_is_answered_when_it_is_there(library: MotionLibrary) -> None:
-    """Frames that come before the restricted library is ready are counted, and why is told; later ones are answered."""
-    beside = RestrictedBeside(library, Settings())
+    """Frames before the restricted library is ready are counted, with the reason; later frames are answered."""
     ready = [False]
 
-    def fewer(joints: frozenset[str]) -> MotionLibrary | None:
-        made = beside(joints)
-        return made if ready[0] else None
+    def restricter(whole: MotionLibrary, joints: tuple[str, ...]) -> MotionLibrary | None:
+        return whole.restricted_to(joints) if ready[0] else None
 
-    performers = Performers(library, joints=SentJoints(fewer=fewer))
+    performers = Performers(library, joints=SentJoints(restricter=restricter))
     performers.announce(Announcement("p", STICK.joints[:5]), 0.0)
     performers.push(Frame("p", 0.0, POSE[:5]), 0.0)
     told = "the library is being restricted to 5 of its joints, which takes some seconds"
     assert (performers.compared, performers.refused) == ({"p": told}, {})
     assert performers.counts.other_joints == 1
-    beside.wait()
     ready[0] = True
     frames = [dataclasses.replace(each, positions=each.positions[:5]) for each in _frames("p", "bow")]
     _assert_same(_pushed(performers, frames), _alone(library.restricted_to(STICK.joints[:5]), frames))
     assert performers.refused == {}
+
+
+def test_joints_that_cannot_be_compared_are_refused_with_the_reason(library: MotionLibrary) -> None:
+    """The restricter's error is the reason why the performer's frames are refused."""
+
+    def restricter(_: MotionLibrary, joints: tuple[str, ...]) -> MotionLibrary | None:
+        raise ValueError(f"no motion has {len(joints)}")
+
+    performers = Performers(library, joints=SentJoints(restricter=restricter))
+    performers.announce(Announcement("p", STICK.joints[:5]), 0.0)
+    performers.push(Frame("p", 0.0, POSE[:5]), 0.0)
+    assert performers.refused == {"p": "5 joints, 5 of them cannot be compared: no motion has 5"}
 
 
 @pytest.mark.parametrize("announced", [False, True])
@@ -292,7 +300,7 @@ def test_who_waits_for_the_library_is_answered_when_it_is_there(library: MotionL
 def test_frames_of_another_size_are_counted_and_passed_over(
     library: MotionLibrary, joints: int, *, announced: bool
 ) -> None:
-    """Between valid frames, frames of another number of joints than announced or assumed cost nothing but a count."""
+    """Frames with another number of joints, between valid frames, are counted and change nothing else."""
     performers = Performers(library)
     if announced:
         performers.announce(Announcement("p", STICK.joints), 0.0)
@@ -327,7 +335,7 @@ def test_performers_come_with_their_first_frame_or_announcement(library: MotionL
 
 
 def test_the_silent_are_dropped_and_their_counts_kept(library: MotionLibrary) -> None:
-    """Only who was not heard for longer than the silence goes, by the arrivals' clock; what was counted stays."""
+    """A performer that is silent for longer than `silence`, by arrivals, is dropped; the counts stay."""
     performers = Performers(library, silence=2.0)
     performers.push(Frame("a", 900.0, POSE), 10.0)
     performers.push(Frame("b", 5.0, POSE), 10.5)
@@ -343,7 +351,7 @@ def test_the_silent_are_dropped_and_their_counts_kept(library: MotionLibrary) ->
 
 
 def test_at_the_end_all_that_goes_on_is_ended_once(library: MotionLibrary) -> None:
-    """Whoever is in the middle of a motion ends it, with the last frame's time; who is not has nothing to end."""
+    """Motions that go on end at the last frame's time; a performer without a motion has no end."""
     performers = Performers(library)
     for name, class_name in (("a", "bow"), ("b", "wave")):
         positions = stick_clip(class_name, seed=81, frames=240).positions
@@ -385,7 +393,7 @@ def test_who_comes_back_after_silence_is_new(library: MotionLibrary) -> None:
 
 
 def test_there_is_room_for_only_so_many(library: MotionLibrary) -> None:
-    """Frames of one performer too many are counted and refused, and those that are followed do not suffer."""
+    """Frames of one performer too many are counted and refused; the others are answered as before."""
     performers = Performers(library, most=2)
     frames = _frames("a", "jump")
     performers.push(Frame("b", 0.0, POSE), 0.0)
@@ -400,7 +408,7 @@ def test_there_is_room_for_only_so_many(library: MotionLibrary) -> None:
 
 
 def test_the_silent_make_room(library: MotionLibrary) -> None:
-    """When there is no room, whoever fell silent makes some for who comes now."""
+    """When there is no room, a performer that fell silent makes room for a newcomer."""
     performers = Performers(library, most=1, silence=2.0)
     performers.push(Frame("a", 0.0, POSE), 0.0)
     performers.push(Frame("b", 0.0, POSE), 2.0)
@@ -411,7 +419,7 @@ def test_the_silent_make_room(library: MotionLibrary) -> None:
 
 
 def test_the_counts_are_a_copy(library: MotionLibrary) -> None:
-    """Counts that were read do not move on, and reading them twice counts nothing twice."""
+    """Counts that were read do not change later, and reading them changes nothing."""
     performers = Performers(library)
     performers.push(Frame("a", 0.0, POSE), 0.0)
     before = performers.counts

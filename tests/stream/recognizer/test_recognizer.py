@@ -1,4 +1,4 @@
-"""The recogniser of one performer: when it answers, what it refuses, and what makes it begin anew."""
+"""The recogniser of one performer: when it answers, what it refuses, and when it begins anew."""
 
 from __future__ import annotations
 
@@ -103,7 +103,7 @@ def test_hop_0_answers_every_frame(library: MotionLibrary) -> None:
 
 
 def test_an_answer_says_who_and_when(library: MotionLibrary) -> None:
-    """The performer is the frame's and the time that of the frame that was just pushed, the window's last."""
+    """The answer has the performer and the time of the frame that was just pushed."""
     recognizer = Recognizer(library)
     for frame in _frames("bow"):
         recognition = recognizer.push(Frame("Ada", frame.time, frame.positions))
@@ -127,7 +127,7 @@ def test_lost_frames_cost_no_answer(library: MotionLibrary) -> None:
 
 
 def test_answers_do_not_change_afterwards(library: MotionLibrary) -> None:
-    """What was answered stays as it was while the recogniser goes on."""
+    """An answer does not change while the recogniser goes on."""
     recognizer = Recognizer(library, Settings(hop=0))
     answers = _pushed(recognizer, _frames("bow"))
     scores = [answer.scores.copy() for answer in answers]
@@ -155,7 +155,7 @@ def test_frames_are_not_changed_or_kept(library: MotionLibrary) -> None:
 @given(seed=st.integers(0, 2**32 - 1))
 @settings(max_examples=15)
 def test_late_frames_are_counted_and_change_nothing(library: MotionLibrary, seed: int) -> None:
-    """Frames that come late or twice are refused, and the answers are those to the feed without them."""
+    """Late and repeated frames are refused; the answers equal those without them."""
     generator = np.random.default_rng(seed)
     frames = _frames("wave", seconds=2.0)
     recognizer, answers, late = Recognizer(library), [], 0
@@ -190,7 +190,7 @@ def test_a_shorter_gap_does_not(library: MotionLibrary) -> None:
 
 
 def test_a_gap_as_long_as_the_papers_window_is_too_long(library: MotionLibrary) -> None:
-    """When a gap leaves nothing of a short window, no answer is made of the few frames that came since."""
+    """When a gap leaves a short window empty, no answer is made of the few frames after it."""
     settings = Settings(signature=LiveSignature.PAPER, window=0.3, longest_gap=0.5, hop=0.0)
     recognizer = Recognizer(library, settings)
     frames = _frames("bow")
@@ -210,7 +210,7 @@ def test_the_longest_gap_is_a_setting(library: MotionLibrary, gap: float) -> Non
 
 
 def test_no_gap_is_longer_than_the_longest_window(library: MotionLibrary) -> None:
-    """However long a gap may be, after two seconds nothing is left in any window."""
+    """With any longest gap, after two seconds all windows are empty."""
     recognizer = Recognizer(library, Settings(longest_gap=60.0))
     for time in (0.0, 1.9, 4.0):
         recognizer.push(Frame("p", time, _frames("bow")[0].positions))
@@ -310,7 +310,7 @@ def test_without_reset_the_same_feed_is_a_sender_that_starts_anew(library: Motio
 
 @pytest.mark.parametrize("joints", [0, 1, 5, 7, 31])
 def test_another_number_of_joints_is_refused(library: MotionLibrary, joints: int) -> None:
-    """A frame of another body is the caller's mistake: it raises, is not counted, and the window stays as it was."""
+    """A frame of another body is the caller's mistake: it raises, is not counted, and does not change the window."""
     recognizer = Recognizer(library)
     frames = _frames("bow")
     answers = _pushed(recognizer, frames[:150])

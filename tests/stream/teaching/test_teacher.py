@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from kinespace.library import MotionLibrary
-from kinespace.library.examples import Check, Roster
+from kinespace.library.teaching.examples import Check, Roster
 from kinespace.stream.frame import Frame
 from kinespace.stream.teaching import Changed, State, Step, Taught, Teacher, commands
 from kinespace.stream.teaching.lesson import MAX_RECORDING, MAX_WAITING

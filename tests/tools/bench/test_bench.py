@@ -5,21 +5,19 @@ from __future__ import annotations
 import json
 from typing import TYPE_CHECKING
 
+import numpy as np
 import pytest
 from programs import finished
 from test_bench_report import KEYS
 
-from kinespace.library import MotionLibrary
 from kinespace.stream.recognizer import LiveSignature
-from kinespace.tools.bench import capacity, run, sockets
-from kinespace.tools.bench.scaling import Sizes
+from kinespace.tools.bench import run
+from kinespace.tools.bench.cases import peers, scaling, soak, sockets, stages
+from kinespace.tools.bench.cases.scaling import Sizes
 from kinespace.tools.cli.main import main
 
 if TYPE_CHECKING:
     from pathlib import Path
-
-    import numpy as np
-    from numpy.typing import NDArray
 
 pytestmark = pytest.mark.slow
 
@@ -37,43 +35,31 @@ def test_one_part_prints_exactly_the_standard_figures() -> None:
 
 
 STAGES = {"us_per_frame", "us_per_frame_numpy", "frames_per_second", "osc_decode_us", "osc_decode_python_osc_us"}
-PEERS = {name for name in KEYS if name.startswith(("ratio_", "accuracy"))}
-#: Nothing is grown to 200,000 here.
-GROWTH = {"pairs_exponent"}
+#: Unlike the usual one in everything.
 EFFORT = run.Effort(
-    rounds=1,
-    seconds=1.2,
-    frames=600,
-    minutes=0.0,
-    sizes=Sizes((15, 20), (20, 100)),
-    rates=(120.0, 360.0),
-    most=1,
-    starts=1,
+    rounds=2, seconds=3.0, person="mm", frames=4, minutes=5.0, sizes=Sizes((6,), (7,)), rates=(8.0,), most=9, starts=10
 )
 
 
-def figures_of(parts: tuple[run.Part, ...], played: NDArray[np.float32]) -> set[str]:
-    """Run some parts, small; give the names of the figures there are then."""
-    report = run.measured(parts, played, signature=None, effort=EFFORT)
-    return {name for name, figure in report.figures().items() if figure is not None}
-
-
-def test_peers_and_growth_fill_their_figures(played: NDArray[np.float32], monkeypatch: pytest.MonkeyPatch) -> None:
-    """Run small, the two together give every figure that is theirs and no other."""
-    whole = MotionLibrary.builtin()
-    few = MotionLibrary(whole.skeleton, tuple(each for each in whole.motions if each.actor in {"bd", "mm"})[::6])
-    monkeypatch.setattr(run.MotionLibrary, "builtin", lambda: few)
-    assert figures_of(("peers", "growth"), played) == PEERS | GROWTH
-
-
-def test_sockets_and_soak_fill_their_figures(played: NDArray[np.float32], monkeypatch: pytest.MonkeyPatch) -> None:
-    """Run small, the two together give every figure that is theirs and no other."""
-    monkeypatch.setattr(sockets, "_CROWD_SECONDS", 1.0)
-    monkeypatch.setattr(capacity, "_TRIES", 1)
-    # Not every system tells about memory, and on a busy machine a crowd of one may not be held: it has no share then.
-    maybe = {"rss_mb", "rss_100_mb", "performers_share_of_floor"}
-    expected = set(KEYS) - STAGES - PEERS - GROWTH - {"match_200k_ms"}
-    assert figures_of(("sockets", "soak"), played) | maybe == expected
+@pytest.mark.parametrize("parts", [("soak", "stages"), ("sockets",), ("growth", "peers"), run.PARTS])
+def test_parts_are_measured_as_asked(parts: tuple[run.Part, ...], monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each part asked for, and no other, is measured once, in the usual order, with the effort asked for."""
+    asked = dict[str, dict[str, object]]()
+    modules = {"stages": stages, "peers": peers, "growth": scaling, "sockets": sockets, "soak": soak}
+    for name, module in modules.items():
+        monkeypatch.setattr(
+            module, "measure", lambda *_, name=name, **options: asked.setdefault(name, options) and name
+        )
+    played = np.zeros((1, 31, 3), np.float32)
+    report = run.measured(parts, played, signature=LiveSignature.PAPER, effort=EFFORT)
+    assert list(asked) == [name for name in modules if name in parts]
+    for name, options in asked.items():
+        assert getattr(report, name) == name
+        for option, value in options.items():
+            of_effort = getattr(EFFORT, option, None)
+            assert value == of_effort or option in {"signature", "signatures"}, option
+        if "signature" in options:
+            assert options["signature"] is LiveSignature.PAPER
 
 
 def test_the_table_says_on_what_it_was_measured(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

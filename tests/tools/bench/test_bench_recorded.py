@@ -1,4 +1,4 @@
-"""What the bench plays."""
+"""The positions that the bench plays."""
 
 from __future__ import annotations
 

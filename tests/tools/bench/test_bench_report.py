@@ -1,4 +1,4 @@
-"""What the bench tells: the standard figures, tables and the picture of made-up results."""
+"""The bench's report: the standard figures, tables and the picture of made-up results."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ import pytest
 
 from kinespace.stream.recognizer import LiveSignature, RecognizerCounts
 from kinespace.tools.bench import picture
-from kinespace.tools.bench.capacity import Crowd
-from kinespace.tools.bench.peers import Peer, Peers
+from kinespace.tools.bench.cases.capacity import Crowd
+from kinespace.tools.bench.cases.peers import Peer, Peers
+from kinespace.tools.bench.cases.scaling import Growth
+from kinespace.tools.bench.cases.soak import Day, Soak
+from kinespace.tools.bench.cases.sockets import Sockets
+from kinespace.tools.bench.cases.stages import Stages
+from kinespace.tools.bench.cases.startup import Running
 from kinespace.tools.bench.report import Report
-from kinespace.tools.bench.scaling import Growth
-from kinespace.tools.bench.soak import Day, Soak
-from kinespace.tools.bench.sockets import Sockets
-from kinespace.tools.bench.stages import Stages
-from kinespace.tools.bench.startup import Running
 from kinespace.tools.programs.latency import Latency
 from kinespace.tools.terminal.console import console
 
@@ -108,7 +108,7 @@ def test_the_standard_figures_are_those_of_the_results() -> None:
 
 
 def test_the_figures_tell_of_the_signature_asked_for() -> None:
-    """Asked for windows, cost and ratios are those of windows."""
+    """With the signature windows, cost and ratios are those of windows."""
     figures = made_up(LiveSignature.WINDOWS).figures()
     assert (figures["us_per_frame"], figures["ratio_svd"], figures["osc_decode_us"]) == (50.0, 3.0, 4.5)
     assert figures["accuracy"] == 0.9
@@ -166,7 +166,7 @@ def test_the_tables_name_everything(capsys: pytest.CaptureFixture[str], monkeypa
 
 
 def test_the_picture_shows_every_part(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A drawn SVG holds, as text, every peer, step and growth; of two parts only those are drawn."""
+    """An SVG contains, as text, every peer, step and growth; of two parts it shows only those."""
     monkeypatch.setitem(mpl.rcParams, "svg.fonttype", "none")
     picture.draw(tmp_path / "all.svg", made_up())
     drawn = (tmp_path / "all.svg").read_text(encoding="utf-8")
@@ -190,7 +190,7 @@ def test_the_picture_shows_every_part(tmp_path: Path, monkeypatch: pytest.Monkey
 
 
 def test_a_picture_of_nothing_is_refused(tmp_path: Path) -> None:
-    """Without a part that can be drawn nothing is written and the error says what could be."""
+    """Without a part that can be drawn no file is written, and the error lists the parts."""
     with pytest.raises(ValueError, match="--picture: expected stages, peers, growth or sockets"):
         picture.draw(tmp_path / "none.png", Report(LiveSignature.PAPER))
     assert not list(tmp_path.iterdir())

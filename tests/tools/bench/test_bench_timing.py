@@ -25,14 +25,14 @@ def test_the_exponent_of_a_known_growth_is_found(power: float) -> None:
     ("sizes", "costs"), [((1.0,), (2.0,)), ((1.0, 2.0), (1.0,)), ((0.0, 1.0), (1.0, 1.0)), ((1.0, 2.0), (1.0, -1.0))]
 )
 def test_an_exponent_needs_two_positive_costs(sizes: tuple[float, ...], costs: tuple[float, ...]) -> None:
-    """A single size, sizes without costs, and what has no logarithm are refused."""
+    """A single size, sizes without costs, and numbers without a logarithm are refused."""
     with pytest.raises(ValueError, match="two positive numbers"):
         exponent(sizes, costs)
 
 
 @pytest.mark.parametrize("what", [None, "Racing"])
 def test_jobs_take_turns_and_the_first_turn_does_not_count(what: str | None) -> None:
-    """Every job runs once before the rounds and once in each, in turns; what the first turn cost is nowhere."""
+    """Every job runs once before the rounds and once in each; the first turn's cost is dropped."""
     order: list[str] = []
     numbers = {name: count() for name in "ab"}
 

@@ -22,7 +22,7 @@ from kinespace.tools.cli.address import host_and_port
     ],
 )
 def test_an_address_is_a_host_and_a_port(text: str, expected: tuple[str, int]) -> None:
-    """What stands after the last colon is the port; without a host it is this machine's."""
+    """The text after the last colon is the port; without a host it is this machine's port."""
     assert host_and_port(text) == expected
 
 
@@ -30,7 +30,7 @@ def test_an_address_is_a_host_and_a_port(text: str, expected: tuple[str, int]) -
     "text", ["", "here", "here:", "here:port", "here:-1", "here:65536", "here:1.5", "here: 1", "here:²", "1" * 5000]
 )
 def test_what_has_no_port_is_refused(text: str) -> None:
-    """Text without a port of 0 to 65535 raises an error that says what was expected and what was got."""
+    """Text without a port of 0 to 65535 raises an error with the expectation and the text."""
     with pytest.raises(ValueError, match=r"address: expected HOST:PORT, the port from 0 to 65535, got '"):
         host_and_port(text)
 

@@ -1,4 +1,4 @@
-"""The command line: what is asked for is what is run, and every failure is one line and an exit status."""
+"""The command line: the program asked for runs, and every failure is one line and an exit status."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ Call = tuple[str, tuple[Any, ...], dict[str, Any]]
 
 @pytest.fixture
 def asked(monkeypatch: pytest.MonkeyPatch) -> list[Call]:
-    """Let every program only note what it was asked, and end with 0."""
+    """Let every program only note its options, and end with 0."""
     calls: list[Call] = []
 
     def stand_in(name: str) -> Any:  # noqa: ANN401 - as any as the programs it stands for
@@ -140,7 +140,7 @@ def test_every_program_has_help(program: str, capsys: pytest.CaptureFixture[str]
     ],
 )
 def test_wrong_arguments_end_with_2(arguments: str, asked: list[Call], capsys: pytest.CaptureFixture[str]) -> None:
-    """A wrong program, option or value ends with 2, says so in the last line of standard error, and nothing is run."""
+    """A wrong program, option or value ends with 2 and a last line on standard error; no program runs."""
     with pytest.raises(SystemExit) as ended:
         main(arguments.split())
     assert ended.value.code == 2
@@ -297,7 +297,7 @@ def test_wrong_arguments_end_with_2(arguments: str, asked: list[Call], capsys: p
     ],
 )
 def test_what_is_typed_is_what_is_run(arguments: str, expected: Call, asked: list[Call]) -> None:
-    """Every option reaches its program with the value typed, and those not typed have their defaults."""
+    """Every option reaches its program with the value typed; the others have their defaults."""
     assert main(arguments.split()) == 0
     ((program, positional, options),) = asked
     assert (program, positional) == expected[:2]
@@ -316,7 +316,7 @@ def test_what_is_typed_is_what_is_run(arguments: str, expected: Call, asked: lis
 def test_what_a_signature_has_no_use_for_is_refused(
     program: str, options: str, told: str, asked: list[Call], capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """A setting that would change nothing ends with 2 and one line."""
+    """A setting that would have no effect ends with 2 and one line."""
     assert main([program, *options.split()]) == 2
     assert capsys.readouterr().err == f"kinespace: {told}\n"
     assert asked == []
@@ -345,7 +345,7 @@ def test_json_of_latency_needs_one_transport(asked: list[Call], capsys: pytest.C
 def test_a_failure_is_one_line_and_status_2(
     error: Exception, line: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """What a program cannot do ends with 2 and exactly one line on standard error that says what."""
+    """A failure of a program ends with 2 and exactly one line on standard error."""
     fails_with(monkeypatch, error)
     assert main(["info"]) == 2
     assert capsys.readouterr() == ("", line)
@@ -368,7 +368,7 @@ def test_a_mistake_of_ours_is_not_hidden(monkeypatch: pytest.MonkeyPatch) -> Non
 
 
 def test_a_reader_who_leaves_ends_it_quietly() -> None:
-    """When whoever reads our output goes away, the program ends with 1 and prints nothing on standard error."""
+    """When the reader of our output goes away, the program ends with 1 and an empty standard error."""
     command = [sys.executable, "-m", "kinespace", "info"]
     with subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
         assert process.stdout
@@ -388,7 +388,7 @@ def test_a_program_loads_only_what_it_needs() -> None:
 
 
 def test_blas_keeps_to_one_thread(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The program asks BLAS for one thread, unless somebody asked for another number; importing sets nothing."""
+    """The program asks BLAS for one thread, unless the environment has a number; importing sets none."""
     code = (
         "import os, sys; from kinespace.tools.cli import entry, main; main.main = lambda: 0\n"
         "print(os.environ.get('OPENBLAS_NUM_THREADS')); entry.main()\n"

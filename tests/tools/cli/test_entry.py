@@ -20,7 +20,7 @@ def test_kinespace_starts_there() -> None:
 
 @pytest.mark.parametrize("status", [0, 2])
 def test_the_status_is_the_programs(status: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    """What the program ends with is what the process ends with."""
+    """The program's status is the process's exit status."""
     monkeypatch.setattr(main, "main", lambda: status)
     assert entry.main() == status
 

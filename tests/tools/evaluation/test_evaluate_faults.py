@@ -1,4 +1,4 @@
-"""`kinespace evaluate faults`: what it does to takes, and what it counts."""
+"""`kinespace evaluate faults`: the faults applied to takes, and the counts."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def _played(feed: Feed, fault: str) -> Feed:
 
 
 def test_each_fault_is_what_it_is_called(feed: Feed) -> None:
-    """Frozen joints stay, exchanged ones exchange, lost ones are NaN; nothing else changes."""
+    """Frozen joints stay, exchanged joints are exchanged, lost joints are NaN; other joints do not change."""
     joints = feed.skeleton.joints
     arm = [joints.index(name) for name in LEFT_ARM]
     frozen = _played(feed, "left arm frozen").positions

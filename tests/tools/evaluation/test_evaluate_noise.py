@@ -84,7 +84,7 @@ def test_figures_are_those_of_replaying_by_hand(few: MotionLibrary, capsys: pyte
 
 @pytest.mark.usefixtures("_few_built_in")
 def test_a_great_noise_is_worse(capsys: pytest.CaptureFixture[str]) -> None:
-    """Half a metre of noise leaves nothing to be named, and the order in which noises are asked for is kept."""
+    """With half a metre of noise no motion is named, and noises keep their given order."""
     score = _scored(capsys, "--noise", "500", "0", "--groups", "2")
     assert [each["noise_mm"] for each in score["noise"]] == [500, 0]
     drowned, plain = ([each[name] for name in SHARES] for each in score["noise"])
@@ -103,7 +103,7 @@ def test_two_runs_are_equal_and_other_seeds_are_others(capsys: pytest.CaptureFix
 
 @pytest.mark.usefixtures("_few_built_in")
 def test_a_person_reads_the_same_figures(few: MotionLibrary, capsys: pytest.CaptureFixture[str]) -> None:
-    """The table has a line for each noise, its shares in per cent, and says what they rest on."""
+    """The table has a line for each noise with its shares in per cent, and the basis of the figures."""
     (described,) = _scored(capsys, "--noise", "7.5", "--groups", "2")["noise"]
     assert _evaluate("--noise", "7.5", "--groups", "2") == 0
     printed = capsys.readouterr().out
@@ -123,7 +123,7 @@ def test_clips_of_a_folder_are_asked(tmp_path: Path, capsys: pytest.CaptureFixtu
 @pytest.mark.usefixtures("_few_built_in")
 @pytest.mark.parametrize("groups", [1, 10])
 def test_as_many_groups_as_motions_at_most(groups: int, capsys: pytest.CaptureFixture[str]) -> None:
-    """One group would leave nothing to name it, and there are no more groups than motions."""
+    """One group would leave an empty library, and there are at most as many groups as motions."""
     assert _evaluate("--groups", groups) == 2
     assert f"--groups: expected 2 to 9, the motions there are, got {groups}" in capsys.readouterr().err
 

@@ -72,7 +72,7 @@ def table_rows(printed: str, signature: str = "eigenvector") -> dict[tuple[str, 
 
 
 def splits_in(printed: str) -> dict[tuple[str, str], tuple[float, str, float]]:
-    """Read what the table says of all splits, by space and signature: the mean, the worst's library, the worst."""
+    """Read the splits' lines of the table, by space and signature: the mean, the worst library, the worst share."""
     told = r"^(\w+) +(\w+) +mean of splits +([\d.]+)%.*\n\1 +\2 +worst: ([a-z ]+?) +([\d.]+)%"
     found = re.findall(told, printed, re.MULTILINE)
     return {(space, signature): (float(mean), actors, float(worst)) for space, signature, mean, actors, worst in found}
@@ -83,7 +83,7 @@ def splits_in(printed: str) -> dict[tuple[str, str], tuple[float, str, float]]:
 def test_the_figures_are_the_librarys(
     space: Space, protocol: Protocol, cut: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """The JSON object has its six keys, and its figures are those of the retrieval of the same clips."""
+    """The JSON object has its keys, and its figures equal those of the retrieval of the same clips."""
     assert evaluate(cut, "--space", space, "--protocol", protocol, "--json") == 0
     printed = capsys.readouterr().out
     clips = list(read_recordings(sorted(cut.rglob("*.amc"))))
@@ -102,7 +102,7 @@ def test_the_figures_are_the_librarys(
 
 
 def test_json_alone_is_the_papers_own_case(cut: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Without a space and a protocol, the JSON object is that of distances, leave one out."""
+    """By default the JSON object is that of distances, leave one out."""
     assert evaluate(cut, "--json") == 0
     described = json.loads(capsys.readouterr().out)
     assert (described["space"], described["protocol"]) == ("distances", "leave-one-out")
@@ -178,7 +178,7 @@ def test_the_confusions_are_drawn_and_written(cut: Path, tmp_path: Path, capsys:
 def test_the_csv_says_what_was_performed_and_what_was_found(
     cut: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Each line of the CSV is the share of one performed class's motions whose nearest is of the found class."""
+    """Each line of the CSV is the share of a performed class's motions that were taken for a found class."""
     confusion = np.array([[0.5, 0.25, 0.25], [0.0, 1.0, 0.0], [0.125, 0.0, 0.875]])
     right = np.arange(24).reshape(12, 2) % 5 > 0
     outcome = Retrieval(12, 0.8, 0.9, tuple(sorted(SWINGS)), confusion, np.arange(12), right)
@@ -195,7 +195,7 @@ def test_the_csv_says_what_was_performed_and_what_was_found(
 
 
 def test_a_picture_of_no_kind_writes_nothing(cut: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """An ending nobody draws ends with one line, and neither picture nor CSV is left."""
+    """An unknown ending ends with one line, and neither picture nor CSV is left."""
     assert evaluate(cut, "--picture", tmp_path / "confusion.doc") == 2
     error = capsys.readouterr().err
     assert error.startswith("kinespace: ")
@@ -208,7 +208,7 @@ def test_a_picture_of_no_kind_writes_nothing(cut: Path, tmp_path: Path, capsys: 
 def test_clips_whose_actor_nobody_knows_are_not_held_out_by_actor(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """A clip whose name tells no actor ends a protocol by actors with one line that names it."""
+    """A clip whose name tells no actor ends a protocol by actors with one line that names the clip."""
     (path,) = write_takes(tmp_path, actors=("bd",), takes=1)[:1]
     (tmp_path / "HDM_bd.asf").rename(tmp_path / "ann.asf")
     path.rename(tmp_path / "ann_7.amc")
@@ -236,7 +236,7 @@ def test_folders_tell_classes_and_actors(tmp_path: Path, capsys: pytest.CaptureF
 def test_a_protocol_that_leaves_nobody_to_ask_says_so(
     protocol: str, actors: tuple[str, ...], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """With one actor, or with none on the asking side, the protocol is named as what cannot be done."""
+    """With one actor, or with none on the asking side, the error names the protocol."""
     write_takes(tmp_path, actors=actors)
     assert evaluate(tmp_path, "--protocol", protocol, "--json") == 2
     assert protocol in capsys.readouterr().err
@@ -257,7 +257,7 @@ def test_json_says_what_a_figure_rests_on(cut: Path, capsys: pytest.CaptureFixtu
 def test_intervals_are_of_the_motions_that_asked(
     cut: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """An interval is that of the share in motions drawn again, of each figure its own."""
+    """An interval is that of the share over motions drawn again, for each figure separately."""
     right = np.array([[index % 2 == 0, index % 4 < 3] for index in range(12)])
     outcome = Retrieval(12, 0.5, 0.75, tuple(sorted(SWINGS)), np.eye(3), np.arange(12), right)
     monkeypatch.setattr("kinespace.tools.evaluation.evaluate_retrieval.retrieve", lambda *_: outcome)
@@ -270,7 +270,7 @@ def test_intervals_are_of_the_motions_that_asked(
 
 
 def test_five_actors_are_split_in_all_ways(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """The mean and the worst of the ten splits are those of retrieving ten times, and the worst's library is named."""
+    """The mean and the worst of the ten splits equal those of ten retrievals, and the worst library is named."""
     actors = ("bd", "bk", "dg", "mm", "tr")
     write_takes(tmp_path, actors=actors, takes=1, frames=60)
     clips = [noisy(clip) for clip in read_recordings(sorted(tmp_path.rglob("*.amc")))]

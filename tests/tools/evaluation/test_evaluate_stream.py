@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
 
-    from kinespace.tools.evaluation.timeline import Course
+    from kinespace.tools.evaluation.scoring.timeline import Course
 
 pytestmark = pytest.mark.slow
 
@@ -65,7 +65,7 @@ def _wide(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Write three takes of three motions; the last also does what no other take has."""
+    """Write three takes of three motions; the last also has a motion that no other take has."""
     folder = tmp_path_factory.mktemp("takes")
     write_take(folder, 1, KNOWN)
     write_take(folder, 2, KNOWN[::-1])
@@ -87,7 +87,7 @@ def _evaluate(*arguments: object) -> int:
 
 
 def _scored(capsys: pytest.CaptureFixture[str], *arguments: object) -> dict[str, Any]:
-    """Run it with --json, and read what it printed: one object, nothing else."""
+    """Run the program with --json, and read its output: one object."""
     assert _evaluate(*arguments, "--json") == 0
     score: dict[str, Any] = json.loads(capsys.readouterr().out)
     return score
@@ -199,7 +199,7 @@ def test_each_take_is_recognised_by_the_others(folder: Path, capsys: pytest.Capt
 
 
 def test_a_single_take_cannot_be_left_out(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Leaving the only take out leaves nothing to recognise with; the error says so."""
+    """Leaving the only take out leaves no library; the error says so."""
     told = _refused(capsys, folder / "puppet_01.amc", "--protocol", "leave-one-take-out")
     assert "--protocol leave-one-take-out: expected at least two labelled takes, got 1" in told
 
@@ -209,7 +209,7 @@ def test_a_single_take_cannot_be_left_out(folder: Path, capsys: pytest.CaptureFi
 
 @pytest.fixture(scope="module")
 def persons(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Write a take each of three persons; one does something that nobody else does."""
+    """Write a take of each of three persons; one performs a motion that no other person performs."""
     folder = tmp_path_factory.mktemp("persons")
     write_take(folder, 1, KNOWN, person="ann")
     write_take(folder, 1, KNOWN[::-1], person="ben")
@@ -218,7 +218,7 @@ def persons(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def _replayed(folder: Path, asking: str, library_of: Sequence[str]) -> Course:
-    """Replay a person's take, recognised by what is cut from others' takes."""
+    """Replay a person's take, recognised by motions cut from the others' takes."""
     paths = sorted(folder.glob("*.amc"))
     takes = {
         path.stem.partition("_")[0]: (performed(take, path, ActorIn.NAME), read_labels(path.with_suffix(".csv")))
@@ -236,7 +236,7 @@ def _right(courses: Sequence[Course]) -> float:
 
 
 def test_each_person_is_recognised_by_the_others(persons: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Leaving a person out, the figures are those of replaying with a library of the others; each has own figures."""
+    """Leaving a person out, the figures equal those of a replay with the others' library."""
     score = _scored(capsys, persons, "--protocol", "leave-one-person-out", "--actor-in", "name")
     everybody = ["ann", "ben", "cid"]
     courses = {
@@ -252,7 +252,7 @@ def test_each_person_is_recognised_by_the_others(persons: Path, capsys: pytest.C
 
 
 def test_each_person_recognises_the_others(persons: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """The library of each person is asked by the two others; what two libraries answered to a segment counts once."""
+    """The library of each person is asked by the two others; a segment asked of two libraries counts once."""
     score = _scored(capsys, persons, "--protocol", "one-person", "--actor-in", "name")
     everybody = ["ann", "ben", "cid"]
     courses = {
@@ -360,7 +360,7 @@ def test_tables_of_takes(folder: Path, library: Path, capsys: pytest.CaptureFixt
 
 
 def test_a_sensors_frames_come_at_their_own_times(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """UTKinect's takes are cut, replayed frame by frame as they came, and scored by person."""
+    """UTKinect's takes are cut, replayed at their own times, and scored by person."""
     told = list[str]()
     for person in (1, 2, 3):
         generator = np.random.default_rng(person)
@@ -400,7 +400,7 @@ def test_a_sensors_frames_come_at_their_own_times(tmp_path: Path, capsys: pytest
 def test_labels_may_lie_elsewhere(
     folder: Path, library: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Labels named by --labels, in the takes' order, count as those beside the takes do."""
+    """Labels given by --labels, in the takes' order, count like labels beside the takes."""
     beside = _scored(capsys, folder / "puppet_01.amc", folder / "puppet_02.amc", "--library", library)
     files = []
     for number in (1, 2):
@@ -425,7 +425,7 @@ def test_a_take_without_labels_is_named(library: Path, tmp_path: Path, capsys: p
 
 
 def test_labels_are_renamed_to_classes(folder: Path, library: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """A label mapped to a class is performed as that class: what was unknown is now known, and guessed wrong."""
+    """A label mapped to a class counts as that class: an unknown motion is then known, and guessed wrong."""
     plain = _scored(capsys, folder / "puppet_03.amc", "--library", library)
     mapped = _scored(capsys, folder / "puppet_03.amc", "--library", library, "--map", "salute=row", "hail=hail")
     assert plain["unknown_answered"] is not None
@@ -436,7 +436,7 @@ def test_labels_are_renamed_to_classes(folder: Path, library: Path, capsys: pyte
 
 @pytest.mark.parametrize("mapping", ["salute", "=row", "salute=", "="])
 def test_a_mapping_is_a_label_and_a_class(mapping: str, folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """A mapping without a label, a class or a sign between them is refused, and the error says what was expected."""
+    """A mapping without a label, a class or the sign between them is refused with the expectation."""
     with pytest.raises(SystemExit) as refused:
         _evaluate(folder, "--map", mapping)
     assert refused.value.code == 2
@@ -472,7 +472,7 @@ def test_a_take_without_labels_is_told_how_to_get_them(
 
 
 def test_settings_reach_the_recogniser(folder: Path, library: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Another window of the paper's has other figures than the usual signature; what does not apply is refused."""
+    """Another paper's window changes the figures; settings that do not apply are refused."""
     take = folder / "puppet_02.amc"
     scores = [
         _scored(capsys, take, "--library", library, *options)
@@ -522,7 +522,7 @@ def test_pictures_show_what_came_out(folder: Path, library: Path, tmp_path: Path
 
 @pytest.mark.parametrize("track", ["published", "event", "score"])
 def test_the_timeline_shows_each_track(track: str, folder: Path, library: Path, tmp_path: Path) -> None:
-    """A take of which nothing was published, no event going on or another score has another picture."""
+    """Takes with other answers, events or scores have other pictures."""
     (take,) = read_recordings([folder / "puppet_02.amc"])
     known = MotionLibrary.load(library)
     segments = read_labels(folder / "puppet_02.csv")

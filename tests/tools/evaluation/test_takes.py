@@ -1,4 +1,4 @@
-"""Takes to be recognised: labelled, unknown, listed in tables, whole clips, and those that a sensor has holes in."""
+"""Takes to be recognised: labelled, unknown, listed in tables, whole clips, and takes with a sensor's gaps."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def _names(takes: list[Take]) -> list[str]:
 
 
 def test_labelled_takes_have_their_segments_and_persons(folder: Path) -> None:
-    """What lies beside a take is performed in it, by whom its place says; nobody where nobody is asked for."""
+    """Labels beside a take are its segments, and its path names its person if asked for."""
     takes = read_takes(Sources([folder]), BY_NAME)
     assert _names(takes) == ["ann_01", "ann_02", "ben_01"]
     assert takes[0].segments == (Segment(0.0, 1.0, "clap"), Segment(1.0, 2.0, "row"))
@@ -60,7 +60,7 @@ def test_motions_are_cut_out(folder: Path) -> None:
 
 
 def test_labels_get_other_names(folder: Path) -> None:
-    """Segments are renamed; a name for a label that no take has is refused, whoever's takes are kept."""
+    """Segments are renamed; a name for a label that no take has is refused, also when takes are left out."""
     takes = read_takes(Sources([folder], names={"row": "pull"}), BY_NAME)
     assert [segment.label for take in takes for segment in take.segments] == ["clap", "pull", "pull", "hail"]
     with pytest.raises(ValueError, match="--map: expected a label of the takes, clap, row, got 'hail'"):
@@ -77,7 +77,7 @@ def test_labels_get_other_names(folder: Path) -> None:
     ],
 )
 def test_takes_are_chosen_by_person(folder: Path, persons: list[str], without: list[str], kept: list[str]) -> None:
-    """Takes of the persons asked for are kept, and not of those who are left out."""
+    """Takes of the wanted persons are kept, and takes of other persons are not."""
     assert _names(read_takes(Sources([folder], persons=persons, without_persons=without), BY_NAME)) == kept
 
 
@@ -100,7 +100,7 @@ def test_takes_are_seen_with_fewer_joints(folder: Path) -> None:
 
 
 def test_clips_named_as_hdm05_are_one_motion(tmp_path: Path) -> None:
-    """A clip whose name tells its class is performed from its beginning to its end, and is its own motion."""
+    """A clip whose name tells its class is one motion from its beginning to its end."""
     write_takes(tmp_path, takes=1, frames=60)
     takes = read_takes(Sources([tmp_path]), Reading())
     assert {(take.segments[0].label, take.person) for take in takes} == {(n, a) for n in SWINGS for a in ("bd", "mm")}
@@ -111,7 +111,7 @@ def test_clips_named_as_hdm05_are_one_motion(tmp_path: Path) -> None:
 
 
 def test_other_clips_are_of_their_folders_class(tmp_path: Path) -> None:
-    """Where clips are asked for the folder is the class; clips of one name are told apart by a number."""
+    """With --clips the folder is the class; clips of one name are told apart by a number."""
     for class_name in ("clap", "row"):
         (tmp_path / class_name).mkdir()
         write_take(tmp_path / class_name, 1, [(class_name, 0.5)], person="ann", labelled=False)
@@ -138,7 +138,7 @@ def test_motions_of_a_library_are_takes() -> None:
 
 
 def test_unknown_takes_show_nothing_known(folder: Path) -> None:
-    """Of unknown takes the whole time is labelled as nothing; labels beside them are not looked at."""
+    """An unknown take is labelled `nothing` throughout; labels beside it are ignored."""
     takes = read_takes(Sources(unknown=[folder / "ann_01.amc", folder / "ben_01.amc"]), BY_NAME)
     assert [take.segments for take in takes] == [(Segment(0.0, 2.0, NOTHING),), (Segment(0.0, 1.0, NOTHING),)]
     assert not any(take.is_known or take.labels for take in takes)
@@ -166,7 +166,7 @@ def test_a_table_says_what_takes_contain(folder: Path) -> None:
 
 
 def test_a_tables_takes_are_chosen_before_they_are_read(folder: Path) -> None:
-    """Takes of persons who are not asked for need not even be there."""
+    """Takes of unwanted persons need not exist."""
     rows = "gone.amc,7,1,clap,\nben_01.amc,8,1,hail,\n"
     assert _names(read_takes(Sources(tables=[_table(folder, HEADER + rows)], persons=["8"]), BY_NAME)) == ["ben_01"]
     with pytest.raises((OSError, RecordingError), match="gone"):
@@ -182,7 +182,7 @@ def test_a_tables_takes_are_chosen_before_they_are_read(folder: Path) -> None:
     ],
 )
 def test_a_table_that_says_nothing_is_refused(folder: Path, text: str, message: str) -> None:
-    """Missing columns and missing names are told with the file."""
+    """Missing columns and missing names are reported with the file."""
     with pytest.raises(LabelError, match=re.escape(message)):
         read_takes(Sources(tables=[_table(folder, text)]), Reading())
 

@@ -1,4 +1,4 @@
-"""A fake live feed: when frames are sent, what goes wrong with them on order, and the two senders."""
+"""A fake live feed: the times of its frames, faults on request, and the two senders."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ def test_a_pause_lies_between_two_clips() -> None:
 
 @pytest.mark.parametrize("frame_rate", [60.0, 100.0, 120.0, 240.0])
 def test_another_rate_shows_the_same_movement(frame_rate: float) -> None:
-    """What moves evenly still does at another rate, from the first frame to the last."""
+    """An even movement is even at another rate, from the first frame to the last."""
     evenly = np.arange(121)[:, None, None] / 120 * np.ones((1, 6, 3))
     again = resampled(stick_clip("wave", frames=121).moved_to(evenly), frame_rate)
     assert again.frame_rate == frame_rate
@@ -77,7 +77,7 @@ def test_another_rate_shows_the_same_movement(frame_rate: float) -> None:
 
 
 def test_a_clip_of_one_frame_can_have_another_rate() -> None:
-    """There is nothing between its frames; it stays as it is."""
+    """A clip of one frame does not change."""
     clip = stick_clip("wave", frames=1)
     np.testing.assert_array_equal(resampled(clip, 50.0).positions, clip.positions)
 
@@ -101,7 +101,7 @@ def test_no_frame_says_time_zero() -> None:
 
 
 def test_clips_are_cued_as_they_are_asked_for() -> None:
-    """An endless sequence of clips can be cued: nothing is read ahead."""
+    """An endless sequence of clips can be cued, because none is read ahead."""
     clip = stick_clip("wave", frames=2)
     endless = clip_cues(iter(lambda: clip, None), "me")
     assert [next(endless).seq for _ in range(7)] == list(range(7))
@@ -125,7 +125,7 @@ def test_drops_of_nothing_and_of_everything() -> None:
 
 
 def test_jitter_is_late_never_early_and_keeps_the_order() -> None:
-    """Every frame is late by 0 up to the seconds ordered, in the same order, and nothing else about it changes."""
+    """Every frame is late by 0 up to the given seconds, in the same order, and otherwise unchanged."""
     sent = cues(2000)
     late = list(with_jitter(sent, 0.03, np.random.default_rng(2)))
     assert [cue.frame for cue in late] == [cue.frame for cue in sent]
@@ -138,7 +138,7 @@ def test_jitter_is_late_never_early_and_keeps_the_order() -> None:
 
 
 def test_reordering_swaps_neighbours() -> None:
-    """Frames are at most one place from their own, none is lost, and the moments of sending stay as they were."""
+    """Frames are at most one place from their own, none is lost, and the times of sending do not change."""
     sent = cues(5001)
     swapped = list(with_reordering(sent, 0.2, np.random.default_rng(3)))
     numbers = np.array([cue.seq for cue in swapped])
@@ -201,7 +201,7 @@ def test_a_pace_does_not_drift(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_a_late_pace_catches_up_without_sleeping(monkeypatch: pytest.MonkeyPatch) -> None:
-    """What is already due is not waited for, and the schedule after it is the old one."""
+    """A time that is past is not waited for, and the schedule after it does not change."""
     clock = FakeTime(oversleep=0.0)
     monkeypatch.setattr("kinespace.tools.feeding.feed.time", clock)
     pace = Pace()
@@ -236,7 +236,7 @@ def test_an_osc_sender_sends_what_live_feeds_send() -> None:
 
 
 def test_a_datagram_the_system_refuses_is_counted() -> None:
-    """A datagram larger than UDP takes is counted as failed and raises nothing."""
+    """A datagram larger than UDP allows is counted as failed, without an error."""
     receiver = osc.OscReceiver(LOOPBACK, 0)
     sender = OscFrameSender(*receiver.address)
     try:

@@ -1,4 +1,4 @@
-"""What is read ahead: in order, so much and no more, its errors in their place."""
+"""Prefetching: items in order, so many and no more, errors at their place."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 def test_all_of_it_comes_in_order() -> None:
-    """What comes out is what went in, and nothing of the thread is left."""
+    """All items come out in order, and the thread ends."""
     with ReadAhead(iter(range(50))) as ahead:
         assert list(ahead) == list(range(50))
     assert "kinespace reading" not in {thread.name for thread in threading.enumerate()}
@@ -44,7 +44,7 @@ def test_no_more_is_read_than_is_to_be_ready(most: int) -> None:
 
 
 def test_an_error_comes_after_what_stood_before_it() -> None:
-    """What could be read is given first; then the error is raised where it is waited for."""
+    """Items before the error are given first; then the error is raised in the consumer."""
 
     def source() -> Iterator[int]:
         yield 1
@@ -58,7 +58,7 @@ def test_an_error_comes_after_what_stood_before_it() -> None:
 
 
 def test_waiting_is_measured() -> None:
-    """Time spent waiting for what is not ready counts; the interpreter's own pace is given back."""
+    """Time spent waiting for an item counts; the interpreter's switch interval is restored."""
 
     def source() -> Iterator[int]:
         time.sleep(0.2)

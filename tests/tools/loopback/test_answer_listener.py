@@ -1,4 +1,4 @@
-"""Hearing what is sent back: every packet, with where and when it came in."""
+"""Hearing answers: every packet, with its receiver and its time."""
 
 from __future__ import annotations
 
@@ -84,7 +84,7 @@ def test_every_packet_is_heard_in_order_with_its_moment(opened: ExitStack) -> No
 
 
 def test_what_waits_is_heard_even_when_it_is_late(opened: ExitStack) -> None:
-    """Listening until a moment long past still takes what has come, and does not wait for more."""
+    """Listening until a past moment still takes waiting packets, and does not wait for more."""
     receiver, sender = osc_pair(opened)
     listener = Listener(receiver)
     assert listener.listen_until(0.0) == []

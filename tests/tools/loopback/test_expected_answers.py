@@ -1,4 +1,4 @@
-"""Knowing beforehand what will be answered, and pairing answers with the frames they answer."""
+"""Computing answers beforehand, and pairing answers with their frames."""
 
 from __future__ import annotations
 
@@ -21,19 +21,19 @@ if TYPE_CHECKING:
 
 
 def over_osc(cue: Cue) -> Frame:
-    """Give the frame as it comes out of a datagram."""
+    """Give the frame as decoded from a datagram."""
     (frame,) = osc.decode(osc.encode_frame(cue.frame), 0.0).events
     assert isinstance(frame, Frame)
     return frame
 
 
 def over_zmq(cue: Cue) -> Frame:
-    """Give the frame as it comes out of a ZeroMQ message."""
+    """Give the frame as decoded from a ZeroMQ message."""
     return zeromq.decode(zeromq.encode_frame(cue.frame, cue.seq), 0.0).frame
 
 
 def answer(label: str, score: float) -> Answer:
-    """Make an answer as it is received."""
+    """Make a received answer."""
     return Answer("me", 0, score, 0.1, label)
 
 
@@ -57,7 +57,7 @@ def test_what_is_expected_is_what_is_answered(transported: object, settings: Set
 
 
 def test_positions_are_rounded_as_the_wire_rounds_them() -> None:
-    """Far out, where 32 bits hold centimetres only, what is expected is what arrives, not what was meant."""
+    """Far from the origin, where float32 holds only centimetres, rounded positions are expected."""
     library = builtin_library()
     meant = [
         replace(cue, frame=replace(cue.frame, positions=cue.frame.positions + np.float64(9e4)))
@@ -73,7 +73,7 @@ def test_positions_are_rounded_as_the_wire_rounds_them() -> None:
 
 @pytest.mark.parametrize("signature", list(LiveSignature))
 def test_nothing_is_expected_of_a_feed_shorter_than_the_first_window(signature: LiveSignature) -> None:
-    """Frames that do not fill the first window are answered by nothing; two more frames are."""
+    """A feed that does not fill the first window gets no answer; two more frames get one."""
     library, settings = builtin_library(), Settings(signature=signature)
     assert expected_answers(motion_cues("squat1Reps", FIRST_WINDOW), library, settings) == []
     assert len(expected_answers(motion_cues("squat1Reps", FIRST_WINDOW + 2 / 120), library, settings)) == 1
@@ -92,7 +92,7 @@ def test_answers_find_their_frames_and_the_missing_are_counted(arrived: list[boo
 
 
 def test_an_unexpected_answer_is_counted_and_changes_nothing() -> None:
-    """An answer with another label or score than any expected one matches nothing, and the next still finds its own."""
+    """An answer with another label or score matches none, and the next one still finds its own."""
     matcher = AnswerMatcher([Expected(0, "wave", 0.9), Expected(4, "wave", 0.8)])
     assert matcher.match(answer("bow", 0.9)) is None
     assert matcher.match(answer("wave", 0.85)) is None

@@ -72,7 +72,7 @@ def test_a_feed_is_answered_from_another_process(transport: Transport) -> None:
 
 @pytest.mark.parametrize("transport", TRANSPORTS)
 def test_an_echo_sends_every_packet_back_unread(transport: Transport) -> None:
-    """What an echo is sent comes back byte for byte and in order, and it has no status."""
+    """An echo sends packets back byte for byte and in order, and has no status."""
     with BackgroundService(transport, stand_in=Echo()) as echo:
         sender, receiver = echo.connect()
         listener = Listener(receiver)
@@ -114,7 +114,7 @@ def test_a_library_is_what_the_service_knows(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("transport", TRANSPORTS)
 def test_what_fails_there_is_an_error_here(transport: Transport) -> None:
-    """What fails in the other process is raised in this one, and no process or socket stays behind."""
+    """An error in the other process is raised in this one, and no process or socket stays behind."""
     with (
         pytest.raises(ValueError, match="most: expected at least 1 performer, got 0"),
         BackgroundService(transport, performers=0),

@@ -99,6 +99,18 @@ def test_labels_cut_recordings_into_motions(tmp_path: Path, capsys: pytest.Captu
     assert capsys.readouterr().err.startswith(f"kinespace: {labels}:3: could not convert string to float: 'x'")
 
 
+def test_labels_beside_recordings_cut_them(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Labels that lie beside a take and are called like it are used, and what is odd about them is said."""
+    cut, whole = write_take(tmp_path, "bd", "bendLeft", 1), write_take(tmp_path, "bd", "bendLeft", 2)
+    cut.with_suffix(".txt").write_text("0.0\t0.75\tup\n0.75\t1.5\tdown\n1.5\t9.0\taway\n")
+    output = tmp_path / "library.npz"
+    assert main(["build", str(cut), str(whole), "-o", str(output)]) == 0
+    assert [motion.class_name for motion in MotionLibrary.load(output).motions] == ["bendLeft", "down", "up"]
+    printed = capsys.readouterr().out
+    assert "1 of 2 recordings are cut by the labels that lie beside them" in printed
+    assert "1 of 3 labels end beyond the take's 1.5 s, the last at 9 s" in printed
+
+
 def test_who_performs_a_cut_take_is_told_by_its_place(tmp_path: Path) -> None:
     """With --actor-in the motions cut from a take are its person's, as whole recordings are."""
     (tmp_path / "ann.asf").write_text(TWO_ARMS.asf())

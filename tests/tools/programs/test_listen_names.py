@@ -1,4 +1,4 @@
-"""What `kinespace listen` says of joints that a sender of our own messages names."""
+"""What `kinespace listen` says of a sender of our own messages: its joints, its clock, its mistakes."""
 
 from __future__ import annotations
 
@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 import skeletons
 
+from kinespace.library import MotionLibrary
 from kinespace.stream import Announcement, Frame, osc
 from kinespace.stream.feeds import builtin_names, builtin_preset
 from kinespace.stream.feeds.detection import Survey
-from kinespace.tools.programs.listen import advice, as_object
+from kinespace.tools.programs.listen import advice, as_object, command
 
 
 def _heard(joints: tuple[str, ...], frames: int = 20) -> Survey:
@@ -45,3 +46,74 @@ def test_unknown_names_are_told() -> None:
     told = " ".join(advice(survey, guess, None))
     assert "0 of the 5 announced joints have names that are known" in told
     assert "--names NAME" in told
+
+
+SQUAT = next(each for each in MotionLibrary.builtin().motions if each.class_name == "squat1Reps")
+NATIVE = builtin_preset("native")
+
+
+def _squat(positions: np.ndarray[tuple[int, ...], np.dtype[np.floating]], unit: float = 1.0) -> Survey:
+    """Hear a squat at 60 Hz, times in this unit."""
+    survey = Survey()
+    survey.see(osc.encode_announcement(Announcement("ann", SQUAT.skeleton.joints)), "127.0.0.1:9", 0.0)
+    for number, joints in enumerate(positions):
+        moment = number / 60
+        survey.see(osc.encode_frame(Frame("ann", unit * (1 + moment), joints)), "127.0.0.1:9", moment)
+    return survey
+
+
+def _told(survey: Survey) -> list[str]:
+    return advice(survey, survey.looked_at_as(NATIVE), None)
+
+
+def test_a_squat_is_well() -> None:
+    """Of a body whose times are seconds there is nothing to say."""
+    assert _told(_squat(SQUAT.positions)) == []
+
+
+def test_another_unit_of_time_is_told() -> None:
+    """Milliseconds are told as such, whose they are too."""
+    assert _told(_squat(SQUAT.positions, 1e3)) == ["performer ann: times are milliseconds: scaled"]
+
+
+def test_joints_in_another_order_are_told() -> None:
+    """Names that stand in another order than their joints, and angles, make segments that stretch."""
+    shuffled = SQUAT.positions[:, np.random.default_rng(2).permutation(31)]
+    angles = 40 * np.sin(SQUAT.positions[:, ::-1] * np.arange(1, 94).reshape(31, 3))
+    for positions in (shuffled, angles):
+        (line,) = _told(_squat(positions))
+        assert line.startswith("performer ann: many segments change their length by more than a tenth")
+
+
+@pytest.mark.parametrize(
+    ("packet", "reason"),
+    [
+        (osc.encode_message("/motion/frame"), "performer: expected a name or an integer, got nothing"),
+        (osc.encode_message("/motion/frame", 1.0, 0.5, 0.5, 0.5), "performer: expected a name or an integer first"),
+        (osc.encode_message("/motion/frame", "ann", 1.0, 0.5, 0.5), "of ann: positions: expected three numbers"),
+    ],
+)
+def test_what_is_wrong_with_a_message_is_told(packet: bytes, reason: str) -> None:
+    """The last message that could not be read is shown with the reason, its sender and its beginning."""
+    survey = Survey()
+    for number in range(3):
+        survey.see(packet, "10.0.0.5:4000", number / 30)
+    (line,) = [line for line in advice(survey, None, None) if line.startswith("last malformed")]
+    assert reason in line
+    assert "from 10.0.0.5:4000: '/motion/frame" in line
+
+
+@pytest.mark.parametrize(
+    ("preset", "feed", "place", "told"),
+    [
+        ("native", None, ("127.0.0.1", 9310), "kinespace live"),
+        ("native", None, ("0.0.0.0", 9310), "kinespace live --osc-in 0.0.0.0:9310"),  # noqa: S104 - not bound
+        ("vmc", None, ("127.0.0.1", 39539), "kinespace live --feed vmc"),
+        ("vmc", None, ("127.0.0.1", 7000), "kinespace live --feed vmc --osc-in 127.0.0.1:7000"),
+        ("vmc", "my own.toml", ("127.0.0.1", 39539), "kinespace live --feed 'my own.toml'"),
+    ],
+)
+def test_the_command_is_told_with_its_port(preset: str, feed: str | None, place: tuple[str, int], told: str) -> None:
+    """The command that recognises what was heard can be pasted: it listens where it was heard."""
+    guess = _heard(NATIVE.joints).looked_at_as(builtin_preset(preset))
+    assert command(guess, feed, place) == told

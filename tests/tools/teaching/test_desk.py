@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 from kinespace.library import MotionLibrary
-from kinespace.library.examples import Example, Roster
+from kinespace.library.teaching.examples import Example, Roster
 from kinespace.stream.frame import Frame
 from kinespace.stream.outputs.sink import Sink
 from kinespace.stream.recognizer import Performers

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections import Counter
+from dataclasses import replace
 from io import StringIO
 
 import numpy as np
@@ -166,43 +166,90 @@ def test_a_library_of_one_class_has_no_runner_up() -> None:
     ("score", "full"), [(0.0, 0), (0.5, 10), (1.0, 20), (1.0000001, 20), (0.974, 19), (-1e-9, 0), (0.26, 5)]
 )
 def test_a_score_is_a_bar_and_a_number(score: float, full: int) -> None:
-    """On a wide terminal a score has a bar of 20 characters filled in proportion; rounding never overfills it."""
-    text = score_shown(score, 120).plain
+    """A bar of 20 characters is filled in proportion; rounding never overfills it; without room there is none."""
+    text = score_shown(score, 20).plain
     assert text.count("█") == full
     assert text.count("█") + text.count("░") == 20
     assert text.endswith(f"{score:.3f}")
+    assert score_shown(score, 0).plain == f"{score:.3f}"
 
 
-def test_a_narrow_terminal_has_no_bars() -> None:
-    """On a narrow terminal a score is its number alone."""
-    assert score_shown(0.5, 80).plain == "0.500"
+LONGEST = ("elbowToKnee1RepsLelbowStart", "rotateArmsBothBackward1Reps")
 
 
-def test_long_names_are_whole_on_80_characters(monkeypatch: pytest.MonkeyPatch) -> None:
-    """On 80 characters the built-in library's longest class names stand side by side; figures make room for them."""
-    longest = ("elbowToKnee1RepsLelbowStart", "rotateArmsBothBackward1Reps")
-    table = LiveTable(longest)
-    table.publish(Recognition("performer 1", 1.0, Outcome.NAMED, longest, np.array([0.9, 0.8]), 0.1, 0.9, 0.8, 0.0))
-    table.publish_event(Event("performer 1", EventKind.START, longest[1], 1, 0.8, 1.0))
-    heads = {80: ["score"], 100: ["score", "margin", "frames/s"]}
-    for width, figures in heads.items():
-        monkeypatch.setattr("kinespace.tools.terminal.live_table.console._width", width)
-        drawn = shown(table, width=width)
-        assert max(map(len, drawn.splitlines())) <= width
-        assert f"performer 1  {longest[1]}  {longest[0]}  0.900" in drawn
-        assert drawn.splitlines()[1].split()[4:] == figures
+@pytest.mark.parametrize(
+    ("width", "names", "figures"),
+    [
+        (120, ("rotateArmsBothBackward1Reps", "elbowToKnee1RepsLelbowStart"), 3),
+        (80, ("rotateA…ard1Reps", "elbowTo…bowStart"), 3),
+        (60, ("rotat…1Reps", "elbow…Start"), 2),
+        (50, ("rotate…d1Reps", "elbowT…wStart"), 1),
+    ],
+)
+def test_long_names_never_push_the_figures_out(
+    width: int, names: tuple[str, str], figures: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Names are shortened in their middle: their ends tell classes apart. On 80 characters all figures have room."""
+    monkeypatch.setattr("kinespace.tools.terminal.live_table.console._width", width)
+    table = LiveTable(LONGEST)
+    table.publish(Recognition("performer 1", 1.0, Outcome.NAMED, LONGEST, np.array([0.9, 0.8]), 0.1, 0.9, 0.8, 0.0))
+    table.publish_event(Event("performer 1", EventKind.START, LONGEST[1], 1, 0.8, 1.0))
+    table.publish_status(status("performer 1"))
+    lines = shown(table, width=width).splitlines()
+    (row,) = [line.split() for line in lines if line.startswith("performer 1")]
+    assert max(map(len, lines)) <= width
+    assert tuple(row[2:4]) == names
+    assert len([cell for cell in row[4:] if cell[0].isdigit()]) == figures
+    assert lines[1].split()[4:] == ["score", "margin", "frames/s"][:figures]
 
 
-def test_names_that_are_wider_than_the_terminal_are_folded(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A name for which there is no room goes on in the next line: no character is cut off."""
-    monkeypatch.setattr("kinespace.tools.terminal.live_table.console._width", 60)
-    longest = ("elbowToKnee1RepsLelbowStart", "rotateArmsBothBackward1Reps")
-    table = LiveTable(longest)
-    table.publish(Recognition("me", 1.0, Outcome.NAMED, longest, np.array([0.9, 0.8]), 0.1, 0.9, 0.8, 0.0))
-    drawn = shown(table, width=60)
-    assert max(map(len, drawn.splitlines())) <= 60
-    assert Counter(longest[0]) <= Counter(drawn)
-    assert "…" not in drawn
+def test_performers_keep_their_rows() -> None:
+    """Whoever leaves leaves a free row, which a newcomer takes; the others stay where they are."""
+    table = LiveTable(CLASSES)
+
+    def rows() -> list[str]:
+        names = ("ann", "bob", "cem", "dora", "eve")
+        return [line.split()[0] for line in shown(table).splitlines() if line.split()[:1] and line.split()[0] in names]
+
+    for name in ("ann", "bob", "cem"):
+        table.publish(recognition(name, "bow"))
+    table.publish_status(status("bob", "cem"))
+    before = shown(table).splitlines()
+    assert rows() == ["bob", "cem"]
+    table.publish(recognition("dora", "bow"))
+    assert rows() == ["dora", "bob", "cem"]
+    assert len(before) == len(shown(table).splitlines())
+    table.publish(recognition("eve", "bow"))
+    assert rows() == ["dora", "bob", "cem", "eve"]
+    table.publish_status(status("dora", "bob"))
+    assert rows() == ["dora", "bob"]
+
+
+def test_the_last_motions_are_told() -> None:
+    """Motions that are over stand below the table with their length, the last three of each performer."""
+    table = LiveTable(CLASSES)
+    table.publish(recognition("me", "bow"))
+    for number, name in enumerate(("bow", "wave", "jump", "bow")):
+        table.publish_event(Event("me", EventKind.START, name, 0, 0.9, 10.0 * number))
+        table.publish_event(Event("me", EventKind.END, name, 0, 0.9, 10.0 * number + 1.5))
+    table.publish_status(status("me"))
+    assert "me before: wave 1.5 s, jump 1.5 s, bow 1.5 s" in shown(table)
+    table.publish_status(status())
+    assert "before" not in shown(table)
+
+
+def test_what_is_noticed_of_a_performer_is_told(capsys: pytest.CaptureFixture[str]) -> None:
+    """Clocks, joints and refused frames stand below the table, and in a line that is printed once."""
+    noticed = replace(
+        status("me"), clocks={"me": "times are milliseconds: scaled"}, refused={"you": "2 joints, from 10.0.0.5:4000"}
+    )
+    table, lines = LiveTable(CLASSES), PlainLines()
+    for sink in (table, lines, lines):
+        sink.publish_status(noticed)
+    printed = capsys.readouterr().out
+    for told in ("performer me: times are milliseconds: scaled", "you: frames refused: 2 joints, from 10.0.0.5:4000"):
+        assert told in shown(table)
+        assert printed.count(told) == 1
 
 
 def test_the_counts_name_every_loss() -> None:

@@ -13,7 +13,7 @@ from kinespace.library import MotionLibrary
 from kinespace.tools.cli.main import main
 from kinespace.tools.programs import replay
 from kinespace.tools.terminal.console import console
-from kinespace.tools.terminal.tables import add_names, csv_text
+from kinespace.tools.terminal.tables import add_names, csv_text, shortened
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -37,7 +37,7 @@ def drawn(table: Table) -> str:
 def test_the_built_in_library_keeps_its_names(capsys: pytest.CaptureFixture[str]) -> None:
     """Every class of the built-in library stands in one piece, with all its figures."""
     assert main(["info"]) == 0
-    rows = [line for line in capsys.readouterr().out.splitlines() if line.startswith("│")]
+    rows = [line for line in capsys.readouterr().out.splitlines() if line.count("│") == 7]
     assert [row.split("│")[2].strip() for row in rows] == list(CLASSES)
     assert "…" not in "".join(rows)
 
@@ -45,8 +45,8 @@ def test_the_built_in_library_keeps_its_names(capsys: pytest.CaptureFixture[str]
 def test_recordings_keep_their_names(hdm05_folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """HDM05's longest file names stand in one piece, with all their figures and headings."""
     folder = hdm05_folder / "elbowToKnee1RepsLelbowStart"
-    assert main(["info", str(folder)]) == 0
-    printed = capsys.readouterr().out
+    assert main(["info", str(folder), "--clips"]) == 0
+    printed = capsys.readouterr().out.partition("┏")[0]
     rows = [line.split() for line in printed.splitlines() if line.startswith("HDM")]
     assert [row[0] for row in rows] == sorted(path.name for path in folder.iterdir())
     assert {len(row) for row in rows} == {6}
@@ -81,3 +81,9 @@ def test_other_columns_give_way_before_a_name_is_broken() -> None:
 def test_no_cell_is_computed(text: str, cell: str) -> None:
     """A name that a spreadsheet would take for a formula has an apostrophe before it."""
     assert csv_text(text) == cell
+
+
+@pytest.mark.parametrize(("width", "told"), [(5, "ab…hi"), (6, "ab…ghi"), (9, "abcdefghi"), (8, "abc…fghi"), (1, "…")])
+def test_names_are_shortened_in_their_middle(width: int, told: str) -> None:
+    """At most so many characters are left, the end among them; a name that fits stays as it is."""
+    assert shortened("abcdefghi", width) == told

@@ -1,0 +1,1 @@
+"""Optical markers: readers of C3D and TRC."""

@@ -1,0 +1,1 @@
+"""Examples of motions that a person taught, and when a body moves."""

@@ -1,0 +1,302 @@
+"""Examples that a person teaches: their recordings, the library that they make, and how well they are told apart.
+
+Rosters are values: a change gives a new roster, so that undo goes back to an old one. The windows of an example are
+computed once, however often the roster changes.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from kinespace.library.motion_library import MotionLibrary
+from kinespace.library.windows.index import WindowIndex
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from kinespace.library.clip import Clip
+
+#: Examples in a roster, at most.
+MAX_EXAMPLES = 2000
+#: Seconds between two windows of an example.
+_EVERY = 0.1
+#: Share of an example's windows that another class wins: up to the first number the example is good, and from the
+#: second number on the two classes cannot be told apart.
+_GOOD, _NOT_TOLD = 0.05, 0.5
+#: An unlike example is so many times as far from its class's other examples as these from each other.
+_UNLIKE = 2.0
+#: Other examples of a class, and windows of an example, that a check uses, at most.
+_CHECKED, _WINDOWS = 5, 60
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Example:
+    """One example of a class.
+
+    Attributes
+    ----------
+    number
+        Counted from 1 over all examples ever taught in a library; the order of the classes follows it.
+    class_name
+        The example's class.
+    recording
+        The whole recording, over the library's joints; its actor is the performer.
+    begin, end
+        The part of the recording that is kept, seconds from its beginning.
+    """
+
+    number: int
+    class_name: str
+    recording: Clip = field(repr=False)
+    begin: float
+    end: float
+
+    @property
+    def seconds(self) -> float:
+        """Seconds of the part that is kept."""
+        return self.end - self.begin
+
+    @property
+    def motion(self) -> Clip:
+        """The part that is kept, as a library's motion."""
+        first = max(math.floor(self.begin * self.recording.frame_rate), 0)
+        last = math.ceil(self.end * self.recording.frame_rate) + 1
+        return replace(
+            self.recording,
+            positions=self.recording.positions[first:last],
+            class_name=self.class_name,
+            take=f"{self.number:04d}",
+            name=f"{self.class_name} {self.number}",
+        )
+
+    @property
+    def whole(self) -> Example:
+        """The same example without trimming."""
+        return replace(self, begin=0.0, end=self.recording.duration)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Roster:
+    """All examples, and the classes that are answered.
+
+    Attributes
+    ----------
+    examples
+        In the order in which they were taught.
+    disabled
+        Classes, taught or not, that are not answered for now.
+    """
+
+    examples: tuple[Example, ...] = ()
+    disabled: frozenset[str] = frozenset()
+
+    @property
+    def classes(self) -> tuple[str, ...]:
+        """Taught classes, in the order of their first examples."""
+        return tuple(dict.fromkeys(each.class_name for each in sorted(self.examples, key=lambda each: each.number)))
+
+    @property
+    def next_number(self) -> int:
+        """The number of the next example."""
+        return max((each.number for each in self.examples), default=0) + 1
+
+    def of(self, class_name: str) -> tuple[Example, ...]:
+        """Give the examples of a class."""
+        return tuple(each for each in self.examples if each.class_name == class_name)
+
+    def with_example(self, example: Example) -> Roster:
+        """Add an example; it replaces an example of the same number."""
+        others = (each for each in self.examples if each.number != example.number)
+        return replace(self, examples=(*others, example))
+
+    def renamed(self, old: str, new: str) -> Roster:
+        """Rename a class; two classes that get the same name become one."""
+        examples = tuple(replace(each, class_name=new) if each.class_name == old else each for each in self.examples)
+        return Roster(examples, frozenset(new if name == old else name for name in self.disabled))
+
+    def without_class(self, class_name: str) -> Roster:
+        """Forget a class."""
+        kept = tuple(each for each in self.examples if each.class_name != class_name)
+        return Roster(kept, self.disabled - {class_name})
+
+    def enabled(self, class_name: str, *, on: bool) -> Roster:
+        """Answer a class, or stop answering it."""
+        return replace(self, disabled=self.disabled - {class_name} if on else self.disabled | {class_name})
+
+    def library(self) -> MotionLibrary | None:
+        """Give the examples as a library, disabled classes among them; None when there are none."""
+        return MotionLibrary.of_clips([each.motion for each in self.examples]) if self.examples else None
+
+    @classmethod
+    def of_library(cls, library: MotionLibrary) -> Roster:
+        """Take a library's motions as examples, in the order of their takes' numbers if these are numbers."""
+        numbered = sorted(enumerate(library.motions), key=lambda each: (_number(each[1]), each[0]))
+        return cls(
+            tuple(
+                Example(number, motion.class_name, motion, 0.0, motion.duration)
+                for number, (_, motion) in enumerate(numbered, start=1)
+            )
+        )
+
+
+def _number(motion: Clip) -> float:
+    return float(motion.take) if motion.take.isdecimal() else math.inf
+
+
+class TaughtWindows:
+    """Opens rosters for recognition; the windows of each example are computed once.
+
+    Parameters
+    ----------
+    base
+        Windows in whose metrics examples are compared. None: the examples learn their own metrics, anew each time.
+    beside
+        Whether the base's own motions take part in comparisons.
+    """
+
+    def __init__(self, base: WindowIndex | None, *, beside: bool) -> None:
+        self._base, self._beside = base, beside
+        self._everything = base
+        self._known: dict[tuple[str, float, float, int], Clip] = {}
+
+    @property
+    def base_classes(self) -> tuple[str, ...]:
+        """Classes that are known without examples."""
+        return self._base.library.classes if self._base and self._beside else ()
+
+    def index_of(self, roster: Roster) -> WindowIndex | None:
+        """Open a roster; None when there is no motion to compare with."""
+        enabled = [each for each in roster.examples if each.class_name not in roster.disabled]
+        if self._base is None:
+            library = Roster(tuple(enabled)).library()
+            return WindowIndex.of(library) if library else None
+        new = [each for each in enabled if _key(each) not in self._known]
+        if new and self._everything is not None:
+            # One person is enough: all performers' examples of a class count as one person's.
+            motions = [replace(each.motion, actor="") for each in new]
+            before = {id(motion) for motion in self._everything.library.motions}
+            self._everything = self._everything.with_motions(motions, every=_EVERY)
+            added = [each for each in self._everything.library.motions if id(each) not in before]
+            places = {(motion.class_name, motion.take): motion for motion in added}
+            self._known.update({_key(each): places[each.class_name, each.motion.take] for each in new})
+        return self._selected(roster, enabled)
+
+    def _selected(self, roster: Roster, enabled: Sequence[Example]) -> WindowIndex | None:
+        assert self._everything is not None and self._base is not None  # noqa: S101, PT018 - told to mypy
+        wanted = {id(self._known[_key(each)]) for each in enabled}
+        if self._beside:
+            wanted |= {id(motion) for motion in self._base.library.motions if motion.class_name not in roster.disabled}
+        places = [place for place, motion in enumerate(self._everything.library.motions) if id(motion) in wanted]
+        if not np.isin(self._everything.motions, places).any():
+            return None
+        kept = self._everything.of_some(places)
+        # A base taught by strangers tells what is unknown; without one the examples do.
+        index = kept if self._beside else replace(kept, judged_by=None)
+        index = replace(index, judged_by=index.rejection)
+        index.prepare()
+        return index
+
+
+def _key(example: Example) -> tuple[str, float, float, int]:
+    return example.class_name, example.begin, example.end, example.number
+
+
+class Check(NamedTuple):
+    """How well an example can be told from other classes, and how like its own class it is.
+
+    Attributes
+    ----------
+    share_at_risk
+        Share of its windows that another class wins, with the example itself left out.
+    nearest
+        The class that wins most of these windows, else the nearest class; empty when there is no other.
+    to_own
+        Its distance to its class's other examples, relative to theirs from each other; NaN when there are none.
+    """
+
+    share_at_risk: float
+    nearest: str
+    to_own: float
+
+    @property
+    def words(self) -> str:
+        """The result in words."""
+        if self.nearest and self.share_at_risk > _NOT_TOLD:
+            return f"cannot be told from {self.nearest}"
+        if self.nearest and self.share_at_risk > _GOOD:
+            return f"close to {self.nearest}"
+        if self.to_own > _UNLIKE:
+            return "unlike your other examples"
+        return "good"
+
+
+def checked(index: WindowIndex, number: int) -> Check | None:
+    """Let an example's windows ask the other motions.
+
+    A window is at risk when another class is nearer than the class's other examples. If there are none, it is at risk
+    when another class is as near as two people who perform the same are to each other.
+
+    Parameters
+    ----------
+    index
+        An opened roster (`TaughtWindows`).
+    number
+        The example's number.
+
+    Returns
+    -------
+    The check; None when the example is not among the motions of the index.
+    """
+    motions = index.library.motions
+    asked = {place for place in np.unique(index.motions).tolist() if _is_example(motions[place], number)}
+    if not asked:
+        return None
+    place = min(asked)
+    own = index.classes.index(motions[place].class_name)
+    distances = _left_out(index, place)
+    others = distances.copy()
+    others[:, own] = np.inf
+    nearest = others.argmin(axis=1)
+    alone = not np.isfinite(distances[:, own]).any()
+    typical = float(index.rejection.typical[: len(index.comparison.weighing.groups)].mean())
+    limit = np.full(len(distances), typical) if alone else distances[:, own]
+    risky = others.min(axis=1) < limit
+    votes = np.bincount(nearest[risky] if risky.any() else nearest, minlength=len(index.classes))
+    known = np.isfinite(others.min(axis=1)).any()
+    return Check(
+        share_at_risk=float(risky.mean()),
+        nearest=index.classes[int(votes.argmax())] if known else "",
+        to_own=math.nan if alone else _likeness(index, place, own, distances[:, own]),
+    )
+
+
+def _likeness(index: WindowIndex, place: int, own: int, distances: NDArray[np.float64]) -> float:
+    """Compare an example's distance to its class with that of the class's other examples."""
+    motions = index.library.motions
+    name = motions[place].class_name
+    others = [each for each in np.unique(index.motions).tolist() if motions[each].class_name == name and each != place]
+    usual = [float(np.median(_left_out(index, each)[:, own])) for each in others[-_CHECKED:]]
+    finite = [each for each in usual if math.isfinite(each)]
+    if len(finite) < 2:
+        return math.nan
+    # Logarithms of squared distances.
+    return math.exp((float(np.median(distances)) - float(np.median(finite))) / 2)
+
+
+def _left_out(index: WindowIndex, place: int) -> NDArray[np.float64]:
+    """Give the log distances of each class to some windows of a motion that is left out, shape (windows, classes)."""
+    mine = index.motions == place
+    windows = np.flatnonzero(mine)
+    windows = windows[:: max(-(-len(windows) // _WINDOWS), 1)]
+    named = index.comparison.weighing.named
+    return np.array([named(index.own_distances(window, mine)) for window in windows.tolist()])
+
+
+def _is_example(motion: Clip, number: int) -> bool:
+    return motion.take == f"{number:04d}" and motion.name == f"{motion.class_name} {number}"

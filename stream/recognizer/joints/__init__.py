@@ -1,0 +1,1 @@
+"""The joints of a feed: which are sent, which can be believed, and the library restricted to them."""

@@ -1,0 +1,384 @@
+"""Which joints of a feed can be believed: a body's segments keep their length, and no body moves at any speed.
+
+Three things are noticed. First, the whole body is elsewhere between two frames (`Jump`): its sides were exchanged, its
+unit changed, or another posture is shown. Second, a segment is longer or shorter, or stretches more, than the library's
+motions allow: a joint at one of its ends is wrong. Third, a joint keeps one position to the last digit while the joints
+next to it move: the tracker lost it and repeats it.
+
+All lengths are measured in the library's metres, so the feed's unit does not matter. The steps between frames are
+checked once a hop; lengths and positions are collected once a hop and judged three times a second.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from enum import StrEnum
+from functools import lru_cache
+from typing import TYPE_CHECKING, NamedTuple, Self
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
+    from numpy.typing import NDArray
+
+    from kinespace.library.motion_library import MotionLibrary
+
+#: A body may have jumped when a sixth of its joints step farther than these metres between two frames, and faster than
+#: these metres per second; 99.9 % of the steps of CMU's takes are a quarter slower.
+JUMP_STEP, JUMP_SPEED = 0.12, 7.0
+_JUMPING_JOINTS = 6
+#: A jump is so many times as far and as fast as the step before; or it goes back where that step came from: the cosine
+#: between them.
+SUDDEN, _BACK = 3.0, -0.5
+#: Share of the step that may be left when a correction explains a jump.
+_EXPLAINED = 0.34
+#: A change of unit scales all segments alike, by at least so much.
+_MIN_UNIT_CHANGE, _ALIKE = 1.25, 0.05
+#: Seconds over which lengths and positions are judged: one span and the span before it together.
+SPAN = 1 / 3
+#: Metres by which a rigid segment may change, further metres for each metre of the feed's own tremble, and a limit for
+#: both: a depth sensor stretches limbs by decimetres.
+RIGID, PER_TREMBLE, MAX_STRETCH = 0.03, 25.0, 0.5
+#: A segment may be so many times as long as the library's longest, or as short as its shortest, and so many metres
+#: beyond.
+PROPORTION, BEYOND = 1.7, 0.1
+#: The joints are in another order when the median factor between segments and the library's is beyond this, as a
+#: logarithm.
+DISORDER = 0.6
+#: Metres within which a position stays the same, and by which a frozen joint's segment changes at least on a rigid
+#: body.
+SAME_PLACE, FROZEN_STRETCH = 2e-5, 0.002
+#: From this tremble on, metres (the median change of segments in two spans), a body is not rigid: then a joint that
+#: does not tremble is frozen, and a segment must be wrong in so many judgements in a row, because a hand that a sensor
+#: does not see strays for a moment. The share of the tremble that each judgement keeps.
+TREMBLES, _LASTING, _KEPT = 0.004, 3, 0.98
+#: One in so many of the library's frames is measured for lengths.
+_EVERY = 4
+#: Frames of a span that are looked at, at least and at most; a slow feed has longer spans.
+_MIN_LOOKS, _MAX_LOOKS = 6, 16
+
+
+class Change(StrEnum):
+    """Explanations of a jump of the whole body."""
+
+    POSTURE = "the whole body jumped"
+    EXCHANGED = "left and right were exchanged, and are put right,"
+    UNIT = "the unit changed, and is put right,"
+
+
+class Step(NamedTuple):
+    """Each joint's step from one frame to the next, shape (joints, 3), metres, and the seconds between them."""
+
+    step: NDArray[np.float64]
+    elapsed: float
+
+
+class Jump(NamedTuple):
+    """A jump of the whole body between two frames: its explanation, and the factor on its unit (else 1)."""
+
+    change: Change
+    factor: float = 1.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ExpectedBody:
+    """The lengths of a library's segments, and the pairs of joints on the two sides of the body.
+
+    Attributes
+    ----------
+    parents
+        The parent of each joint, as in `Skeleton`; empty when parents are not known: then segments are not judged.
+    children
+        The joint at the lower end of each segment, shape (segments,).
+    mean, shortest, longest, spread
+        Length of each segment in metres: mean, least, greatest, and the greatest change in one motion.
+    mirrored
+        Index of each joint on the other side of the body, a joint's own index in the middle, shape (joints,); None when
+        the names tell no sides.
+    """
+
+    parents: NDArray[np.intp]
+    children: NDArray[np.intp]
+    mean: NDArray[np.float64] = field(repr=False)
+    shortest: NDArray[np.float64] = field(repr=False)
+    longest: NDArray[np.float64] = field(repr=False)
+    spread: NDArray[np.float64] = field(repr=False)
+    mirrored: NDArray[np.intp] | None = field(repr=False)
+
+    @classmethod
+    def of(cls, library: MotionLibrary) -> Self:
+        """Measure the segments of a library's motions."""
+        skeleton = library.skeleton
+        parents = np.array(skeleton.parents, dtype=np.intp)
+        children = np.flatnonzero(parents >= 0)
+        lengths = [_lengths(motion.positions[::_EVERY], parents, children) for motion in library.motions]
+        every = np.concatenate(lengths)
+        return cls(
+            parents=parents,
+            children=children,
+            mean=every.mean(axis=0),
+            shortest=every.min(axis=0),
+            longest=every.max(axis=0),
+            spread=np.max([np.ptp(each, axis=0) for each in lengths], axis=0),
+            mirrored=mirrored_places(skeleton.joints),
+        )
+
+    def lengths(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Measure the segments in frames (frames, joints, 3): shape (frames, segments)."""
+        return _lengths(positions, self.parents, self.children)
+
+
+@lru_cache(maxsize=16)
+def expected_body(library: MotionLibrary) -> ExpectedBody:
+    """Give a library's segments; several recognisers of one library share them."""
+    return ExpectedBody.of(library)
+
+
+def _lengths(
+    positions: NDArray[np.float64], parents: NDArray[np.intp], children: NDArray[np.intp]
+) -> NDArray[np.float64]:
+    along = positions[:, children]
+    along = along - positions[:, parents[children]]
+    lengths: NDArray[np.float64] = np.sqrt(np.einsum("fsc,fsc->fs", along, along))
+    return lengths
+
+
+def mirrored_places(joints: Sequence[str]) -> NDArray[np.intp] | None:
+    """Find each joint's name on the other side: `lwrist` and `rwrist`, `LeftHand` and `RightHand`, `hand.L`."""
+    places = {name: place for place, name in enumerate(joints)}
+    others = [next((places[other] for other in _other_sides(name) if other in places), None) for name in joints]
+    if not any(other is not None for other in others):
+        return None
+    return np.array([place if other is None else other for place, other in enumerate(others)], dtype=np.intp)
+
+
+def _other_sides(name: str) -> Iterable[str]:
+    for one, other in (("left", "right"), ("Left", "Right"), ("LEFT", "RIGHT")):
+        if one in name:
+            yield name.replace(one, other)
+        if other in name:
+            yield name.replace(other, one)
+    for one, other in (("l", "r"), ("L", "R")):
+        for before, after in ((one, other), (other, one)):
+            if name.startswith(before):
+                yield after + name[1:]
+            if len(name) > 2 and name.endswith(before) and name[-2] in "._- ":
+                yield name[:-1] + after
+
+
+class Plausibility:
+    """Watches one performer's frames.
+
+    Parameters
+    ----------
+    body
+        The library's bodies.
+    joints
+        The number of joints in a frame.
+
+    Attributes
+    ----------
+    doubted
+        Joints that the last span shows to be wrong.
+    """
+
+    def __init__(self, body: ExpectedBody, joints: int) -> None:
+        self._body = body
+        self._jumping = min(_JUMPING_JOINTS, max(2, -(-joints // 6)))
+        self._looks = np.empty((_MAX_LOOKS, joints, 3))
+        self.clear()
+
+    def clear(self) -> None:
+        """Forget all frames."""
+        self.doubted: frozenset[int] = frozenset()
+        self._scale = 1.0
+        self._tremble = 0.0
+        self._in_a_row = np.zeros(self._looks.shape[1], dtype=np.intp)
+        self._forget_spans()
+
+    def begin(self, positions: NDArray[np.float64]) -> None:
+        """Take the size of the body from its first frame (joints, 3)."""
+        if len(self._body.children):
+            self._measure_size(self._body.lengths(positions[None])[0])
+
+    def _measure_size(self, lengths: NDArray[np.float64]) -> None:
+        measured = lengths > 0
+        if measured.any():
+            self._scale = _middle(self._body.mean[measured] / lengths[measured])
+
+    def _forget_spans(self) -> None:
+        self._count = 0
+        self._since = math.inf
+        self._before: _Span | None = None
+
+    # --- steps ---
+
+    def jumped(self, before: Step, now: Step) -> bool:
+        """Say whether a body's step is a jump of the whole body, unlike the step before it."""
+        length = self._step_length(now.step) * self._scale
+        if length < max(JUMP_STEP, JUMP_SPEED * now.elapsed):
+            return False
+        usual = self._step_length(before.step) * self._scale
+        # A body that turns or leaps took as large a step before, in the same direction.
+        sudden = length > SUDDEN * usual * max(1.0, now.elapsed / before.elapsed)
+        return sudden or float(np.vdot(before.step, now.step)) < _BACK * np.sqrt(
+            float(np.vdot(before.step, before.step)) * float(np.vdot(now.step, now.step))
+        )
+
+    def may_jump(self, squares: float, elapsed: float) -> bool:
+        """Say quickly, from the sum of squares of steps, m², whether a jump or a lost joint may be among them."""
+        least = max(JUMP_STEP, JUMP_SPEED * elapsed) / self._scale
+        # NaN means a lost joint.
+        return not squares < self._jumping * least * least
+
+    def _step_length(self, step: NDArray[np.float64]) -> float:
+        """Give how far a sixth of the joints step, metres, relative to the step of the body as a whole."""
+        own = step - np.median(step, axis=0)
+        lengths = np.sqrt(np.einsum("jc,jc->j", own, own))
+        return float(np.partition(lengths, -self._jumping)[-self._jumping])
+
+    def explained(self, before: NDArray[np.float64], after: NDArray[np.float64]) -> Jump:
+        """Explain a jump between two frames (joints, 3)."""
+        length = self._step_length(after - before)
+        mirrored = self._body.mirrored
+        if mirrored is not None and self._step_length(after[mirrored] - before) < _EXPLAINED * length:
+            return Jump(Change.EXCHANGED)
+        factor = self._unit_change(before, after)
+        return Jump(Change.UNIT, factor) if factor != 1.0 else Jump(Change.POSTURE)
+
+    def _unit_change(self, before: NDArray[np.float64], after: NDArray[np.float64]) -> float:
+        if not len(self._body.children):
+            return 1.0
+        first, second = self._body.lengths(np.stack([before, after]))
+        ratios = np.divide(first, second, out=np.ones_like(first), where=second > 0)
+        factor = float(np.median(ratios))
+        alike = np.quantile(np.abs(ratios / factor - 1), 0.75) < _ALIKE if factor > 0 else False
+        changed = factor > 0 and not 1 / _MIN_UNIT_CHANGE < factor < _MIN_UNIT_CHANGE
+        return factor if alike and changed else 1.0
+
+    # --- spans ---
+
+    def look(self, time: float, positions: NDArray[np.float64]) -> bool:
+        """Look at one frame (joints, 3) of a hop, lost joints NaN; say whether a span is over and `doubted` is new."""
+        self._since = min(self._since, time)
+        if self._count < _MAX_LOOKS:
+            self._looks[self._count] = positions
+            self._count += 1
+        if time - self._since < SPAN or self._count < _MIN_LOOKS or not len(self._body.children):
+            return False
+        span = _Span.of(self._looks[: self._count], self._body)
+        self._judge(span if self._before is None else span.after(self._before))
+        self._before, self._count, self._since = span, 0, time
+        return True
+
+    def begin_again(self) -> None:
+        """Forget the frames before a jump: a segment did not stretch between them and the frames after it."""
+        self._forget_spans()
+
+    def _judge(self, span: _Span) -> None:
+        body = self._body
+        mean = (span.lowest + span.highest) / 2
+        self._measure_size(mean)
+        stretch = (span.highest - span.lowest) * self._scale
+        known = stretch[np.isfinite(stretch)]
+        self._tremble = tremble = max(_middle(known) if len(known) else 0.0, _KEPT * self._tremble)
+        rigid = tremble < TREMBLES
+        mean *= self._scale
+        allowed = min(RIGID + PER_TREMBLE * tremble, MAX_STRETCH)
+        broken = stretch > body.spread + allowed
+        if rigid:
+            broken |= (mean > PROPORTION * body.longest + BEYOND) | (mean < body.shortest / PROPORTION - BEYOND)
+        if self._in_disorder(mean):
+            self.doubted = frozenset(range(len(self._in_a_row)))
+            return
+        changed = (stretch > max(FROZEN_STRETCH, 4 * tremble) + body.spread) | (not rigid)
+        frozen = self._frozen((span.far - span.near).max(axis=1) * self._scale < SAME_PLACE, changed)
+        blamed = np.zeros(len(self._in_a_row), dtype=bool)
+        blamed[[*frozen, *_blamed(broken, body, frozen)]] = True
+        self._in_a_row = np.where(blamed, self._in_a_row + 1, 0)
+        self.doubted = frozenset(np.flatnonzero(self._in_a_row >= (1 if rigid else _LASTING)).tolist())
+
+    def _in_disorder(self, lengths: NDArray[np.float64]) -> bool:
+        """Say whether the lengths of segments look as if the joints were in another order."""
+        known = lengths > 0
+        ratios = np.log(lengths[known] / self._body.mean[known])
+        return len(ratios) > 0 and _middle(np.abs(ratios)) > DISORDER
+
+    def _frozen(self, kept: NDArray[np.bool_], changed: NDArray[np.bool_]) -> set[int]:
+        """Give the joints that keep their position though a segment between them and the moving body changes."""
+        body = self._body
+        if not kept.any() or kept.all():
+            return set()
+        above = body.parents[body.children]
+        border = changed & (kept[body.children] != kept[above])
+        ends = zip(body.children[border].tolist(), above[border].tolist(), strict=True)
+        frozen = {child if kept[child] else parent for child, parent in ends}
+        # Joints below a frozen joint that keep their position are frozen with it.
+        inner = kept[body.children] & kept[above]
+        segments = list(zip(body.children[inner].tolist(), above[inner].tolist(), strict=True))
+        while more := {end for segment in segments if frozen & {*segment} for end in segment} - frozen:
+            frozen |= more
+        return frozen
+
+
+class _Span(NamedTuple):
+    """The extremes of a span: least and greatest length of each segment, least and greatest position of each joint.
+
+    All numbers of a joint that was never there are NaN, which compares as neither less nor greater.
+    """
+
+    lowest: NDArray[np.float64]
+    highest: NDArray[np.float64]
+    near: NDArray[np.float64]
+    far: NDArray[np.float64]
+
+    @classmethod
+    def of(cls, looks: NDArray[np.float64], body: ExpectedBody) -> Self:
+        lengths = body.lengths(looks)
+        return cls(np.fmin.reduce(lengths), np.fmax.reduce(lengths), np.fmin.reduce(looks), np.fmax.reduce(looks))
+
+    def after(self, before: _Span) -> _Span:
+        return _Span(
+            np.fmin(self.lowest, before.lowest),
+            np.fmax(self.highest, before.highest),
+            np.fmin(self.near, before.near),
+            np.fmax(self.far, before.far),
+        )
+
+
+def _middle(numbers: NDArray[np.float64]) -> float:
+    """Give the upper median; numpy's own median is slow for a few numbers."""
+    place = len(numbers) // 2
+    return float(np.partition(numbers, place)[place])
+
+
+def _blamed(broken: NDArray[np.bool_], body: ExpectedBody, known: set[int]) -> set[int]:
+    """Give the fewest joints that explain all broken segments that the known wrong joints do not explain.
+
+    A joint at the end of several broken segments is wrong itself. A single broken segment separates the body into two
+    parts, and the smaller part is wrong.
+    """
+    left = [(int(child), int(body.parents[child])) for child in body.children[broken]]
+    left = [segment for segment in left if not known & {*segment}]
+    blamed: set[int] = set()
+    while left:
+        ends = [end for segment in left for end in segment]
+        worst = max(set(ends), key=lambda joint: (ends.count(joint), joint))
+        if ends.count(worst) > 1:
+            blamed.add(worst)
+            left = [segment for segment in left if worst not in segment]
+        else:
+            blamed |= _smaller_side(left.pop()[0], body)
+    return blamed
+
+
+def _smaller_side(child: int, body: ExpectedBody) -> set[int]:
+    """Give the joints below a segment, or all other joints when they are fewer."""
+    below = {child}
+    while more := {joint for joint in body.children.tolist() if body.parents[joint] in below} - below:
+        below |= more
+    others = set(range(len(body.parents))) - below
+    return below if len(below) <= len(others) else others

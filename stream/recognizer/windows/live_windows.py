@@ -1,0 +1,274 @@
+"""The signature of a live window: the moments of one performer's last seconds, and every part computed from them."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from kinespace.library.kernels import compiled
+from kinespace.library.windows.cutting import OF_DISTANCES, eigenpairs_of
+from kinespace.library.windows.parts import (
+    BASIS_LENGTHS,
+    DISTANCE_LENGTHS,
+    EIGENVECTORS,
+    LEVEL_REMOVED,
+    NOISE_FLOOR,
+    PARTS,
+    Kind,
+    eigen,
+    movement,
+)
+from kinespace.stream.recognizer.windows.rolling import RollingCovariance, RollingMoments, moments_of
+from kinespace.stream.recognizer.windows.sliding_window import MAX_PENDING, ShorterWindow, SlidingWindow
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping, Sequence
+
+    from numpy.typing import NDArray
+
+    from kinespace.library.windows.basis import Basis
+    from kinespace.library.windows.body import Body
+    from kinespace.library.windows.parts import Part
+    from kinespace.stream.recognizer.windows.sliding_window import Window
+
+
+class LiveSignature(NamedTuple):
+    """The numbers of the windows that end now.
+
+    Attributes
+    ----------
+    numbers
+        The numbers of each part, (numbers,).
+    movement
+        Movement (`library.windows.parts.movement`) over the longest window of distances.
+    eigenvector
+        The leading eigenvector over the longest window in the basis, unit length, shape (directions,).
+    share
+        Share of the variance along it, 0 to 1.
+    gap
+        (λ₁ − λ₂) / λ₁ of the two leading eigenvalues, 0 to 1.
+    """
+
+    numbers: Mapping[Part, NDArray[np.float64]]
+    movement: float
+    eigenvector: NDArray[np.float64]
+    share: float
+    gap: float
+
+
+class LiveWindows:
+    """Follows the windows of one performer.
+
+    A window reaches back as far as the feed has been followed, at most its length.
+
+    Parameters
+    ----------
+    body, basis
+        The body and the basis of the library.
+
+    Attributes
+    ----------
+    longest
+        Length of the longest window, seconds.
+    """
+
+    def __init__(self, body: Body, basis: Basis) -> None:
+        self._set_body(body)
+        self.longest = max(*DISTANCE_LENGTHS, *BASIS_LENGTHS)
+        pairs = len(basis.directions)
+        # Rows are kept as long as points, because another basis gives other points.
+        self._distances = SlidingWindow(self.longest, pairs)
+        self._shorter = tuple(ShorterWindow(self._distances, seconds) for seconds in DISTANCE_LENGTHS)
+        self._moments = tuple(RollingMoments(each, pairs) for each in self._shorter)
+        self._set_basis(basis)
+
+    def _set_body(self, body: Body) -> None:
+        self._body, self._paths = body, np.ascontiguousarray(body.paths.T)
+
+    def _set_basis(self, basis: Basis) -> None:
+        self._directions = basis.directions
+        directions = basis.directions.shape[1]
+        self._points = SlidingWindow(BASIS_LENGTHS[-1], directions)
+        shorter = [ShorterWindow(self._points, seconds) for seconds in BASIS_LENGTHS[:-1]]
+        windows: list[Window] = [*shorter, self._points]
+        self._covariances = tuple(RollingCovariance(each, directions) for each in windows)
+        # The windows of shorter lengths are updated first.
+        self._rolling = (*self._moments, *self._covariances)
+        self._windows: tuple[SlidingWindow | ShorterWindow, ...]
+        self._windows = (self._distances, self._points, *self._shorter, *shorter)
+        self._pairs_found = min(EIGENVECTORS, directions)
+
+    def exchange(self, body: Body, basis: Basis) -> None:
+        """Follow the same rows, in another basis of the same distances and with another body's measures."""
+        self._set_body(body)
+        if np.array_equal(basis.directions, self._directions):
+            return
+        self._settle()
+        self._set_basis(basis)
+        for times, rows in _batches(self._distances):
+            self._points.push(times, rows @ self._directions)
+            self._settle()
+
+    def clear(self) -> None:
+        """Forget all rows."""
+        for window in self._windows:
+            window.clear()
+        for rolling in self._rolling:
+            rolling.clear()
+
+    def push(self, times: Sequence[float], rows: NDArray[np.float64]) -> None:
+        """Take in distance rows, shape (frames, pairs), metres; `MAX_PENDING` at most, later than those before."""
+        if self._points.pending + len(times) > MAX_PENDING:
+            self._settle()
+        self._distances.push(times, rows)
+        self._points.push(times, rows @ self._directions)
+
+    def _settle(self) -> None:
+        for each in self._rolling:
+            each.update()
+        self._distances.pass_over()
+
+    def place(self) -> NDArray[np.float64]:
+        """Give the newest row's point in the basis, relative to the body's size, shape (directions,); needs a row."""
+        point: NDArray[np.float64] = self._points.rows[-1] / self._body.size(self._distances.rows[-1])
+        return point
+
+    def recent(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Give the times and the distance rows of the longest window; views, valid until the next push."""
+        return self._distances.times, self._distances.rows
+
+    def read(self) -> LiveSignature:
+        """Read the signature of the windows that end with the newest row; needs a row."""
+        self._settle()
+        loops = compiled.loops
+        if loops and self._directions.shape[1] <= loops.MOST_DIRECTIONS:
+            return self._read_compiled(loops)
+        covariances = np.array([each.read() for each in self._covariances])
+        pairs = eigenpairs_of(covariances)
+        scaled = eigen(pairs)
+        moments = moments_of(self._moments)
+        distances = {kind: OF_DISTANCES[kind](moments, self._body) for kind in _KINDS}
+        numbers = {
+            part: scaled[place[0]] if kind is None else distances[kind][place[0]] for part, kind, place in _PLACES
+        }
+        leading = Leading.of(float(np.trace(covariances[-1])), pairs.values[-1], pairs.vectors[-1, 0])
+        return LiveSignature(numbers, float(movement(moments)[-1]), *leading)
+
+    def _read_compiled(self, loops: compiled.Loops) -> LiveSignature:
+        pairs, directions = self._directions.shape
+        distances = np.empty((len(self._moments), len(_KINDS), pairs))
+        # The eigenvectors of each window, unscaled and scaled.
+        eigenvectors = np.empty((len(self._covariances), 2, self._pairs_found, directions))
+        values = np.empty(self._pairs_found)
+        moved = 0.0
+        body = self._body
+        for moments, parts in zip(self._moments, distances, strict=True):
+            moved, _ = loops.read_parts(
+                moments.sums,
+                moments.clock,
+                moments.count,
+                body.sizing,
+                body.segments,
+                self._paths,
+                NOISE_FLOOR,
+                LEVEL_REMOVED,
+                parts,
+            )
+        totals = [
+            loops.read_eigen(each.total, each.products, each.count, each.no_scatter, values, *vectors)
+            for each, vectors in zip(self._covariances, eigenvectors, strict=True)
+        ]
+        numbers = {part: (eigenvectors if kind is None else distances)[place] for part, kind, place in _PLACES}
+        return LiveSignature(numbers, moved, *Leading.of(totals[-1], values, eigenvectors[-1, 0, 0]))
+
+
+#: The kinds of parts of distances, in the order in which the compiled loops write them.
+_KINDS = (Kind.SPREAD, Kind.POSTURE, Kind.TREND)
+#: For each part its kind, None for eigen parts, and where the compiled loops write it: the index of its length, and the
+#: index of its kind or of the scaled eigenvectors.
+_PLACES = tuple(
+    (part, None, (BASIS_LENGTHS.index(part.seconds), 1))
+    if part.kind is Kind.EIGEN
+    else (part, part.kind, (DISTANCE_LENGTHS.index(part.seconds), _KINDS.index(part.kind)))
+    for part in PARTS
+)
+
+
+def _batches(window: SlidingWindow) -> Iterator[tuple[list[float], NDArray[np.float64]]]:
+    """Give the times and rows in a window, as many at a time as may be pushed to another window."""
+    for begin in range(0, len(window), MAX_PENDING):
+        some = slice(begin, begin + MAX_PENDING)
+        yield window.times[some].tolist(), window.rows[some]
+
+
+class Leading(NamedTuple):
+    """The leading eigenvector of one window; the fields are as in `LiveSignature`."""
+
+    eigenvector: NDArray[np.float64]
+    share: float
+    gap: float
+
+    @classmethod
+    def of(cls, total: float, values: NDArray[np.float64], eigenvector: NDArray[np.float64]) -> Leading:
+        """Compute it from a covariance's trace, leading eigenvalues and leading eigenvector."""
+        listed: list[float] = [*values.tolist(), 0.0]
+        first, second = (max(each, 0.0) for each in listed[:2])
+        moves = total > 0 and first > 0
+        return cls(eigenvector, min(first / total, 1.0) if moves else 0.0, (first - second) / first if moves else 0.0)
+
+
+class PaperWindow:
+    """Follows the one window of the paper's signature.
+
+    Parameters
+    ----------
+    basis
+        The library's basis, without weights.
+    seconds
+        Length of the window.
+    """
+
+    def __init__(self, basis: Basis, seconds: float) -> None:
+        pairs = len(basis.directions)
+        self._distances = SlidingWindow(seconds, pairs)
+        self._moments = RollingMoments(self._distances, pairs)
+        self._set_basis(basis)
+
+    def _set_basis(self, basis: Basis) -> None:
+        self._directions = basis.directions
+        directions = basis.directions.shape[1]
+        self._points = SlidingWindow(self._distances.seconds, directions)
+        self._covariance = RollingCovariance(self._points, directions)
+
+    def exchange(self, basis: Basis) -> None:
+        """Follow the same rows in another basis of the same distances."""
+        self._settle()
+        self._set_basis(basis)
+        for times, rows in _batches(self._distances):
+            self._points.push(times, rows @ self._directions)
+            self._settle()
+
+    def clear(self) -> None:
+        """Forget all rows."""
+        for each in (self._points, self._distances, self._covariance, self._moments):
+            each.clear()
+
+    def push(self, times: Sequence[float], rows: NDArray[np.float64]) -> None:
+        """Take in distance rows, shape (frames, pairs), metres; `MAX_PENDING` at most, later than those before."""
+        if self._points.pending + len(times) > MAX_PENDING:
+            self._settle()
+        self._distances.push(times, rows)
+        self._points.push(times, rows @ self._directions)
+
+    def _settle(self) -> None:
+        self._covariance.update()
+        self._moments.update()
+
+    def read(self) -> tuple[Leading, float]:
+        """Read the leading eigenvector of the window that ends with the newest row, and the window's movement."""
+        self._settle()
+        covariance = self._covariance.read()
+        pairs = eigenpairs_of(covariance[None])
+        leading = Leading.of(float(covariance.trace()), pairs.values[0], pairs.vectors[0, 0])
+        return leading, float(movement(self._moments.read())[0])

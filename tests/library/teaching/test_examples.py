@@ -1,0 +1,136 @@
+from __future__ import annotations
+
+from functools import cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+
+from kinespace.library import MotionLibrary
+from kinespace.library.teaching.examples import Check, Example, Roster, TaughtWindows, checked
+from kinespace.library.windows.index import WindowIndex
+
+if TYPE_CHECKING:
+    from kinespace.library import Clip
+
+
+@cache
+def _base() -> WindowIndex:
+    library = MotionLibrary.builtin()
+    return WindowIndex.of(library.without(actors=["bd"]))
+
+
+def _motions(class_name: str) -> list[Clip]:
+    return [each for each in MotionLibrary.builtin().motions if each.actor == "bd" and each.class_name == class_name]
+
+
+def _example(number: int, class_name: str, motion: Clip) -> Example:
+    return Example(number, class_name, motion, 0.0, motion.duration)
+
+
+def _roster(*taught: tuple[str, str, int]) -> Roster:
+    """Teach classes by motions: (class, HDM05's class, which)."""
+    roster = Roster()
+    for name, shown, which in taught:
+        roster = roster.with_example(_example(roster.next_number, name, _motions(shown)[which]))
+    return roster
+
+
+def test_a_roster_is_a_value() -> None:
+    """Each change gives a new roster and does not change the old one."""
+    roster = _roster(("bend", "squat1Reps", 0), ("kick", "kickLFront1Reps", 0), ("bend", "squat1Reps", 1))
+    assert roster.classes == ("bend", "kick")
+    assert roster.next_number == 4
+    assert roster.renamed("bend", "squat").classes == ("squat", "kick")
+    assert roster.without_class("bend").classes == ("kick",)
+    assert roster.enabled("kick", on=False).enabled("kick", on=True).disabled == frozenset()
+    assert len(roster.of("bend")) == 2
+    assert roster.classes == ("bend", "kick")
+
+
+def test_a_roster_comes_back_from_its_file(tmp_path: object) -> None:
+    """The class taught first is the first one again, whatever its name."""
+    roster = _roster(("zoo", "squat1Reps", 0), ("abc", "kickLFront1Reps", 0), ("zoo", "squat1Reps", 1))
+    library = roster.library()
+    assert library is not None
+    path = tmp_path / "mine.npz"  # type: ignore[operator]
+    library.save(path)
+    again = Roster.of_library(MotionLibrary.load(path))
+    assert again.classes == ("zoo", "abc")
+    assert [each.class_name for each in again.examples] == ["zoo", "abc", "zoo"]
+    assert again.next_number == 4
+
+
+def test_trimming_cuts_the_motion() -> None:
+    """A trimmed example holds the frames of its motion alone."""
+    motion = _motions("squat1Reps")[0]
+    example = Example(1, "squat", motion, 0.25, 0.75)
+    assert example.motion.duration == pytest.approx(0.5, abs=0.04)
+    np.testing.assert_array_equal(example.motion.positions[0], motion.positions[round(0.25 * motion.frame_rate)])
+    assert example.whole.seconds == motion.duration
+
+
+def test_windows_are_those_of_a_library_made_anew() -> None:
+    """Examples added, taken back and added again are compared as if they had all been there at once."""
+    windows = TaughtWindows(_base(), beside=True)
+    first = _roster(("my squat", "squat1Reps", 0))
+    second = first.with_example(_example(2, "my kick", _motions("kickLFront1Reps")[0]))
+    windows.index_of(second)
+    windows.index_of(first)
+    index = windows.index_of(second)
+    anew = TaughtWindows(_base(), beside=True).index_of(second)
+    assert index is not None
+    assert anew is not None
+    assert index.classes == anew.classes
+    for mine, other in zip(index.vectors, anew.vectors, strict=True):
+        np.testing.assert_array_equal(mine, other)
+
+
+def test_disabled_classes_have_no_windows() -> None:
+    """A class that is disabled is not compared with."""
+    windows = TaughtWindows(_base(), beside=True)
+    roster = _roster(("my squat", "squat1Reps", 0)).enabled("squat1Reps", on=False).enabled("my squat", on=False)
+    index = windows.index_of(roster)
+    assert index is not None
+    assert {"squat1Reps", "my squat"}.isdisjoint(index.classes)
+
+
+def test_nothing_taught_beside_nothing_is_none() -> None:
+    """Without a library and without examples there is no index."""
+    windows = TaughtWindows(_base(), beside=False)
+    assert windows.index_of(Roster()) is None
+    assert windows.base_classes == ()
+    index = windows.index_of(_roster(("squat", "squat1Reps", 0)))
+    assert index is not None
+    assert index.classes == ("squat",)
+    assert windows.index_of(Roster()) is None
+
+
+def test_a_check_tells_what_resembles() -> None:
+    """A squat taught under another name cannot be told from squats; taught twice, from the other name's."""
+    windows = TaughtWindows(_base(), beside=True)
+    roster = _roster(("mine", "squat1Reps", 0))
+    index = windows.index_of(roster)
+    assert index is not None
+    check = checked(index, 1)
+    assert check is not None
+    assert check.nearest == "squat1Reps"
+    assert check.share_at_risk > 0.5
+    assert check.words == "cannot be told from squat1Reps"
+    assert checked(index, 7) is None
+
+
+@pytest.mark.parametrize(
+    ("check", "words"),
+    [
+        (Check(0.0, "a", float("nan")), "good"),
+        (Check(0.05, "a", 1.0), "good"),
+        (Check(0.06, "a", 9.0), "close to a"),
+        (Check(0.51, "a", 1.0), "cannot be told from a"),
+        (Check(0.0, "a", 2.1), "unlike your other examples"),
+        (Check(1.0, "", 1.0), "good"),
+    ],
+)
+def test_a_check_in_words(check: Check, words: str) -> None:
+    """Every outcome of the check has the words of the page."""
+    assert check.words == words

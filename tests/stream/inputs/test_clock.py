@@ -1,0 +1,162 @@
+"""What senders' times mean: each kind of clock is known within the first second, however the frames arrive."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from synthetic import stick_clip
+
+from kinespace.stream import Frame, Performers
+from kinespace.stream.inputs import Admission
+from kinespace.stream.inputs.clock import SenderClock
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from numpy.typing import NDArray
+
+    from kinespace.library.motion_library import MotionLibrary
+
+    #: From the moments at which frames are made, seconds (frames,), to the times that are sent with them.
+    Clock = Callable[[NDArray[np.float64]], NDArray[np.float64]]
+
+EPOCH, BOOT = 1_795_000_000.0, 40_000.0
+
+
+def numbered(moments: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Give each frame its number."""
+    return np.arange(len(moments)) + 17.0
+
+
+def in_32_bits(begun: float) -> Clock:
+    """Make a clock that is sent as a 32-bit float."""
+    return lambda moments: (begun + moments).astype(np.float32).astype(np.float64)
+
+
+#: Kinds of clocks: what is sent, and the beginning of what is said of it.
+CLOCKS: dict[str, tuple[Clock, str]] = {
+    "seconds": (lambda moments: moments + BOOT, ""),
+    "seconds of 1970": (lambda moments: moments + EPOCH, ""),
+    "seconds from 0": (lambda moments: moments, ""),
+    "seconds since boot in 32 bits": (in_32_bits(100.0), ""),
+    "milliseconds": (lambda moments: 1e3 * (moments + 12), "times are milliseconds"),
+    "whole milliseconds": (lambda moments: np.round(1e3 * (moments + EPOCH)), "times are milliseconds"),
+    "microseconds": (lambda moments: 1e6 * moments + 5, "times are microseconds"),
+    ".NET's ticks": (lambda moments: 1e7 * moments + 5, "times are ticks"),
+    "nanoseconds": (lambda moments: 1e9 * moments + 5, "times are nanoseconds"),
+    "frame numbers": (numbered, "times are frame numbers"),
+    "every second frame number": (lambda moments: 2 * numbered(moments), "times are frame numbers"),
+    "a constant": (lambda moments: np.full(len(moments), 3.25), "times stand still"),
+    "1970 in 32 bits": (in_32_bits(EPOCH), "times stand still"),
+    "two weeks in 32 bits": (in_32_bits(1.2e6), "times go on in large steps"),
+    "backwards": (lambda moments: 900 - moments, "times go back"),
+    "days": (lambda moments: moments / 86_400, "times are neither"),
+}
+
+
+def arrivals_of(moments: NDArray[np.float64], way: str) -> NDArray[np.float64]:
+    """Give the moments at which frames arrive, in their order, seconds on another clock."""
+    generator = np.random.default_rng(5)
+    delays = {
+        "evenly": np.full(len(moments), 0.001),
+        "with jitter": generator.uniform(0.0, 0.03, len(moments)),
+        # As radio delivers: what was made in a tenth of a second comes at once.
+        "in bursts": np.ceil(moments / 0.1) * 0.1 - moments,
+    }[way]
+    return np.maximum.accumulate(moments + delays) + 700.0
+
+
+def read(times: NDArray[np.float64], arrivals: NDArray[np.float64]) -> tuple[NDArray[np.float64], SenderClock]:
+    """Read times; 0 is replaced by the arrival, as the decoders do."""
+    clock = SenderClock()
+    told = np.where(times == 0, arrivals, times)
+    return np.array(list(map(clock.read, told.tolist(), arrivals.tolist()))), clock
+
+
+@pytest.mark.parametrize("way", ["evenly", "with jitter", "in bursts"])
+@pytest.mark.parametrize("rate", [8, 30, 60, 120, 240])
+@pytest.mark.parametrize("kind", CLOCKS)
+def test_each_clock_is_known_within_a_second(kind: str, rate: int, way: str) -> None:
+    """From then on what is read goes on as the frames were made, or, where times tell nothing, as they arrived."""
+    sent, told = CLOCKS[kind]
+    moments = np.arange(4 * rate) / rate
+    arrivals = arrivals_of(moments, way)
+    # A clock of 1/8 s is fine enough for eight frames a second.
+    told = "" if kind == "two weeks in 32 bits" and rate == 8 else told
+    seconds, clock = read(sent(moments), arrivals)
+    first = seconds[rate + 2 :] - seconds[rate + 2]
+    assert clock.told.startswith(told)
+    assert bool(clock.told) == bool(told)
+    if clock.told.endswith("arrivals are used"):
+        assert np.array_equal(seconds[rate + 2 :], arrivals[rate + 2 :])
+    else:
+        tolerance = 0.15 if "frame number" in kind else 0.07
+        assert np.abs(first - moments[rate + 2 :] + moments[rate + 2]).max() < tolerance
+        assert (np.diff(first) > 0).all()
+
+
+def test_a_feed_without_times_has_the_arrivals() -> None:
+    """Time 0 stands for "on arrival", and nothing is to be said of it."""
+    arrivals = np.arange(100) / 50 + 3.0
+    seconds, clock = read(np.zeros(100), arrivals)
+    assert np.array_equal(seconds, arrivals)
+    assert clock.told == ""
+
+
+def test_a_recording_that_begins_again_at_0_goes_on() -> None:
+    """Each round's first frame is at 0, not on arrival."""
+    moments = np.tile(np.arange(150) / 60, 4)
+    arrivals = np.arange(600) / 60 + BOOT
+    seconds, clock = read(moments, arrivals)
+    assert np.array_equal(seconds[1:], moments[1:])
+    assert clock.told == ""
+
+
+@pytest.mark.parametrize("speed", [0.1, 0.5, 4.0, 20.0])
+def test_seconds_stay_seconds_at_another_speed(speed: float) -> None:
+    """A recording that is sent faster or slower is not another unit."""
+    moments = np.arange(600) / 60
+    assert read(moments + 1, moments / speed)[1].told == ""
+
+
+def test_lost_and_doubled_packets_change_no_verdict() -> None:
+    """With every third frame lost and all others sent twice, seconds are seconds and milliseconds milliseconds."""
+    moments = np.repeat(np.delete(np.arange(600), np.s_[::3]) / 120, 2)
+    arrivals = moments + np.tile([0.0, 0.0004], len(moments) // 2)
+    assert read(moments + BOOT, arrivals)[1].told == ""
+    assert read(1e3 * moments + 7, arrivals)[1].told.startswith("times are milliseconds")
+
+
+def test_frames_that_waited_are_no_faster_clock() -> None:
+    """Two seconds of feed that arrive at once, and then the feed as it is made."""
+    moments = np.arange(600) / 120
+    arrivals = np.maximum(moments, 2.0 + 1e-5 * np.arange(600))
+    assert read(moments + BOOT, arrivals)[1].told == ""
+
+
+def test_a_verdict_changes_when_it_is_given_twice() -> None:
+    """A clock that stands still for half a second is believed again; one that is another from then on is followed."""
+    moments = np.arange(1200) / 120
+    stuck = moments + BOOT
+    stuck[120:180] = stuck[120]
+    assert read(stuck, moments)[1].told == ""
+    other = np.where(moments < 5, moments + BOOT, 1e3 * moments)
+    seconds, clock = read(other, moments)
+    assert clock.told.startswith("times are milliseconds")
+    assert np.allclose(seconds[-200:], moments[-200:])
+
+
+@pytest.mark.parametrize("kind", CLOCKS)
+def test_answers_come_whatever_the_clock(kind: str, sticks: MotionLibrary) -> None:
+    """Two seconds of a performer with any clock are answered some twenty times a second after the first second."""
+    admission, performers = Admission(), Performers(sticks)
+    positions = stick_clip("wave", seed=3, frames=240).positions
+    moments = np.arange(240) / 120
+    answers = [
+        performers.push_all(admission.admit([Frame("ann", time or arrival, joints)], arrival, ("10.0.0.5", 1)), arrival)
+        for time, arrival, joints in zip(CLOCKS[kind][0](moments).tolist(), moments + BOOT, positions, strict=True)
+    ]
+    assert sum(answer is not None for each in answers[120:] for answer in each) > 20
+    assert admission.clocks == ({"ann": admission.clocks["ann"]} if CLOCKS[kind][1] else {})

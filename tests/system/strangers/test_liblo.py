@@ -1,0 +1,251 @@
+"""OSC that is not ours on both ends of the wire: liblo's programs and its Python module send to us and hear us."""
+
+from __future__ import annotations
+
+import re
+import socket
+import time
+from contextlib import ExitStack, closing
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from golden import LAYOUTS, PACKETS, Moment, bundle, message
+from liblotools import DUMPED_TO
+from programs import LOOPBACK, PATIENCE, builtin_library, ghost_cues, started
+
+from kinespace.library.hdm05 import SKELETON
+from kinespace.stream import osc
+from kinespace.stream.feeds import builtin_preset
+from kinespace.stream.feeds.source import FeedSource
+from kinespace.stream.frame import Announcement, Frame
+from kinespace.stream.inputs import OscDecoder, Source
+from kinespace.stream.osc.packet import decode_packet
+from kinespace.stream.outputs import LayoutSink, NativeLayout, layouts
+from kinespace.stream.recognition import Event, EventKind
+from kinespace.stream.recognizer import Recognizer
+from kinespace.stream.recognizer.performers import PerformerCounts
+from kinespace.stream.status import InputCounts, Status
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+    from types import ModuleType
+
+    from liblotools import Dumped, LibloTools
+
+    from kinespace.stream.recognition import Recognition
+
+pytestmark = pytest.mark.slow
+
+#: What a float is off by when it was printed.
+PRINTED = 0.6 * 10.0**-DUMPED_TO
+CLASSES = builtin_library().classes
+STATUS = Status(InputCounts(), PerformerCounts(), 0, {"ghost": 120.0}, 0.0, 0.0)
+START = Event("ghost", EventKind.START, "squat1Reps", CLASSES.index("squat1Reps"), 0.75, 4.25)
+
+
+@pytest.fixture(scope="module")
+def recognition() -> Recognition:
+    """Give the recognition of a ghost's last window."""
+    recognizer = Recognizer(builtin_library())
+    answers = [recognizer.push(cue.frame) for cue in ghost_cues("squat1Reps", 1.5)]
+    return [answer for answer in answers if answer][-1]
+
+
+def taken(source: Source, packets: int) -> list[Frame | Announcement]:
+    """Take so many packets, waiting for them."""
+    events: list[Frame | Announcement] = []
+    until = time.monotonic() + PATIENCE
+    while source.counts.received < packets and time.monotonic() < until:
+        events += source.take(1.0) or ()
+    assert source.counts.received == packets
+    return events
+
+
+# --- liblo's programs --------------------------------------------------------------------------------------------
+
+
+def test_oscsend_announces_joints_and_sends_a_frame(liblo_tools: LibloTools) -> None:
+    """Words typed for oscsend arrive as an announcement and a frame, number for number."""
+    positions = ghost_cues("squat1Reps", 0.1)[0].frame.positions
+    numbers = [f"{number:.9g}" for number in positions.ravel().tolist()]
+    with closing(Source(osc.OscReceiver(LOOPBACK, 0), OscDecoder())) as source:
+        port = source.receiver.address[1]
+        liblo_tools.send(port, "/motion/skeleton", "s" * 32, "Ada Ä", *SKELETON.joints)
+        liblo_tools.send(port, "/motion/frame", "sd" + "f" * 93, "Ada Ä", 2.5, *numbers)
+        liblo_tools.send(port, "/motion/frame", "sdff", "Ada Ä", 2.5, 1.0, 2.0)
+        liblo_tools.send(port, "/elsewhere", "iTF", 1)
+        announced, frame = taken(source, 4)
+        assert (source.counts.malformed, source.counts.foreign) == (1, 1)
+    assert announced == Announcement("Ada Ä", SKELETON.joints)
+    assert isinstance(frame, Frame)
+    assert (frame.performer, frame.time) == ("Ada Ä", 2.5)
+    np.testing.assert_array_equal(frame.positions.astype(np.float32), positions)
+
+
+@pytest.mark.usefixtures("no_waiting")
+def test_oscsend_sends_joints_one_by_one(liblo_tools: LibloTools) -> None:
+    """OSCeleton's loose joint messages from oscsend make its frame, in metres, moved as a whole at most."""
+    positions = ghost_cues("squat1Reps", 0.1)[0].frame.positions
+    places = dict(zip(SKELETON.joints, positions.astype(np.float64), strict=True))
+    preset = builtin_preset("osceleton")
+    with closing(FeedSource(osc.OscReceiver(LOOPBACK, 0), preset)) as source:
+        packets = LAYOUTS["osceleton"][1](Moment(places, 1.0, 0))
+        for packet in packets:
+            (joint,) = decode_packet(packet)
+            name, user, *xyz = joint.arguments
+            liblo_tools.send(source.receiver.address[1], joint.address, "sifff", name, user, *xyz)
+        events = [*taken(source, len(packets)), *source.tend(2.0)]
+        assert (source.counts.malformed, source.counts.foreign, source.counts.incomplete) == (0, 0, 0)
+    announced, frame = events
+    assert announced == Announcement("1", preset.joints)
+    assert isinstance(frame, Frame)
+    sent = np.array([places[joint] for joint in preset.joints])
+    # Where its camera stands is not in the messages.
+    moved = frame.positions - sent
+    np.testing.assert_allclose(moved, np.broadcast_to(moved.mean(axis=0), sent.shape), atol=1e-5)
+
+
+def same(printed: Dumped, packet: bytes) -> bool:
+    """Compare oscdump's line with the one message of a packet."""
+    (sent,) = decode_packet(packet)
+    assert printed.address == sent.address
+    assert len(printed.values) == len(sent.arguments)
+    for ours, theirs in zip(sent.arguments, printed.values, strict=True):
+        assert theirs == (pytest.approx(ours, abs=PRINTED) if isinstance(ours, float) else ours)
+    return True
+
+
+def test_oscdump_prints_what_we_answer(liblo_tools: LibloTools, recognition: Recognition) -> None:
+    """A recognition's bundle comes apart into class, label and scores; event, classes and status come whole."""
+    with liblo_tools.dumping() as dump:
+        with closing(LayoutSink(NativeLayout(), osc.OscSender(LOOPBACK, dump.port))) as sink:
+            sink.publish(recognition)
+            sink.publish_event(START)
+            sink.publish_classes(CLASSES)
+            sink.publish_status(STATUS)
+        named, guess, label, scores, event, classes, status = dump.wait_for(lambda heard: len(heard) >= 7)
+    assert (named.address, named.types) == ("/motion/ghost/class", "iff")
+    assert named.values == pytest.approx((recognition.guess_index, recognition.score, recognition.margin), abs=PRINTED)
+    assert (label.address, label.types, label.values) == ("/motion/ghost/label", "s", (recognition.label,))
+    assert (scores.address, scores.types) == ("/motion/ghost/scores", "f" * len(CLASSES))
+    assert scores.values == pytest.approx(recognition.scores.tolist(), abs=PRINTED)
+    # Events tell seconds since the performer's first answer.
+    assert same(event, osc.encode_event(replace(START, time=START.time - recognition.time)))
+    assert (guess.address, guess.types) == ("/motion/ghost/guess", "i")
+    assert event.types == "ssiff"
+    assert (classes.address, classes.values) == ("/motion/classes", CLASSES)
+    assert same(status, osc.encode_status(STATUS))
+
+
+def test_a_file_of_packets_is_answered(liblo_tools: LibloTools) -> None:
+    """A feed that oscdump wrote and oscsendfile sends again is named by `kinespace live`."""
+    # OSCeleton's messages: oscsendfile cannot read lines as long as those of our frames.
+    cues = ghost_cues("kickLFront1Reps", 2.5)[::4]
+    with ExitStack() as stack:
+        kept, heard = stack.enter_context(liblo_tools.dumping()), stack.enter_context(liblo_tools.dumping())
+        joints = 0
+        with closing(osc.OscSender(LOOPBACK, kept.port)) as sender:
+            start = time.monotonic()
+            for number, cue in enumerate(cues):
+                time.sleep(max(0.0, start + cue.due - time.monotonic()))
+                places = dict(zip(SKELETON.joints, cue.frame.positions, strict=True))
+                for packet in LAYOUTS["osceleton"][1](Moment(places, 1.0, number)):
+                    sender.send(packet)
+                    joints += 1
+        assert len(kept.wait_for(lambda found: len(found) >= joints)) == joints
+        ends = ("--osc-in", f"{LOOPBACK}:0", "--osc-out", f"{LOOPBACK}:{heard.port}")
+        program = stack.enter_context(started("live", "--plain", "--feed", "osceleton", *ends))
+        port = int(program.expect(r"listening on osceleton 127\.0\.0\.1:(\d+)")[1])
+        # A busy machine may be late for the first: answers that have waited for too long are not sent.
+        for _ in range(3):
+            liblo_tools.send_file(port, kept.file)
+        named = ("/motion/1/label", "s", ("kickLFront1Reps",))
+        answers = heard.wait_for(lambda found: named in found)
+        assert (program.interrupt(), program.errors) == (0, "")
+        made = re.search(r"feed osceleton: (\d+) frames made", program.output)
+        assert made
+        assert int(made[1]) >= len(cues) - 5
+        assert "malformed 0" in program.output
+    assert named in answers
+
+
+# --- liblo's Python module ---------------------------------------------------------------------------------------
+
+Understood = tuple[str, list[object]]
+
+
+@pytest.fixture
+def understood(pyliblo: ModuleType) -> Iterator[Callable[[bytes], list[Understood]]]:
+    """Give liblo's reading of a datagram: addresses and arguments."""
+    server, came = pyliblo.Server(None), list[Understood]()
+    server.add_method(None, None, lambda address, arguments: came.append((address, arguments)))
+
+    def take(datagram: bytes) -> list[Understood]:
+        came.clear()
+        sender.sendto(datagram, (LOOPBACK, server.port))
+        assert server.recv(int(PATIENCE * 1000))
+        return [*came]
+
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
+        yield take
+    server.free()
+
+
+def ours(datagram: bytes) -> list[Understood]:
+    """Read a datagram with our decoder."""
+    return [(each.address, [*each.arguments]) for each in decode_packet(datagram)]
+
+
+@pytest.mark.parametrize("name", [name for name in LAYOUTS if builtin_preset(LAYOUTS[name][0]).packing == "osc"])
+def test_liblo_reads_other_products_packets_as_we_do(
+    name: str, understood: Callable[[bytes], list[Understood]]
+) -> None:
+    """Each golden packet, bundles unpacked, is read by liblo as by our decoder."""
+    (cue,) = ghost_cues("squat1Reps", 0.1)[:1]
+    packets = LAYOUTS[name][1](Moment(dict(zip(SKELETON.joints, cue.frame.positions, strict=True)), 1.0, 0))
+    packets.append(PACKETS[LAYOUTS[name][0]].packet)
+    for packet in packets:
+        assert understood(packet) == ours(packet)
+
+
+@pytest.mark.parametrize("name", layouts.LAYOUTS)
+def test_liblo_reads_our_answers_in_every_layout(
+    name: str, understood: Callable[[bytes], list[Understood]], recognition: Recognition
+) -> None:
+    """Answers, events, classes and status of each layout are read by liblo as they were written."""
+    layout = layouts.LAYOUTS[name]()
+    told = (layout.recognition(recognition), layout.event(START), layout.classes(CLASSES), layout.status(STATUS))
+    packets = [packet for packet in told if packet is not None]
+    assert packets
+    for packet in packets:
+        assert understood(packet) == ours(packet)
+
+
+def test_liblo_sends_bundles(pyliblo: ModuleType) -> None:
+    """A VMC frame in bundles of at most 13 bones that liblo packs is the frame that goes over the wire loose."""
+    (cue,) = ghost_cues("squat1Reps", 0.1)[:1]
+    places = dict(zip(SKELETON.joints, cue.frame.positions, strict=True))
+    sent = [each for packet in LAYOUTS["vmc loose"][1](Moment(places, 1.0, 0)) for each in decode_packet(packet)]
+    bones = [pyliblo.Message(each.address, *each.arguments) for each in sent]
+    frames = []
+    for together in (True, False):
+        with closing(FeedSource(osc.OscReceiver(LOOPBACK, 0), builtin_preset("vmc"))) as source:
+            target = pyliblo.Address(LOOPBACK, source.receiver.address[1])
+            # Not nested, which crashes pyliblo3 0.17.
+            packed = [pyliblo.Bundle(*bones[:13]), pyliblo.Bundle(*bones[13:])] if together else bones
+            for each in packed:
+                pyliblo.send(target, each)
+            events = [*taken(source, len(packed)), *source.tend(2.0)]
+            assert (source.counts.malformed, source.counts.foreign) == (0, 0)
+        frames += [event for event in events if isinstance(event, Frame)]
+    bundled, loose = frames
+    np.testing.assert_array_equal(bundled.positions, loose.positions)
+
+
+def test_liblo_and_we_agree_on_every_type(understood: Callable[[bytes], list[Understood]]) -> None:
+    """Integers, floats, doubles, text with spaces and empty text, in nested bundles."""
+    inner = bundle(message("/c", "sN", "x y"), message("/d", "d", -2.5e300))
+    packet = bundle(message("/a", "if", -7, 0.1), inner, message("/e"))
+    assert understood(packet) == ours(packet) != []

@@ -1,0 +1,130 @@
+"""Figures and their intervals: compared with drawing by hand, and for few units."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+import naive_score
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from kinespace.tools.evaluation.scoring.bootstrap import RESAMPLES, Percentile, Ratio, RocArea
+
+if TYPE_CHECKING:
+    from kinespace.tools.evaluation.scoring.bootstrap import Figure
+
+FIRST, SECOND = 2012, 2013
+
+
+def _repeated(values: list[list[float]], counts: list[int]) -> list[float]:
+    return [value for each, count in zip(values, counts, strict=True) for value in each * count]
+
+
+# --- shares and rates --------------------------------------------------------------------------------------------
+
+
+@given(st.integers(0, 2**32 - 1), st.integers(1, 12))
+def test_a_ratio_is_drawn_by_units(seed: int, units: int) -> None:
+    """A share of drawn units is the quotient of the two sums over them."""
+    generator = np.random.default_rng(seed)
+    among = generator.integers(0, 20, units).tolist()
+    counted = [int(generator.integers(0, each + 1)) for each in among]
+    figure = Ratio(counted, among, 60.0)
+    shares = [
+        60 * sum(np.multiply(counts, counted)) / below if (below := sum(np.multiply(counts, among))) else None
+        for counts in naive_score.drawn_again(units, FIRST)
+    ]
+    assert figure.value() == (pytest.approx(60 * sum(counted) / sum(among)) if sum(among) else None)
+    expected = naive_score.middle(shares)
+    assert figure.interval() == (expected and pytest.approx(expected))
+
+
+def test_more_units_make_a_figure_surer() -> None:
+    """With nine in ten right, the interval of 400 segments is about a quarter as wide as that of 25."""
+    widths = []
+    for units in (25, 400):
+        right = [float(index % 10 != 0) for index in range(units)]
+        low, high = Ratio(right, [1.0] * units).interval() or (0.0, 0.0)
+        assert low <= 0.9 <= high
+        widths.append(high - low)
+    assert widths[1] == pytest.approx(widths[0] / 4, rel=0.3)
+
+
+def test_a_ratio_of_units_that_agree_is_sure() -> None:
+    """Where every unit has the same share no draw has another."""
+    assert Ratio([1, 2, 3], [2, 4, 6]).interval() == (0.5, 0.5)
+
+
+# --- percentiles -------------------------------------------------------------------------------------------------
+
+
+@given(st.integers(0, 2**32 - 1), st.sampled_from([50.0, 90.0]))
+def test_a_percentile_is_drawn_by_units(seed: int, percent: float) -> None:
+    """A percentile of drawn units is that of all their values; a unit without values adds none."""
+    generator = np.random.default_rng(seed)
+    values = [generator.random(generator.integers(0, 3)).tolist() for _ in range(6)]
+    figure = Percentile(values, percent)
+    assert figure.value() == _approx(naive_score.percentile([each for unit in values for each in unit], percent))
+    drawn = [naive_score.percentile(_repeated(values, counts), percent) for counts in naive_score.drawn_again(6, FIRST)]
+    expected = naive_score.middle(drawn)
+    assert figure.interval() == (expected and pytest.approx(expected))
+
+
+def _approx(value: float | None) -> object:
+    return None if value is None else pytest.approx(value)
+
+
+# --- ROC area ----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_roc_area_is_drawn_by_units(seed: int) -> None:
+    """Both kinds are drawn again, each by itself, and every pair of values is compared; ties count half."""
+    generator = np.random.default_rng(seed)
+    kinds = [
+        [(generator.integers(0, 6, generator.integers(0, 4)) + shift).astype(float) for _ in range(4)]
+        for shift in (1, 0)
+    ]
+    figure = RocArea(*kinds)
+    higher, lower = ([each.tolist() for each in kind] for kind in kinds)
+    flat = [[value for each in kind for value in each] for kind in (higher, lower)]
+    assert figure.value() == pytest.approx(naive_score.roc_area(*flat))
+    areas = [
+        naive_score.roc_area(_repeated(higher, first), _repeated(lower, second))
+        for first, second in zip(naive_score.drawn_again(4, FIRST), naive_score.drawn_again(4, SECOND), strict=True)
+    ]
+    assert figure.interval() == pytest.approx(naive_score.middle(areas))
+
+
+# --- nothing to take a figure of ---------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "figure",
+    [
+        Ratio([], []),
+        Ratio([0.0, 0.0], [0.0, 0.0]),
+        Percentile([], 50),
+        Percentile([[], []], 50),
+        RocArea([], []),
+        RocArea([np.ones(3)], []),
+        RocArea([np.zeros(0)], [np.ones(2)]),
+    ],
+    ids=lambda figure: f"{figure}"[:30],
+)
+def test_of_nothing_there_is_no_figure(figure: Figure) -> None:
+    """Without units, or with empty ones, there is neither a figure nor an interval: None, not zero."""
+    assert figure.value() is None
+    assert figure.interval() is None
+
+
+def test_the_same_figure_has_the_same_interval() -> None:
+    """Draws are seeded, a thousand of them: twice the same units have the same interval, others another."""
+    intervals = [Ratio(counted, [1.0] * 9).interval() for counted in ([1.0] * 5 + [0.0] * 4,) * 2]
+    assert intervals[0] == intervals[1]
+    assert RESAMPLES == 1000
+    ends = [Ratio([float(index < right) for index in range(9)], [1.0] * 9).interval() for right in range(1, 9)]
+    assert all(first < second for first, second in pairwise(ends) if first and second)

@@ -1,0 +1,128 @@
+"""Which library recognises which take: no library contains a motion that the protocol leaves out."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, NoReturn
+
+import pytest
+from synthetic import STICK_CLASSES, stick_clip
+
+from kinespace.library import NOTHING, MotionLibrary
+from kinespace.library.formats.labels import Segment
+from kinespace.tools.evaluation.scoring.protocols import Protocol, folds_of
+from kinespace.tools.evaluation.takes import Take
+
+if TYPE_CHECKING:
+    from kinespace.tools.evaluation.scoring.protocols import Fold
+
+
+def _take(person: str, number: int, label: str = "") -> Take:
+    """Make a take of half a second of each of two classes, or of one thing throughout."""
+    clip = replace(stick_clip("wave", seed=number, frames=120, actor=person), class_name="", name=f"{person}{number}")
+    if label:
+        return Take(clip, (Segment(0.0, clip.duration, label),))
+    first, second = STICK_CLASSES[number % 3], STICK_CLASSES[(number + 1) % 3]
+    return Take(clip, (Segment(0.0, 0.5, first), Segment(0.5, 1.0, second)))
+
+
+@pytest.fixture
+def takes() -> list[Take]:
+    """Give two takes each of ann and ben, one of cid."""
+    return [_take(*each) for each in (("ann", 1), ("ann", 2), ("ben", 3), ("ben", 4), ("cid", 5))]
+
+
+def _unused() -> NoReturn:
+    raise AssertionError
+
+
+def _names(fold: Fold) -> list[str]:
+    return [take.clip.name for take in fold.takes]
+
+
+def _sources(fold: Fold) -> set[str]:
+    """Name the takes that a fold's library was cut from."""
+    return {motion.take for motion in fold.library.motions}
+
+
+def test_one_library_recognises_all(takes: list[Take]) -> None:
+    """With the library's protocol there is one fold of everything, with the library given."""
+    library = MotionLibrary.of_clips([stick_clip("wave")])
+    (fold,) = folds_of(takes, Protocol.LIBRARY, lambda: library)
+    assert fold.library is library
+    assert fold.takes == tuple(takes)
+    assert fold.person == ""
+
+
+def test_each_take_is_recognised_by_the_others(takes: list[Take]) -> None:
+    """Leaving one take out its library is cut from all others, the same person's among them."""
+    folds = folds_of(takes, Protocol.LEAVE_ONE_TAKE_OUT, _unused)
+    everybody = {take.clip.name for take in takes}
+    assert [_names(fold) for fold in folds] == [[take.clip.name] for take in takes]
+    assert [_sources(fold) for fold in folds] == [everybody - {take.clip.name} for take in takes]
+    assert {fold.person for fold in folds} == {""}
+    assert len(folds[0].library) == 8
+
+
+def test_each_person_is_recognised_by_the_others(takes: list[Take]) -> None:
+    """Leaving one person out no motion of that person is in the library; one library is for all takes of a person."""
+    folds = {fold.person: fold for fold in folds_of(takes, Protocol.LEAVE_ONE_PERSON_OUT, _unused)}
+    assert {person: _names(fold) for person, fold in folds.items()} == {
+        "ann": ["ann1", "ann2"],
+        "ben": ["ben3", "ben4"],
+        "cid": ["cid5"],
+    }
+    for person, fold in folds.items():
+        assert set(fold.library.actors) == {"ann", "ben", "cid"} - {person}
+
+
+def test_each_person_recognises_all_others(takes: list[Take]) -> None:
+    """A library of one person is asked by all other persons, never by that person."""
+    folds = {fold.person: fold for fold in folds_of(takes, Protocol.ONE_PERSON, _unused)}
+    assert {person: _names(fold) for person, fold in folds.items()} == {
+        "ann": ["ben3", "ben4", "cid5"],
+        "ben": ["ann1", "ann2", "cid5"],
+        "cid": ["ann1", "ann2", "ben3", "ben4"],
+    }
+    for person, fold in folds.items():
+        assert fold.library.actors == (person,)
+
+
+def test_unlabelled_takes_are_asked_of_whoever_is_another(takes: list[Take]) -> None:
+    """A take without labels is recognised by every library without motions of its person."""
+    unlabelled = [_take("ann", 6, NOTHING), _take("zoe", 7, NOTHING), replace(_take("", 8), segments=())]
+    everything = [*takes, *unlabelled]
+    asked = {
+        protocol: {
+            fold.person: {*_names(fold)} & {"ann6", "zoe7", "8"} for fold in folds_of(everything, protocol, _unused)
+        }
+        for protocol in (Protocol.LEAVE_ONE_TAKE_OUT, Protocol.LEAVE_ONE_PERSON_OUT, Protocol.ONE_PERSON)
+    }
+    assert asked[Protocol.LEAVE_ONE_TAKE_OUT] == {"": {"ann6", "zoe7", "8"}}
+    assert asked[Protocol.LEAVE_ONE_PERSON_OUT] == {"ann": {"ann6"}, "ben": set(), "cid": set(), "": {"zoe7", "8"}}
+    strangers = {"zoe7", "8"}
+    assert asked[Protocol.ONE_PERSON] == {"ann": strangers, "ben": {"ann6"} | strangers, "cid": {"ann6"} | strangers}
+    for protocol in asked:
+        assert all("ann6" not in _sources(fold) for fold in folds_of(everything, protocol, _unused))
+
+
+@pytest.mark.parametrize(
+    ("kept", "protocol", "message"),
+    [
+        (slice(0, 1), Protocol.LEAVE_ONE_TAKE_OUT, "leave-one-take-out: expected at least two labelled takes, got 1"),
+        (slice(0, 0), Protocol.LEAVE_ONE_TAKE_OUT, "expected at least two labelled takes, got none"),
+        (slice(0, 2), Protocol.ONE_PERSON, "--protocol one-person: expected at least two labelled persons, got 1"),
+        (slice(4, 5), Protocol.LEAVE_ONE_PERSON_OUT, "expected at least two labelled persons, got 1"),
+    ],
+)
+def test_nobody_left_is_an_error(takes: list[Take], kept: slice, protocol: Protocol, message: str) -> None:
+    """One take, or one person, leaves no motion for a library; unlabelled takes do not help."""
+    with pytest.raises(ValueError, match=message):
+        folds_of([*takes[kept], _take("zoe", 7, NOTHING)], protocol, _unused)
+
+
+@pytest.mark.parametrize("protocol", [Protocol.LEAVE_ONE_PERSON_OUT, Protocol.ONE_PERSON])
+def test_persons_must_be_told(takes: list[Take], protocol: Protocol) -> None:
+    """A labelled take without a person is named, with the option that tells persons."""
+    with pytest.raises(ValueError, match=r"^9: expected a name that tells the actor, .* --actor-in"):
+        folds_of([*takes, _take("", 9)], protocol, _unused)

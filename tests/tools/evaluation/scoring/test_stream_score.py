@@ -1,0 +1,492 @@
+"""How streams are scored: each figure of a course with known answers, and of random courses against a naive count."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, replace
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+import naive_score
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from naive_score import Moment
+
+from kinespace.library.formats.labels import Segment
+from kinespace.stream.recognition import Event, EventKind, Outcome, Recognition
+from kinespace.tools.evaluation.scoring.stream_score import (
+    LOWER_IS_BETTER,
+    Basis,
+    ClassScore,
+    StreamScore,
+    score_courses,
+)
+from kinespace.tools.evaluation.scoring.stretches import LASTING
+from kinespace.tools.evaluation.scoring.timeline import NONE, Course, confusion, course_of
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+CLASSES = ("bow", "jump", "wave")
+BOW, JUMP, WAVE = range(3)
+#: Eight frames a second, whose times are whole in binary.
+RATE = 8
+TIMES = np.arange(64) / RATE
+SECONDS = 7.875
+SEGMENTS = (Segment(0, 2, "bow"), Segment(2.5, 5, "jump"), Segment(5, 7.5, "juggle"), Segment(7.5, 9, "wave"))
+#: From when on which class is the guess, is published, has its event.
+GUESSES = {0.5: BOW, 0.625: WAVE, 0.875: BOW, 2.75: JUMP, 3.5: BOW, 3.625: JUMP, 5.25: WAVE, 7.5: BOW}
+HELD_BACK = ((4.0, 4.5), (6.0, 6.5), (7.0, 8.0))
+EVENTS = {1.0: BOW, 3.0: JUMP, 6.625: WAVE}
+SCORES = {0.5: 0.9, 2.5: 0.8, 6.75: 0.95}
+
+
+def _held(values: Mapping[float, float], before: float, times: np.ndarray = TIMES) -> np.ndarray:
+    """Lay out values that each hold until the next."""
+    return np.array([([before] + [value for since, value in values.items() if since <= time])[-1] for time in times])
+
+
+def _segment(times: np.ndarray, segments: Sequence[Segment]) -> np.ndarray:
+    inside = [[index for index, each in enumerate(segments) if each.start <= time < each.end] for time in times]
+    return np.array([found[0] if found else -1 for found in inside])
+
+
+def _course() -> Course:
+    """Write a course by hand."""
+    segment = _segment(TIMES, SEGMENTS)
+    guess = _held(GUESSES, NONE)
+    published = guess.copy()
+    for begin, end in HELD_BACK:
+        published[(begin <= TIMES) & (end > TIMES)] = NONE
+    return Course(
+        name="take",
+        times=TIMES,
+        segments=SEGMENTS,
+        truth=np.array([BOW, JUMP, NONE, WAVE, NONE])[segment],
+        labelled=segment >= 0,
+        segment=segment,
+        guess=guess,
+        published=published,
+        event=_held(EVENTS, NONE),
+        score=_held(SCORES, np.nan),
+    )
+
+
+#: Counted with paper and pencil.
+KNOWN_ANSWERS = {
+    "frame_accuracy": (10 + 17 + 0) / 40,
+    "segment_accuracy": (8 + 11) / 20,
+    "known_answered": (8 + 8) / 20,
+    "segments_found": 2 / 3,
+    "median_delay_s": (0.875 + 0.25) / 2,
+    "p90_delay_s": 0.25 + 0.9 * 0.625,
+    "median_seen": (0.875 / 2 + 0.25 / 2.5) / 2,
+    "median_event_delay_s": 0.5,
+    "false_per_minute": 2 * 60 / (20 / 64 * SECONDS),
+    "unknown_answered": 12 / 20,
+    "changes_per_minute": 2 * 60 / SECONDS,
+    "true_changes_per_minute": 4 * 60 / SECONDS,
+    "auc_unknown": 0.35,
+    "segment_majority": 2 / 3,
+    "false_starts_per_minute": 60 / (20 / 64 * SECONDS),
+    "takes_found": None,
+}
+
+
+def _figures(courses: Sequence[Course], window: float = 1.0) -> dict[str, float | None]:
+    return score_courses(courses, CLASSES, window).figures()
+
+
+# --- a course with known answers ---------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", KNOWN_ANSWERS)
+def test_a_course_counted_by_hand(name: str) -> None:
+    """Each figure of a take of eight seconds equals one counted by hand."""
+    assert _figures([_course()])[name] == (KNOWN_ANSWERS[name] and pytest.approx(KNOWN_ANSWERS[name], rel=1e-12))
+
+
+def test_no_figure_is_left_uncounted() -> None:
+    """There is no figure that was not counted by hand."""
+    assert set(_figures([_course()])) == set(KNOWN_ANSWERS)
+
+
+def test_classes_counted_by_hand() -> None:
+    """Each class has its seconds, the share guessed right, and of that the share with the last second inside."""
+    expected = {"bow": (16, 10 / 16, 1.0), "jump": (20, 17 / 20, 11 / 12), "wave": (4, 0.0, 0.0)}
+    scores = score_courses([_course()], CLASSES, 1.0).classes
+    assert list(scores) == list(CLASSES)
+    for name, (frames, right, right_inside) in expected.items():
+        exact = ClassScore(frames / 64 * SECONDS, right, right_inside)
+        assert asdict(scores[name]) == pytest.approx(asdict(exact))
+
+
+def test_a_take_twice_has_the_figures_of_once() -> None:
+    """Takes are scored together: the same take twice has the same figures, but for the 90 % of twice as many delays."""
+    assert _figures([_course(), _course()]) == pytest.approx({**KNOWN_ANSWERS, "p90_delay_s": 0.875})
+
+
+# --- what figures rest on ----------------------------------------------------------------------------------------
+
+
+def test_figures_say_what_they_rest_on() -> None:
+    """Seconds, segments and persons of known and unknown motions are counted; an unknown person counts as none."""
+    named = replace(_course(), person="ann")
+    score = score_courses([named, replace(named, name="other", person="ben")], CLASSES, 1.0)
+    assert score.known == Basis(pytest.approx(2 * 40 / 64 * SECONDS), 6, 2)
+    assert score.unknown == Basis(pytest.approx(2 * 20 / 64 * SECONDS), 2, 2)
+    assert score.containing == Basis(0.0, 0, 0)
+    assert score_courses([_course(), named], CLASSES, 1.0).known.persons is None
+
+
+def test_a_take_asked_of_two_libraries_counts_once() -> None:
+    """The answers of several libraries to one segment enter the figure, but the segment counts once."""
+    right = _course()
+    wrong = replace(right, guess=np.full(64, NONE))
+    score = score_courses([right, wrong], CLASSES, 1.0)
+    assert (score.known.segments, score.known.seconds) == (3, pytest.approx(40 / 64 * SECONDS))
+    assert score.frame_accuracy == pytest.approx(KNOWN_ANSWERS["frame_accuracy"] / 2)
+    assert score.classes["bow"].seconds == pytest.approx(16 / 64 * SECONDS)
+
+
+def test_a_segment_half_of_which_is_right_is_not_mostly_right() -> None:
+    """The majority is more than half of a segment's frames."""
+    course = _course()
+    for frames, expected in ((8, 0.0), (9, 1 / 3)):
+        guess = np.where(np.arange(64) < frames, BOW, NONE)
+        assert _figures([replace(course, guess=guess)])["segment_majority"] == pytest.approx(expected)
+
+
+def test_a_class_is_found_that_is_named_at_some_time() -> None:
+    """Of the classes that takes contain the share counts that was named, if only once; guesses do not count."""
+    still = np.full(64, NONE)
+    once = still.copy()
+    once[40] = WAVE
+    empty = replace(_course(), segments=(), segment=still, truth=still, labelled=still >= 0, guess=np.full(64, BOW))
+    takes = [
+        replace(empty, name="one", published=once, contains=(WAVE, BOW), person="ann"),
+        replace(empty, name="two", published=still, contains=(WAVE,), person="ann"),
+        replace(empty, name="three", published=once),
+    ]
+    score = score_courses(takes, CLASSES, 1.0)
+    assert score.takes_found == pytest.approx(1 / 3)
+    assert score.containing == Basis(pytest.approx(2 * SECONDS), 2, 1)
+    assert (score.known.segments, score.unknown.segments) == (0, 0)
+    assert score.frame_accuracy is None
+
+
+def test_every_figure_has_an_interval_around_it() -> None:
+    """Of many takes every figure there is lies in its interval; without any asked for there are none."""
+    generator = np.random.default_rng(5)
+    courses = [replace(_random_course(generator, 300), name=f"take {index}") for index in range(8)]
+    score = score_courses(courses, CLASSES, 0.5, intervals=True)
+    assert set(score.intervals) == set(KNOWN_ANSWERS)
+    for name, value in score.figures().items():
+        ends = score.intervals[name]
+        if value is None:
+            assert ends is None
+        else:
+            assert ends is not None
+            assert ends[0] <= value <= ends[1], name
+    assert score.intervals["frame_accuracy"][0] < score.intervals["frame_accuracy"][1]
+    assert score_courses(courses, CLASSES, 0.5).intervals == {}
+
+
+def test_intervals_are_those_of_segments_drawn_again() -> None:
+    """An interval is that of shares over segments drawn with replacement, each with all answers to it."""
+    generator = np.random.default_rng(6)
+    one, other = (_random_course(generator, 300) for _ in range(2))
+    known = sorted({int(index) for index in one.segment[one.truth != NONE]})
+    answers = [replace(one, guess=each) for each in (one.guess, other.guess)]
+    right = [[int((each.guess == each.truth)[each.segment == index].sum()) for each in answers] for index in known]
+    frames = [2 * int((one.segment == index).sum()) for index in known]
+    shares = [
+        sum(count * sum(each) for count, each in zip(counts, right, strict=True))
+        / sum(count * each for count, each in zip(counts, frames, strict=True))
+        for counts in naive_score.drawn_again(len(known), 2012)
+    ]
+    score = score_courses(answers, CLASSES, 1.0, intervals=True)
+    assert score.intervals["frame_accuracy"] == pytest.approx(naive_score.middle(shares))
+
+
+def test_it_is_known_of_every_figure_which_way_is_better() -> None:
+    """All names in `LOWER_IS_BETTER` are names of figures."""
+    assert set(KNOWN_ANSWERS) > LOWER_IS_BETTER
+    assert "true_changes_per_minute" not in LOWER_IS_BETTER
+    assert set(StreamScore.__slots__) > set(KNOWN_ANSWERS)
+
+
+def test_no_frame_between_two_takes_is_a_change() -> None:
+    """The border between two takes is no change."""
+    course = _course()
+    still = np.full(64, NONE)
+    quiet = Course("quiet", TIMES, SEGMENTS[:1], still, still >= 0, still, still, still, still, np.full(64, np.nan))
+    together = score_courses([course, quiet], CLASSES, 1.0)
+    assert together.changes_per_minute == pytest.approx(KNOWN_ANSWERS["changes_per_minute"] / 2)
+    assert together.true_changes_per_minute == pytest.approx(KNOWN_ANSWERS["true_changes_per_minute"] / 2)
+
+
+@pytest.mark.parametrize(
+    ("track", "changes"),
+    [
+        ((), 0),
+        ((NONE,) * 8, 0),
+        ((NONE, NONE, BOW, BOW), 0),
+        ((BOW, BOW, NONE), 1),
+        ((NONE, BOW, NONE, BOW, JUMP), 3),
+        ((BOW, JUMP, NONE), 2),
+    ],
+)
+def test_the_first_motion_is_no_change(track: tuple[int, ...], changes: int) -> None:
+    """Changes count after the first motion, in the answers and in the labels."""
+    course = _course()
+    event = np.full(64, track[-1] if track else NONE)
+    event[: len(track)] = track
+    score = score_courses([Course(**{**_fields(course), "event": event, "truth": event})], CLASSES, 1.0)
+    assert score.changes_per_minute == pytest.approx(changes * 60 / SECONDS)
+    assert score.true_changes_per_minute == pytest.approx(changes * 60 / SECONDS)
+
+
+def test_where_there_is_nothing_to_count_there_is_no_figure() -> None:
+    """Without known motions there is no accuracy, without unknown ones no false answer; None, not zero."""
+    course = _course()
+    known, unknown = (
+        Course(
+            **{**_fields(course), "segments": segments, "segment": segment, "labelled": segment >= 0, "truth": truth}
+        )
+        for segments, segment, truth in [
+            (SEGMENTS[:1], np.where(course.segment == 0, 0, -1), np.where(course.segment == 0, BOW, NONE)),
+            (SEGMENTS[2:3], np.where(course.segment == 2, 0, -1), np.full(64, NONE)),
+        ]
+    )
+    of_known = {"frame_accuracy", "segment_accuracy", "known_answered", "segments_found"}
+    of_known |= {
+        "segment_majority",
+        "takes_found",
+        "median_delay_s",
+        "p90_delay_s",
+        "median_seen",
+        "median_event_delay_s",
+        "auc_unknown",
+    }
+    assert {name for name, value in _figures([unknown]).items() if value is None} == of_known
+    of_unknown = {"false_per_minute", "unknown_answered", "auc_unknown", "false_starts_per_minute", "takes_found"}
+    assert {name for name, value in _figures([known]).items() if value is None} == of_unknown
+
+
+def test_a_take_of_one_frame_can_be_scored() -> None:
+    """A take that takes no time has no rates to speak of, and is no error."""
+    course = _course()
+    one = {name: value[:1] if isinstance(value, np.ndarray) else value for name, value in _fields(course).items()}
+    figures = _figures([Course(**one)])
+    assert figures["frame_accuracy"] == 0.0
+    assert figures["changes_per_minute"] is None
+    assert figures["false_per_minute"] is None
+
+
+def _fields(course: Course) -> dict[str, object]:
+    return {name: getattr(course, name) for name in Course.__dataclass_fields__}
+
+
+# --- delays ------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("right", "delay"),
+    [
+        ([(0.0, 2.0)], 0.0),
+        ([(1.0, 2.0)], 1.0),
+        ([(0.5, 0.5 + LASTING / 2), (1.25, 2.0)], 1.25),
+        ([(0.5, 0.875), (1.25, 2.0)], 0.5),
+        ([(0.5, 0.75), (1.875, 2.0)], 1.875),
+        ([(0.5, 0.75), (1.0, 1.25)], None),
+        ([], None),
+    ],
+)
+def test_a_delay_lasts_until_a_lasting_right_guess(right: list[tuple[float, float]], delay: float | None) -> None:
+    """The first guess right for 0.3 s, or right up to the segment's end, counts; shorter ones before it do not."""
+    course = _course()
+    guess = np.full(64, WAVE)
+    for begin, end in right:
+        guess[(begin <= TIMES) & (end > TIMES)] = BOW
+    segment = np.where(course.segment == 0, 0, -1)
+    truth = np.where(segment == 0, BOW, NONE)
+    fields = {"segments": SEGMENTS[:1], "segment": segment, "labelled": segment >= 0, "truth": truth, "guess": guess}
+    figures = _figures([Course(**{**_fields(course), **fields})])
+    assert figures["segments_found"] == (0 if delay is None else 1)
+    assert figures["median_delay_s"] == delay
+    assert figures["p90_delay_s"] == delay
+    assert figures["median_seen"] == (None if delay is None else delay / 2)
+
+
+# --- against the twin --------------------------------------------------------------------------------------------
+
+
+def _random_course(generator: np.random.Generator, frames: int) -> Course:
+    edges = np.sort(generator.choice(np.arange(frames), size=12, replace=False)) / 30
+    stretches = [pair for pair, there in zip(pairwise(edges), generator.random(11), strict=True) if there > 0.2]
+    names = (*CLASSES, "juggle", "sleep")
+    segments = tuple(Segment(float(a), float(b), names[generator.integers(5)]) for a, b in stretches)
+    times = np.arange(frames) / 30
+    segment = _segment(times, segments)
+    known = np.array([CLASSES.index(each.label) if each.label in CLASSES else NONE for each in segments])
+    truth = np.where(segment >= 0, known[segment], NONE)
+
+    def flickering(right: float) -> np.ndarray:
+        wrong = np.repeat(generator.integers(-1, 3, frames), generator.integers(1, 12, frames))[:frames]
+        is_right = np.repeat(generator.random(frames) < right, generator.integers(1, 30, frames))[:frames]
+        return np.where(is_right, truth, wrong)
+
+    score = np.round(generator.random(frames) + 0.1 * (truth >= 0), 2)
+    score[:10] = np.nan
+    return Course(
+        "random",
+        times,
+        segments,
+        truth,
+        segment >= 0,
+        segment,
+        flickering(0.7),
+        flickering(0.6),
+        flickering(0.8),
+        score,
+    )
+
+
+def _moments(course: Course) -> list[Moment]:
+    tracks = (course.times, course.segment, course.truth, course.guess, course.published, course.event, course.score)
+    return [
+        Moment(
+            time,
+            segment,
+            course.segments[segment].start,
+            course.segments[segment].end,
+            truth,
+            guess,
+            published,
+            event,
+            score,
+        )
+        for time, segment, truth, guess, published, event, score in zip(
+            *(track.tolist() for track in tracks), strict=True
+        )
+    ]
+
+
+@given(seed=st.integers(0, 2**32 - 1), takes=st.integers(1, 3), window=st.sampled_from([0.0, 0.5, 1.0]))
+@settings(max_examples=30)
+def test_any_course_is_scored_as_a_walk_through_its_moments(seed: int, takes: int, window: float) -> None:
+    """Every figure of random courses is the one that walking through them moment by moment gives."""
+    generator = np.random.default_rng(seed)
+    courses = [_random_course(generator, int(generator.integers(100, 400))) for _ in range(takes)]
+    exact = naive_score.stream_score([_moments(course) for course in courses], window, LASTING)
+    figures = _figures(courses, window)
+    assert figures.keys() == exact.keys()
+    for name, value in exact.items():
+        assert figures[name] == (None if value is None else pytest.approx(value, rel=1e-9)), name
+
+
+@given(seed=st.integers(0, 2**32 - 1), levels=st.sampled_from([2, 10, 1000]))
+@settings(max_examples=30)
+def test_the_roc_area_is_the_share_of_pairs_told_apart(seed: int, levels: int) -> None:
+    """However many scores tie, the area is the share of known and unknown pairs in the right order, ties for half."""
+    generator = np.random.default_rng(seed)
+    course = _course()
+    score = generator.integers(0, levels, 64) / levels
+    score[generator.random(64) < 0.1] = np.nan
+    inside = np.array([TIMES[k] - 1 >= SEGMENTS[course.segment[k]].start and course.segment[k] >= 0 for k in range(64)])
+    known, unknown = (score[inside & condition].tolist() for condition in (course.truth >= 0, course.truth < 0))
+    area = _figures([Course(**{**_fields(course), "score": score})])["auc_unknown"]
+    assert area == pytest.approx(naive_score.roc_area(known, unknown))
+
+
+# --- what was answered when --------------------------------------------------------------------------------------
+
+
+def _recognition(time: float, best: int, score: float, outcome: Outcome = Outcome.NAMED) -> Recognition:
+    scores = np.full(3, 0.01)
+    scores[best] = score
+    return Recognition(
+        performer="p", time=time, outcome=outcome, classes=CLASSES, scores=scores, guess=best, movement=0.1
+    )
+
+
+def test_a_course_holds_each_answer_until_the_next() -> None:
+    """Answers of hops and events hold from their time until the next, at every frame."""
+    changes = sorted({*GUESSES, *SCORES, *(edge for stretch in HELD_BACK for edge in stretch)} - {2.5, 8.0})
+    hand = _course()
+    recognitions = [
+        _recognition(
+            time,
+            hand.guess[round(time * RATE)],
+            hand.score[round(time * RATE)],
+            Outcome.NAMED if hand.published[round(time * RATE)] >= 0 else Outcome.UNKNOWN,
+        )
+        for time in [*changes, 2.5]
+    ]
+    recognitions.sort(key=lambda each: each.time)
+    events = [Event("p", EventKind.START, "bow", BOW, 0.9, 1.0)]
+    for time, index in list(EVENTS.items())[1:]:
+        events.append(Event("p", EventKind.END, events[-1].label, events[-1].index, 0.9, time))
+        events.append(Event("p", EventKind.START, CLASSES[index], index, 0.9, time))
+    course = course_of(
+        "take", TIMES, SEGMENTS, classes=CLASSES, known=CLASSES, recognitions=recognitions, events=events
+    )
+    for name, value in _fields(hand).items():
+        assert np.array_equal(getattr(course, name), value, equal_nan=name == "score"), name
+
+
+def test_an_answer_between_two_frames_counts_from_the_next() -> None:
+    """An answer after a frame's time does not count for that frame."""
+    recognitions = [_recognition(1.01, BOW, 0.9), _recognition(2.0, JUMP, 0.8)]
+    course = course_of("take", TIMES, SEGMENTS, classes=CLASSES, known=CLASSES, recognitions=recognitions, events=[])
+    assert course.guess[7:10].tolist() == [NONE, NONE, BOW]
+    assert course.guess[15:17].tolist() == [BOW, JUMP]
+    assert set(course.event) == {NONE}
+
+
+def test_still_is_no_guess_and_unknown_is_one() -> None:
+    """A still body has no guess; an unknown motion has a guess that is not named."""
+    recognitions = [_recognition(1.0, BOW, 0.9, Outcome.STILL), _recognition(2.0, BOW, 0.9, Outcome.UNKNOWN)]
+    course = course_of("take", TIMES, SEGMENTS, classes=CLASSES, known=CLASSES, recognitions=recognitions, events=[])
+    assert set(course.guess[:16]) == {NONE}
+    assert set(course.guess[16:]) == {BOW}
+    assert set(course.published) == {NONE}
+
+
+def test_a_take_without_labels_has_no_segment() -> None:
+    """Without labels no frame is labelled; classes that the library does not know are ignored."""
+    course = course_of(
+        "take",
+        TIMES,
+        (),
+        classes=CLASSES,
+        known=("bow",),
+        recognitions=[_recognition(1.0, BOW, 0.9)],
+        events=[],
+        person="ann",
+        contains=("wave", "bow"),
+    )
+    assert set(course.segment) == {-1}
+    assert set(course.truth) == {NONE}
+    assert not course.labelled.any()
+    assert (course.person, course.contains, course.seconds) == ("ann", (BOW,), SECONDS)
+    assert set(course.published[8:]) == {BOW}
+
+
+def test_what_the_library_does_not_know_is_unknown() -> None:
+    """A class of another take's library that this one's does not know is unknown here, and labelled all the same."""
+    course = course_of("take", TIMES, SEGMENTS, classes=CLASSES, known=("bow", "wave"), recognitions=[], events=[])
+    assert set(course.truth[course.segment == 1]) == {NONE}
+    assert course.labelled[course.segment == 1].all()
+    assert set(course.truth[course.segment == 3]) == {WAVE}
+
+
+def test_the_confusion_is_the_share_of_each_labels_time() -> None:
+    """Each label's row, unknown ones too, says which share of its frames was answered with what, none last."""
+    labels, answers, shares = confusion([_course(), _course()], CLASSES)
+    assert labels == ["bow", "juggle", "jump", "wave"]
+    assert answers == [*CLASSES, "none"]
+    expected = [[10, 0, 2, 4], [0, 2, 10, 8], [3, 13, 0, 4], [0, 0, 0, 4]]
+    assert shares == pytest.approx(np.array(expected) / [[16], [20], [20], [4]])

@@ -1,0 +1,1 @@
+"""Scores of a stream: protocols, timelines, figures with their intervals."""

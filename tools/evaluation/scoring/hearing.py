@@ -1,0 +1,145 @@
+"""Motions that are heard once and asked of many libraries: their windows are measured once, and compared often."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, cast
+
+import numpy as np
+
+from kinespace.library.windows.rejection import Evidence
+from kinespace.stream.frame import Frame
+from kinespace.stream.recognition import Event, EventKind, Outcome, Recognition
+from kinespace.stream.recognizer import Recognizer
+from kinespace.stream.recognizer.event_detector import EventDetector
+from kinespace.stream.recognizer.hysteresis import Hysteresis, Judgement
+from kinespace.stream.recognizer.matcher import followed
+from kinespace.stream.recognizer.settings import SENSITIVITY_LEARNED, SENSITIVITY_OWN
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from numpy.typing import NDArray
+
+    from kinespace.library import Clip
+    from kinespace.library.windows.index import WindowIndex
+    from kinespace.library.windows.parts import Part
+    from kinespace.stream.recognizer import Settings
+
+#: Seconds that the first answer counts for.
+_FIRST_HOP = 1 / 30
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Hop:
+    """One hop of a motion, as every library in the same metrics finds it.
+
+    Attributes
+    ----------
+    time
+        Seconds, on the motion's clock.
+    movement, noise
+        As the recogniser measured them.
+    vectors
+        The windows that end now, placed by the metrics: of each group (axes,).
+    """
+
+    time: float
+    movement: float
+    noise: float
+    vectors: Sequence[NDArray[np.float32]] = field(repr=False)
+
+
+class _Listening:
+    """Stands where a recogniser expects an opened library, and keeps what is compared with it."""
+
+    def __init__(self, index: WindowIndex) -> None:
+        self._index = index
+        self.placed: list[Sequence[NDArray[np.float32]]] = []
+
+    def __getattr__(self, name: str) -> object:
+        return getattr(self._index, name)
+
+    def log_distances(self, numbers: Mapping[Part, NDArray[np.float64]]) -> NDArray[np.float64]:
+        self.placed.append(self._index.comparison.place(numbers))
+        return self._index.log_distances(numbers)
+
+
+def starts_of(clip: Clip, index: WindowIndex, settings: Settings) -> list[Event]:
+    """Push a motion through a recogniser of its own, frame by frame; give its start events."""
+    recognizer = Recognizer(index, settings)
+    moving = clip.as_of(index.library.skeleton)
+    return [
+        event
+        for time, positions in zip(moving.times.tolist(), moving.positions, strict=True)
+        if (recognition := recognizer.push(Frame("clip", time, positions))) is not None
+        for event in recognition.events
+        if event.kind is EventKind.START
+    ]
+
+
+def heard(clip: Clip, index: WindowIndex, settings: Settings) -> list[Hop] | None:
+    """Push a motion through a recogniser of its own, and keep what it compares.
+
+    Returns
+    -------
+    The hops; None for a motion in which the recogniser doubts joints or finds a jump: it must be asked as it is.
+    """
+    listening = _Listening(index)
+    recognizer = Recognizer(cast("WindowIndex", listening), settings)
+    moving = clip.as_of(index.library.skeleton)
+    hops = []
+    for time, positions in zip(moving.times.tolist(), moving.positions, strict=True):
+        recognition = recognizer.push(Frame("clip", time, positions))
+        if recognition is None:
+            continue
+        if recognition.doubted or recognition.outcome is Outcome.IMPLAUSIBLE or recognizer.doubt:
+            return None
+        noise = recognition.evidence.noise if recognition.evidence else 0.0
+        hops.append(Hop(time, recognition.movement, noise, listening.placed[-1]))
+    return hops
+
+
+def starts_heard(hops: Sequence[Hop], index: WindowIndex, settings: Settings) -> list[Event]:
+    """Give the start events that a recogniser would have given which had compared with another library.
+
+    Parameters
+    ----------
+    hops
+        Of one motion.
+    index
+        Some windows of the library that heard it, in the same metrics; `nothing` not among its classes.
+    settings
+        Of the recogniser.
+    """
+    weighing, rejection, classes = index.comparison.weighing, index.rejection, index.classes
+    usual = SENSITIVITY_LEARNED if index.library.learned else SENSITIVITY_OWN
+    judgement = Judgement(rejection.threshold_at(usual if settings.sensitivity is None else settings.sensitivity))
+    hysteresis, detector = Hysteresis(weighing.lead), EventDetector(settings.lead)
+    starts, last = list[Event](), math.nan
+    for hop in hops:
+        elapsed = _FIRST_HOP if math.isnan(last) else hop.time - last
+        last = hop.time
+        logs = index.distances_of(hop.vectors)
+        distances = weighing.named(logs)
+        guess, lead = followed(hysteresis, distances, elapsed)
+        evidence = Evidence.of(weighing.alone(logs), guess, hop.noise)
+        known = judgement.push(rejection.logit(evidence, classes[guess]), elapsed)
+        outcome = Outcome.NAMED if known else Outcome.UNKNOWN
+        recognition = Recognition(
+            performer="clip",
+            time=hop.time,
+            outcome=Outcome.STILL if hop.movement < settings.stillness else outcome,
+            classes=classes,
+            scores=1 / (1 + np.exp(distances)),
+            guess=guess,
+            movement=hop.movement,
+            lead=lead,
+            eigenvector_class=None,
+            eigenvector_score=0.0,
+            share=0.0,
+            gap=0.0,
+        )
+        starts += [event for event in detector.push(recognition) if event.kind is EventKind.START]
+    return starts

@@ -1,0 +1,155 @@
+"""One take beside its answers: the motion performed and the answer given, at the time of every frame.
+
+Nothing looks ahead: at every frame's time the answer is the last one given by then. Seconds before a take's first
+answer count as unanswered.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from kinespace.stream.recognition import EventKind
+
+if TYPE_CHECKING:
+    from collections.abc import Collection, Sequence
+
+    from numpy.typing import NDArray
+
+    from kinespace.library.formats.labels import Segment
+    from kinespace.stream.recognition import Event, Recognition
+
+#: The index that stands for "no class".
+NONE = -1
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Course:
+    """One take: the motion performed and the answer given, at the time of every frame.
+
+    Attributes
+    ----------
+    name
+        The take's name.
+    times
+        Shape (frames,), seconds from the take's start.
+    segments
+        The segments performed, with the library's class names where it knows them.
+    truth
+        Index of the class performed; NONE where the library does not know it or nobody labelled it.
+    labelled
+        Whether the moment is labelled, shape (frames,).
+    segment
+        Index of the segment, -1 outside all.
+    guess
+        Index of the best guess, named or not; NONE before the first answer and while still.
+    published
+        Index of the class named last, NONE for none.
+    event
+        Index of the class whose event goes on, NONE for none.
+    score
+        Raw score of the best guess; NaN before the first answer.
+    person
+        The person who performs; empty when not known.
+    contains
+        Indices of the classes that are performed at some time in the take.
+    """
+
+    name: str
+    times: NDArray[np.float64]
+    segments: tuple[Segment, ...]
+    truth: NDArray[np.intp]
+    labelled: NDArray[np.bool_]
+    segment: NDArray[np.intp]
+    guess: NDArray[np.intp]
+    published: NDArray[np.intp]
+    event: NDArray[np.intp]
+    score: NDArray[np.float64]
+    person: str = ""
+    contains: tuple[int, ...] = ()
+
+    @property
+    def seconds(self) -> float:
+        """Seconds from the first frame to the last."""
+        return float(self.times[-1] - self.times[0]) if len(self.times) > 1 else 0.0
+
+
+def course_of(
+    name: str,
+    times: NDArray[np.float64],
+    segments: Sequence[Segment],
+    *,
+    classes: Sequence[str],
+    known: Collection[str],
+    recognitions: Sequence[Recognition],
+    events: Sequence[Event],
+    person: str = "",
+    contains: Sequence[str] = (),
+) -> Course:
+    """Put the motions performed beside the answers, at every frame's time.
+
+    Parameters
+    ----------
+    name, times
+        The take's name, and its frames' times, seconds, shape (frames,).
+    segments
+        The segments performed, by start.
+    classes
+        The class names in which indices count.
+    known
+        The classes that the recogniser's library knows.
+    recognitions, events
+        The answers and events, by time.
+    person
+        The person who performs.
+    contains
+        Classes that are performed at some time; classes that the library does not know are ignored.
+    """
+    places = {class_name: index for index, class_name in enumerate(classes)}
+    inside = np.searchsorted([each.start for each in segments], times, side="right") - 1
+    # The last element is for frames before the first segment, whose index is -1.
+    ends = np.array([*(each.end for each in segments), -np.inf])
+    segment = np.where(times < ends[inside], inside, -1)
+    performed = np.array([*(places[each.label] if each.label in known else NONE for each in segments), NONE])
+    last = np.searchsorted([each.time for each in recognitions], times, side="right") - 1
+    going_on = [places[each.label] if each.kind is EventKind.START else NONE for each in events]
+    guesses = [places[each.classes[each.best]] if each.guess_index >= 0 else NONE for each in recognitions]
+    published = [NONE if each.class_name is None else places[each.class_name] for each in recognitions]
+    last_event = np.searchsorted([each.time for each in events], times, side="right") - 1
+    return Course(
+        name=name,
+        times=times,
+        segments=tuple(segments),
+        truth=performed[segment],
+        labelled=segment >= 0,
+        segment=segment,
+        guess=_held(guesses, last, NONE),
+        published=_held(published, last, NONE),
+        event=_held(going_on, last_event, NONE),
+        score=_held([each.score for each in recognitions], last, np.nan),
+        person=person,
+        contains=tuple(places[each] for each in contains if each in known),
+    )
+
+
+def _held(values: Sequence[float], last: NDArray[np.intp], before: float) -> NDArray[Any]:
+    """Hold each value until the next one; `before` the first."""
+    return np.array([*values, before])[np.where(last < 0, len(values), last)]
+
+
+def confusion(courses: Sequence[Course], classes: Sequence[str]) -> tuple[list[str], list[str], NDArray[np.float64]]:
+    """Compute the share of each answer in the time of each label.
+
+    Returns
+    -------
+    The labels performed, the answers ("none" last), and the shares, shape (labels, answers).
+    """
+    labels = sorted({segment.label for each in courses for segment in each.segments})
+    shares = np.zeros((len(labels), len(classes) + 1))
+    for each in courses:
+        rows = np.array([labels.index(segment.label) for segment in each.segments], dtype=np.intp)
+        np.add.at(shares, (rows[each.segment[each.labelled]], each.published[each.labelled]), 1.0)
+    shares /= np.maximum(shares.sum(axis=1, keepdims=True), 1.0)
+    return labels, [*classes, "none"], shares

@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 _MAX_TOLD = 3
 #: Packets of senders served last that are searched for a packet of another sender, at most.
 _MAX_LOOKED_THROUGH = 256
+#: Seconds that a packet's decoding is charged with, at most: a busy machine takes more, and no sender is to pay for it.
+_MAX_CHARGE = 1e-3
 
 
 class Source:
@@ -102,10 +104,9 @@ class Source:
             return None
         packet, arrival, self.waited, sender = taken
         known = None if self.decoder.expires else sender
-        # The thread's own time: a sender shall not pay for other programs of a busy machine.
-        begun = time.thread_time()
+        begun = time.perf_counter()
         decoded = self.decoder.decode(packet, arrival, sender)
-        self._turns.charge(sender, time.thread_time() - begun, len(decoded), self._now)
+        self._turns.charge(sender, min(time.perf_counter() - begun, _MAX_CHARGE), len(decoded), self._now)
         admitted = self._admitted(decoded, arrival, known)
         # Answers to senders go by OSC only.
         if self._admission and sender and isinstance(packet, bytes):

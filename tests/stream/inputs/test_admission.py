@@ -71,6 +71,18 @@ def test_a_program_may_send_each_packet_from_another_port() -> None:
     assert let_in[2:] == [True, False] * 49
 
 
+def test_a_program_that_keeps_to_its_port_shares_it_with_none_of_its_host() -> None:
+    """What another program of the same host sends in between is refused at once; begun anew, the first is let in."""
+    admission = Admission()
+    mine, other, anew = (("10.0.0.5", port) for port in (4000, 5000, 6000))
+    for step in range(120):
+        moment = step / 120
+        assert admission.admit([frame(moment)], moment, mine)
+        if step > 2:
+            assert not admission.admit([Announcement("ann", ("a", "b")), frame(1e18)], moment, other)
+    assert admission.admit([frame(2.0)], 2.0, anew) == [frame_like(2.0)]
+
+
 def test_an_invented_skeleton_shuts_nobody_out(sticks: MotionLibrary) -> None:
     """Joints announced by a stranger, before or while a performer sends, do not affect the performer's frames."""
     admission, performers = Admission(), Performers(sticks)
@@ -185,6 +197,25 @@ def test_invented_names_leave_room_for_a_performer(sticks: MotionLibrary) -> Non
     assert min(answers.values()) > 30
     assert {"ann", "bob"} <= set(performers.names)
     assert len(performers) == 4
+
+
+def test_performers_whose_frames_are_few_make_room(sticks: MotionLibrary) -> None:
+    """Invented names that send eight frames a second, and are answered, make room for one who sends as a feed does."""
+    performers = Performers(sticks, most=4)
+    positions = stick_clip("wave", seed=3, frames=360).positions
+    for step in range(0, 240, 15):
+        for number in range(4):
+            performers.push(Frame(f"invented {number}", 1 + step / 120, positions[step]), step / 120)
+    assert performers.counts.recognizers.hops > 0
+    answers = 0
+    for step, joints in enumerate(positions):
+        moment = 2 + step / 120
+        if step % 15 == 0:
+            for number in range(4):
+                performers.push(Frame(f"invented {number}", 1 + moment, joints), moment)
+        answers += performers.push(Frame("ann", 1 + moment, joints), moment) is not None
+    assert answers > 60
+    assert "ann" in performers.names
 
 
 def test_names_that_keep_coming_do_not_displace_performers(sticks: MotionLibrary) -> None:

@@ -117,8 +117,8 @@ def test_a_file_cut_off_anywhere_is_read_to_its_last_whole_record(tmp_path: Path
             )
 
 
-def test_a_changed_byte_ends_what_is_read(tmp_path: Path) -> None:
-    """A changed byte in a record is noticed: earlier records are read, and no wrong one is given."""
+def test_a_changed_byte_costs_one_record(tmp_path: Path) -> None:
+    """A changed byte in a record is noticed: all other records are read, and no wrong one is given."""
     path = write(tmp_path / "a.kinerec")
     whole = path.read_bytes()
     begin = len(encode_header(RawFile(path).header))
@@ -126,9 +126,34 @@ def test_a_changed_byte_ends_what_is_read(tmp_path: Path) -> None:
         path.write_bytes(whole[:place] + bytes([whole[place] ^ 0x40]) + whole[place + 1 :])
         recording = RawFile(path)
         read = list(recording.packets())
-        assert read == PACKETS[: len(read)]
-        assert len(read) < len(PACKETS)
+        torn = next(index for index, packet in enumerate(PACKETS) if packet not in read)
+        assert read == PACKETS[:torn] + PACKETS[torn + 1 :]
         assert recording.lost_from is not None
+        assert recording.lost == len(encode_packet(PACKETS[torn]))
+
+
+def test_what_follows_a_torn_record_is_read(tmp_path: Path) -> None:
+    """Recorders of before went on behind a record that a full disk had torn, wherever it was."""
+    path = write(tmp_path / "a.kinerec")
+    whole, torn = path.read_bytes(), encode_packet(RawPacket(0.0, 0, "", (bytes([1]) * 5000,)))
+    for kept in (1, 7, 8, 9, 100, len(torn) - 1):
+        path.write_bytes(whole + torn[:kept] + b"".join(map(encode_packet, PACKETS)) + torn[:kept])
+        recording = RawFile(path)
+        assert list(recording.packets()) == PACKETS * 2
+        assert (recording.lost_from, recording.lost) == (len(whole), 2 * kept)
+        assert f"{2 * kept} bytes are not read, what follows them is" in recording.damage()
+
+
+def test_a_file_made_to_be_searched_for_ever_is_given_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where every byte looks like the beginning of a record, no more than some bytes are summed up."""
+    monkeypatch.setattr(kinerec, "_MAX_SUMMED", 100_000)
+    summed = []
+    monkeypatch.setattr(kinerec.zlib, "crc32", lambda body: summed.append(len(body)) or -1)
+    path = tmp_path / "a"
+    path.write_bytes((5000).to_bytes(4, "little").replace(b"\0", b"\1") * 20_000)
+    with path.open("rb") as file:
+        assert kinerec._next_record(file, 0) is None  # noqa: SLF001 - the search itself
+    assert sum(summed) <= 100_000
 
 
 @pytest.mark.parametrize(

@@ -558,11 +558,23 @@ def test_classes_and_status_are_json() -> None:
     assert topic == b"status/"
     described = json.loads(encoded)
     assert described == {"v": 1, "alive": True, "frames_per_second": 120.0, "lost": 13} | dataclasses.asdict(status) | {
-        "notes": []
+        "notes": [],
+        "followed": 1,
     }
-    told = {"received": 90, "malformed": 1, "foreign": 2, "overrun": 3, "missing": 4, "incomplete": 0, "broken": 0}
-    assert described["inputs"] == told
+    told = {"received": 90, "malformed": 1, "foreign": 2, "overrun": 3, "missing": 4}
+    assert described["inputs"] == told | {"incomplete": 0, "broken": 0, "thrown_away": 0}
     assert set(described["outcomes"]["recognizers"]) == {"frames", "out_of_order", "restarts", "hops"}
+
+
+def test_a_status_that_anybody_hears_names_nobody() -> None:
+    """Where anybody may listen the status tells how many performers there are, and neither them nor their senders."""
+    said = {"Ada": "who", "Bob": "10.0.0.5"}
+    status = Status(InputCounts(), PerformerCounts(), 0, {"Ada": 120.0}, 0.0, 0.0, said, doubted=said, compared=said)
+    status = dataclasses.replace(status, notes=("two senders are called Ada: 10.0.0.5",))
+    _, encoded = zeromq.encode_status(status, named=False)
+    assert b"Ada" not in encoded
+    assert b"10.0.0.5" not in encoded
+    assert json.loads(encoded)["followed"] == 1
 
 
 # --- sequence numbers --------------------------------------------------------------------------------------------

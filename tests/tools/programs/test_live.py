@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 import signal
+import sys
 import time
 from contextlib import ExitStack
 from typing import TYPE_CHECKING
@@ -242,13 +243,21 @@ def test_what_was_opened_before_a_failure_is_closed(option: str, capsys: pytest.
     osc.OscReceiver(host, port).close()
 
 
-@pytest.mark.parametrize("option", ["--osc-out", "--out"])
-def test_answers_to_our_own_port_are_refused(option: str, capsys: pytest.CaptureFixture[str]) -> None:
-    """Answers that would come in again as frames are refused."""
+@pytest.mark.parametrize("heard", [LOOPBACK, "0.0.0.0"])  # noqa: S104 - who listens to all networks hears itself
+@pytest.mark.parametrize("target", ["--osc-out {0}:{1}", "--out max={0}:{1}", "--out native=sender:{1}"])
+def test_answers_to_our_own_port_are_refused(heard: str, target: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """Answers that would come in again as frames are refused, wherever they would come in."""
     port = free_udp_port()
-    target = f"{'max=' if option == '--out' else ''}{LOOPBACK}:{port}"
-    assert main(["live", "--osc-in", f"{LOOPBACK}:{port}", "--signature", "paper", option, target]) == 2
-    assert f"expected another place than {LOOPBACK}:{port}, where frames come in" in capsys.readouterr().err
+    options = target.format(LOOPBACK, port).split()
+    assert main(["live", "--osc-in", f"{heard}:{port}", "--signature", "paper", *options]) == 2
+    assert f"expected another place than {heard}:{port}, where frames come in" in capsys.readouterr().err
+
+
+def test_our_own_addresses_are_known() -> None:
+    """The loopback's are ours, an address for documents is nobody's."""
+    assert osc.is_ours("127.0.0.1")
+    assert osc.is_ours("127.0.0.7") == (sys.platform == "linux")
+    assert not osc.is_ours("192.0.2.1")
 
 
 def test_an_output_alone_is_refused(capsys: pytest.CaptureFixture[str]) -> None:

@@ -4,7 +4,8 @@ native         as `stream.osc.answers` has it: class, guess, label, scores and e
 max, puredata, supercollider
                the same on the ports on which these usually listen
 touchdesigner  numbers only, because the OSC In CHOP takes nothing else
-wekinator      `/wek/outputs`, a number for each performer, and `/output_<n>` when a motion starts
+wekinator      `/wek/outputs`, a number for each performer, and `/output_<n>` when a motion starts; with progress also
+               `/wek/progress`, three numbers for each
 vmc-thru       `/VMC/Thru/motion/class s i`, which VMC programs pass on
 vrchat         avatar parameters `Motion` and `MotionScore`
 
@@ -14,6 +15,7 @@ class" when no class is named, and once when a performer has left.
 
 from __future__ import annotations
 
+from itertools import chain
 from typing import TYPE_CHECKING, TypeVar
 
 from kinespace.stream.answer import GONE
@@ -32,6 +34,8 @@ if TYPE_CHECKING:
 _Last = TypeVar("_Last", int, float)
 #: The largest whole number of a VRChat parameter.
 _MAX_PARAMETER = 255
+#: Phase, speed and amplitude of a performer in no motion, where Wekinator's programs expect numbers.
+_NOT_FOLLOWED = (0.0, 0.0, 0.0)
 #: Performers whose last class is remembered, at most.
 _MAX_PERFORMERS = 256
 
@@ -173,25 +177,42 @@ class WekinatorLayout(Layout):
         #: Each performer's last class from 1; 0 in the place of a performer who has left, which the next newcomer
         #: takes.
         self._outputs: list[float] = []
+        #: In the same places phase, speed and amplitude, zeros while no motion is followed; sent once one was.
+        self._progress: list[tuple[float, float, float]] = []
+        self._follows = False
         self._places: dict[str, int] = {}
 
     def recognition(self, recognition: Recognition) -> bytes | None:
-        """`/wek/outputs f*performers`, class counted from 1, 0 for none; each performer keeps a place."""
+        """`/wek/outputs f*performers`, class counted from 1, 0 for none; each performer keeps a place.
+
+        With progress beside it `/wek/progress f*3*performers`: phase, speed and amplitude, as continuous outputs.
+        """
         place = self._places.get(recognition.performer)
         if place is None:
             place = self._place_for(recognition.performer)
         self._outputs[place] = float(recognition.class_index + 1)
-        return encode_message("/wek/outputs", *self._outputs)
+        told = recognition.progress
+        self._follows = self._follows or told is not None
+        self._progress[place] = (told.phase, told.speed, told.amplitude) if told else _NOT_FOLLOWED
+        return self._told()
+
+    def _told(self) -> bytes:
+        outputs = encode_message("/wek/outputs", *self._outputs)
+        if not self._follows:
+            return outputs
+        return encode_bundle(outputs, encode_message("/wek/progress", *chain.from_iterable(self._progress)))
 
     def _place_for(self, performer: str) -> int:
         taken = set(self._places.values())
         if len(taken) >= _MAX_PERFORMERS:
             self._places.clear()
             self._outputs.clear()
+            self._progress.clear()
             taken = set()
         place = next(place for place in range(len(self._outputs) + 1) if place not in taken)
         if place == len(self._outputs):
             self._outputs.append(0.0)
+            self._progress.append(_NOT_FOLLOWED)
         self._places[performer] = place
         return place
 
@@ -203,8 +224,9 @@ class WekinatorLayout(Layout):
         """`/wek/outputs` with 0 in the performer's place; the others keep theirs."""
         if performer not in self._places:
             return None
-        self._outputs[self._places.pop(performer)] = 0.0
-        return encode_message("/wek/outputs", *self._outputs)
+        place = self._places.pop(performer)
+        self._outputs[place], self._progress[place] = 0.0, _NOT_FOLLOWED
+        return self._told()
 
 
 class VmcThruLayout(Layout):

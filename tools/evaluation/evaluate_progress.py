@@ -5,6 +5,8 @@ from __future__ import annotations
 import json
 import math
 from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from time import perf_counter
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -34,6 +36,9 @@ if TYPE_CHECKING:
     #: At each step of a played motion the phase and the speed, NaN where there was no answer.
     Told = tuple[NDArray[np.float64], NDArray[np.float64]]
 
+#: How motions are played, and some of what tells their phases.
+AS_RECORDED, WARPED = "as recorded", "warped"
+CLOCK, NAMED, KNOWN = "clock, true start", "filter, named class", "filter, true class"
 #: Seconds from a motion's start that are not scored: no method can tell the phase yet.
 _UNSCORED = 0.3
 #: The speed curve: 2 to the power of a sine of this period, seconds, so from half to twice the speed.
@@ -44,6 +49,8 @@ SIZES = (0.6, 0.8, 1.25, 1.6)
 _READ_AFTER, _SHORTEST = 1.5, 1.0
 #: A phase with a smaller error is right; a phase that falls by more goes back.
 _NEAR, _FALLS = 0.1, 0.02
+#: Every so many motions are timed; speeds at which one is drawn.
+_COSTED, _PICTURED = 12, (0.5, 1.0, 2.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,23 +110,45 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "warpings onto other actors' motions of its class."
     )
     parser.add_argument("--every", type=count, default=1, help="play every nth motion alone (default %(default)s)")
+    parser.add_argument(
+        "--picture", type=Path, metavar="FILE", help="draw the phase of three motions of different speed, and end"
+    )
     add_json(parser)
 
 
 def run(options: argparse.Namespace) -> int:
     """Run the program with these options; return the exit status."""
     library = MotionLibrary.builtin()
+    if options.picture:
+        return _pictured(library, options.picture)
     scores, amplitude = evaluated(library, every=options.every)
+    cost = _cost(library)
     if options.json:
-        told = {
-            "scores": [asdict(each) for each in scores],
-            "amplitude_error": amplitude[0],
-            "amplitudes": amplitude[1],
-        }
-        print(json.dumps(told, indent=2))
+        print(json.dumps(_summary(scores, amplitude, cost), indent=2))
     else:
-        _print(scores, amplitude)
+        _print(scores, amplitude, cost)
     return 0
+
+
+def _summary(scores: Sequence[ProgressScore], amplitude: tuple[float, int], cost: float) -> dict[str, object]:
+    """Give the main figures by their names, and all others below them."""
+    by = {(each.played, each.method): each for each in scores}
+    plain, warped = by[AS_RECORDED, NAMED], by[WARPED, NAMED]
+    clock = by[AS_RECORDED, CLOCK]
+    return {
+        "phase_error": plain.phase_mean,
+        "within_tenth": plain.phase_near,
+        "warped_error": warped.phase_mean,
+        "warped_within_tenth": warped.phase_near,
+        "speed_octaves": warped.speed_octaves,
+        "amplitude_error": amplitude[0],
+        "back_steps": plain.back,
+        "clock_error": clock.phase_mean,
+        "clock_within_tenth": clock.phase_near,
+        "us_per_hop": cost,
+        "scores": [asdict(each) for each in scores],
+        "amplitudes": amplitude[1],
+    }
 
 
 def evaluated(library: MotionLibrary, *, every: int = 1) -> tuple[list[ProgressScore], tuple[float, int]]:
@@ -139,8 +168,8 @@ def evaluated(library: MotionLibrary, *, every: int = 1) -> tuple[list[ProgressS
             moments = table.classes.get(clip.class_name)
             if moments is None or id(clip) not in truth:
                 continue
-            for kind in ("as recorded", "warped"):
-                played = _played(clip, truth[id(clip)], moments.seconds, warped=kind == "warped")
+            for kind in (AS_RECORDED, WARPED):
+                played = _played(clip, truth[id(clip)], moments.seconds, warped=kind == WARPED)
                 for method, told in _told(played, index, table).items():
                     heard.setdefault((kind, method), []).append((played, told))
             sizes += _size_errors(clip, index, table)
@@ -174,10 +203,7 @@ def _played(clip: Clip, phases: NDArray[np.float64], mean_seconds: float, *, war
         times.append(now)
         speeds.append(speed)
         now += STEP * speed
-    places = np.array(times) * clip.frame_rate
-    below = np.minimum(places.astype(int), clip.frames - 2)
-    part = (places - below)[:, None, None]
-    positions = clip.positions[below] * (1 - part) + clip.positions[below + 1] * part
+    positions = _between(clip, np.array(times))
     own = np.interp(np.array(times) * MOMENTS_PER_SECOND, np.arange(len(phases)), phases)
     return _Played(clip, positions, own, np.array(speeds) * mean_seconds / clip.duration)
 
@@ -198,17 +224,17 @@ def _told(played: _Played, index: WindowIndex, table: PhaseTable) -> dict[str, T
     follower = ProgressFollower(table)
     known = [follower.push(place * STEP, point, class_name) for place, point in enumerate(points)]
     return {
-        "clock, true start": (np.minimum(elapsed, 1.0), np.ones(count)),
+        CLOCK: (np.minimum(elapsed, 1.0), np.ones(count)),
         "clock, first right answer": (
             np.where(np.arange(count) < (count if started is None else started), np.nan, own_clock),
             np.ones(count),
         ),
         "online warping": (_warped_online(points, moments, table), none),
-        "filter, named class": (
+        NAMED: (
             np.array([each.phase if each else np.nan for each in named]),
             np.array([each.speed if each else np.nan for each in named]),
         ),
-        "filter": (
+        KNOWN: (
             np.array([each.phase if each else np.nan for each in known]),
             np.array([each.speed if each else np.nan for each in known]),
         ),
@@ -261,6 +287,51 @@ def _size_errors(clip: Clip, index: WindowIndex, table: PhaseTable) -> list[floa
     return [abs(amplitude(size) / own / size - 1) for size in SIZES]
 
 
+def _cost(library: MotionLibrary) -> float:
+    """Measure the microseconds that the follower takes at a hop, the median of some motions."""
+    index = opened(library)
+    table = phase_table(index)
+    costs = []
+    for clip in library.motions[::_COSTED]:
+        points = _points(clip.positions[:: round(clip.frame_rate * STEP)], index)
+        follower = ProgressFollower(table)
+        begun = perf_counter()
+        for place, point in enumerate(points):
+            follower.push(place * STEP, point, clip.class_name)
+        costs.append((perf_counter() - begun) / len(points))
+    return float(np.median(costs)) * 1e6
+
+
+def _pictured(library: MotionLibrary, path: Path) -> int:
+    """Draw how the phase of one motion goes when it is played at three speeds, by the motions of the other actors."""
+    # matplotlib is an extra.
+    from kinespace.tools.terminal.pictures import draw_phases, require_place_for_picture  # noqa: PLC0415
+
+    require_place_for_picture(path)
+    clip = next(each for each in library.motions if each.class_name == "squat1Reps" and each.actor == "mm")
+    index = opened(library.without(actors=[clip.actor]))
+    follower, courses = ProgressFollower(phase_table(index)), {}
+    own = _true_phases(library)[id(clip)]
+    for speed in _PICTURED:
+        times = np.arange(0, clip.duration, STEP * speed)
+        points = _points(_between(clip, times), index)
+        follower.clear()
+        told = [follower.push(place * STEP, point, clip.class_name) for place, point in enumerate(points)]
+        true = np.interp(times * MOMENTS_PER_SECOND, np.arange(len(own)), own)
+        courses[speed] = (np.arange(len(points)) * STEP, np.array([each.phase for each in told if each]), true)
+    draw_phases(path, clip.class_name, courses)
+    return 0
+
+
+def _between(clip: Clip, times: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Give the positions of a motion at some times, in a straight line between its frames."""
+    places = times * clip.frame_rate
+    below = np.minimum(places.astype(int), clip.frames - 2)
+    part = (places - below)[:, None, None]
+    positions: NDArray[np.float64] = clip.positions[below] * (1 - part) + clip.positions[below + 1] * part
+    return positions
+
+
 def _score(kind: str, method: str, results: Sequence[tuple[_Played, Told]]) -> ProgressScore:
     """Compare one method's phases and speeds with the true ones, from `_UNSCORED` seconds on."""
     first = round(_UNSCORED / STEP)
@@ -285,7 +356,7 @@ def _score(kind: str, method: str, results: Sequence[tuple[_Played, Told]]) -> P
     )
 
 
-def _print(scores: Iterable[ProgressScore], amplitude: tuple[float, int]) -> None:
+def _print(scores: Iterable[ProgressScore], amplitude: tuple[float, int], cost: float) -> None:
     table = narrow_table(title="Progress, the performer's motions left out")
     for heading in ("played", "method", "mean error", "median", "within .1", "speed, octaves", "back", "answered"):
         table.add_column(heading, justify="left" if heading in ("played", "method") else "right")
@@ -305,5 +376,5 @@ def _print(scores: Iterable[ProgressScore], amplitude: tuple[float, int]) -> Non
     if score:
         console.print(
             f"{score.motions} motions of {score.persons} persons. Amplitude: median error {amplitude[0]:.1%} of "
-            f"{amplitude[1]} motions scaled by {', '.join(map(str, SIZES))}."
+            f"{amplitude[1]} motions scaled by {', '.join(map(str, SIZES))}. The filter takes {cost:.0f} µs a hop."
         )

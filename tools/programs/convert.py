@@ -18,12 +18,21 @@ from kinespace.library import find_recordings
 from kinespace.library.recordings import RecordingReader
 from kinespace.stream.frame import Announcement
 from kinespace.stream.recording.kinerec import ENDING, RawFile
-from kinespace.tools.cli.arguments import add_overwrite, add_reading, add_recorded_feed, reading_of
+from kinespace.tools.cli.arguments import (
+    add_library,
+    add_overwrite,
+    add_reading,
+    add_recorded_feed,
+    library_at,
+    reading_of,
+)
+from kinespace.tools.feeding.followed import Followed
 from kinespace.tools.feeding.raw_takes import JointOrder, events_of, seen_in
 from kinespace.tools.programs.feeds import preset_named
 from kinespace.tools.terminal.console import console, printable, progress
 from kinespace.tools.terminal.named_joints import NameTeller
 from kinespace.tools.terminal.output_path import require_place_for
+from kinespace.tools.terminal.tables import csv_text
 
 if TYPE_CHECKING:
     import argparse
@@ -31,7 +40,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from kinespace.library import Clip, Reading
+    from kinespace.library import Clip, MotionLibrary, Reading
     from kinespace.library.skeleton import Skeleton
     from kinespace.stream.feeds import Preset
     from kinespace.tools.feeding.raw_takes import Seen
@@ -69,6 +78,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--csv", action="store_true", help="of a folder: write CSV (default: .npz)")
     parser.add_argument("--performer", help="whose frames, where there are several performers")
+    parser.add_argument(
+        "--progress",
+        action="store_true",
+        help="recognise the motions, and write into the .npz how far in its motion each frame is",
+    )
+    add_library(parser)
     add_overwrite(parser)
     add_recorded_feed(parser)
     add_reading(parser)
@@ -83,10 +98,14 @@ def run(options: argparse.Namespace) -> int:
         raise ValueError(f"--csv: expected a folder to convert with it, got {options.source}")
     else:
         pairs = [(options.source, options.output)]
+    if options.library and not options.progress:
+        raise ValueError(f"--library: expected --progress with it, got {options.library}")
+    library = library_at(options.library) if options.progress else None
     for source, output in pairs:
         convert(
             source,
             output,
+            library=library,
             performer=options.performer,
             feed=options.feed,
             reading=reading_of(options),
@@ -113,7 +132,14 @@ def _in_folder(folder: Path, output: Path, ending: str) -> list[tuple[Path, Path
 
 
 def convert(
-    source: Path, output: Path, *, performer: str | None, feed: str | None, reading: Reading, overwrite: bool
+    source: Path,
+    output: Path,
+    *,
+    performer: str | None,
+    feed: str | None,
+    reading: Reading,
+    overwrite: bool,
+    library: MotionLibrary | None = None,
 ) -> None:
     """Convert one file, frame by frame.
 
@@ -133,7 +159,12 @@ def convert(
         How to read a motion file.
     overwrite
         Whether a file that is there may be written over.
+    library
+        Whose motions are recognised, so that an `.npz` says how far in its motion each frame is
+        (`kinespace.tools.feeding.followed`); None for none.
     """
+    if library and output.suffix.lower() != ".npz":
+        raise ValueError(f"--progress: expected a file that ends in .npz, got {output}")
     if output.suffix.lower() not in (".npz", ".csv"):
         raise ValueError(f"{output}: expected a file that ends in .npz or .csv")
     require_place_for(output, overwrite=overwrite)
@@ -147,7 +178,10 @@ def convert(
     else:
         motion, refused = _of_file(source, reading), 0
     motion.postures = progress(motion.postures, "Writing", motion.frames)
-    frames = (_write_csv if output.suffix.lower() == ".csv" else _write_npz)(output, motion)
+    followed = Followed(library, motion.skeleton.joints) if library else None
+    if followed:
+        motion.postures = followed.watch(motion.postures)
+    frames = _write_csv(output, motion) if output.suffix.lower() == ".csv" else _write_npz(output, motion, followed)
     console.print(
         f"{output}: {frames} frames of {len(motion.skeleton.joints)} joints"
         + (f", {refused} frames of other joints left out" if refused else ""),
@@ -211,7 +245,7 @@ def _write_csv(output: Path, motion: _Motion) -> int:
     frames = 0
     with _replacing(output) as part, part.open("w", newline="", encoding="utf-8") as file:
         rows = csv.writer(file)
-        rows.writerow(["time", *(f"{joint}_{axis}" for joint in motion.skeleton.joints for axis in "xyz")])
+        rows.writerow(["time", *(csv_text(f"{joint}_{axis}") for joint in motion.skeleton.joints for axis in "xyz")])
         for moment, positions in motion.postures:
             # Nine digits give every 32-bit number back exactly.
             rows.writerow([repr(float(moment)), *(f"{number:.9g}" for number in positions.ravel().tolist())])
@@ -219,7 +253,7 @@ def _write_csv(output: Path, motion: _Motion) -> int:
     return frames
 
 
-def _write_npz(output: Path, motion: _Motion) -> int:
+def _write_npz(output: Path, motion: _Motion, followed: Followed | None) -> int:
     """Write the arrays piece by piece: positions go to a scratch file first, and from there into the zip."""
     times = array("d")
     with tempfile.TemporaryFile(dir=output.absolute().parent) as scratch:
@@ -238,6 +272,7 @@ def _write_npz(output: Path, motion: _Motion) -> int:
                 joints=np.array(motion.skeleton.joints),
                 parents=np.array(motion.skeleton.parents, dtype=np.int64),
                 performer=np.array(motion.performer),
+                **(followed.arrays() if followed else {}),
             )
     return len(times)
 

@@ -42,6 +42,45 @@ def require_place_for_picture(path: Path) -> None:
         raise ValueError(f"{path}: expected a picture's ending, one of {', '.join(sorted(kinds))}, got {path.suffix}")
 
 
+def draw_phases(
+    path: Path,
+    class_name: str,
+    courses: Mapping[float, tuple[NDArray[np.floating], NDArray[np.floating], NDArray[np.floating]]],
+) -> None:
+    """Draw the phase of one motion against time, played at several speeds.
+
+    Parameters
+    ----------
+    path
+        The picture; its ending says which kind (.png, .svg, .pdf).
+    class_name
+        Of the motion.
+    courses
+        For each speed the times, seconds, the phase told at each, and the true one.
+
+    Raises
+    ------
+    ValueError
+        The ending is of no kind matplotlib draws.
+    OSError
+        The file cannot be written.
+    """
+    figure = Figure(figsize=(7.2, 3.2), layout="constrained")
+    panel = figure.subplots()
+    for (speed, (times, told, true)), colour in zip(courses.items(), ("#3b6ea5", "#b5367a", "#2e8b57"), strict=False):
+        panel.plot(times, true, color=colour, linewidth=1, linestyle=(0, (4, 3)))
+        panel.plot(times, told, color=colour, linewidth=2, label=f"{speed:g} × its speed")
+    panel.plot([], [], color="#5f6a72", linewidth=1, linestyle=(0, (4, 3)), label="true phase")
+    panel.set_title(f"{class_name} of a person who is not in the library", loc="left", fontsize=10)
+    panel.set_xlabel("seconds")
+    panel.set_ylabel("phase")
+    panel.set_ylim(-0.02, 1.02)
+    panel.set_xlim(0)
+    panel.legend(frameon=False, fontsize=9)
+    panel.spines[["top", "right"]].set_visible(False)
+    figure.savefig(path, dpi=110)
+
+
 def draw_confusions(path: Path, results: Mapping[Space, Retrieval], protocol: Protocol) -> None:
     """Draw one confusion matrix per space side by side, as the paper's figure 2.
 

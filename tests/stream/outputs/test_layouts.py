@@ -13,7 +13,7 @@ from pythonosc.osc_packet import OscPacket
 from kinespace.stream import Frame, osc
 from kinespace.stream.inputs import Admission, OscDecoder, Source
 from kinespace.stream.outputs import LAYOUTS, LayoutSink, NativeLayout, ReplySink
-from kinespace.stream.recognition import Event, EventKind, Outcome, Recognition
+from kinespace.stream.recognition import Event, EventKind, Outcome, Progress, Recognition
 from kinespace.stream.recognizer.performers import PerformerCounts
 from kinespace.stream.status import InputCounts, Status
 
@@ -115,6 +115,31 @@ def test_wekinator_counts_from_one() -> None:
     assert layout.gone("Ada L") is None
     assert read(layout.recognition(recognition(performer="Bob"))) == {"/wek/outputs": [0.0, 2.0]}
     assert read(layout.recognition(recognition(best=2, performer="Cy"))) == {"/wek/outputs": [3.0, 2.0]}
+
+
+#: Phase, phase for scrubbing, speed, amplitude, certainty and rounds.
+FOLLOWED = Progress("jump", 0.25, 0.5, 1.5, 0.75, 0.125, 3)
+
+
+@pytest.mark.parametrize("name", ["native", "max", "touchdesigner"])
+def test_programs_are_told_how_far(name: str) -> None:
+    """Index, phase, speed, amplitude, certainty, phase for scrubbing, rounds; nothing where no motion is followed."""
+    layout = LAYOUTS[name]()
+    told = read(layout.recognition(dataclasses.replace(recognition(), progress=FOLLOWED)))
+    (numbers,) = (numbers for address, numbers in told.items() if address.endswith("/progress"))
+    assert numbers == [1, 0.25, 1.5, 0.75, 0.125, 0.5, 3]
+    assert not any(address.endswith("/progress") for address in read(layout.recognition(recognition())))
+
+
+def test_wekinators_programs_are_told_how_far() -> None:
+    """Once a motion was followed, phase, speed and amplitude come beside the classes, zeros for who is in no motion."""
+    layout = LAYOUTS["wekinator"]()
+    followed = dataclasses.replace(recognition(), progress=FOLLOWED)
+    assert read(layout.recognition(recognition(Outcome.STILL, "Bob"))) == {"/wek/outputs": [0.0]}
+    told = {"/wek/outputs": [0.0, 2.0], "/wek/progress": [0.0, 0.0, 0.0, 0.25, 1.5, 0.75]}
+    assert read(layout.recognition(followed)) == told
+    told = {"/wek/outputs": [0.0, 0.0], "/wek/progress": [0.0] * 6}
+    assert read(layout.gone("Ada L")) == told
 
 
 def test_vmc_programs_pass_it_on() -> None:

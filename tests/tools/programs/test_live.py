@@ -49,7 +49,7 @@ def expected_of(cues: Sequence[Cue], settings: Settings | None = None) -> list[s
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_signal_ends_it_with_the_counts(number: signal.Signals) -> None:
-    """Ctrl-C, or being asked to terminate, ends it with status 0, its counts, and nothing on standard error."""
+    """Ctrl-C, or SIGTERM, ends it with status 0, its counts, and an empty standard error."""
     with live("--plain") as stage:
         stage.program.process.send_signal(number)
         assert (stage.program.wait(), stage.program.errors) == (0, "")
@@ -74,7 +74,7 @@ def test_without_an_output_it_answers_to_the_usual_port() -> None:
 
 
 def test_every_frame_is_answered_that_is_due() -> None:
-    """Over OSC the answers are those expected, one by one, and the counts at the end are exact."""
+    """Over OSC the answers equal the expected ones, one by one, and the counts at the end are exact."""
     cues = ghost_cues("squat1Reps", 2.0)
     expected = expected_of(cues)
     with live("--plain") as stage:
@@ -261,13 +261,13 @@ def test_our_own_addresses_are_known() -> None:
 
 
 def test_an_output_alone_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
-    """With somebody to answer and nobody to listen to, what is missing is said."""
+    """With an output and no input, the error names what is missing."""
     assert main(["live", "--osc-out", f"{LOOPBACK}:9"]) == 2
     assert capsys.readouterr().err == "kinespace: live: expected --osc-in or --zmq-in, got neither\n"
 
 
 def test_a_message_too_large_costs_that_message_alone() -> None:
-    """The publisher that live connected to sends too much at once: it is said, and what follows is recognised."""
+    """A publisher's message that is too large is reported, and its further frames are recognised."""
     cues = ghost_cues("squat1Reps", 1.0)
     with live(transport="zmq") as stage:
         assert isinstance(stage.sender, Publisher)

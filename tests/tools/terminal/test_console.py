@@ -12,7 +12,7 @@ from kinespace.tools.terminal.live_table import score_shown
 
 
 def test_progress_passes_every_piece_through() -> None:
-    """What comes out of the progress is what went in, in order, with and without a total."""
+    """All pieces come out in order, with and without a total."""
     assert list(progress(range(5), "Counting", 5)) == [0, 1, 2, 3, 4]
     assert list(progress(iter("abc"), "Spelling", None)) == ["a", "b", "c"]
     assert list(progress((), "Idling", 0)) == []
@@ -34,13 +34,13 @@ def test_progress_is_lazy() -> None:
 
 
 def test_nobody_looking_means_no_progress(capsys: pytest.CaptureFixture[str]) -> None:
-    """When standard error is no terminal, progress prints nothing anywhere."""
+    """When standard error is no terminal, progress prints nothing."""
     assert list(progress(range(3), "Counting", 3)) == [0, 1, 2]
     assert capsys.readouterr() == ("", "")
 
 
 def test_progress_shows_on_standard_error(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    """On a terminal the bar says what is done and how much of how much, and standard output stays for results."""
+    """On a terminal the bar shows how much is done, and standard output has only results."""
     terminal = StringIO()
     monkeypatch.setattr(
         "kinespace.tools.terminal.console.progress_console", Console(file=terminal, force_terminal=True, width=100)
@@ -53,7 +53,7 @@ def test_progress_shows_on_standard_error(monkeypatch: pytest.MonkeyPatch, capsy
 
 @pytest.mark.parametrize("name", ["[/]", "[bold]me[/bold]", ":smile:", "[link=x]"])
 def test_names_are_printed_as_they_are(name: str, capsys: pytest.CaptureFixture[str]) -> None:
-    """What looks like markup or an emoji's code in a name is printed character for character."""
+    """Markup and emoji codes in a name are printed character for character."""
     console.print(f"<{name}>")
     assert capsys.readouterr().out == f"<{name}>\n"
 

@@ -161,7 +161,7 @@ class Score:
         table.add_section()
         table.add_row("all", f"{self.answers.total()}", "" if self.share() is None else f"{self.share():.0%}")
         if self.unlabelled:
-            table.add_row("without a label", f"{self.unlabelled}", "")
+            table.add_row("unlabelled", f"{self.unlabelled}", "")
         return table
 
 

@@ -605,7 +605,7 @@ def test_labels_without_a_frame_of_their_take_are_named(tmp_path: Path, capsys: 
     take, labels = write_take(tmp_path, "bd", "bendLeft", 1), tmp_path / "late.csv"
     labels.write_text("start_s,end_s,label\n1000,1001,bend\n")
     error = one_line(capsys, "build", take, "--labels", labels, "-o", tmp_path / "made.npz")
-    assert error.startswith("--labels: expected segments with two frames or more")
+    assert error.startswith("labels: expected segments with two frames or more")
 
 
 @pytest.mark.parametrize("arrival", [1e300, np.inf, np.nan])

@@ -79,7 +79,7 @@ class DistanceMeasurer:
             Where to write the distances: contiguous, shape (frames, pairs), metres.
         """
         loops = compiled.loops
-        if loops and len(self._skeleton.joints) <= loops.MOST_JOINTS:
+        if loops and len(self._skeleton.joints) <= loops.MAX_JOINTS:
             loops.measure_distances(np.ascontiguousarray(positions, dtype=np.float64), self._pairs, rows)
             return
         frames, joints, _ = positions.shape

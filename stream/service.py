@@ -225,6 +225,8 @@ class Service:
                 break
             taken += events
             begun += [self._begun(started, source, event, now) for event in events]
+            if len(taken) >= _MAX_TOGETHER:
+                break
         else:
             self._together = min(2 * self._together, _MAX_TOGETHER)
         self._deal_with(taken, begun)

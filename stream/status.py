@@ -33,7 +33,7 @@ class InputCounts:
     incomplete: int = 0
     #: ZeroMQ connections that broke while the sender was there: a message above the size limit, or the network.
     broken: int = 0
-    #: Packets of senders that took more than their share, thrown away because others came first.
+    #: Packets of senders that took more than their share, dropped because others came first.
     thrown_away: int = 0
 
     def __add__(self, other: InputCounts) -> InputCounts:

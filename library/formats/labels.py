@@ -1,4 +1,4 @@
-"""What is performed when in a continuous take: labelled segments, and the clips cut from them.
+"""Labels of a continuous take: segments in which a motion is performed, and the clips cut from them.
 
 Three kinds of text are read: a table with the columns `start_s,end_s,label`, with commas, semicolons or tabs between;
 labels as Audacity exports them (start, end and label, with tabs between, no headings); and annotations as ELAN exports
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 _COLUMNS = ("start_s", "end_s", "label")
 #: Endings of the files that may lie beside a take.
 _ENDINGS = (".csv", ".tsv", ".txt")
-#: How ELAN heads its columns of times, and what it may put before them; the annotations have other headings.
+#: ELAN's headings of columns of times, and words that may come before them; annotations have other headings.
 _ELAN_TIMES, _ELAN_BEFORE = ("Begin Time - ", "End Time - ", "Duration - "), ("Tier", "Participant")
 #: ELAN's formats of time that are read, the exact ones first.
 _ELAN_FORMATS = ("msec", "ss.msec", "hh:mm:ss.ms")
@@ -33,7 +33,7 @@ _SECONDS, _WHOLE = re.compile(r"\d+[.,]\d+"), re.compile(r"\d+")
 _ROUNDED = 0.01
 #: Seconds of the shortest window by which motions are compared.
 _SHORTEST = 0.25
-#: Characters of a file that are looked at to see whether it holds labels.
+#: Characters of a file that are read to see whether it holds labels.
 _LOOKED_AT = 2000
 
 
@@ -50,9 +50,9 @@ class Segment:
     start, end
         Seconds from the take's start; the end is not part of it.
     label
-        What is performed.
+        The motion that is performed.
     performer
-        By whom, in a recording of several; empty where nobody has said.
+        The performer in a recording of several; empty when not given.
 
     Raises
     ------
@@ -73,14 +73,14 @@ class Segment:
 
     @property
     def duration(self) -> float:
-        """Seconds."""
+        """Length in seconds."""
         return self.end - self.start
 
 
 def read_labels(path: Path) -> tuple[Segment, ...]:
     """Read a table with the columns `start_s,end_s,label` and, where several perform, `performer`; or an export.
 
-    Lines without a label are passed over: nobody has said what they are. So are Audacity's labels of a moment.
+    Lines without a label are ignored. So are Audacity's labels of a moment.
 
     Returns
     -------
@@ -110,7 +110,7 @@ def read_labels(path: Path) -> tuple[Segment, ...]:
 
 
 def labels_beside(take: Path) -> Path | None:
-    """Find the file of labels that lies beside a take and is called like it; None where there is none."""
+    """Find the file of labels that lies beside a take and has its name; None if there is none."""
     for ending in _ENDINGS:
         path = take.with_suffix(ending)
         if path != take and path.is_file() and _holds_labels(path):
@@ -122,7 +122,7 @@ def _holds_labels(path: Path) -> bool:
     with path.open(encoding="utf-8-sig", errors="replace") as file:
         first = next((line for line in file.read(_LOOKED_AT).splitlines() if line.strip()), "")
     exported = _exported(first.split("\t"))
-    # A table of numbers is no labels.
+    # A table of numbers holds no labels.
     return _is_ours(first) or _is_elans(first) or bool(exported and re.search(r"[^\W\d_]", exported[2]))
 
 
@@ -167,7 +167,7 @@ def _segment(path: Path, line: int, times: Sequence[str], label: str, performer:
 
 
 def _elans(path: Path, lines: Sequence[str]) -> Iterator[Segment]:
-    """Read ELAN's annotations under headings: the columns of no times and no names of tiers hold what is performed."""
+    """Read ELAN's annotations under headings; labels are in the columns that hold neither times nor names of tiers."""
     rows = csv.DictReader(lines, delimiter="\t", quoting=csv.QUOTE_NONE)
     headings = [name for name in rows.fieldnames or () if name]
     shape = next((each for each in _ELAN_FORMATS if f"Begin Time - {each}" in headings), None)
@@ -197,7 +197,7 @@ def _without_headings(path: Path, lines: Sequence[str]) -> Iterator[Segment]:
 
 
 def _exported(cells: Sequence[str]) -> tuple[str, str, str] | None:
-    """Find begin and end, in seconds, and label in a row without headings; None in a row that has none.
+    """Find begin and end, in seconds, and label in a row without headings; None in a row without them.
 
     The times stand together before the label: begin and end (Audacity), or begin, end and duration, each in as many
     formats as were chosen (ELAN).
@@ -227,7 +227,7 @@ def _in_seconds(time: str, *, whole_ms: bool = False) -> str:
 
 
 def oddities(take: Clip, segments: Sequence[Segment]) -> list[str]:
-    """Say what a person should know of segments before a take is cut by them, a line each."""
+    """List notes for a person on segments before a take is cut by them, a line each."""
     if not segments:
         return []
     last, lasts = max(segment.end for segment in segments), take.duration
@@ -250,14 +250,14 @@ def oddities(take: Clip, segments: Sequence[Segment]) -> list[str]:
 
 
 def renamed(segments: Iterable[Segment], names: Mapping[str, str]) -> tuple[Segment, ...]:
-    """Give segments other labels where `names` has one."""
+    """Rename the labels of segments by `names`."""
     return tuple(replace(segment, label=names.get(segment.label, segment.label)) for segment in segments)
 
 
 def cut(take: Clip, segments: Sequence[Segment]) -> Iterator[Clip]:
     """Cut a take into one clip per segment; the label is its class, the take's name its take.
 
-    Frames beyond the take's end are left out, and so is a segment of which fewer than two frames are there.
+    Frames beyond the take's end are left out, and so is a segment with fewer than two frames.
 
     Raises
     ------

@@ -1,7 +1,7 @@
-/* The inner loops of a hop, compiled: what numpy does in many calls is done here in a few.
+/* The inner loops of a hop, compiled: a few calls instead of numpy's many.
  *
- * Each function is the twin of Python code that is named above it and does the same but for rounding; the tests compare
- * the two. Nobody needs it: `compiled.py` says whether it was built, and numpy does the same without it, more slowly.
+ * Each function is the twin of the Python code named above it, and computes the same but for rounding; the tests compare
+ * the two. It is optional: `compiled.py` tells whether it was built, and without it numpy computes the same, more slowly.
  *
  * Memory is the caller's, in numpy's arrays; none is allocated while a feed runs. Shapes and types are checked here, once
  * a call, and a wrong one raises ValueError; the loops in `loops.h` take for granted that they fit.
@@ -21,16 +21,16 @@
 
 /* Frames measured side by side. */
 #define TOGETHER 4
-/* What memory on the stack has room for; what is larger is left to numpy. */
-#define MOST_JOINTS 256
-#define MOST_DIRECTIONS 32
-#define MOST_PARTS 8
-#define MOST_VIEWS 8
-#define MOST_AXES 256
-#define MOST_WINDOWS 10000000
-#define MOST_NUMBERS (MOST_JOINTS * (MOST_JOINTS - 1) / 2)
-#define MOST_OWNED (6 * MOST_PARTS + 6)
-#define MOST_ARGUMENTS 12
+/* Sizes for which the stack has room; larger ones are left to numpy. */
+#define MAX_JOINTS 256
+#define MAX_DIRECTIONS 32
+#define MAX_PARTS 8
+#define MAX_VIEWS 8
+#define MAX_AXES 256
+#define MAX_WINDOWS 10000000
+#define MAX_NUMBERS (MAX_JOINTS * (MAX_JOINTS - 1) / 2)
+#define MAX_OWNED (6 * MAX_PARTS + 6)
+#define MAX_ARGUMENTS 12
 /* Eigenvectors of a window that are compared with another's. */
 #define EIGENVECTORS 4
 /* Bytes of a cache line. */
@@ -39,24 +39,24 @@
 #define LANE 64
 /* Points whose products are added up in registers. */
 #define SOME_POINTS 16
-/* Numbers beside a tridiagonal matrix's diagonal that are none, when its trace is 1; turns after which they always are. */
+/* Numbers beside a tridiagonal matrix's diagonal that count as 0, when its trace is 1; turns after which all do. */
 #define NO_EIGENVALUE 1e-12
-#define MOST_TURNS 60
-/* Bounds between which each eigenvalue is looked for at once, and how often. */
+#define MAX_TURNS 60
+/* Bounds between which each eigenvalue is searched at once, and the number of searches. */
 #define SECTIONS 8
 #define PASSES 6
 #define BOUNDS (SECTIONS * EIGENVECTORS)
-/* Bins of phases that are alike. */
-#define MOST_BINS 64
+/* Bins of phases that count as the same. */
+#define MAX_BINS 64
 /* Floats of the widest register. */
-#define MOST_FLOATS 16
-/* Squared distance that is as far as any. */
+#define MAX_FLOATS 16
+/* A squared distance above all others. */
 #define FARTHEST 1e30F
 
-/* A number in half precision: half as much to read is a third less to wait. */
+/* A number in half precision, because reading half as much is quicker. */
 typedef uint16_t Half;
 
-/* How numbers become a vector: library.windows.metric.Metric. */
+/* library.windows.metric.Metric: maps numbers to a vector. */
 typedef struct {
     Py_ssize_t numbers, kept, stride; /* from one number's axes to the next's: a multiple of LANE */
     float *origin;                    /* (numbers) */
@@ -66,14 +66,14 @@ typedef struct {
 /* A part of a signature: of distances, or so many scaled eigenvectors in so many directions. */
 typedef struct {
     Py_ssize_t vectors, directions; /* 0 for a part of distances */
-    Metric metric;                  /* keeps nothing of eigenvectors that are only compared as they are */
+    Metric metric;                  /* empty for eigenvectors that are compared unchanged */
 } Part;
 
-/* Parts compared as one vector, and the library's windows as they have it. */
+/* Parts compared as one vector, and the library's windows as such vectors. */
 typedef struct {
-    int members[MOST_PARTS], count, between; /* whether eigenvectors are compared as they are */
-    Py_ssize_t axes;                         /* directions, where they are */
-    Metric joint;                            /* keeps nothing where there is none */
+    int members[MAX_PARTS], count, between; /* whether eigenvectors are compared unchanged */
+    Py_ssize_t axes;                         /* directions, if they are unchanged */
+    Metric joint;                            /* empty for no metric */
     Half *windows;                           /* (lanes, axes or EIGENVECTORS * axes, LANE) */
     float *lengths;                          /* |b|² + nearest, (lanes, LANE) */
 } Group;
@@ -82,19 +82,19 @@ typedef struct {
 typedef struct {
     PyObject_HEAD
     int parts, groups, views;
-    Part part[MOST_PARTS];
-    Group group[MOST_PARTS];
-    float weights[MOST_VIEWS][MOST_PARTS], nearest;
-    Py_ssize_t windows, lanes, blocks, classes, wanted; /* so many groups */
-    Py_ssize_t *block_starts, *class_starts; /* one more than there are: where the last one ends */
-    float *room;                             /* (MOST_NUMBERS): what place() works on */
-    float (*placed)[MOST_AXES];              /* (MOST_PARTS) */
-    float *products;                         /* (MOST_VIEWS, lanes, LANE) */
-    void *owned[MOST_OWNED];
+    Part part[MAX_PARTS];
+    Group group[MAX_PARTS];
+    float weights[MAX_VIEWS][MAX_PARTS], nearest;
+    Py_ssize_t windows, lanes, blocks, classes, wanted; /* number of groups */
+    Py_ssize_t *block_starts, *class_starts; /* one more than blocks: the last one's end */
+    float *room;                             /* (MAX_NUMBERS): what place() works on */
+    float (*placed)[MAX_AXES];              /* (MAX_PARTS) */
+    float *products;                         /* (MAX_VIEWS, lanes, LANE) */
+    void *owned[MAX_OWNED];
     int blocks_owned;
 } Table;
 
-/* What a body is followed through: the moments of the recordings of one class, and how a step goes on. */
+/* The moments of the recordings of one class, through which a body is followed, and the constants of a step. */
 typedef struct {
     Py_ssize_t count, recordings, axes, rows;
     const double *phases, *beginning, *rounds, *alike; /* (count) each */
@@ -112,7 +112,7 @@ typedef struct {
 #if defined(WIDE_REGISTERS)
 #include <cpuid.h>
 #include <immintrin.h>
-/* What clang does not know makes it leave out all of a target; unasked it takes registers as wide as the numbers. */
+/* clang ignores a whole target attribute with an option it does not know, and uses 512-bit registers without being told. */
 #if defined(__clang__)
 #define PREFERRED ""
 #else
@@ -176,7 +176,7 @@ static int can_widen(void) {
 }
 #endif
 
-/* Whether the processor can do what a kind of loops asks for. */
+/* Whether the processor has the instructions of a kind of loops. */
 static int can(const char *kind) {
 #if defined(WIDE_REGISTERS)
     __builtin_cpu_init();
@@ -192,7 +192,7 @@ static int can(const char *kind) {
     return strcmp(kind, "any") == 0;
 }
 
-/* Use one kind of loops from now on; -1 if there are none such here. */
+/* Use one kind of loops from now on; -1 if this machine has no such kind. */
 static int choose(const char *kind) {
     if (!can(kind)) {
         return -1;
@@ -218,7 +218,7 @@ static int choose(const char *kind) {
 #define INDEX "l"
 #endif
 
-/* ---- what comes in -----------------------------------------------------------------------------------------------*/
+/* ---- arguments ---------------------------------------------------------------------------------------------------*/
 
 /* An argument: its name, numpy's type of its numbers, and its shape, a letter or digit for each dimension. Where a letter
  * stands again the length must be the same, a star stands for any; an argument without dimensions is a number. */
@@ -233,8 +233,8 @@ typedef struct {
 /* Arguments as they came: arrays held, numbers read, and the lengths that the letters stand for. */
 typedef struct {
     int count;
-    Py_buffer held[MOST_ARGUMENTS];
-    double number[MOST_ARGUMENTS];
+    Py_buffer held[MAX_ARGUMENTS];
+    double number[MAX_ARGUMENTS];
     Py_ssize_t length[128];
 } Taken;
 
@@ -264,11 +264,11 @@ static int expect_arguments(Py_ssize_t expected, Py_ssize_t got) {
 
 static void let_go(Taken *taken) {
     for (int i = 0; i < taken->count; i++) {
-        PyBuffer_Release(&taken->held[i]); /* of one that is not held nothing happens */
+        PyBuffer_Release(&taken->held[i]); /* no effect on a buffer that is not held */
     }
 }
 
-/* Whether a held array is as wanted: so many dimensions of this type, its numbers side by side where they must be. */
+/* Whether a held array has the wanted dimensions and type, and its numbers side by side where they must be. */
 static int fits(const Py_buffer *held, const Wanted *wanted) {
     const int dimensions = (int)strlen(wanted->shape);
     if (held->ndim != dimensions || held->format == NULL || strcmp(held->format, wanted->type) != 0) {
@@ -313,7 +313,7 @@ static int agrees(Taken *taken, const Py_buffer *held, const Wanted *wanted) {
     return 1;
 }
 
-/* Whether some bytes may be in both, those between rows counted. */
+/* Whether two arrays may share bytes, including bytes between rows. */
 static int overlap(const Py_buffer *one, const Py_buffer *other) {
     if (one->len == 0 || other->len == 0) {
         return 0;
@@ -323,7 +323,7 @@ static int overlap(const Py_buffer *one, const Py_buffer *other) {
     return begin < stop && start < end;
 }
 
-/* Take arguments; whether they are taken or not, they must be let go. */
+/* Take arguments; in either case they must be let go afterwards. */
 static int take(Taken *taken, const Wanted *wanted, int count, PyObject *const *arguments, Py_ssize_t given) {
     taken->count = 0;
     memset(taken->length, -1, sizeof taken->length);
@@ -345,7 +345,7 @@ static int take(Taken *taken, const Wanted *wanted, int count, PyObject *const *
             return -1;
         }
     }
-    /* Nothing may be read from where something is written: indices that were checked would be others when used. */
+    /* Inputs and outputs must not overlap: indices could change after they were checked. */
     for (int i = 0; i < count; i++) {
         for (int j = 0; j < count && wanted[i].how & WRITTEN; j++) {
             if (i != j && overlap(&taken->held[i], &taken->held[j])) {
@@ -381,7 +381,7 @@ static PyObject *measure_distances(PyObject *module, PyObject *const *arguments,
     Taken taken;
     PyObject *result = NULL;
     (void)module;
-    if (TAKE(&taken, wanted) == 0 && expect_most("joints", MOST_JOINTS, taken.length['j']) == 0 &&
+    if (TAKE(&taken, wanted) == 0 && expect_most("joints", MAX_JOINTS, taken.length['j']) == 0 &&
         expect_indices("pairs", &taken.held[1], taken.length['j']) == 0) {
         loops.distances(taken.held[0].buf, taken.length['f'], taken.length['j'], taken.held[1].buf, taken.length['p'],
                         taken.held[2].buf, stride_of(&taken.held[2]));
@@ -423,7 +423,7 @@ static PyObject *follow_products(PyObject *module, PyObject *const *arguments, P
     Taken taken;
     PyObject *result = NULL;
     (void)module;
-    if (TAKE(&taken, wanted) == 0 && expect_most("directions", MOST_DIRECTIONS, taken.length['w']) == 0) {
+    if (TAKE(&taken, wanted) == 0 && expect_most("directions", MAX_DIRECTIONS, taken.length['w']) == 0) {
         const int width = (int)taken.length['w'];
         Py_buffer *held = taken.held;
         loops.add_products(held[0].buf, held[1].buf, held[2].buf, width, held[3].buf, stride_of(&held[3]),
@@ -452,7 +452,7 @@ static PyObject *read_parts(PyObject *module, PyObject *const *arguments, Py_ssi
     PyObject *result = NULL;
     (void)module;
     if (TAKE(&taken, wanted) == 0 && expect_most("sums", PY_SSIZE_T_MAX, taken.length['w']) == 0 &&
-        expect_most("segments", MOST_JOINTS, taken.length['s'] + 1) == 0 &&
+        expect_most("segments", MAX_JOINTS, taken.length['s'] + 1) == 0 &&
         expect_indices("segments", &taken.held[4], taken.length['w']) == 0) {
         Py_buffer *held = taken.held;
         double movement;
@@ -465,7 +465,7 @@ static PyObject *read_parts(PyObject *module, PyObject *const *arguments, Py_ssi
 }
 
 static int expect_eigenpairs(Py_ssize_t size, Py_ssize_t most) {
-    return expect_most("directions", MOST_DIRECTIONS, size) == 0 &&
+    return expect_most("directions", MAX_DIRECTIONS, size) == 0 &&
                    expect_most("values", size < EIGENVECTORS ? size : EIGENVECTORS, most) == 0
                ? 0
                : -1;
@@ -502,7 +502,7 @@ static PyObject *read_eigen(PyObject *module, PyObject *const *arguments, Py_ssi
     (void)module;
     if (TAKE(&taken, wanted) == 0 && expect_eigenpairs(taken.length['n'], taken.length['k']) == 0) {
         const int size = (int)taken.length['n'], most = (int)taken.length['k'];
-        double covariance[MOST_DIRECTIONS * MOST_DIRECTIONS], total = 0.0;
+        double covariance[MAX_DIRECTIONS * MAX_DIRECTIONS], total = 0.0;
         double *values = taken.held[4].buf, *vectors = taken.held[5].buf, *scaled = taken.held[6].buf;
         const double trace = loops.covariance(taken.held[0].buf, taken.held[1].buf, size, taken.number[2], taken.number[3], covariance);
         if (loops.eigenpairs(covariance, size, most, values, vectors)) {
@@ -535,9 +535,9 @@ static PyObject *follow_phase(PyObject *module, PyObject *const *arguments, Py_s
     Taken taken;
     PyObject *result = NULL;
     (void)module;
-    if (TAKE(&taken, wanted) == 0 && expect_most("moments", MOST_WINDOWS, taken.length['n']) == 0 &&
+    if (TAKE(&taken, wanted) == 0 && expect_most("moments", MAX_WINDOWS, taken.length['n']) == 0 &&
         expect_most("recordings", taken.length['n'], taken.length['r']) == 0 &&
-        expect("room", taken.length['n'] + MOST_FLOATS, taken.length['m']) == 0 &&
+        expect("room", taken.length['n'] + MAX_FLOATS, taken.length['m']) == 0 &&
         expect("told", taken.length['k'] + 2, taken.length['t']) == 0 &&
         expect_indices("starts", &taken.held[2], taken.length['n']) == 0) {
         const Py_buffer *held = taken.held;
@@ -573,13 +573,13 @@ static PyObject *follow_phase(PyObject *module, PyObject *const *arguments, Py_s
             right = right && starts[r] > starts[r - 1];
         }
         for (Py_ssize_t i = 0; i < count; i++) {
-            right = right && indices[i] >= 0 && indices[i] < MOST_BINS && indices[count + i] >= 0 && indices[count + i] < count;
+            right = right && indices[i] >= 0 && indices[i] < MAX_BINS && indices[count + i] >= 0 && indices[count + i] < count;
         }
         if (right) {
             loops.follow_phase(&course, held[7].buf, held[8].buf, held[9].buf, held[10].buf, held[11].buf);
             result = Py_NewRef(Py_None);
         } else {
-            PyErr_Format(PyExc_ValueError, "indices: expected bins below %d, an order, and starts that ascend from 0", MOST_BINS);
+            PyErr_Format(PyExc_ValueError, "indices: expected bins below %d, an order, and starts that ascend from 0", MAX_BINS);
         }
     }
     let_go(&taken);
@@ -594,8 +594,8 @@ static PyObject *moving(PyObject *module, PyObject *const *arguments, Py_ssize_t
     Taken taken;
     PyObject *result = NULL;
     (void)module;
-    if (TAKE(&taken, wanted) == 0 && expect_most("points", MOST_WINDOWS, taken.length['p']) == 0 &&
-        expect_most("directions", MOST_DIRECTIONS, taken.length['d']) == 0 &&
+    if (TAKE(&taken, wanted) == 0 && expect_most("points", MAX_WINDOWS, taken.length['p']) == 0 &&
+        expect_most("directions", MAX_DIRECTIONS, taken.length['d']) == 0 &&
         expect("whitening", 2 * taken.length['d'], taken.length['v']) == 0) {
         const Py_ssize_t count = taken.length['p'];
         if (taken.number[1] >= 0 && taken.number[1] < (double)count) {
@@ -613,9 +613,9 @@ static PyObject *moving(PyObject *module, PyObject *const *arguments, Py_ssize_t
 
 /* ---- windows compared: library.windows.index.WindowIndex ----------------------------------------------------------*/
 
-/* Give zeros that begin with a cache line; NULL and an error when there are none to be had. */
+/* Give zeros that begin with a cache line; NULL and an error when there is no memory. */
 static void *zeros(Table *table, Py_ssize_t count, size_t bytes) {
-    void *block = table->blocks_owned < MOST_OWNED ? PyMem_Calloc((size_t)count + LINE, bytes) : NULL;
+    void *block = table->blocks_owned < MAX_OWNED ? PyMem_Calloc((size_t)count + LINE, bytes) : NULL;
     if (block == NULL) {
         return PyErr_NoMemory();
     }
@@ -633,7 +633,7 @@ static void table_dealloc(PyObject *self) {
     Py_DECREF(type);
 }
 
-/* Take over where things start, ascending from 0, and set where the last of them ends. */
+/* Take over starts, ascending from 0, and set the end of the last. */
 static Py_ssize_t *take_starts(Table *table, const Py_buffer *starts, const char *name, Py_ssize_t end, Py_ssize_t *count) {
     *count = starts->shape[0];
     Py_ssize_t *taken = expect_most(name, end, *count) < 0 ? NULL : zeros(table, *count + 1, sizeof(Py_ssize_t));
@@ -670,7 +670,7 @@ static int take_metric(Table *table, Metric *metric, const Py_buffer *origin, co
     if (kept == 0) {
         return 0;
     }
-    if (expect_most("axes", MOST_AXES, kept) < 0 || expect_most("numbers", MOST_NUMBERS, numbers) < 0 ||
+    if (expect_most("axes", MAX_AXES, kept) < 0 || expect_most("numbers", MAX_NUMBERS, numbers) < 0 ||
         (metric->origin = zeros(table, numbers, sizeof(float))) == NULL ||
         (metric->axes = zeros(table, numbers * stride, sizeof(Half))) == NULL) {
         return -1;
@@ -697,8 +697,8 @@ static PyObject *table_new(PyTypeObject *type, PyObject *tuple, PyObject *named)
     }
     Table *table = NULL;
     if (TAKE(&taken, wanted) == 0 && (named == NULL || expect_arguments(0, PyDict_Size(named)) == 0) &&
-        expect_most("windows", MOST_WINDOWS, (Py_ssize_t)fmax(fmin(taken.number[0], MOST_WINDOWS + 1.0), 0.0)) == 0 &&
-        expect_most("groups", MOST_PARTS, taken.length['g']) == 0 && expect_most("views", MOST_VIEWS, taken.length['v']) == 0) {
+        expect_most("windows", MAX_WINDOWS, (Py_ssize_t)fmax(fmin(taken.number[0], MAX_WINDOWS + 1.0), 0.0)) == 0 &&
+        expect_most("groups", MAX_PARTS, taken.length['g']) == 0 && expect_most("views", MAX_VIEWS, taken.length['v']) == 0) {
         table = (Table *)((allocfunc)PyType_GetSlot(type, Py_tp_alloc))(type, 0);
     }
     if (table != NULL) {
@@ -713,9 +713,9 @@ static PyObject *table_new(PyTypeObject *type, PyObject *tuple, PyObject *named)
         }
         if ((table->block_starts = take_starts(table, &held[1], "blocks", table->windows, &table->blocks)) == NULL ||
             (table->class_starts = take_starts(table, &held[2], "classes", table->blocks, &table->classes)) == NULL ||
-            (table->products = zeros(table, MOST_VIEWS * table->lanes * LANE, sizeof(float))) == NULL ||
-            (table->placed = zeros(table, MOST_PARTS * MOST_AXES, sizeof(float))) == NULL ||
-            (table->room = zeros(table, MOST_NUMBERS, sizeof(float))) == NULL) {
+            (table->products = zeros(table, MAX_VIEWS * table->lanes * LANE, sizeof(float))) == NULL ||
+            (table->placed = zeros(table, MAX_PARTS * MAX_AXES, sizeof(float))) == NULL ||
+            (table->room = zeros(table, MAX_NUMBERS, sizeof(float))) == NULL) {
             Py_CLEAR(table);
         }
     }
@@ -731,16 +731,16 @@ static PyObject *table_add_part(PyObject *self, PyObject *const *arguments, Py_s
     Table *table = (Table *)self;
     Taken taken;
     PyObject *result = NULL;
-    if (TAKE(&taken, wanted) == 0 && expect_most("parts", MOST_PARTS, table->parts + 1) == 0) {
+    if (TAKE(&taken, wanted) == 0 && expect_most("parts", MAX_PARTS, table->parts + 1) == 0) {
         const double vectors = taken.number[0], directions = taken.number[1];
         Part *part = &table->part[table->parts];
         memset(part, 0, sizeof *part);
-        if (vectors >= 0 && vectors <= EIGENVECTORS && directions >= 0 && directions <= MOST_DIRECTIONS) {
+        if (vectors >= 0 && vectors <= EIGENVECTORS && directions >= 0 && directions <= MAX_DIRECTIONS) {
             part->vectors = (Py_ssize_t)vectors;
             part->directions = part->vectors > 0 ? (Py_ssize_t)directions : 0;
         }
         const Py_ssize_t flattened = part->directions * (part->directions + 1) / 2;
-        if ((part->directions == 0 ? expect_most("axes", MOST_AXES, taken.length['k'])
+        if ((part->directions == 0 ? expect_most("axes", MAX_AXES, taken.length['k'])
                                    : taken.length['k'] > 0 ? expect("origin", flattened, taken.length['n']) : 0) == 0 &&
             take_metric(table, &part->metric, &taken.held[2], &taken.held[3]) == 0) {
             table->parts++;
@@ -751,9 +751,9 @@ static PyObject *table_add_part(PyObject *self, PyObject *const *arguments, Py_s
     return result;
 }
 
-/* Set what a group consists of; -1 where it is none. */
+/* Set the members of a group; -1 if they make no group. */
 static int take_members(const Table *table, Group *group, const Py_buffer *members) {
-    if (expect_most("members", MOST_PARTS, members->shape[0]) < 0 || expect_indices("members", members, table->parts) < 0) {
+    if (expect_most("members", MAX_PARTS, members->shape[0]) < 0 || expect_indices("members", members, table->parts) < 0) {
         return -1;
     }
     group->count = (int)members->shape[0];
@@ -787,7 +787,7 @@ static PyObject *table_add_group(PyObject *self, PyObject *const *arguments, Py_
             (taken.length['k'] == 0 || expect("origin", group->axes, taken.length['n']) == 0) &&
             take_metric(table, &group->joint, &held[1], &held[2]) == 0) {
             group->axes = group->joint.kept > 0 ? group->joint.kept : group->axes;
-            if (expect_most("axes", MOST_AXES, group->axes) == 0 &&
+            if (expect_most("axes", MAX_AXES, group->axes) == 0 &&
                 expect("windows", group->axes * (group->between ? EIGENVECTORS : 1), taken.length['a']) == 0 &&
                 expect("windows", table->windows, taken.length['w']) == 0 &&
                 (group->windows = take_lanes(table, &held[3])) != NULL &&
@@ -807,8 +807,8 @@ static PyObject *table_add_group(PyObject *self, PyObject *const *arguments, Py_
 /* compared(numbers, ..., logs): of each part its numbers, or its eigenvectors; logs (views, classes) */
 static PyObject *table_compared(PyObject *self, PyObject *const *arguments, Py_ssize_t given) {
     Table *table = (Table *)self;
-    Wanted wanted[MOST_PARTS + 1];
-    const double *numbers[MOST_PARTS];
+    Wanted wanted[MAX_PARTS + 1];
+    const double *numbers[MAX_PARTS];
     Taken taken;
     PyObject *result = NULL;
     for (int p = 0; p < table->parts; p++) {
@@ -838,13 +838,13 @@ static PyObject *table_compared(PyObject *self, PyObject *const *arguments, Py_s
 
 /* ---- which loops -------------------------------------------------------------------------------------------------*/
 
-/* kind() -> those in use */
+/* kind() -> the kind in use */
 static PyObject *kind(PyObject *module, PyObject *const *arguments, Py_ssize_t given) {
     (void)module, (void)arguments;
     return expect_arguments(0, given) == 0 ? PyUnicode_FromString(loops.name) : NULL;
 }
 
-/* use(kind): others than the best, so that those can be tested */
+/* use(kind): another kind than the best, for tests */
 static PyObject *use(PyObject *module, PyObject *name) {
     (void)module;
     const char *text = PyUnicode_AsUTF8AndSize(name, NULL);
@@ -903,9 +903,9 @@ static int prepare(PyObject *module) {
     }
     PyObject *type = PyType_FromModuleAndSpec(module, &table_type, NULL);
     int added = type != NULL && PyModule_AddType(module, (PyTypeObject *)type) == 0 &&
-                PyModule_AddIntMacro(module, MOST_JOINTS) == 0 && PyModule_AddIntMacro(module, MOST_DIRECTIONS) == 0 &&
-                PyModule_AddIntMacro(module, MOST_PARTS) == 0 && PyModule_AddIntMacro(module, MOST_VIEWS) == 0 &&
-                PyModule_AddIntMacro(module, MOST_AXES) == 0;
+                PyModule_AddIntMacro(module, MAX_JOINTS) == 0 && PyModule_AddIntMacro(module, MAX_DIRECTIONS) == 0 &&
+                PyModule_AddIntMacro(module, MAX_PARTS) == 0 && PyModule_AddIntMacro(module, MAX_VIEWS) == 0 &&
+                PyModule_AddIntMacro(module, MAX_AXES) == 0;
     Py_XDECREF(type);
     return added ? 0 : -1;
 }

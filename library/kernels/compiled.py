@@ -63,12 +63,12 @@ class Loops(Protocol):
 
     Attributes
     ----------
-    MOST_JOINTS, MOST_DIRECTIONS
+    MAX_JOINTS, MAX_DIRECTIONS
         Bodies and bases with more are left to numpy.
     """
 
-    MOST_JOINTS: int
-    MOST_DIRECTIONS: int
+    MAX_JOINTS: int
+    MAX_DIRECTIONS: int
 
     def kind(self) -> str:
         """Give the kind of the loops in use: avx512, avx2, or any."""
@@ -214,7 +214,7 @@ class Loops(Protocol):
         points
             (points, directions), the newest last.
         back, factor
-            How many points before the velocity begins, and what it is multiplied by.
+            How many points before the newest the velocity begins, and the factor on it.
         whitening
             (2 directions, axes).
         live

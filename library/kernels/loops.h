@@ -64,13 +64,13 @@ LOGARITHMS(float_logs, KIND(Floats), KIND(Ints), float, 0x3F3504F3, 23, 9)
 LOOP static void KIND(distances)(const double *restrict positions, Py_ssize_t frames, Py_ssize_t joints,
                                  const Py_ssize_t *restrict pairs, Py_ssize_t count, double *restrict rows,
                                  Py_ssize_t stride) {
-    double places[MOST_JOINTS][3][TOGETHER];
+    double places[MAX_JOINTS][3][TOGETHER];
     for (Py_ssize_t begin = 0; begin < frames; begin += TOGETHER) {
         Py_ssize_t some = frames - begin < TOGETHER ? frames - begin : TOGETHER;
         for (Py_ssize_t j = 0; j < joints; j++) {
             for (int axis = 0; axis < 3; axis++) {
                 for (Py_ssize_t k = 0; k < TOGETHER; k++) {
-                    /* Where frames are lacking the first stands in; nobody asks for what comes of it. */
+                    /* The first frame fills missing places; their results are not read. */
                     places[j][axis][k] = positions[((begin + (k < some ? k : 0)) * joints + j) * 3 + axis];
                 }
             }
@@ -110,7 +110,7 @@ LOOP static void KIND(add_rows)(double *restrict sums, Py_ssize_t width, double 
     }
 }
 
-/* Where the largest of some numbers is. */
+/* The index of the largest of some numbers. */
 LOOP static Py_ssize_t KIND(largest)(const double *restrict numbers, Py_ssize_t count) {
     double most = numbers[0];
 #pragma omp simd reduction(max : most)
@@ -130,7 +130,7 @@ LOOP static void KIND(add_products)(const double *restrict reference, double *re
                                     double weight) {
     for (Py_ssize_t begin = 0; begin < count; begin += SOME_POINTS) {
         const Py_ssize_t some = count - begin < SOME_POINTS ? count - begin : SOME_POINTS;
-        double relative[SOME_POINTS][MOST_DIRECTIONS] = {{0.0}};
+        double relative[SOME_POINTS][MAX_DIRECTIONS] = {{0.0}};
         for (Py_ssize_t row = 0; row < some; row++) {
             for (int i = 0; i < width; i++) {
                 relative[row][i] = rows[(begin + row) * stride + i] - reference[i];
@@ -138,10 +138,10 @@ LOOP static void KIND(add_products)(const double *restrict reference, double *re
             }
         }
         for (int i = 0; i < width; i++) {
-            double added[MOST_DIRECTIONS] = {0.0};
+            double added[MAX_DIRECTIONS] = {0.0};
             for (Py_ssize_t row = 0; row < some; row++) {
                 const double factor = weight * relative[row][i];
-                for (int j = 0; j < MOST_DIRECTIONS; j++) {
+                for (int j = 0; j < MAX_DIRECTIONS; j++) {
                     added[j] += factor * relative[row][j];
                 }
             }
@@ -177,7 +177,7 @@ LOOP static double KIND(parts)(const double *restrict sums, Py_ssize_t width, co
         posture[i] = mean;
         trend[i] = (along[i] * per_row - offset * middle) * per_swing;
     }
-    /* All joints in one point do not swing. */
+    /* A body in one point has no spread. */
     const double per_size = size > 0.0 ? 1.0 / size : 0.0, noise = floor * size;
     for (Py_ssize_t i = 0; i < width; i++) {
         const double moved = spread[i] + noise;
@@ -200,7 +200,7 @@ LOOP static double KIND(parts)(const double *restrict sums, Py_ssize_t width, co
         spread[i] -= removed;
     }
     double lengths[LANE];
-    double means_of[MOST_JOINTS];
+    double means_of[MAX_JOINTS];
     for (Py_ssize_t s = 0; s < between; s++) {
         means_of[s] = posture[segments[s]];
     }
@@ -232,10 +232,10 @@ HELPER double KIND(dot)(const double *restrict one, const double *restrict other
 }
 
 /* Make a symmetric matrix tridiagonal by reflections I − factor v vᵀ (Householder), v in the matrix's rows afterwards. */
-HELPER void KIND(tridiagonal)(double (*restrict a)[MOST_DIRECTIONS], int size, double *restrict diagonal,
+HELPER void KIND(tridiagonal)(double (*restrict a)[MAX_DIRECTIONS], int size, double *restrict diagonal,
                               double *restrict beside, double *restrict factors) {
     for (int c = 0; c < size - 1; c++) {
-        double *restrict v = a[c], image[MOST_DIRECTIONS] = {0.0};
+        double *restrict v = a[c], image[MAX_DIRECTIONS] = {0.0};
         diagonal[c] = v[c];
         for (int i = 0; i <= c; i++) {
             v[i] = 0.0;
@@ -245,17 +245,17 @@ HELPER void KIND(tridiagonal)(double (*restrict a)[MOST_DIRECTIONS], int size, d
         factors[c] = square > 0.0 ? 1.0 / (square - first * beside[c]) : 0.0;
         v[c + 1] -= beside[c];
         for (int j = c + 1; j < size; j++) {
-            for (int i = 0; i < MOST_DIRECTIONS; i++) {
+            for (int i = 0; i < MAX_DIRECTIONS; i++) {
                 image[i] += v[j] * a[j][i];
             }
         }
         const double half = factors[c] * KIND(dot)(v, image, size) / 2;
-        for (int i = 0; i < MOST_DIRECTIONS; i++) {
+        for (int i = 0; i < MAX_DIRECTIONS; i++) {
             image[i] = factors[c] * (image[i] - half * v[i]);
         }
         for (int j = c + 1; j < size; j++) {
             const double one = v[j], other = image[j];
-            for (int i = 0; i < MOST_DIRECTIONS; i++) {
+            for (int i = 0; i < MAX_DIRECTIONS; i++) {
                 a[j][i] -= one * image[i] + other * v[i];
             }
         }
@@ -305,7 +305,7 @@ HELPER void KIND(locate)(const double *restrict d, const double *restrict e, int
  * none that is left is above; and their eigenvectors, to rows that begin as those of 1: implicit QL (Dubrulle, Martin and
  * Wilkinson 1968). Gives how many were found; 0 if it does not end, as with what is no number. */
 HELPER int KIND(diagonal)(double *restrict d, double *restrict e, int size, const float *restrict located, int wanted,
-                          double (*restrict rows)[MOST_DIRECTIONS]) {
+                          double (*restrict rows)[MAX_DIRECTIONS]) {
     for (int low = 0; low < size; low++) {
         for (int turn = 0;; turn++) {
             int high = low;
@@ -315,7 +315,7 @@ HELPER int KIND(diagonal)(double *restrict d, double *restrict e, int size, cons
             if (high == low) {
                 break;
             }
-            if (turn == MOST_TURNS) {
+            if (turn == MAX_TURNS) {
                 return 0;
             }
             const double shift = (d[low + 1] - d[low]) / (2 * e[low]), root = sqrt(shift * shift + 1);
@@ -329,7 +329,7 @@ HELPER int KIND(diagonal)(double *restrict d, double *restrict e, int size, cons
                     d[i + 1] -= p;
                     break;
                 }
-                /* A root and a quotient beside each other are done before one after the other. */
+                /* A root and a quotient side by side are quicker than one after the other. */
                 sine = f * (r * (1 / square));
                 cosine = g * (r * (1 / square));
                 g = d[i + 1] - p;
@@ -337,7 +337,7 @@ HELPER int KIND(diagonal)(double *restrict d, double *restrict e, int size, cons
                 p = sine * s;
                 d[i + 1] = g + p;
                 g = cosine * s - b;
-                for (int k = 0; k < MOST_DIRECTIONS; k++) {
+                for (int k = 0; k < MAX_DIRECTIONS; k++) {
                     const double one = rows[i + 1][k], other = rows[i][k];
                     rows[i + 1][k] = sine * other + cosine * one;
                     rows[i][k] = cosine * other - sine * one;
@@ -365,8 +365,8 @@ HELPER int KIND(diagonal)(double *restrict d, double *restrict e, int size, cons
 /* The largest eigenvalues of a covariance (size, size), to values (count), and their eigenvectors, to (count, size). */
 LOOP static int KIND(eigenpairs)(const double *restrict covariance, int size, int count, double *restrict values,
                                  double *restrict vectors) {
-    double a[MOST_DIRECTIONS][MOST_DIRECTIONS] = {{0.0}}, rows[MOST_DIRECTIONS][MOST_DIRECTIONS] = {{0.0}};
-    double d[MOST_DIRECTIONS], e[MOST_DIRECTIONS], factors[MOST_DIRECTIONS], trace = 0.0;
+    double a[MAX_DIRECTIONS][MAX_DIRECTIONS] = {{0.0}}, rows[MAX_DIRECTIONS][MAX_DIRECTIONS] = {{0.0}};
+    double d[MAX_DIRECTIONS], e[MAX_DIRECTIONS], factors[MAX_DIRECTIONS], trace = 0.0;
     float located[EIGENVECTORS];
     for (int i = 0; i < size; i++) {
         trace += covariance[i * size + i];
@@ -527,7 +527,7 @@ HELPER void KIND(agree)(const Table *table, double *restrict agreed) {
     }
 }
 
-/* Give a part's numbers as its metric wants them, to `room`. */
+/* Write a part's numbers in the form of its metric to `room`. */
 HELPER void KIND(prepare)(const Part *part, const double *restrict numbers, float *restrict room) {
     if (part->directions > 0) {
         KIND(flatten)(numbers, part->vectors, part->directions, room);
@@ -540,8 +540,8 @@ HELPER void KIND(prepare)(const Part *part, const double *restrict numbers, floa
 
 /* Compare a live window's parts with a table's windows, to logs (views, classes). */
 LOOP static void KIND(compare)(const Table *table, const double *const *numbers, double *restrict logs) {
-    float vectors[MOST_PARTS][MOST_AXES], squares[MOST_PARTS] = {0.0F};
-    float(*placed)[MOST_AXES] = table->placed;
+    float vectors[MAX_PARTS][MAX_AXES], squares[MAX_PARTS] = {0.0F};
+    float(*placed)[MAX_AXES] = table->placed;
     for (int p = 0; p < table->parts; p++) {
         if (table->part[p].metric.kept > 0) {
             KIND(prepare)(&table->part[p], numbers[p], table->room);
@@ -573,7 +573,7 @@ LOOP static void KIND(compare)(const Table *table, const double *const *numbers,
         }
     }
     for (Py_ssize_t lane = 0; lane < table->lanes; lane++) {
-        KIND(Floats) views[MOST_VIEWS][LANE / FLOATS] = {{{0.0F}}};
+        KIND(Floats) views[MAX_VIEWS][LANE / FLOATS] = {{{0.0F}}};
         float squared[LANE];
         for (int g = 0; g < table->groups; g++) {
             const Group *group = &table->group[g];
@@ -582,7 +582,7 @@ LOOP static void KIND(compare)(const Table *table, const double *const *numbers,
             } else {
                 KIND(distances_to)(group, lane, vectors[g], squares[g], squared);
             }
-            /* What is no number is as far as can be. */
+            /* NaN counts as the farthest. */
             for (int w = 0; w < LANE; w++) {
                 const float one = squared[w] < FARTHEST ? squared[w] : FARTHEST;
                 squared[w] = one > table->nearest ? one : table->nearest;
@@ -601,7 +601,7 @@ LOOP static void KIND(compare)(const Table *table, const double *const *numbers,
     KIND(agree)(table, logs);
 }
 
-/* e to the power of numbers: eˣ = 2ⁿ eʳ with |r| ≤ ln 2 / 2. Below −87 it is e⁻⁸⁷, as good as nothing; none is above 0. */
+/* e to the power of numbers: eˣ = 2ⁿ eʳ with |r| ≤ ln 2 / 2. Below −87 it is e⁻⁸⁷, as good as 0; no number is above 0. */
 HELPER KIND(Floats) KIND(float_exps)(KIND(Floats) numbers) {
     union {
         KIND(Ints) bits;
@@ -612,7 +612,7 @@ HELPER KIND(Floats) KIND(float_exps)(KIND(Floats) numbers) {
     power.whole = numbers;
     power.bits = (power.bits & enough) | ((KIND(Ints))least & ~enough);
     const KIND(Floats) x = power.whole;
-    /* None is above 0, and a conversion rounds towards 0. */
+    /* No number is above 0, and a conversion rounds towards 0. */
     const KIND(Ints) n = __builtin_convertvector(x * 1.44269504F - 0.5F, KIND(Ints));
     const KIND(Floats) whole = __builtin_convertvector(n, KIND(Floats));
     const KIND(Floats) r = (x - whole * 0.693359375F) + whole * 2.12194440e-4F;
@@ -632,7 +632,7 @@ HELPER KIND(Floats) KIND(float_exps)(KIND(Floats) numbers) {
 LOOP static void KIND(go_on)(const Course *course, const double *restrict before, double *restrict after) {
     const Py_ssize_t count = course->count;
     const double stay = course->stay, one = course->one, two = course->two;
-    double mass[MOST_BINS] = {0.0}, beyond = 0.0;
+    double mass[MAX_BINS] = {0.0}, beyond = 0.0;
     for (Py_ssize_t r = 0; r < course->recordings; r++) {
         const Py_ssize_t begin = course->starts[r], end = r + 1 < course->recordings ? course->starts[r + 1] : count;
         const Py_ssize_t last = end - 1;
@@ -734,7 +734,7 @@ LOOP static void KIND(moving)(const double *restrict points, Py_ssize_t count, P
                               Py_ssize_t back, double factor, const double *restrict whitening, Py_ssize_t width,
                               float *restrict live, double *restrict square, double *restrict variance) {
     const double *restrict now = points + (count - 1) * stride, *restrict before = now - back * stride;
-    double vector[2 * MOST_DIRECTIONS], mean[MOST_DIRECTIONS] = {0.0}, squares[MOST_DIRECTIONS] = {0.0};
+    double vector[2 * MAX_DIRECTIONS], mean[MAX_DIRECTIONS] = {0.0}, squares[MAX_DIRECTIONS] = {0.0};
     *square = *variance = 0.0;
     for (Py_ssize_t d = 0; d < directions; d++) {
         const double velocity = factor * (now[d] - before[d]);
@@ -756,9 +756,9 @@ LOOP static void KIND(moving)(const double *restrict points, Py_ssize_t count, P
     for (Py_ssize_t d = 0; d < directions; d++) {
         *variance += squares[d] / (double)count;
     }
-    for (Py_ssize_t begin = 0; begin < width; begin += MOST_DIRECTIONS) {
-        const Py_ssize_t some = width - begin < MOST_DIRECTIONS ? width - begin : MOST_DIRECTIONS;
-        double sums[MOST_DIRECTIONS] = {0.0};
+    for (Py_ssize_t begin = 0; begin < width; begin += MAX_DIRECTIONS) {
+        const Py_ssize_t some = width - begin < MAX_DIRECTIONS ? width - begin : MAX_DIRECTIONS;
+        double sums[MAX_DIRECTIONS] = {0.0};
         for (Py_ssize_t d = 0; d < 2 * directions; d++) {
             for (Py_ssize_t k = 0; k < some; k++) {
                 sums[k] += vector[d] * whitening[d * width + begin + k];

@@ -52,7 +52,7 @@ def eigenpairs(matrices: NDArray[np.float64], most: int) -> tuple[NDArray[np.flo
     count, size, _ = matrices.shape
     found, loops = min(most, size), compiled.loops
     values, vectors = np.empty((count, found)), np.empty((count, found, size))
-    if loops and size <= loops.MOST_DIRECTIONS and loops.eigenpairs(matrices, values, vectors):
+    if loops and size <= loops.MAX_DIRECTIONS and loops.eigenpairs(matrices, values, vectors):
         return values, vectors
     from scipy.linalg.lapack import dsyevr  # noqa: PLC0415 - slow to load, and the compiled loops do not need it
 

@@ -24,6 +24,8 @@ _Number = TypeVar("_Number", np.float32, np.float64)
 _LEARNED_IN = 160
 #: How often the nearest windows are searched for anew, in the metric learned so far.
 _ROUNDS = 2
+#: Length of an axis, relative to the longest, below which it is rounding.
+_FLAT = 1e-3
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -113,8 +115,16 @@ def _reduced(centred: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray
 
 
 def _principal(centred: NDArray[_Number], kept: int) -> NDArray[_Number]:
-    square: NDArray[_Number] = centred.T @ centred
-    return leading_eigenvectors(square, kept)[1]
+    """Give the principal axes of windows, (numbers, axes): `kept` at most, and fewer than there are windows."""
+    windows, numbers = centred.shape
+    if windows > numbers:
+        return leading_eigenvectors(centred.T @ centred, kept)[1]
+    # Few windows span few axes: the same axes follow from the windows' inner products, which are fewer numbers.
+    values, vectors = leading_eigenvectors(centred @ centred.T, max(min(kept, windows - 1), 1))
+    lengths = np.sqrt(np.maximum(values, 0.0))
+    there = lengths > _FLAT * lengths[0]
+    axes: NDArray[_Number] = centred.T @ (vectors[:, there] / lengths[there]) if there.any() else centred.T[:, :1]
+    return axes
 
 
 def _whitened_axes(

@@ -1,4 +1,4 @@
-"""A TOML table read key by key: whatever is wrong in it is one line with file, key, expectation and what was got."""
+"""A TOML table read key by key: every mistake is one line with file, key, expectation and the value."""
 
 from __future__ import annotations
 
@@ -11,18 +11,18 @@ if TYPE_CHECKING:
 
 
 class PresetError(ValueError):
-    """A preset cannot be used; the message says file, key, what was expected and what was got."""
+    """A preset cannot be used; the message has the file, the key, the expectation and the value."""
 
 
 class CheckedTable:
-    """Hands out a table's values checked, and refuses keys that nobody asked for.
+    """Gives a table's values checked, and refuses keys that are not read.
 
     Parameters
     ----------
     file
-        What the file is called in messages.
+        The file's name in messages.
     place
-        Where the table stands in it, like `frame` or `message 2`; empty for the whole file.
+        The table's place in the file, like `frame` or `message 2`; empty for the whole file.
     values
         The table, as `tomllib` gives it.
     """
@@ -42,7 +42,7 @@ class CheckedTable:
         return f"{self._place}, {key}" if self._place else key
 
     def _misspelt(self, key: str) -> str:
-        """Say which key that is there looks like one that is not; nothing when none does."""
+        """Name a key of the table that looks like a missing one; empty when none does."""
         near = get_close_matches(key, self._values.keys() - self._asked, n=1)
         return f", but {near[0]!r}, which is no key" if near else ""
 
@@ -94,7 +94,7 @@ class CheckedTable:
         return int(value)
 
     def numbers(self, key: str, count: int, default: tuple[float, ...] | None = None) -> tuple[float, ...]:
-        """Read so many finite numbers; one number stands for all of them."""
+        """Read so many finite numbers; one number counts for all of them."""
         value = self._get(key)
         if value is None and default is not None:
             return default
@@ -123,7 +123,7 @@ class CheckedTable:
         return tuple(value)
 
     def pairs(self, key: str, kind: type) -> dict[str, object]:
-        """Read a table all of whose values are of one kind; nothing when the key is not there."""
+        """Read a table whose values are all of one kind; empty when the key is missing."""
         value = self._get(key)
         if value is None:
             return {}
@@ -159,7 +159,7 @@ class CheckedTable:
         return key in self._values
 
     def finish(self) -> None:
-        """Refuse keys that were never asked for: a misspelt one must not be passed over in silence."""
+        """Refuse keys that were never read: a misspelt key must not be ignored."""
         for key in self._values:
             if key not in self._asked:
                 near = get_close_matches(key, self._asked, n=1)
@@ -171,7 +171,7 @@ class CheckedTable:
 
 
 def _finite(value: object) -> float | None:
-    """Give a finite number as a float, None for anything else: TOML knows infinity, NaN and integers of any size."""
+    """Give a finite number as a float, None for any other value: TOML has infinity, NaN and integers of any size."""
     if isinstance(value, bool) or not isinstance(value, (int, float)):
         return None
     try:

@@ -48,7 +48,7 @@ class FeedDecoder:
 
     @property
     def counts(self) -> InputCounts:
-        """What was read so far, and what could not be."""
+        """Counts of packets and of those that could not be read."""
         made = self.assembler.counts
         return InputCounts(
             received=self._received,

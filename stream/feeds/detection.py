@@ -157,12 +157,16 @@ class Survey:
         messages = next((each for each in read if each is not None), None)
         if messages is None:
             self.undecodable += 1
+            self._keep(datagram, sender, arrival)
             return
         self.bundles += datagram[:1] == b"#"
         for message in messages:
             self._count(message, arrival)
             if message.address == SKELETON and all(isinstance(each, str) for each in message.arguments):
                 self.announced = tuple(map(str, message.arguments[1:]))
+        self._keep(datagram, sender, arrival)
+
+    def _keep(self, datagram: bytes, sender: str, arrival: float) -> None:
         if len(self._kept) < _MAX_KEPT:
             self._kept.append((datagram, arrival, sender))
 
@@ -260,7 +264,7 @@ class Survey:
         return Findings(
             {name: clock.told for name, clock in clocks.items() if clock.told},
             tuple(name for name, rows in lengths.items() if _stretches(np.array(rows))),
-            tuple(decoder.refusals.lines()) if decoder.counts.malformed else (),
+            tuple(decoder.refusals.lines()),
         )
 
     def _unpacked_as(self, packing: str) -> list[tuple[list[Message], float, bool]]:

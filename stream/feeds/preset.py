@@ -285,7 +285,7 @@ def parse_preset(text: str, name: str, file: str) -> Preset:
     text
         The TOML.
     name
-        What the preset is called.
+        The preset's name.
     file
         The file's name in messages.
 

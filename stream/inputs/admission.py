@@ -28,6 +28,9 @@ MAX_JUMP = 5.0
 _MAX_NAMES = 1024
 #: Ports of one host that are known to be other programs, at most.
 _MAX_PORTS = 16
+#: Packets in a row from one port after which a sender is known to keep to it, and seconds without one of them after
+#: which it may have begun anew at another port.
+_STEADY, _BEGUN_ANEW = 3, 0.5
 
 
 @dataclass(slots=True)
@@ -45,6 +48,8 @@ class _Owner:
     other_ports: deque[int] = field(default_factory=lambda: deque(maxlen=_MAX_PORTS))
     #: The other port of the same host that was last heard.
     last_port: int = 0
+    #: Packets in a row that came from the owner's port.
+    in_a_row: int = 0
     #: Converts the sender's times.
     clock: SenderClock = field(default_factory=SenderClock)
     #: The converted time of its last admitted frame, seconds, and that frame's arrival.
@@ -165,7 +170,8 @@ class Admission:
     def _is_owner(self, owner: _Owner, arrival: float, host: str, port: int) -> bool:
         """Tell the performer's sender from other senders; some programs send each packet from another port.
 
-        Another port of the same host belongs to another program if the first port is heard again after it.
+        Another port of the same host belongs to another program if the first port is heard again after it, or is heard
+        all the time.
         """
         if self._merge:
             return True
@@ -176,7 +182,11 @@ class Admission:
                 owner.other_ports.append(owner.last_port)
                 owner.last_port = 0
             owner.port_heard = arrival
+            owner.in_a_row += 1
             return True
+        if owner.in_a_row >= _STEADY and arrival - owner.port_heard <= _BEGUN_ANEW:
+            return False
+        owner.in_a_row = 0
         if port in owner.other_ports and arrival - owner.port_heard <= self._silence:
             return False
         if arrival - owner.port_heard > self._silence:

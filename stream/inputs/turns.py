@@ -14,9 +14,9 @@ if TYPE_CHECKING:
     from kinespace.stream.inputs.receiver import Packet, Sender
 
 #: Share of the time that a sender may take permanently, and seconds that it may take at once.
-SHARE, MAX_AT_ONCE = 0.25, 0.05
+SHARE, MAX_AT_ONCE = 0.25, 0.02
 #: The highest debt, seconds, so that a sender that stops is soon treated like the others.
-_MAX_DEBT = 0.15
+_MAX_DEBT = 0.1
 #: Seconds that a frame takes after decoding, about the time of its recognition.
 PER_EVENT = 5e-5
 #: Seconds after which a silent sender counts as gone.
@@ -107,7 +107,7 @@ class Turns:
         """List the senders whose packets are put aside."""
         if now - self._changed >= _THERE:
             return []
-        return [sender for sender, account in self._accounts.items() if account.due(now) > MAX_AT_ONCE]
+        return [sender for sender, account in self._accounts.items() if account.due(now) > MAX_AT_ONCE / 2]
 
 
 def _size(packet: Packet) -> int:

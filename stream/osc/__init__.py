@@ -23,7 +23,7 @@ from kinespace.stream.osc.packet import (
     encode_bundle,
     encode_message,
 )
-from kinespace.stream.osc.udp import OscReceiver, OscSender
+from kinespace.stream.osc.udp import OscReceiver, OscSender, is_ours
 
 __all__ = [
     "MAX_ANSWER",
@@ -48,4 +48,5 @@ __all__ = [
     "encode_progress",
     "encode_recognition",
     "encode_status",
+    "is_ours",
 ]

@@ -37,6 +37,17 @@ def _resolved(host: str, port: int) -> tuple[int, int, tuple[Any, ...]]:
     return family, kind, address
 
 
+def is_ours(host: str) -> bool:
+    """Say whether an address in numbers is one of this machine's own: the system lets nobody bind another's."""
+    family = socket.AF_INET6 if ":" in host else socket.AF_INET
+    with socket.socket(family, socket.SOCK_DGRAM) as probe:
+        try:
+            probe.bind((host, 0))
+        except OSError:
+            return False
+    return True
+
+
 class LookedUp:
     """A host that a thread looks up: a name server may take half a minute, and the feed must not wait.
 

@@ -94,11 +94,11 @@ class ReplySink(Sink):
         self.layout = layout
         self.failed = 0
         self._receiver = receiver
-        self._port = port
+        self.port = port
         self._senders = senders
 
     def __str__(self) -> str:
-        return f"{self.layout.name} the sender{f':{self._port}' if self._port else ''}"
+        return f"{self.layout.name} the sender{f':{self.port}' if self.port else ''}"
 
     def publish(self, recognition: Recognition) -> None:
         """Send one recognition."""
@@ -119,5 +119,5 @@ class ReplySink(Sink):
     def _send(self, packet: bytes | None, targets: Sequence[tuple[str, int]]) -> None:
         if packet is None:
             return
-        for host, port in dict.fromkeys((host, self._port or port) for host, port in targets):
+        for host, port in dict.fromkeys((host, self.port or port) for host, port in targets):
             self.failed += not self._receiver.send_to(packet, (host, port))

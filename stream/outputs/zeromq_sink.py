@@ -25,10 +25,13 @@ class ZmqSink(Sink):
     ----------
     sender
         Where to publish; closed by `close`.
+    named
+        Whether the status names performers and senders; False where anybody may listen.
     """
 
-    def __init__(self, sender: ZmqSender) -> None:
+    def __init__(self, sender: ZmqSender, *, named: bool = True) -> None:
         self.sender = sender
+        self._named = named
 
     def __str__(self) -> str:
         return str(self.sender)
@@ -56,7 +59,7 @@ class ZmqSink(Sink):
 
     def publish_status(self, status: Status) -> None:
         """Send the status."""
-        self.sender.send(answers.encode_status(status))
+        self.sender.send(answers.encode_status(status, named=self._named))
 
     def publish_notice(self, notice: Notice) -> None:
         """Send a notice of teaching."""

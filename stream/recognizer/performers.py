@@ -69,6 +69,11 @@ class _Performer:
     #: When the first frame came, seconds on our clock.
     begun: float = 0.0
 
+    def is_idle(self, now: float) -> bool:
+        """Say whether this performer was never answered, or sends fewer frames a second than any feed has."""
+        counts = self.recognizer.counts
+        return not counts.hops or counts.frames * _STEADY_SECONDS < _STEADY_FRAMES * (now - self.begun)
+
 
 class Performers:
     """One recogniser per performer.
@@ -393,7 +398,7 @@ class Performers:
         return ended
 
     def take_gone(self) -> list[str]:
-        """Give the performers who were dropped since this was last asked."""
+        """Give the performers who were dropped since the last call."""
         gone, self._gone = self._gone, []
         return gone
 
@@ -403,7 +408,7 @@ class Performers:
         return [*ended, *(event for each in self._performers.values() if (event := each.recognizer.end()))]
 
     def _make_room(self, name: str, arrival: float) -> bool:
-        """Drop a performer that was never answered, for a newcomer that sends steadily; say whether there is room."""
+        """Drop a performer that is idle, for a newcomer that sends steadily; say whether there is room."""
         since, frames = self._waiting.get(name, (arrival, 0))
         if arrival - since > _STEADY_SECONDS:
             since, frames = arrival, 0
@@ -415,7 +420,7 @@ class Performers:
         idle = (
             other
             for other, each in self._performers.items()
-            if not each.recognizer.counts.hops and arrival - each.begun > _STEADY_SECONDS
+            if arrival - each.begun > _STEADY_SECONDS and each.is_idle(arrival)
         )
         unanswered = next(idle, None)
         if unanswered is not None:

@@ -226,7 +226,7 @@ class _Filter:
         """Whiten the newest point and its velocity; give the velocity's squared length and the log swing of all."""
         back = min(_BACK_POINTS, len(points) - 1)
         loops = compiled.loops
-        if loops and points.shape[1] <= loops.MOST_DIRECTIONS:
+        if loops and points.shape[1] <= loops.MAX_DIRECTIONS:
             square, variance = loops.moving(points, back, VELOCITY, self._whitening, self._live)
         else:
             vector = moving_point(points[-1 - back], points[-1])

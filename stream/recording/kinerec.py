@@ -8,6 +8,7 @@ product's feed, `presets` (their TOML by name; older recordings lack it). Every 
 
 `arrival` is seconds on the recorder's clock, whose zero means nothing. A datagram is one part; a ZeroMQ message keeps
 its parts. Records are only ever appended, so a recorder that is killed leaves whole records and at most one torn one.
+Older recorders appended records to one that a full disk had torn; the reader finds them by their CRC.
 """
 
 from __future__ import annotations
@@ -35,6 +36,10 @@ MAX_RECORD = 1 << 21
 
 #: Bytes that wait in memory when the disk does not take them: a minute of a large feed.
 MAX_WAITING = 16 << 20
+
+#: Bytes after a torn record in which the next whole one is searched for, and bytes that are summed up in a search, at
+#: most: a file can be made so that every byte of it looks like the beginning of a record.
+_MAX_SEARCHED, _MAX_SUMMED = MAX_RECORD + (1 << 16), 64 << 20
 
 #: Seconds on any clock, at most: a century after 1970, and as long as a program can wait.
 _MAX_ARRIVAL = 4e9
@@ -265,7 +270,9 @@ class RawFile:
     header
         The recording's header.
     lost_from
-        Byte from which on the file could not be read when `packets` last ran to its end; None when the file was whole.
+        First byte that could not be read when `packets` last ran to its end; None when the file was whole.
+    lost
+        Bytes that could not be read then.
 
     Raises
     ------
@@ -278,6 +285,8 @@ class RawFile:
     def __init__(self, path: Path) -> None:
         self.path = path
         self.lost_from: int | None = None
+        self.lost = 0
+        self._ends_there = True
         with path.open("rb") as file:
             body = _next_body(file)
         try:
@@ -300,32 +309,62 @@ class RawFile:
         return self.path.stat().st_size
 
     def packets(self) -> Iterator[RawPacket]:
-        """Give the packets in the order in which they came, up to the last whole record.
+        """Give the packets in the order in which they came; torn and damaged records are passed over.
 
-        `lost_from` then tells whether and from where on the file could not be read.
+        `lost_from` and `lost` then tell which part could not be read. A whole record without a packet ends the reading.
         """
-        self.lost_from = None
+        self.lost_from, self.lost, self._ends_there = None, 0, True
         with self.path.open("rb") as file:
             _next_body(file)
             place = file.tell()
-            while (body := _next_body(file)) is not None:
-                try:
-                    packet = _decode_packet(body)
-                    if packet.source >= len(self.header.sources):
-                        raise ValueError("no such source")  # noqa: TRY301 - told alike
-                except (ValueError, struct.error):
-                    break
-                place = file.tell()
-                yield packet
-            if place < file.seek(0, os.SEEK_END):
-                self.lost_from = place
+            while True:
+                while (body := _next_body(file)) is not None:
+                    try:
+                        packet = _decode_packet(body)
+                        if packet.source >= len(self.header.sources):
+                            raise ValueError("no such source")  # noqa: TRY301 - told alike
+                    except (ValueError, struct.error):
+                        break
+                    place = file.tell()
+                    yield packet
+                end = file.seek(0, os.SEEK_END)
+                if place == end:
+                    return
+                following = None if body else _next_record(file, place + 1)
+                self.lost_from = place if self.lost_from is None else self.lost_from
+                self.lost += (following or end) - place
+                self._ends_there = following is None and self.lost == end - self.lost_from
+                if following is None:
+                    return
+                place = file.seek(following)
 
     def damage(self) -> str:
         """Say which part of the file could not be read; empty when all could."""
         if self.lost_from is None:
             return ""
-        lost = self.size - self.lost_from
-        return f"{self.path}: byte {self.lost_from}: cut off or damaged; the {lost} bytes from there on are not read"
+        where = f"{self.path}: byte {self.lost_from}: cut off or damaged"
+        if self._ends_there:
+            return f"{where}; the {self.lost} bytes from there on are not read"
+        return f"{where}; {self.lost} bytes are not read, what follows them is"
+
+
+def _next_record(file: BinaryIO, begin: int) -> int | None:
+    """Look for the first whole packet's record at a byte or after it; None where none is near."""
+    file.seek(begin)
+    found = file.read(_MAX_SEARCHED + MAX_RECORD)
+    summed, place = 0, 0
+    while (kind := found.find(bytes([_ARRIVED]), place + _RECORD.size, _MAX_SEARCHED)) >= 0:
+        place = kind - _RECORD.size
+        length, crc = _RECORD.unpack_from(found, place)
+        body = memoryview(found)[kind : kind + length]
+        if _PACKET.size <= length <= MAX_RECORD and len(body) == length:
+            summed += length
+            if summed > _MAX_SUMMED:
+                return None
+            if zlib.crc32(body) == crc:
+                return begin + place
+        place += 1
+    return None
 
 
 def _next_body(file: BinaryIO) -> bytes | None:

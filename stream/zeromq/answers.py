@@ -127,8 +127,10 @@ def encode_classes(classes: Sequence[str]) -> list[bytes]:
     return [b"classes/", _encode({"v": VERSION, "classes": list(classes)})]
 
 
-def encode_status(status: Status) -> list[bytes]:
-    """Encode every counter."""
-    described = {"v": VERSION, "alive": True, **asdict(status)}
+def encode_status(status: Status, *, named: bool = True) -> list[bytes]:
+    """Encode every counter; with the names of performers and senders only for those who may know them."""
+    described = {"v": VERSION, "alive": True, **asdict(status), "followed": len(status.performers)}
+    if not named:
+        described |= {"performers": {}, "refused": {}, "doubted": {}, "compared": {}, "notes": []}
     described |= {"frames_per_second": status.frames_per_second, "lost": status.lost}
     return [b"status/", _encode(described)]

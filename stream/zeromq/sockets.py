@@ -143,10 +143,20 @@ class ZmqReceiver:
 
 
 class ZmqSender:
-    """A PUB socket. Having no listeners is no error; a listener that is too slow loses the newest answers."""
+    """A PUB socket. Having no listeners is no error; a listener that is too slow loses the newest answers.
 
-    def __init__(self, endpoint: Endpoint, keyring: Keyring | None = None) -> None:
-        self.socket = endpoint.open(zmq.PUB, keyring=keyring)
+    Parameters
+    ----------
+    endpoint
+        To bind or to connect.
+    keyring
+        Keys that the other end must know; None for none.
+    networks
+        Where bound, those whose listeners are let in; empty for all.
+    """
+
+    def __init__(self, endpoint: Endpoint, keyring: Keyring | None = None, networks: Networks = ()) -> None:
+        self.socket = endpoint.open(zmq.PUB, networks, keyring)
         self.failed = 0
 
     def __str__(self) -> str:

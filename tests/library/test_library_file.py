@@ -282,12 +282,12 @@ END = 22
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("mask", [0x01, 0x10, 0xFF])
+@pytest.mark.parametrize(("begin", "mask"), [(0, 0x01), (5, 0x10), (10, 0xFF)])
 def test_flipped_bytes_are_refused_or_do_not_matter(
-    content: bytes, small_library: MotionLibrary, tmp_path: Path, mask: int
+    content: bytes, small_library: MotionLibrary, tmp_path: Path, begin: int, mask: int
 ) -> None:
     """A byte flipped anywhere gives the one error, or sits where zip files keep dates and the library is whole."""
-    places = range(0, len(content) - END, 5)
+    places = range(begin, len(content) - END, 15)
     refused = sum(
         _assert_refused_or_equal(
             tmp_path / "flipped.npz",

@@ -1,4 +1,4 @@
-"""Frames and announcements: what crosses the border is valid, what is not is refused there and without a warning."""
+"""Frames and announcements: invalid ones are refused at the border, without a warning."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def test_bad_numbers_do_not_cancel(dtype: type, values: tuple[float, float]) -> 
 
 @pytest.mark.parametrize("value", [1e155, -1e200, 1.7e308])
 def test_doubles_whose_squares_overflow_are_refused(value: float) -> None:
-    """A double that is finite, but whose distances are not, is no position."""
+    """A finite double whose distances are not finite is no position."""
     positions = _positions()
     positions[1, 1] = value
     with pytest.raises(ValueError, match="positions"):
@@ -112,7 +112,7 @@ def test_any_other_name_will_do(performer: str) -> None:
 
 
 def test_a_frame_is_a_value() -> None:
-    """A frame's fields cannot be set, so that what was validated stays valid."""
+    """A frame's fields cannot be set, so that it stays valid."""
     frame = Frame("p", 0.0, _positions())
     with pytest.raises(dataclasses.FrozenInstanceError):
         frame.time = np.nan  # type: ignore[misc]

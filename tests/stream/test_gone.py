@@ -1,4 +1,4 @@
-"""A performer who leaves: every sink is told once, when the silence is long enough or the service ends."""
+"""A performer who leaves: every sink is told once, after the silence or when the service ends."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class _Leavers(Sink):
 
 
 def test_who_falls_silent_is_told_gone_once(sticks: MotionLibrary) -> None:
-    """After five seconds without a frame, at the next status; who comes back in time is not."""
+    """After five seconds without a frame, at the next status; not if the performer comes back in time."""
     now = [0.0]
     performers = Performers(sticks, Settings(signature=LiveSignature.PAPER))
     leavers = _Leavers()
@@ -48,7 +48,7 @@ def test_who_falls_silent_is_told_gone_once(sticks: MotionLibrary) -> None:
 
 
 def test_who_came_back_before_it_was_told_has_not_left(sticks: MotionLibrary) -> None:
-    """A performer dropped to make room who is there again is not said to be gone."""
+    """A performer dropped to make room, who is back in time, is not reported as gone."""
     performers = Performers(sticks, Settings(signature=LiveSignature.PAPER), most=1, silence=1.0)
     positions = stick_clip("bow").positions[0]
     for name, arrival in (("ann", 0.0), ("bob", 2.0), ("ann", 4.0)):

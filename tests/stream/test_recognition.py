@@ -1,4 +1,4 @@
-"""The answer: what it says follows from its scores and its outcome."""
+"""The answer: its properties follow from its scores and its outcome."""
 
 from __future__ import annotations
 

@@ -62,7 +62,7 @@ def _expected(library: MotionLibrary, frames: Sequence[Frame]) -> list[Recogniti
 
 
 class FakeClock:
-    """A clock that stands until it is told otherwise."""
+    """A clock that stands until a test sets it."""
 
     def __init__(self) -> None:
         self.now = 1000.0
@@ -97,14 +97,14 @@ class FakeSource:
         return self.waiting.popleft()
 
     def close(self) -> None:
-        """Close the sockets."""
+        """Note that it was closed."""
         self.closed = True
         self.pollable.close()
         self._other_end.close()
 
 
 class FakeSink(Sink):
-    """Keeps everything it is told."""
+    """Keeps everything it gets."""
 
     def __init__(self) -> None:
         self.recognitions: list[Recognition] = []
@@ -162,7 +162,7 @@ def bench(library: MotionLibrary, source: FakeSource) -> Bench:
 
 @pytest.fixture
 def opened() -> Iterator[ExitStack]:
-    """Close what a test opens, however the test ends."""
+    """Close everything that a test opens, also when the test fails."""
     with ExitStack() as stack:
         yield stack
 
@@ -171,7 +171,7 @@ def opened() -> Iterator[ExitStack]:
 
 
 def test_all_that_waits_is_answered_to_all(library: MotionLibrary, source: FakeSource) -> None:
-    """One step takes all that waits, and every sink is told the same answers, those of the recogniser."""
+    """One step takes all waiting packets, and every sink gets the recogniser's answers."""
     frames = _frames("bow")
     source.waiting.extend([frame] for frame in frames)
     sinks = [FakeSink(), FakeSink()]
@@ -210,7 +210,7 @@ def test_one_busy_source_does_not_silence_the_others(library: MotionLibrary, ope
 
 
 def test_classes_and_status_are_told_on_time(bench: Bench) -> None:
-    """Both are told at the start, then the status every second and the classes every five, by the given clock."""
+    """Both are sent at the start, then the status every second and the classes every five."""
     bench.step()
     assert (len(bench.sink.classes), len(bench.sink.statuses)) == (1, 1)
     for _ in range(100):
@@ -221,7 +221,7 @@ def test_classes_and_status_are_told_on_time(bench: Bench) -> None:
 
 
 def test_after_a_long_sleep_nothing_is_made_up_for(bench: Bench) -> None:
-    """When the clock jumps by an hour, one status is told, not three thousand."""
+    """When the clock jumps by an hour, one status is sent, not three thousand."""
     bench.step()
     bench.step(3600.0)
     for _ in range(5):
@@ -230,7 +230,7 @@ def test_after_a_long_sleep_nothing_is_made_up_for(bench: Bench) -> None:
 
 
 def test_arrivals_are_stamped_by_the_clock(bench: Bench) -> None:
-    """A source is told the moment at which it is asked."""
+    """A source gets the moment of each call."""
     (source,) = bench.sources
     source.waiting.append([])
     bench.step(5.0)
@@ -260,7 +260,7 @@ def test_the_status_counts_everything(bench: Bench) -> None:
 
 
 def test_rates_are_those_of_the_last_second(bench: Bench) -> None:
-    """A performer's rate is counted anew each second, and is 0 once nothing came."""
+    """A performer's rate is counted anew each second, and is 0 without frames."""
     (source,) = bench.sources
     bench.step()
     source.waiting.extend([frame] for frame in _frames("jump", frames=30))
@@ -291,7 +291,7 @@ def test_stopped_it_ends_what_goes_on(bench: Bench) -> None:
 
 
 def test_waiting_ends_in_time_for_the_status(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
-    """While nothing comes the wait is no longer than asked for, and no longer than until the next status is due."""
+    """A step without packets waits no longer than asked, and no longer than until the next status."""
     waits = []
 
     def poll(_: zmq.Poller, timeout: int) -> list[tuple[object, int]]:
@@ -318,7 +318,7 @@ def test_leaving_closes_everything(library: MotionLibrary) -> None:
 def test_stopped_it_answers_what_has_arrived(
     bench: Bench, library: MotionLibrary, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Stopped before or while it runs, it returns, and what was waiting is answered, however much it is."""
+    """Stopped before or while it runs, it returns after it has answered all waiting packets."""
     monkeypatch.setattr(service_module, "MAX_ENDING", PATIENCE)
     frames = _frames("bow", frames=3000)
     bench.sources[0].waiting.extend([frame] for frame in frames)
@@ -429,7 +429,7 @@ def test_over_osc_frames_go_in_and_answers_come_out(library: MotionLibrary, open
 def test_over_zeromq_frames_go_in_and_answers_come_out(
     library: MotionLibrary, opened: ExitStack, *, frames_bound: bool, answers_bound: bool
 ) -> None:
-    """Whoever binds and whoever connects, messages in are answered by messages out: the recogniser's own answers."""
+    """With either end bound, ZeroMQ messages in give the recogniser's answers out."""
     if frames_bound:
         source = opened.enter_context(closing(Source(zeromq.ZmqReceiver(ANY_PORT), ZmqDecoder())))
         sender = opened.enter_context(closing(zeromq.ZmqSender(Endpoint(source.receiver.address, bind=False))))
@@ -534,7 +534,7 @@ def test_frames_without_a_time_are_timed_by_their_arrival(
 
 
 def test_a_listener_that_is_gone_does_not_stop_it(library: MotionLibrary) -> None:
-    """When nobody listens on the answers' port any more, recognition goes on."""
+    """When nobody listens for the answers any more, recognition goes on."""
     listener = osc.OscReceiver(LOOPBACK, 0)
     source, sink = FakeSource([[frame] for frame in _frames("bow")]), FakeSink()
     osc_sink = LayoutSink(NativeLayout(), osc.OscSender(*listener.address))
@@ -545,7 +545,7 @@ def test_a_listener_that_is_gone_does_not_stop_it(library: MotionLibrary) -> Non
 
 
 def test_answers_that_cannot_be_sent_are_counted(library: MotionLibrary, opened: ExitStack) -> None:
-    """What the system does not take is in the status as unsent."""
+    """Answers that the system does not send are counted as unsent in the status."""
     listener = opened.enter_context(closing(osc.OscReceiver(LOOPBACK, 0)))
     source, osc_sink = (
         FakeSource([[frame] for frame in _frames("bow")]),

@@ -1,4 +1,4 @@
-"""What a service says of itself: sums, rates and percentiles."""
+"""A service's status: sums, rates and percentiles."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def test_lost_is_what_came_or_should_have_come_and_was_not_used() -> None:
 
 
 def test_frames_per_second_are_everybodys() -> None:
-    """The rate of all is the sum of each performer's; of nobody it is 0."""
+    """The total rate is the sum of the performers' rates; without performers it is 0."""
     status = Status(InputCounts(), PerformerCounts(), 0, {"a": 120.0, "b": 29.5}, 0.0, 0.0)
     assert status.frames_per_second == 149.5
     nobody = dataclasses.replace(status, performers={})
@@ -64,7 +64,7 @@ def test_without_hops_there_is_no_time() -> None:
 
 @given(seconds=st.lists(st.floats(0.0, 1.0), min_size=1, max_size=50), percent=st.sampled_from([0, 50, 99, 100]))
 def test_percentiles_are_numpys(seconds: list[float], percent: float) -> None:
-    """Percentiles of the remembered hops are those of all, while few, as a plain number."""
+    """While few hops are remembered, percentiles equal numpy's over all hops, as plain numbers."""
     times = HopTimes()
     for each in seconds:
         times.add(each)

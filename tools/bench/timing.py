@@ -76,7 +76,7 @@ def in_turns(
     rounds
         Turns that count.
     The title of the progress bar; no bar when not given.
-        What the progress shown is called; none is shown when not given.
+        The title of the progress bar; no bar when not given.
 
     Returns
     -------

@@ -91,7 +91,12 @@ class Performance:
 
 
 def schedule(
-    positions: NDArray[np.float32], joints: Sequence[str], *, befalls: tuple[float, float, Fault] | None, over: str
+    positions: NDArray[np.float32],
+    joints: Sequence[str],
+    *,
+    befalls: tuple[float, float, Fault] | None,
+    over: str,
+    begin: float = 0.0,
 ) -> list[Sent]:
     """Make the packets of a feed.
 
@@ -105,11 +110,14 @@ def schedule(
         The seconds from and until which a fault affects the feed, and the fault; None for no fault.
     over
         "osc" or "zmq".
+    begin
+        The time in the first frame but one second.
     """
-    cues = [Cue(k / FRAME_RATE, Frame(INNOCENT, 1.0 + k / FRAME_RATE, each), k) for k, each in enumerate(positions)]
+    first = 1.0 + begin
+    cues = [Cue(k / FRAME_RATE, Frame(INNOCENT, first + k / FRAME_RATE, each), k) for k, each in enumerate(positions)]
     if befalls:
-        first, last = (round(moment * FRAME_RATE) for moment in befalls[:2])
-        cues = [*cues[:first], *befalls[2](cues[first:last]), *cues[last:]]
+        start, end = (round(moment * FRAME_RATE) for moment in befalls[:2])
+        cues = [*cues[:start], *befalls[2](cues[start:end]), *cues[end:]]
     announcement = Announcement(INNOCENT, tuple(joints))
     packets: list[Sent] = []
     announced = -1.0

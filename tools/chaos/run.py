@@ -119,6 +119,7 @@ TRIALS: tuple[Trial, ...] = (
     Trial("stopped and continued, by ZeroMQ", deed=_stop_and_go, over="zmq"),
     Trial("answers to a closed port", [attacks.nothing], options=("--osc-out", "127.0.0.1:9")),
     Trial("disk full while recording", deed=_full_disk, options=("--record", "{folder}/a.kinerec")),
+    Trial("killed while recording, begun again", killed=True, options=("--record", "{folder}/{number}.kinerec")),
     Trial("two wrists exchanged", fault=_posed(_exchanged)),
     Trial("a wrist frozen", fault=_frozen),
     Trial("unit changed to millimetres", fault=_posed(lambda positions: positions * 1000)),

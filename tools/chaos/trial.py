@@ -20,6 +20,7 @@ import numpy as np
 from kinespace.library import MotionLibrary
 from kinespace.stream.frame import Frame
 from kinespace.stream.recognizer import Recognizer
+from kinespace.stream.recording import RawFile
 from kinespace.tools.bench.memory import resident_mb
 from kinespace.tools.chaos.attacks import INNOCENT, Place
 from kinespace.tools.chaos.performer import ANSWER_RATE, FRAME_RATE, Performer, schedule
@@ -77,8 +78,10 @@ class Trial:
         An action on the recogniser's process, from our own process, for about the given seconds.
     over
         The transport of the performer's frames: "osc" or "zmq".
+    killed
+        Whether the recogniser is killed (`kill -9`) and started again on the same ports.
     options
-        Options of `kinespace live`; `{folder}` is a folder for files.
+        Options of `kinespace live`; `{folder}` is a folder for files, `{number}` counts them.
     first
         Whether the attack begins before the performer.
     """
@@ -87,6 +90,7 @@ class Trial:
     attacks: Sequence[Attack] = ()
     fault: Fault | None = None
     deed: Callable[[Live, float], None] | None = None
+    killed: bool = False
     over: str = "osc"
     options: Sequence[str] = ()
     first: bool = False
@@ -162,8 +166,10 @@ def running(folder: Path, options: Sequence[str], place: Place | None = None) ->
     """Start `kinespace live` and wait until it listens, on ports of its own choice or on the given ones."""
     begun = place or Place((LOOPBACK, 0), f"tcp://{LOOPBACK}:*", f"tcp://{LOOPBACK}:*")
     ends = ["--osc-in", "{}:{}".format(*begun.osc), "--zmq-in", begun.frames, "--zmq-out", begun.answers]
-    command = [sys.executable, "-m", "kinespace", "live", *ends, "--plain", *options]
-    output = folder / f"output{len(list(folder.iterdir()))}"
+    number = len(list(folder.iterdir()))
+    chosen = [option.format(folder=folder, number=number) for option in options]
+    command = [sys.executable, "-m", "kinespace", "live", *ends, "--plain", *chosen]
+    output = folder / f"output{number}"
     surroundings = {**os.environ, "COLUMNS": "200", "PYTHONUTF8": "1"}
     with output.open("wb") as printed:
         process = subprocess.Popen(  # noqa: S603 - our own command
@@ -175,7 +181,7 @@ def running(folder: Path, options: Sequence[str], place: Place | None = None) ->
             preexec_fn=_as_usual if os.name == "posix" else None,  # noqa: PLW1509 - no thread of ours holds a lock
         )
     try:
-        pattern = re.compile(r"listening on OSC (\S+):(\d+), ZeroMQ (\S+); answering to ZeroMQ ([^\s;,]+)")
+        pattern = re.compile(r"listening on OSC (\S+):(\d+), ZeroMQ (\S+); answering to .*?ZeroMQ ([^\s;,]+)")
         until = time.monotonic() + _PATIENCE
         while not (found := pattern.search(output.read_text(encoding="utf-8", errors="replace"))):
             if process.poll() is not None or time.monotonic() > until:
@@ -210,8 +216,7 @@ def tried(trial: Trial, effort: Effort, positions: NDArray[np.float32], joints: 
     context = multiprocessing.get_context("spawn")
     with ExitStack() as opened:
         folder = Path(opened.enter_context(tempfile.TemporaryDirectory()))
-        options = [option.format(folder=folder) for option in trial.options]
-        live = opened.enter_context(running(folder, options))
+        live = opened.enter_context(running(folder, trial.options))
         ready, go, stop = context.Semaphore(0), context.Event(), context.Event()
         attackers = [
             context.Process(target=_attack, args=(attack, live.place, ready, go, stop), daemon=True)
@@ -231,6 +236,10 @@ def tried(trial: Trial, effort: Effort, positions: NDArray[np.float32], joints: 
             go.set()
             if trial.deed:
                 trial.deed(live, effort.during)
+            if trial.killed:
+                live.process.kill()
+                live.process.wait()
+                live = opened.enter_context(running(folder, trial.options, live.place))
             while time.perf_counter() < begun + end:
                 most = max(most, live.memory())
                 time.sleep(0.1)
@@ -245,6 +254,7 @@ def tried(trial: Trial, effort: Effort, positions: NDArray[np.float32], joints: 
             memory = (before, most, live.memory())
             performance = performer.end()
         status = _ended(live)
+        since = effort.before if trial.killed else end if trial.fault or trial.deed else ended
         return Outcome(
             name=trial.name,
             answered=performance.answered(effort.before, end),
@@ -252,9 +262,9 @@ def tried(trial: Trial, effort: Effort, positions: NDArray[np.float32], joints: 
             p99=_p99(performance.latencies(effort.before, end)),
             p99_before=_p99(performance.latencies(0.5, effort.before)),
             memory=memory,
-            recovered=recovery(performance, end if trial.fault or trial.deed else ended),
+            recovered=recovery(performance, since),
             stale=performance.late(1.0),
-            told=_counted(live.printed()),
+            told=", ".join(filter(None, [_counted(live.printed()), *map(_kept, sorted(folder.glob("*.kinerec")))])),
             ended=status,
             noticed=_noticed(performance, effort.before) if trial.fault else None,
         )
@@ -288,6 +298,11 @@ def _ended(live: Live) -> int:
         return -1
 
 
+def _kept(recording: Path) -> str:
+    """Say how many packets can be read in a recording."""
+    return f"{sum(1 for _ in RawFile(recording).packets()):,} packets recorded"
+
+
 def _p99(latencies: NDArray[np.float64]) -> float:
     return float(np.percentile(latencies, 99)) if latencies.size else float("nan")
 
@@ -311,7 +326,7 @@ def _noticed(performance: Performance, begin: float) -> float | None:
 def _counted(printed: str) -> str:
     """Give the counts apart from `received`: every count that is not 0."""
     summary = printed.rpartition("received ")[2]
-    told = re.findall(r"([a-z][a-z ]*?) (\d+)(?=[,\n ])", summary.partition(" answers of")[0].rpartition("\n")[0])
+    told = re.findall(r"([a-z][a-z ]*?) (\d+)(?=[,\n ])", summary.partition(" answers of")[0])
     found = [f"{name} {int(count):,}" for name, count in told if int(count)]
     found += [f"{int(each):,} too old to be sent" for each in re.findall(r"(\d+) too old to be sent", summary)]
     found += [f"{int(each):,} frames lost" for each in re.findall(r"(\d+) could not be written", summary) if int(each)]

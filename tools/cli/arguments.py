@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 _DEFAULTS = Settings()
 #: Where frames come in unless the user says otherwise: a port that none of the usual senders uses.
 OSC_IN = "127.0.0.1:9310"
-#: What the built-in library is called wherever a library may be named.
+#: The name of the built-in library wherever a library may be named.
 BUILT_IN = Path("built-in")
 
 

@@ -66,7 +66,7 @@ class FaultScore:
     alarmed, seconds
         The number of seconds in which a fault was noticed or joints were left out, and the number of all seconds.
     segments, persons
-        What the shares rest on.
+        The basis of the shares.
     """
 
     fault: str

@@ -34,7 +34,7 @@ from kinespace.tools.feeding.joint_sets import joints_of
 from kinespace.tools.terminal.console import console, progress
 from kinespace.tools.terminal.named_joints import read_labelled
 from kinespace.tools.terminal.output_path import require_place_for
-from kinespace.tools.terminal.tables import add_names, narrow_table
+from kinespace.tools.terminal.tables import add_names, csv_text, narrow_table
 
 if TYPE_CHECKING:
     import argparse
@@ -139,7 +139,7 @@ def evaluate(
     picture: Path | None,
     as_json: bool,
 ) -> int:
-    """Run the paper's experiment and print, draw or write what came out.
+    """Run the paper's experiment and print, draw or write the results.
 
     Parameters
     ----------
@@ -349,4 +349,4 @@ def _write_confusions(picture: Path, clips: Sequence[Clip], protocol: Protocol) 
         for space, result in results.items():
             for performed, shares in zip(result.classes, result.confusion, strict=True):
                 for found, share in zip(result.classes, shares, strict=True):
-                    rows.writerow([space, performed, found, f"{share:.4f}"])
+                    rows.writerow([space, csv_text(performed), csv_text(found), f"{share:.4f}"])

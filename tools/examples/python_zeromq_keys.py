@@ -1,4 +1,4 @@
-"""Send a squat to kinespace by ZeroMQ and print what it answers; both ends know each other by their keys. With pyzmq.
+"""Send a squat to kinespace by ZeroMQ and print its answers; both ends know each other by their keys. With pyzmq.
 
 First, elsewhere: kinespace keys stage, kinespace keys ann, cp ann/ann.key stage/, cp stage/stage.key ann/, and
 kinespace live --keys stage --zmq-in tcp://127.0.0.1:9320 --zmq-out tcp://127.0.0.1:9321
@@ -34,13 +34,13 @@ def connected(kind: int, address: str) -> zmq.Socket[bytes]:
 frames, answers = connected(zmq.PUB, FRAMES_TO), connected(zmq.SUB, ANSWERS_FROM)
 answers.subscribe(b"event/")
 answers.subscribe(b"status/")
-# A status comes each second: the first says that kinespace has let us in. What is sent before is lost.
+# A status comes each second: the first one shows that kinespace has let us in. Messages before it are lost.
 answers.recv_multipart()
 answers.unsubscribe(b"status/")
 
 due = time.monotonic()
 for number in range(TIMES * len(FRAMES)):
-    # Who performs; what the numbers are; x y z in metres of HDM05's 31 joints.
+    # The performer, the description of the numbers, and x y z in metres of HDM05's 31 joints.
     header = {"v": 1, "seq": number, "t": 0, "shape": [31, 3], "dtype": "<f4"}
     numbers = [float(each) for each in FRAMES[number % len(FRAMES)]]
     frames.send_multipart([b"frame/python/", json.dumps(header).encode(), array("f", numbers).tobytes()])

@@ -1,4 +1,4 @@
-"""`kinespace completion`: what a shell needs to complete programs, options and files; written by shtab, an extra."""
+"""`kinespace completion`: prints a shell's completion of programs, options and files; made by shtab, an extra."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def run(options: argparse.Namespace) -> int:
 
 
 def script_for(shell: str) -> str:
-    """Write the script for a shell.
+    """Print the script for a shell.
 
     Raises
     ------

@@ -32,6 +32,7 @@ from kinespace.tools.programs.feeds import preset_named
 from kinespace.tools.terminal.console import console, printable, progress
 from kinespace.tools.terminal.named_joints import NameTeller
 from kinespace.tools.terminal.output_path import require_place_for
+from kinespace.tools.terminal.tables import csv_text
 
 if TYPE_CHECKING:
     import argparse
@@ -244,7 +245,7 @@ def _write_csv(output: Path, motion: _Motion) -> int:
     frames = 0
     with _replacing(output) as part, part.open("w", newline="", encoding="utf-8") as file:
         rows = csv.writer(file)
-        rows.writerow(["time", *(f"{joint}_{axis}" for joint in motion.skeleton.joints for axis in "xyz")])
+        rows.writerow(["time", *(csv_text(f"{joint}_{axis}") for joint in motion.skeleton.joints for axis in "xyz")])
         for moment, positions in motion.postures:
             # Nine digits give every 32-bit number back exactly.
             rows.writerow([repr(float(moment)), *(f"{number:.9g}" for number in positions.ravel().tolist())])

@@ -11,6 +11,7 @@ from kinespace.library.teaching.movement import STILLNESS, stretches_of
 from kinespace.tools.cli.arguments import add_overwrite, add_reading, add_recorded_feed, positive, reading_of
 from kinespace.tools.terminal.console import console, printable, progress
 from kinespace.tools.terminal.output_path import require_place_for
+from kinespace.tools.terminal.tables import csv_text
 
 if TYPE_CHECKING:
     import argparse
@@ -78,7 +79,7 @@ def propose(source: Path, output: Path | None, *, reading: Reading, stillness: f
     with labels.open("w", newline="", encoding="utf-8") as file:
         rows = csv.writer(file)
         rows.writerow(COLUMNS)
-        rows.writerows((f"{each.start:.2f}", f"{each.end:.2f}", "", performer) for each, performer in found)
+        rows.writerows((f"{each.start:.2f}", f"{each.end:.2f}", "", csv_text(performer)) for each, performer in found)
     whose = ", ".join(printable(take.actor or "one performer") for take in takes)
     console.print(
         f"{labels}: {len(found)} movements of {whose}; write a class behind each, or nothing to leave it out",

@@ -63,11 +63,14 @@ if TYPE_CHECKING:
 #: Where answers go by default: a port that no usual receiver uses.
 OSC_OUT = "127.0.0.1:9311"
 #: The addresses of all of a machine's networks, and of the machine itself.
+_LOOPBACK = (ipaddress.ip_network("127.0.0.0/8"), ipaddress.ip_network("::1/128"))
 _ANY_HOST, _THIS_MACHINE = ("0.0.0.0", "::"), ("127.0.0.1", "::1")  # noqa: S104 - compared, not bound
 #: Times a second the table is drawn.
 _REDRAWS = 5
 #: Seconds for which a thread may keep Python's lock while another waits. Drawing takes longer than a frame may wait.
 _SWITCH_INTERVAL = 0.0005
+#: Files and connections that may be open at once, as far as the system allows.
+MAX_CONNECTIONS = 16_384
 #: In place of a library: only taught motions are known.
 _NO_LIBRARY = Path("none")
 
@@ -195,7 +198,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=names,
         default=(),
         metavar="NETWORK,...",
-        help="read packets from these networks alone; they may teach",
+        help="let in these networks alone: their packets are read, and they may teach and, as this machine may, hear "
+        "the answers by ZeroMQ",
     )
     add_keys(parser)
     parser.add_argument("--merge", action="store_true", help="let several senders send frames of one performer")
@@ -217,6 +221,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Run the program with these options; return the exit status."""
+    _allow_many_connections()
     none_given = not any((options.osc_in, options.osc_out, options.zmq_in, options.zmq_out))
     usual_out = not (options.osc_out or options.zmq_out or options.out)
     usual_in = none_given and not options.feed
@@ -239,6 +244,18 @@ def run(options: argparse.Namespace) -> int:
             guard=Guard(options.allow, options.allow_from, options.merge, keyring),
             teaching=Teaching(options.teach, tuple(options.control)),
         )
+
+
+def _allow_many_connections() -> None:
+    """Let strangers who connect and say nothing leave room for others until ZeroMQ has ended their connections."""
+    if sys.platform == "win32":
+        return
+    import resource  # noqa: PLC0415 - there is none on Windows
+
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    wanted = MAX_CONNECTIONS if hard == resource.RLIM_INFINITY else min(MAX_CONNECTIONS, hard)
+    if soft != resource.RLIM_INFINITY and soft < wanted:
+        resource.setrlimit(resource.RLIMIT_NOFILE, (wanted, hard))
 
 
 def recognise(
@@ -445,7 +462,10 @@ def _open(
             sinks.append(LayoutSink(NativeLayout(), osc.OscSender(*host_and_port(addresses.osc_out))))
             opened.callback(sinks[-1].close)
         if addresses.zmq_out:
-            sinks.append(ZmqSink(zeromq.ZmqSender(Endpoint.parse(addresses.zmq_out, bind=True), keyring)))
+            endpoint = Endpoint.parse(addresses.zmq_out, bind=True)
+            listeners = [*networks, *_LOOPBACK] if networks else ()
+            known = bool(keyring or networks) or not endpoint.is_open_to_others
+            sinks.append(ZmqSink(zeromq.ZmqSender(endpoint, keyring, listeners), named=known))
             opened.callback(sinks[-1].close)
         for out in feed.outs:
             sinks.append(_layout_sink(out, receivers, admission))
@@ -461,13 +481,21 @@ def _require_no_loop(receivers: Sequence[_AnyReceiver], sinks: Sequence[Sink]) -
     """Refuse answers to a port on which frames come in: they would be taken for frames."""
     heard = [receiver.address for receiver in receivers if isinstance(receiver, osc.OscReceiver)]
     for sink in sinks:
-        sender = sink.sender if isinstance(sink, LayoutSink) else None
-        if not isinstance(sender, osc.OscSender):
-            continue
-        host, port = sender.target[:2]
         for own, listening in heard:
-            if port == listening and (host == own or (own in _ANY_HOST and host in (*_ANY_HOST, *_THIS_MACHINE))):
+            if _reaches(sink, own, listening):
                 raise ValueError(f"--out: expected another place than {own}:{listening}, where frames come in: {sink}")
+
+
+def _reaches(sink: Sink, own: str, listening: int) -> bool:
+    """Say whether what a sink sends comes to one of our own addresses."""
+    if isinstance(sink, ReplySink):
+        # The sender may be on this machine.
+        return sink.port == listening
+    sender = sink.sender if isinstance(sink, LayoutSink) else None
+    if not isinstance(sender, osc.OscSender):
+        return False
+    host, port = sender.target[:2]
+    return port == listening and (host == own or (own in _ANY_HOST and (host in _ANY_HOST or osc.is_ours(host))))
 
 
 def _writer(record: Path, receivers: Sequence[_AnyReceiver], preset: Preset | None) -> RawWriter:

@@ -61,7 +61,7 @@ class TaughtDecoder:
     desk
         Carries out the commands.
     allowed
-        Tells who may teach.
+        The rule of who may teach.
     """
 
     expires = True
@@ -167,7 +167,7 @@ class RequestDoor:
     desk
         Carries out the commands.
     allowed
-        Tells who may teach, if the transport tells the sender; another process of this machine may.
+        The rule of who may teach, if the transport tells the sender; another process of this machine may.
     keyring
         Keys of peers who may teach, on any host; None for no keys.
     """

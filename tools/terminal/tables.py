@@ -14,6 +14,8 @@ if TYPE_CHECKING:
 
 #: Characters that a column of names has at least.
 _MIN_WIDTH = 16
+#: How cells begin that spreadsheets take for something to compute.
+_COMPUTED = ("=", "+", "-", "@", "\t", "\r")
 
 
 def narrow_table(title: str, caption: str | None = None) -> Table:
@@ -27,6 +29,11 @@ def narrow_table(title: str, caption: str | None = None) -> Table:
         title_justify="left",
         caption_justify="left",
     )
+
+
+def csv_text(text: str) -> str:
+    """Give text as a cell of a CSV file: what a spreadsheet would compute, like `=1+1`, has an apostrophe before it."""
+    return f"'{text}" if text.startswith(_COMPUTED) else text
 
 
 def add_names(table: Table, heading: str, names: Iterable[str], *, beside: int) -> None:

@@ -279,7 +279,7 @@ class Doubts:
             self._fewer.push(times, rows)
 
     def _begin_again(self) -> None:
-        """Forget what was before a jump."""
+        """Forget the frames before a jump."""
         self._plausibility.begin_again()
         if self._fewer:
             self._fewer.clear()

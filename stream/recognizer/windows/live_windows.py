@@ -142,7 +142,7 @@ class LiveWindows:
         """Read the signature of the windows that end with the newest row; needs a row."""
         self._settle()
         loops = compiled.loops
-        if loops and self._directions.shape[1] <= loops.MOST_DIRECTIONS:
+        if loops and self._directions.shape[1] <= loops.MAX_DIRECTIONS:
             return self._read_compiled(loops)
         covariances = np.array([each.read() for each in self._covariances])
         pairs = eigenpairs_of(covariances)

@@ -212,7 +212,7 @@ class RollingCovariance(Rolling):
         self.products[:] = 0.0
 
     def _follow(self, change: Change) -> None:
-        if compiled.loops and len(self.total) <= compiled.loops.MOST_DIRECTIONS:
+        if compiled.loops and len(self.total) <= compiled.loops.MAX_DIRECTIONS:
             self._trace, self._square = compiled.loops.follow_products(
                 self._reference, self.total, self.products, change.entered, change.left
             )

@@ -1,4 +1,4 @@
-"""Who is believed: a performer's own sender, times that go on, performers and networks that are let in."""
+"""Admission: a performer's own sender, times that go on, and allowed performers and networks."""
 
 from __future__ import annotations
 
@@ -71,8 +71,20 @@ def test_a_program_may_send_each_packet_from_another_port() -> None:
     assert let_in[2:] == [True, False] * 49
 
 
+def test_a_program_that_keeps_to_its_port_shares_it_with_none_of_its_host() -> None:
+    """What another program of the same host sends in between is refused at once; begun anew, the first is let in."""
+    admission = Admission()
+    mine, other, anew = (("10.0.0.5", port) for port in (4000, 5000, 6000))
+    for step in range(120):
+        moment = step / 120
+        assert admission.admit([frame(moment)], moment, mine)
+        if step > 2:
+            assert not admission.admit([Announcement("ann", ("a", "b")), frame(1e18)], moment, other)
+    assert admission.admit([frame(2.0)], 2.0, anew) == [frame_like(2.0)]
+
+
 def test_an_invented_skeleton_shuts_nobody_out(sticks: MotionLibrary) -> None:
-    """Joints announced by a stranger, before or while a performer sends, change nothing for the performer's frames."""
+    """Joints announced by a stranger, before or while a performer sends, do not affect the performer's frames."""
     admission, performers = Admission(), Performers(sticks)
     spoofed = Announcement("ann", ("some", "other", "joints"))
     positions = stick_clip("wave", seed=3, frames=60).positions
@@ -87,7 +99,7 @@ def test_an_invented_skeleton_shuts_nobody_out(sticks: MotionLibrary) -> None:
 
 
 def test_a_performer_taken_over_is_begun_anew(sticks: MotionLibrary) -> None:
-    """What the former sender said of joints no longer holds for the next one's frames."""
+    """The former sender's announcement does not hold for the next sender's frames."""
     admission, performers = Admission(), Performers(sticks)
     wrong = [Announcement("ann", STICK.joints[:3]), Frame("ann", 1.0, POSITIONS)]
     performers.push_all(admission.admit(wrong, 0.0, EVE), 0.0)
@@ -99,7 +111,7 @@ def test_a_performer_taken_over_is_begun_anew(sticks: MotionLibrary) -> None:
 
 @pytest.mark.parametrize("odd", [1e18, -1e18, 100.0, 1e-3])
 def test_one_odd_time_restarts_nothing(odd: float) -> None:
-    """A frame whose time jumps is let in only with a second one that agrees with it."""
+    """A frame whose time jumps is admitted only with a second frame that agrees with it."""
     admission = Admission()
     times = []
     for step in range(200):
@@ -123,7 +135,7 @@ def test_a_clock_that_is_set_is_followed() -> None:
 
 
 def test_only_those_allowed_are_let_in() -> None:
-    """With names given, others are counted and held for nobody."""
+    """With a list of names, frames of other names are counted and not recognised."""
     admission = Admission(allowed=["ann"])
     assert admission.admit([frame(1.0, "bob"), Announcement("bob", ("a",)), frame(1.0)], 1.0, ANN) == [frame_like(1.0)]
     assert admission.counts.not_allowed == 2
@@ -141,7 +153,7 @@ def test_invented_names_do_not_pile_up() -> None:
 
 @pytest.mark.parametrize(("network", "received"), [("127.0.0.0/8", b"x"), ("192.168.0.0/24", b"")])
 def test_datagrams_from_elsewhere_are_not_read(network: str, received: bytes) -> None:
-    """Where networks are given, what comes from elsewhere is counted and empty."""
+    """With a list of networks, datagrams from other networks are counted and empty."""
     receiver = osc.OscReceiver(LOOPBACK, 0, [ipaddress.ip_network(network)])
     sender = osc.OscSender(*receiver.address)
     sender.send(b"x")
@@ -187,8 +199,27 @@ def test_invented_names_leave_room_for_a_performer(sticks: MotionLibrary) -> Non
     assert len(performers) == 4
 
 
+def test_performers_whose_frames_are_few_make_room(sticks: MotionLibrary) -> None:
+    """Invented names that send eight frames a second, and are answered, make room for one who sends as a feed does."""
+    performers = Performers(sticks, most=4)
+    positions = stick_clip("wave", seed=3, frames=360).positions
+    for step in range(0, 240, 15):
+        for number in range(4):
+            performers.push(Frame(f"invented {number}", 1 + step / 120, positions[step]), step / 120)
+    assert performers.counts.recognizers.hops > 0
+    answers = 0
+    for step, joints in enumerate(positions):
+        moment = 2 + step / 120
+        if step % 15 == 0:
+            for number in range(4):
+                performers.push(Frame(f"invented {number}", 1 + moment, joints), moment)
+        answers += performers.push(Frame("ann", 1 + moment, joints), moment) is not None
+    assert answers > 60
+    assert "ann" in performers.names
+
+
 def test_names_that_keep_coming_do_not_displace_performers(sticks: MotionLibrary) -> None:
-    """Where everybody was answered there is no room, however steadily another sends."""
+    """When all performers were answered there is no room for another, however steadily it sends."""
     performers = Performers(sticks, most=1)
     positions = stick_clip("wave", seed=3, frames=360).positions
     for step, joints in enumerate(positions):

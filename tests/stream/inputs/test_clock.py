@@ -1,4 +1,4 @@
-"""What senders' times mean: each kind of clock is known within the first second, however the frames arrive."""
+"""Senders' clocks: each kind is found within the first second, however the frames arrive."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ def read(times: NDArray[np.float64], arrivals: NDArray[np.float64]) -> tuple[NDA
 @pytest.mark.parametrize("rate", [8, 30, 60, 120, 240])
 @pytest.mark.parametrize("kind", CLOCKS)
 def test_each_clock_is_known_within_a_second(kind: str, rate: int, way: str) -> None:
-    """From then on what is read goes on as the frames were made, or, where times tell nothing, as they arrived."""
+    """From then on times advance with the frames or, when times mean nothing, with the arrivals."""
     sent, told = CLOCKS[kind]
     moments = np.arange(4 * rate) / rate
     arrivals = arrivals_of(moments, way)
@@ -98,7 +98,7 @@ def test_each_clock_is_known_within_a_second(kind: str, rate: int, way: str) -> 
 
 
 def test_a_feed_without_times_has_the_arrivals() -> None:
-    """Time 0 stands for "on arrival", and nothing is to be said of it."""
+    """Time 0 means "on arrival", and there is no note on it."""
     arrivals = np.arange(100) / 50 + 3.0
     seconds, clock = read(np.zeros(100), arrivals)
     assert np.array_equal(seconds, arrivals)

@@ -1,4 +1,4 @@
-"""Why packets are refused is told with the last one's sender and beginning."""
+"""Refusals are described with the last packet's sender and beginning."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def test_text_from_outside_does_not_steer_a_terminal() -> None:
 
 
 def test_frames_cost_no_refusal() -> None:
-    """What is right leaves no word behind."""
+    """A valid packet leaves no refusal."""
     decoder = OscDecoder()
     frame = osc.encode_message("/motion/frame", "ann", 1.0, *np.zeros(9).tolist())
     assert decoder.decode(frame, 1.0, SENDER)

@@ -35,7 +35,7 @@ def test_who_takes_too_much_comes_last_until_it_is_paid_off() -> None:
 
 
 def test_frames_count_as_what_they_take() -> None:
-    """What a packet makes others do is part of its price: a few thousand frames are too many."""
+    """The time of recognition is part of a packet's price: a few thousand frames are too many."""
     turns = Turns()
     turns.charge(ANN, 0.0, 1, 1.0)
     turns.comes_last(EVE, 1.0)
@@ -46,7 +46,7 @@ def test_frames_count_as_what_they_take() -> None:
 
 
 def test_who_is_alone_never_comes_last() -> None:
-    """There is nobody to be kept waiting."""
+    """A single sender keeps no other waiting."""
     turns = Turns()
     for step in range(100):
         assert not turns.comes_last(EVE, 10 + step / 10)
@@ -64,7 +64,7 @@ def test_what_is_put_aside_is_bounded() -> None:
 
 
 class Receiver:
-    """Gives what it is told to: packets, each with its sender."""
+    """Gives packets with their senders."""
 
     waited, kernel_drops = 0.0, 0
 
@@ -85,7 +85,7 @@ class Receiver:
 
 
 class Costly:
-    """Makes of a packet what it was made of: as many events as its bytes."""
+    """Makes as many events of a packet as its bytes say."""
 
     expires = False
     counts, refusals = InputCounts(), Refusals()
@@ -106,7 +106,7 @@ def source() -> Source:
 
 
 def test_others_go_before_who_comes_last(source: Source) -> None:
-    """What waits of others is taken first; then one packet of the greedy sender, and others are looked for again."""
+    """Other senders' packets are taken first; then one packet of the greedy sender, and again the others'."""
     receiver = source.receiver
     receiver.packets = [(b"e" * 2000, EVE)] * 3 + [(b"a", ANN), (b"b", ANN)]  # type: ignore[attr-defined]
     assert source.take(1.01) == [b"a"]

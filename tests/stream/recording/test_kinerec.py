@@ -1,4 +1,4 @@
-"""Raw recordings: what goes in comes out, byte for byte, also from a file that was cut off or damaged."""
+"""Raw recordings: packets come back byte for byte, also from a file that was cut off or damaged."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ PACKETS = [
 
 
 def write(path: Path, packets: Sequence[RawPacket] = PACKETS) -> Path:
-    """Write a recording."""
+    """Write the bytes for which there is room."""
     with RawWriter(path, SOURCES) as writer:
         for packet in packets:
             writer.write(packet)
@@ -57,7 +57,7 @@ def test_what_is_written_is_read(tmp_path: Path) -> None:
 
 
 def test_presets_are_kept_and_older_headers_read(tmp_path: Path) -> None:
-    """The presets come back as they were; a header without them has none, and one of another kind is no header."""
+    """Presets come back unchanged; a header without them has none, and one of another kind is no header."""
     presets = {"vmc": 'port = 1 # "søren"\n', "mine": ""}
     with RawWriter(tmp_path / "a.kinerec", SOURCES, presets):
         pass
@@ -88,14 +88,14 @@ def test_presets_are_kept_and_older_headers_read(tmp_path: Path) -> None:
     )
 )
 def test_any_packets_come_back(tmp_path: Path, packets: list[RawPacket]) -> None:
-    """Whatever the packets are, they are read as they were written."""
+    """Packets of any content are read as they were written."""
     path = tmp_path / "a.kinerec"
     path.write_bytes(encode_header(RawHeader("now", SOURCES)) + b"".join(map(encode_packet, packets)))
     assert list(RawFile(path).packets()) == packets
 
 
 def test_a_file_cut_off_anywhere_is_read_to_its_last_whole_record(tmp_path: Path) -> None:
-    """Wherever the file ends, every whole record is read and the rest is told by byte and length."""
+    """A file cut at any byte gives every whole record, and the byte and length of the rest."""
     path = write(tmp_path / "a.kinerec")
     whole = path.read_bytes()
     ends = [len(encode_header(RawFile(path).header))]
@@ -117,8 +117,8 @@ def test_a_file_cut_off_anywhere_is_read_to_its_last_whole_record(tmp_path: Path
             )
 
 
-def test_a_changed_byte_ends_what_is_read(tmp_path: Path) -> None:
-    """A byte changed in a record is noticed: what is before it is read, nothing wrong is ever given."""
+def test_a_changed_byte_costs_one_record(tmp_path: Path) -> None:
+    """A changed byte in a record is noticed: all other records are read, and no wrong one is given."""
     path = write(tmp_path / "a.kinerec")
     whole = path.read_bytes()
     begin = len(encode_header(RawFile(path).header))
@@ -126,9 +126,34 @@ def test_a_changed_byte_ends_what_is_read(tmp_path: Path) -> None:
         path.write_bytes(whole[:place] + bytes([whole[place] ^ 0x40]) + whole[place + 1 :])
         recording = RawFile(path)
         read = list(recording.packets())
-        assert read == PACKETS[: len(read)]
-        assert len(read) < len(PACKETS)
+        torn = next(index for index, packet in enumerate(PACKETS) if packet not in read)
+        assert read == PACKETS[:torn] + PACKETS[torn + 1 :]
         assert recording.lost_from is not None
+        assert recording.lost == len(encode_packet(PACKETS[torn]))
+
+
+def test_what_follows_a_torn_record_is_read(tmp_path: Path) -> None:
+    """Recorders of before went on behind a record that a full disk had torn, wherever it was."""
+    path = write(tmp_path / "a.kinerec")
+    whole, torn = path.read_bytes(), encode_packet(RawPacket(0.0, 0, "", (bytes([1]) * 5000,)))
+    for kept in (1, 7, 8, 9, 100, len(torn) - 1):
+        path.write_bytes(whole + torn[:kept] + b"".join(map(encode_packet, PACKETS)) + torn[:kept])
+        recording = RawFile(path)
+        assert list(recording.packets()) == PACKETS * 2
+        assert (recording.lost_from, recording.lost) == (len(whole), 2 * kept)
+        assert f"{2 * kept} bytes are not read, what follows them is" in recording.damage()
+
+
+def test_a_file_made_to_be_searched_for_ever_is_given_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where every byte looks like the beginning of a record, no more than some bytes are summed up."""
+    monkeypatch.setattr(kinerec, "_MAX_SUMMED", 100_000)
+    summed = []
+    monkeypatch.setattr(kinerec.zlib, "crc32", lambda body: summed.append(len(body)) or -1)
+    path = tmp_path / "a"
+    path.write_bytes((5000).to_bytes(4, "little").replace(b"\0", b"\1") * 20_000)
+    with path.open("rb") as file:
+        assert kinerec._next_record(file, 0) is None  # noqa: SLF001 - the search itself
+    assert sum(summed) <= 100_000
 
 
 @pytest.mark.parametrize(
@@ -143,7 +168,7 @@ def test_a_changed_byte_ends_what_is_read(tmp_path: Path) -> None:
     ],
 )
 def test_another_kind_of_file_is_refused(tmp_path: Path, content: bytes, message: str) -> None:
-    """What does not begin with our header is refused by name."""
+    """A file without our header is refused by name."""
     path = tmp_path / "a.kinerec"
     path.write_bytes(content)
     with pytest.raises(RawFileError, match=re.escape(f"{path}: {message}")):
@@ -160,7 +185,7 @@ def test_a_later_version_is_refused(tmp_path: Path) -> None:
 
 
 def test_a_performance_is_never_overwritten(tmp_path: Path) -> None:
-    """An existing file is refused and stays as it was."""
+    """An existing file is refused and does not change."""
     path = write(tmp_path / "a.kinerec")
     before = path.read_bytes()
     with pytest.raises(FileExistsError):
@@ -209,7 +234,7 @@ def test_a_full_disk_costs_nothing_once_there_is_room_again(tmp_path: Path) -> N
 
 
 def test_what_cannot_be_written_is_counted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A disk that stays full costs packets, first those beyond the memory's limit; they are counted, never raised."""
+    """On a full disk packets beyond the memory's limit are lost first; they are counted, without an error."""
     monkeypatch.setattr(kinerec, "MAX_WAITING", 100)
     path = tmp_path / "a.kinerec"
     with RawWriter(path, SOURCES) as writer:

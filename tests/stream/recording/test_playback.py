@@ -1,4 +1,4 @@
-"""The same recording gives the same answers: what was answered live, and every time it is gone through again."""
+"""A recording gives the answers of the live feed, every time it is played."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ class Kept(Sink):
 
 
 def recognitions(performers: Performers, stream: Iterable[Decoded]) -> Iterator[Recognition]:
-    """Push what was recorded through recognisers, with its own times; give every answer."""
+    """Push a recording's frames through recognisers, at its own times; give every answer."""
     look = -math.inf
     for arrival, events in stream:
         if arrival >= look:
@@ -86,7 +86,7 @@ def a_feed() -> list[bytes]:
 
 @pytest.mark.parametrize("signature", list(LiveSignature))
 def test_a_recording_is_answered_as_the_feed_was(tmp_path: Path, signature: LiveSignature) -> None:
-    """What was answered live, by OSC and ZeroMQ at once, is answered twice again from the file, number for number."""
+    """A recording by OSC and ZeroMQ at once gives the live answers twice again, number for number."""
     library = MotionLibrary.of_clips(stick_clips(actors=("aa", "bb", "cc")))
     path, sink = tmp_path / "a.kinerec", Kept()
     settings = Settings(signature=signature)
@@ -218,7 +218,7 @@ def test_a_kept_preset_that_cannot_be_read_is_said() -> None:
 
 
 def test_somebodys_own_preset_must_be_given() -> None:
-    """What an older recording says of a preset that is not built in is not enough to read it, and that is said."""
+    """An older recording that names a preset which is not built in cannot be read, and the error says why."""
     header = RawHeader("", ("osc here feed mine",))
     with pytest.raises(ValueError, match=r"feed: expected a \.toml file or one of .*, got 'mine'"):
         list(decoded(header, []))
@@ -247,7 +247,7 @@ def test_the_sender_and_the_source_are_kept(tmp_path: Path) -> None:
 
 
 def test_silence_is_silence_again() -> None:
-    """A performer who was silent for longer than the service waits is forgotten in a rerun too."""
+    """A performer who was silent for longer than the service waits is forgotten in playback, too."""
     library = MotionLibrary.of_clips(stick_clips())
     positions = stick_clip("wave", seed=9, frames=100).positions
     header = RawHeader("", ("osc here",))
@@ -262,7 +262,7 @@ def test_silence_is_silence_again() -> None:
 
 
 def test_what_makes_no_sense_holds_nothing() -> None:
-    """Malformed and foreign packets are decoded to nothing, in their place."""
+    """Malformed and foreign packets are decoded to no frames, at their place."""
     header = RawHeader("", ("osc here", "zmq there"))
     packets = [RawPacket(1.0, 0, "", (b"x",)), RawPacket(2.0, 1, "", (b"frame/p/",)), RawPacket(3.0, 1, "", ())]
     assert [(each.arrival, list(each.events)) for each in decoded(header, packets)] == [(1, []), (2, []), (3, [])]

@@ -1,4 +1,4 @@
-"""Keys: files that only their owner reads, and sockets that let in and reach those alone whose keys are known."""
+"""Keys: files that only their owner reads, and sockets that only peers with known keys reach."""
 
 from __future__ import annotations
 
@@ -97,7 +97,7 @@ def heard(publisher: ZmqSender, subscriber: Socket[bytes], *, longest: int) -> b
 
 
 def test_only_known_keys_are_let_in_on_both_ends(tmp_path: Path) -> None:
-    """Who has a known key is heard and hears; a stranger with keys, and one without, neither."""
+    """A peer with a known key is heard and hears; a peer with another key, or without one, does neither."""
     stage, ann = folders(tmp_path, "stage", "ann")
     _, eve = folders(tmp_path / "elsewhere", "stage", "eve")
     # Eve knows the stage's public key: that does not let her in.
@@ -122,7 +122,7 @@ def test_only_known_keys_are_let_in_on_both_ends(tmp_path: Path) -> None:
 
 
 def test_who_sends_in_the_clear_to_keys_of_others_is_not_reached(tmp_path: Path) -> None:
-    """A program with keys connects to the owner of the key it knows, and to nobody who only listens there."""
+    """A program with keys connects to the owner of a known key, and to no other listener there."""
     _, ann = folders(tmp_path, "stage", "ann")
     impostor = ZmqReceiver(Endpoint(f"tcp://{LOOPBACK}:*", bind=True))
     with Keyring(ann) as keyring:
@@ -146,5 +146,5 @@ def test_who_sends_in_the_clear_to_keys_of_others_is_not_reached(tmp_path: Path)
     ],
 )
 def test_who_can_reach_an_address(address: str, others: bool) -> None:  # noqa: FBT001 - a parameter of the test
-    """Addresses of this machine's own are told from those that others reach."""
+    """Addresses of this machine alone are told from addresses that others reach."""
     assert Endpoint(address, bind=True).is_open_to_others is others

@@ -88,7 +88,7 @@ def test_any_bytes_are_refused_alike(payload: bytes) -> None:
 
 @pytest.fixture
 def opened() -> Iterator[tuple[ZmqReceiver, Callable[[list[bytes]], None]]]:
-    """Give a receiver and a way to send to it of which nothing is lost."""
+    """Give a receiver and a sender to it that loses no message."""
     receiver = ZmqReceiver(Endpoint.parse(f"tcp://{LOOPBACK}:*", bind=True))
     publisher = zmq.Context.instance().socket(zmq.XPUB)
     publisher.linger = 0
@@ -119,7 +119,7 @@ def taken(source: Source, count: int) -> list[Frame | Announcement]:
 def test_msgpack_and_osc_come_in_beside_three_parts(
     opened: tuple[ZmqReceiver, Callable[[list[bytes]], None]],
 ) -> None:
-    """One source reads all three; gaps in the numbers are counted over them, and what is none of them is counted."""
+    """One source reads all three; gaps in the numbers are counted over all, and other messages are counted."""
     receiver, send = opened
     source = Source(receiver, ZmqDecoder())
     frames = [Frame("p", 1.0 + number, POSITIONS.astype(np.float32)) for number in range(3)]

@@ -1,4 +1,4 @@
-"""ZeroMQ, our messages and sockets: nothing is believed unchecked, and the traps of PUB and SUB are stepped around."""
+"""ZeroMQ messages and sockets: every message is checked, and the traps of PUB and SUB are avoided."""
 
 from __future__ import annotations
 
@@ -102,7 +102,7 @@ def test_both_types_are_read(dtype: str) -> None:
 
 @pytest.mark.parametrize("changes", [{"t": 0}, {"t": 0.0}, {"t": ...}])
 def test_without_a_time_it_is_the_arrival(changes: dict[str, object]) -> None:
-    """A frame whose time is 0 or missing happened when it came."""
+    """A frame whose time is 0 or missing gets its arrival as time."""
     assert zeromq.decode([TOPIC, _header(**changes), BUFFER], 42.5).frame.time == 42.5
 
 
@@ -199,7 +199,7 @@ def test_headers_are_not_believed(changes: dict[str, object]) -> None:
     ids=range(15),
 )
 def test_headers_that_are_none(header: bytes) -> None:
-    """What is not a JSON object of a bearable size is a FormatError, also when it is nested to exhaust the stack."""
+    """A header that is no JSON object of a bounded size is a FormatError, also when it is deeply nested."""
     with pytest.raises(FormatError):
         zeromq.decode([TOPIC, header, BUFFER], 1.0)
 
@@ -278,7 +278,7 @@ def test_the_size_is_checked(size: int) -> None:
     ],
 )
 def test_topics_that_are_not_ours(topic: bytes) -> None:
-    """A topic of another form, or whose performer is no name, is a FormatError."""
+    """A topic of another form, or with an impossible performer, is a FormatError."""
     with pytest.raises(FormatError):
         zeromq.decode([topic, HEADER, BUFFER], 1.0)
 
@@ -291,7 +291,7 @@ def test_another_number_of_parts(parts: list[bytes]) -> None:
 
 
 def test_nothing_is_unpickled(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A pickle in place of any part is refused, and what it would run is not run."""
+    """A pickle in place of any part is refused, and its code does not run."""
 
     def loads(*_: object) -> None:
         pytest.fail("unpickled")
@@ -444,7 +444,7 @@ def test_an_answer_is_what_json_dumps_writes(
     numbers: tuple[float, float, float, float, float],
     data: st.DataObject,
 ) -> None:
-    """Whatever classes and performers are called and whatever the numbers are, it is read as if json had written it."""
+    """With any names and numbers, an answer is read like one written by json."""
     scores = data.draw(st.lists(st.floats(0, 1), min_size=len(classes), max_size=len(classes)))
     guess = data.draw(st.one_of(st.none(), st.integers(0, len(classes) - 1)))
     kind = data.draw(st.sampled_from([np.float32, np.float64]))
@@ -484,7 +484,7 @@ def test_numbers_that_are_not_finite_are_null() -> None:
 
 @pytest.mark.parametrize("signature", LiveSignature)
 def test_real_answers_are_what_json_dumps_writes(signature: LiveSignature, some_clips: tuple[Clip, ...]) -> None:
-    """Recognitions of real motions are read as if json had written them."""
+    """Recognitions of real motions are read like ones written by json."""
     recognizer = Recognizer(MotionLibrary.builtin(), Settings(signature=signature))
     clip = max(some_clips, key=lambda clip: clip.duration)
     frames = [Frame("p", 1.0 + time, each) for time, each in zip(clip.times.tolist(), clip.positions, strict=True)]
@@ -495,7 +495,7 @@ def test_real_answers_are_what_json_dumps_writes(signature: LiveSignature, some_
 
 
 def test_who_has_left_has_no_class() -> None:
-    """The last answer about a performer names nothing and says why; listeners read it as any other."""
+    """The last answer about a performer names no class and gives the reason; listeners read it as any other."""
     parts = zeromq.encode_gone("Zoë 1")
     assert parts[0] == "class/Zoë 1/".encode()
     assert zeromq.decode_answer(parts) == Answer("Zoë 1", -1, 0.0, 0.0, "gone")
@@ -558,11 +558,23 @@ def test_classes_and_status_are_json() -> None:
     assert topic == b"status/"
     described = json.loads(encoded)
     assert described == {"v": 1, "alive": True, "frames_per_second": 120.0, "lost": 13} | dataclasses.asdict(status) | {
-        "notes": []
+        "notes": [],
+        "followed": 1,
     }
-    told = {"received": 90, "malformed": 1, "foreign": 2, "overrun": 3, "missing": 4, "incomplete": 0, "broken": 0}
-    assert described["inputs"] == told
+    told = {"received": 90, "malformed": 1, "foreign": 2, "overrun": 3, "missing": 4}
+    assert described["inputs"] == told | {"incomplete": 0, "broken": 0, "thrown_away": 0}
     assert set(described["outcomes"]["recognizers"]) == {"frames", "out_of_order", "restarts", "hops"}
+
+
+def test_a_status_that_anybody_hears_names_nobody() -> None:
+    """Where anybody may listen the status tells how many performers there are, and neither them nor their senders."""
+    said = {"Ada": "who", "Bob": "10.0.0.5"}
+    status = Status(InputCounts(), PerformerCounts(), 0, {"Ada": 120.0}, 0.0, 0.0, said, doubted=said, compared=said)
+    status = dataclasses.replace(status, notes=("two senders are called Ada: 10.0.0.5",))
+    _, encoded = zeromq.encode_status(status, named=False)
+    assert b"Ada" not in encoded
+    assert b"10.0.0.5" not in encoded
+    assert json.loads(encoded)["followed"] == 1
 
 
 # --- sequence numbers --------------------------------------------------------------------------------------------
@@ -621,7 +633,7 @@ def test_performers_are_counted_apart() -> None:
 
 
 def test_made_up_names_do_not_pile_up() -> None:
-    """After thousands of names the old ones are forgotten, and those who go on are counted from where they are."""
+    """After thousands of names old ones are forgotten, and the others are counted on."""
     gaps = SequenceGaps()
     gaps.see("p", 7)
     for number in range(5000):
@@ -653,14 +665,14 @@ def test_an_endpoint_says_bind_or_connect(text: str, expected: Endpoint, *, bind
 
 @pytest.mark.parametrize("text", ["", "5556", "127.0.0.1:5556", "tcp:/127.0.0.1", "@", ">localhost:5556"])
 def test_an_endpoint_without_a_transport_is_refused(text: str) -> None:
-    """What has no transport in it is refused, with an example of what does."""
+    """An address without a transport is refused, with an example."""
     with pytest.raises(ValueError, match=r"endpoint: expected an address like tcp://127\.0\.0\.1:5556"):
         Endpoint.parse(text, bind=True)
 
 
 @pytest.mark.parametrize("make", [ZmqReceiver, ZmqSender])
 def test_a_taken_address_is_an_error_that_says_which(make: Callable[[Endpoint], ZmqReceiver | ZmqSender]) -> None:
-    """Binding where somebody is already bound raises an OSError that names the address."""
+    """Binding a taken address raises an OSError that names it."""
     first = make(Endpoint(ANY_PORT, bind=True))
     with pytest.raises(OSError, match=first.address):
         make(Endpoint(first.address, bind=True))
@@ -718,7 +730,7 @@ def _next(receiver: ZmqReceiver) -> list[bytes]:
 
 
 def _delivered(sender: ZmqSender, receiver: ZmqReceiver, topic: bytes = TOPIC) -> list[list[bytes]]:
-    """Give all that was sent before now and came: what stands before a mark that is sent now."""
+    """Give all messages that came before a mark that is sent now."""
     sender.send([topic, b"mark"])
     found = []
     while (parts := _next(receiver)) != [topic, b"mark"]:
@@ -727,7 +739,7 @@ def _delivered(sender: ZmqSender, receiver: ZmqReceiver, topic: bytes = TOPIC) -
 
 
 def _greet(sender: ZmqSender, receiver: ZmqReceiver, topic: bytes = TOPIC) -> None:
-    """Send until something comes through: peers take a moment to meet, and what is sent before is lost."""
+    """Send until a message comes through: peers take a moment to connect, and messages before that are lost."""
     for _ in range(PATIENCE_MS // 50):
         sender.send([topic, b"hello"])
         if receiver.socket.poll(50):
@@ -737,7 +749,7 @@ def _greet(sender: ZmqSender, receiver: ZmqReceiver, topic: bytes = TOPIC) -> No
 
 @pytest.mark.parametrize("receiver_binds", [True, False])
 def test_either_side_may_bind(wire: Wire, *, receiver_binds: bool) -> None:
-    """Bound or connected, frames go through whole and in order, and then there is nothing, at once."""
+    """Bound or connected, frames go through whole and in order, and then receiving gives None."""
     if receiver_binds:
         receiver = wire.receiver()
         sender = wire.sender(receiver.address, bind=False)
@@ -765,7 +777,7 @@ def test_a_bound_receiver_hears_who_connects_later(wire: Wire) -> None:
 
 
 def test_p1_is_not_p10(wire: Wire) -> None:
-    """Who subscribes to one performer's answers gets no other's, though topics match by their first bytes."""
+    """A subscriber to one performer's answers gets no other's, though topics match by their first bytes."""
     sender = wire.sender()
     receiver = wire.receiver(sender.address, bind=False, topic=b"class/p1/")
     _greet(sender, receiver, b"class/p1/")
@@ -799,7 +811,7 @@ def test_a_slow_reader_keeps_the_oldest_and_the_numbers_show_it(wire: Wire) -> N
 
 
 def test_nobody_listening_is_no_error(wire: Wire) -> None:
-    """Publishing without a subscriber loses the message and fails nothing."""
+    """Publishing without a subscriber loses the message, without an error."""
     sender = wire.sender()
     for _ in range(2000):
         sender.send([b"class/p/", b"{}"])
@@ -807,7 +819,7 @@ def test_nobody_listening_is_no_error(wire: Wire) -> None:
 
 
 def test_a_message_too_large_does_not_get_in(wire: Wire) -> None:
-    """A message beyond the bound never reaches us, and its sender is heard again with what is of a bearable size."""
+    """A message beyond the bound never reaches us, and its sender's further messages do."""
     receiver = wire.receiver()
     sender = wire.sender(receiver.address, bind=False)
     _greet(sender, receiver)
@@ -844,7 +856,7 @@ def test_a_message_too_large_is_counted_and_the_sender_comes_back(wire: Wire, *,
 
 @pytest.mark.parametrize("bind", [True, False], ids=["bound", "connected"])
 def test_a_sender_that_leaves_is_not_counted(wire: Wire, *, bind: bool) -> None:
-    """A sender that ends, and begins again seconds later, has broken nothing, and is heard again."""
+    """A sender that ends, and begins again seconds later, is not counted as broken, and is heard again."""
     if bind:
         receiver = wire.receiver()
         sender = wire.sender(receiver.address, bind=False)
@@ -863,7 +875,7 @@ def test_a_sender_that_leaves_is_not_counted(wire: Wire, *, bind: bool) -> None:
 
 
 def test_closing_does_not_wait_for_anybody(wire: Wire) -> None:
-    """What was not delivered when a sender is closed is thrown away: nothing lingers."""
+    """Messages that were not delivered when a sender is closed are dropped."""
     sender = wire.sender()
     assert sender.socket.linger == 0
     assert wire.receiver().socket.linger == 0
@@ -872,7 +884,7 @@ def test_closing_does_not_wait_for_anybody(wire: Wire) -> None:
 
 
 def test_a_closed_sender_counts_its_failures(wire: Wire) -> None:
-    """Sending on a closed socket is counted as failed and raises nothing."""
+    """Sending on a closed socket is counted as failed, without an error."""
     sender = wire.sender()
     sender.close()
     sender.send([b"class/p/", b"{}"])

@@ -14,7 +14,7 @@ pytestmark = pytest.mark.slow
 @pytest.mark.timeout(900)
 @pytest.mark.parametrize("name", figures.RUNS)
 def test_no_figure_falls(name: str, request: pytest.FixtureRequest) -> None:
-    """What is measured anew is within its tolerance of what was written, or better."""
+    """Each new figure is within its tolerance of the expected one, or better."""
     run = figures.RUNS[name]
     data = request.getfixturevalue("data_folder") if run.needs_recordings else None
     told = figures.fallen(name, figures.expected()[name], figures.measured(run, data))
@@ -39,7 +39,7 @@ def test_some_figures_need_no_recordings() -> None:
 
 
 def test_a_figure_is_measured_as_a_person_would() -> None:
-    """What is measured are the numbers of the JSON object that the program prints, by where they stand in it."""
+    """Figures are numbers of the JSON object that the program prints, found by their place in it."""
     run = Run(("retrieval", "--skeleton", "vrchat", "--protocol", "split"), ("0.joints", "0.splits.worst", "1.nearest"))
     got = figures.measured(run, None)
     assert got["0.joints"] == 9
@@ -71,7 +71,7 @@ def test_a_figure_falls_one_way(direction: str, got: float | None, *, holds: boo
 
 
 def test_what_has_fallen_is_named() -> None:
-    """The failure says evaluation and figure, what was expected and what came out, of the fallen ones alone."""
+    """The failure lists evaluation, figure, expectation and new value, only for figures that fell."""
     entries = {name: Figure(0.8, 0.02, "higher") for name in ("one", "two", "three")}
     assert figures.fallen("run", entries, {"one": 0.7, "two": 0.8}) == [
         "run.one: expected 0.8000 (higher is better, tolerance 0.02), got 0.7000",
@@ -80,7 +80,7 @@ def test_what_has_fallen_is_named() -> None:
 
 
 def test_an_update_changes_values_alone() -> None:
-    """What is written reads back with the new values, edited tolerances kept, and a new figure's usual ones."""
+    """The file reads back with the new values, edited tolerances, and default tolerances for new figures."""
     before = {"run": {"frame_accuracy": Figure(0.5, 0.123, "higher")}}
     text = figures.written(before, {"run": {"frame_accuracy": 0.75, "mean.segment_majority": 0.25}})
     assert tomllib.loads(text) == {

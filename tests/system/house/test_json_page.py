@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
+from kinespace.tools.chaos.trial import Outcome
 from kinespace.tools.cli.main import EXPERIMENTS, PROGRAMS, whole_parser
 from kinespace.tools.evaluation.evaluate_faults import FaultScore
 from kinespace.tools.evaluation.evaluate_noise import NoiseScore
@@ -45,6 +46,7 @@ def test_every_program_with_json_has_a_row() -> None:
         ("evaluate faults", FaultScore),
         ("evaluate teach", TeachScore),
         ("evaluate progress", ProgressScore),
+        ("chaos", Outcome),
     ],
 )
 def test_every_figure_is_in_its_row(program: str, score: type) -> None:

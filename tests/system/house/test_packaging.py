@@ -1,4 +1,4 @@
-"""What is shipped: the packages, their data, and a built-in library that our own command built."""
+"""The package: its modules, their data, and a built-in library made by our own command."""
 
 from __future__ import annotations
 
@@ -151,7 +151,7 @@ def test_no_recording_is_tracked() -> None:
 
 
 def test_the_only_large_file_is_the_library() -> None:
-    """Nothing larger than 300 kB is tracked but the built-in library: no data comes in under another name."""
+    """No tracked file but the built-in library is larger than 300 kB."""
     large = {path.name for path in tracked_files() if path.exists() and path.stat().st_size > 300_000}
     assert large == {"hdm05.npz"}
 

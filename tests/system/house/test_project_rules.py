@@ -138,14 +138,14 @@ def test_imports_go_one_way(path: Path) -> None:
 
 @pytest.mark.parametrize("path", SOURCES, ids=name_of)
 def test_nothing_imports_the_tests(path: Path) -> None:
-    """What is shipped imports nothing of what only tests have."""
+    """The packages import nothing that only tests have."""
     tests = {source.stem for source in (ROOT / "tests").rglob("*.py")}
     assert not imported(path) & (tests | {"tests", "pytest", "hypothesis"})
 
 
 @pytest.mark.parametrize("path", CORE_SOURCES, ids=name_of)
 def test_the_core_does_no_input_or_output(path: Path) -> None:
-    """The recogniser and all it is made of import no socket, clock, thread or transport, and print nothing."""
+    """The recogniser and its parts import no socket, clock, thread or transport, and print nothing."""
     assert not imported(path) & NOT_IN_CORE
     assert not called(path) & {"print", "input"}
     if package_of(path) == "stream":
@@ -181,7 +181,7 @@ def test_every_test_states_its_property() -> None:
 
 
 def test_no_source_says_where_it_was_written() -> None:
-    """No text file of the project holds an absolute path of somebody's machine."""
+    """No text file of the project contains an absolute path of a person's machine."""
     said = []
     for path in project_files():
         if path.suffix in TEXT:
@@ -193,14 +193,14 @@ def test_no_source_says_where_it_was_written() -> None:
 
 
 def test_nothing_is_pickled() -> None:
-    """No source of ours reads or writes pickles, which would run whatever somebody put into them."""
+    """No source of ours reads or writes pickles, because a pickle runs code."""
     for path in SOURCES:
         assert not imported(path) & {"pickle", "cPickle", "dill", "joblib", "shelve", "marshal"}
         assert "allow_pickle=True" not in path.read_text(encoding="utf-8")
 
 
 def test_no_random_number_is_unseeded() -> None:
-    """Neither sources nor tests draw from a generator without a seed: what fails once fails again."""
+    """Neither sources nor tests draw from a generator without a seed, so that a failure repeats."""
     unseeded = re.compile(r"default_rng\(\)|np\.random\.(?!default_rng|Generator)\w+\(|^import random", re.MULTILINE)
     paths = [*SOURCES, *(ROOT / "tests").rglob("*.py")]
     own = {Path(__file__)}

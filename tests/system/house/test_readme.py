@@ -1,4 +1,4 @@
-"""README and the pages behind it: what they show runs, what they name exists."""
+"""README and its pages: their examples run, and their links and options exist."""
 
 from __future__ import annotations
 
@@ -83,7 +83,7 @@ def test_every_make_target_named_exists() -> None:
 
 
 def anchors(text: str) -> set[str]:
-    """Give the anchors of a page's headings, as they are made where it is shown."""
+    """Give the anchors of a page's headings."""
     headings = re.findall(r"^#+ (.+)$", _FENCE.sub("", text), re.MULTILINE)
     return {re.sub(r"[^\w -]", "", heading).strip().lower().replace(" ", "-") for heading in headings}
 
@@ -126,5 +126,5 @@ def test_the_first_screen_runs() -> None:
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda path: path.name)
 def test_nothing_is_left_to_fill_in(page: Path) -> None:
-    """No word in capitals with underscores, and no TODO, waits on a page for somebody to replace it."""
+    """No page has a placeholder in capitals with underscores, or a TODO."""
     assert re.findall(r"^[A-Z]+_[A-Z_]+$|TODO|FIXME|XXX", PAGES[page], re.MULTILINE) == []

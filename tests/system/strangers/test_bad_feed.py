@@ -1,4 +1,4 @@
-"""Bad feeds: whatever a sender does, it is counted where it belongs, and what was valid is recognised all the same."""
+"""Bad feeds: everything that a sender does wrong is counted, and valid frames are recognised all the same."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ class Kept(Sink):
         """Pass over."""
 
     def close(self) -> None:
-        """Nothing to close."""
+        """Do nothing."""
 
 
 class Line(Protocol):
@@ -74,13 +74,13 @@ class Line(Protocol):
     sink: Kept
 
     def frame(self, frame: Frame) -> None:
-        """Send a frame as it should be."""
+        """Send a valid frame."""
 
     def announce(self, performer: str, joints: Sequence[str]) -> None:
-        """Say which joints the performer's next frames hold."""
+        """Name the joints in the next frame of any performer."""
 
     def raw(self, *packets: object) -> None:
-        """Send packets as they are."""
+        """Send packets unchanged."""
 
 
 class _Line:
@@ -92,7 +92,7 @@ class _Line:
         self._sent = 0
 
     def _arrive(self) -> None:
-        """Wait until the service has dealt with what was sent."""
+        """Wait until the service has handled all packets."""
         self._sent += 1
         until = time.monotonic() + PATIENCE
         while self._source.counts.received < self._sent:
@@ -375,7 +375,7 @@ def test_an_unknown_joint_is_announced(line: Line, library: MotionLibrary, clip:
 @both_transports
 @pytest.mark.parametrize("swap", ["neighbours", "three back"])
 def test_frames_out_of_order(line: Line, library: MotionLibrary, clip: Clip, swap: str) -> None:
-    """Of frames that overtake each other the late ones are counted, nothing is missing, and the rest is answered."""
+    """Late frames are counted, none is missing, and the others are answered."""
     frames = _frames(clip)
     distance = {"neighbours": 1, "three back": 3}[swap]
     order = list(range(len(frames)))
@@ -430,7 +430,7 @@ def test_a_feed_that_stops_and_comes_back(line: Line, library: MotionLibrary, cl
 @both_transports
 @pytest.mark.parametrize("start", [0.0, 1e-3, 5.0])
 def test_a_sender_that_was_restarted(line: Line, library: MotionLibrary, clip: Clip, start: float) -> None:
-    """A sender that begins again with number 0 and an early time, or 0, is followed at once; nothing counts as lost."""
+    """A sender that begins again with number 0 and an early time, or 0, is followed at once; nothing is lost."""
     first, second = _frames(clip, start=100.0), _frames(clip, start=start)
     for frame in first:
         line.frame(frame)
@@ -447,7 +447,7 @@ def test_a_sender_that_was_restarted(line: Line, library: MotionLibrary, clip: C
 
 @both_transports
 def test_time_running_backwards(line: Line, library: MotionLibrary, clip: Clip) -> None:
-    """A feed whose time runs backwards is never answered, and ends up in counters; forwards again it is recognised."""
+    """A feed whose time runs backwards is counted and not answered; forwards again it is recognised."""
     frames = _frames(clip)
     for frame in frames[::-1]:
         line.frame(frame)
@@ -495,7 +495,7 @@ def test_a_clock_in_other_units(line: Line, library: MotionLibrary, clip: Clip, 
 
 @both_transports
 def test_too_many_performers(line: Line, library: MotionLibrary, clip: Clip) -> None:
-    """When names are made up without end, those beyond the room are counted, and who was there first is answered."""
+    """Made-up names beyond the room are counted, and earlier performers are answered."""
     frames = _frames(clip)
     for index, frame in enumerate(frames):
         line.frame(frame)

@@ -23,6 +23,7 @@ from kinespace.stream.outputs import LayoutSink
 from kinespace.stream.outputs.layouts import NativeLayout
 from kinespace.stream.recognizer import LiveSignature, Performers
 from kinespace.stream.service import Service
+from kinespace.tools.feeding.feed import resampled
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -30,7 +31,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from kinespace.library import Clip
+    from kinespace.library import MotionLibrary
     from kinespace.library.windows.index import WindowIndex
     from kinespace.stream.recognition import Recognition
 
@@ -40,6 +41,8 @@ WINDOWS = Settings(signature=LiveSignature.WINDOWS, hop=1 / 15)
 #: Between laboratories few joints lose much: what one laboratory calls a joint lies elsewhere in another.
 LOST_LABELS = {"hdm05": {9: 0.2, 15: 0.16}, "cmu": {9: 0.65, 15: 0.45, 19: 0.4, 20: 0.4, 22: 0.3, 25: 0.1}}
 LOST_GUESSES = {"hdm05": {9: 0.15, 15: 0.07}, "cmu": {9: 0.65, 15: 0.3, 19: 0.25, 20: 0.25, 22: 0.12, 25: 0.05}}
+#: What any body may lose: three motions have some 240 answers.
+SLIGHT = 0.12
 FEW_TO_MANY = ("vrchat", "osceleton", "vmc", "kinectv2")
 #: What CMU's labels are called in the built-in library.
 CMU_NAMES = {"Squat": "squat1Reps", "ArmCircle": "rotateArmsBothBackward1Reps", "Jog": "jogLeftCircle4StepsRstart"}
@@ -61,7 +64,7 @@ def sent(layout: str, positions: NDArray[np.floating], rate: float) -> Iterator[
 
 
 def assembled(layout: str, positions: NDArray[np.floating], rate: float) -> tuple[FrameAssembler, list[Frame]]:
-    """Put frames together of what a product would send."""
+    """Make frames of a product's packets."""
     preset = builtin_preset(LAYOUTS[layout][0])
     assembler, unpack = FrameAssembler(preset), UNPACKERS[preset.packing]()
     events: list[Frame | Announcement] = []
@@ -85,9 +88,9 @@ def ghost(class_name: str, seconds: float = 1.5) -> NDArray[np.float32]:
 
 
 @cache
-def opened_for(joints: frozenset[str]) -> WindowIndex:
-    """Open the built-in library for a feed of some joints, once for all feeds that have the same."""
-    return opened(builtin_library().restricted_to(joints))
+def opened_for(library: MotionLibrary, joints: frozenset[str]) -> WindowIndex:
+    """Open a library for a feed of some joints, once for all feeds that have the same."""
+    return opened(library.restricted_to(joints))
 
 
 def answers(index: WindowIndex, frames: Sequence[tuple[float, NDArray[np.floating]]]) -> list[Recognition]:
@@ -135,7 +138,7 @@ def test_every_frame_sent_is_the_frame_made(layout: str) -> None:
 
 @pytest.mark.parametrize("layout", LAYOUTS)
 def test_axes_are_ours(layout: str) -> None:
-    """What comes out stands upright and is no mirror image: positions are those sent, moved as a whole at most."""
+    """The frames stand upright and are not mirrored: their positions are those sent, at most moved as a whole."""
     positions = ghost("squat1Reps", 0.1)
     assembler, frames = assembled(layout, positions, 120.0)
     kept = positions[:, [SKELETON.joints.index(joint) for joint in assembler.preset.joints]]
@@ -146,10 +149,10 @@ def test_axes_are_ours(layout: str) -> None:
 
 
 @pytest.mark.parametrize("preset_name", builtin_names())
-def test_a_feed_is_recognised_over_the_wire(preset_name: str) -> None:
-    """Sender, socket, feed, recogniser, answer: what is heard is what the same joints give without any transport."""
+def test_a_feed_is_recognised_over_the_wire(preset_name: str, small_library: MotionLibrary) -> None:
+    """From sender to answer, a feed gives the answers that its joints give without a transport."""
     preset = builtin_preset(preset_name)
-    index = opened_for(frozenset(preset.joints))
+    index = opened_for(small_library, frozenset(preset.joints))
     positions = ghost("kickLFront1Reps")
     order = [SKELETON.joints.index(joint) for joint in index.library.skeleton.joints]
     told = answers(index, [(1.0 + index / 120, each[order]) for index, each in enumerate(positions)])
@@ -185,37 +188,37 @@ def test_a_feed_is_recognised_over_the_wire(preset_name: str) -> None:
 
 
 class Piece(NamedTuple):
-    """One real motion, from somebody's clip or cut from somebody's take."""
+    """One real motion, a clip or cut from a take."""
 
     class_name: str
     positions: NDArray[np.floating]
 
 
 class Told(NamedTuple):
-    """What was told of one motion at every hop: whether the label was right, and whether the best guess was."""
+    """The answers to one motion at every hop: whether the label was right, and whether the best guess was."""
 
     labels: list[bool]
     guesses: list[bool]
 
     @classmethod
     def of(cls, answers: Sequence[Recognition], class_name: str) -> Told:
-        """Hold answers against what was performed."""
+        """Compare answers with the motion performed."""
         labels = [each.label == class_name for each in answers]
         return cls(labels, [each.classes[each.guess_index] == class_name for each in answers])
 
     @classmethod
     def all_of(cls, pieces: Sequence[Told]) -> Told:
-        """Join what was told of several motions."""
+        """Join the answers to several motions."""
         return cls(
             [each for told in pieces for each in told.labels], [each for told in pieces for each in told.guesses]
         )
 
 
 class Pieces:
-    """Real motions, and how they are named natively: all joints, without any transport."""
+    """Real motions, and how a library names them natively: all joints, without any transport."""
 
-    def __init__(self, pieces: Sequence[Piece]) -> None:
-        self.pieces = pieces
+    def __init__(self, pieces: Sequence[Piece], library: MotionLibrary) -> None:
+        self.pieces, self.library = pieces, library
         self._natively: dict[int, Told] = {}
 
     def natively(self, step: int) -> Told:
@@ -224,20 +227,21 @@ class Pieces:
             told = []
             for piece in self.pieces:
                 frames = [(1.0 + index * step / 120, each) for index, each in enumerate(piece.positions[::step])]
-                told.append(Told.of(answers(opened(builtin_library()), frames), piece.class_name))
+                told.append(Told.of(answers(opened(self.library), frames), piece.class_name))
             self._natively[step] = Told.all_of(told)
         return self._natively[step]
 
 
 @pytest.fixture(scope="module")
-def hdm05_pieces(some_clips: tuple[Clip, ...]) -> Pieces:
-    """Give a clip of each of HDM05's classes."""
-    return Pieces([Piece(clip.class_name, clip.positions) for clip in some_clips])
+def hdm05_pieces(small_library: MotionLibrary) -> Pieces:
+    """Give a motion of each of some of HDM05's classes, and a library of these classes."""
+    first = {motion.class_name: resampled(motion, 120.0) for motion in reversed(small_library.motions)}
+    return Pieces([Piece(name, motion.positions) for name, motion in first.items()], small_library)
 
 
 @pytest.fixture(scope="module")
 def cmu_pieces(cmu_folder: Path) -> Pieces:
-    """Give what the CMU takes, of people and a studio the library never saw, hold of its classes."""
+    """Give the motions of the CMU takes, of unknown people and another studio, that are of the library's classes."""
     pieces = []
     paths = find_recordings([cmu_folder])
     for path, take in zip(paths, read_recordings(paths), strict=True):
@@ -246,7 +250,7 @@ def cmu_pieces(cmu_folder: Path) -> Pieces:
                 piece = take.positions[round(segment.start * 120) : round(segment.end * 120)]
                 pieces.append(Piece(segment.label, piece))
     assert len({piece.class_name for piece in pieces}) >= 3
-    return Pieces(pieces)
+    return Pieces(pieces, builtin_library())
 
 
 @pytest.mark.parametrize(
@@ -260,7 +264,7 @@ def test_real_motions_are_named_as_they_are_natively(
     """Real motions in a product's layout and joints are named nearly as often as with all joints and no transport."""
     pieces: Pieces = request.getfixturevalue(f"{source}_pieces")
     preset = builtin_preset(preset_name)
-    index = opened_for(frozenset(preset.joints))
+    index = opened_for(pieces.library, frozenset(preset.joints))
     inside = index.library.skeleton.order_from(preset.joints)
     # A quarter of the recordings' rate at most: more takes time and shows nothing.
     step = max(4, round(120 / preset.rate))
@@ -273,5 +277,5 @@ def test_real_motions_are_named_as_they_are_natively(
     # An answer more or less at the edge of a hop, for frames timed by their arrival.
     assert abs(len(through.labels) - len(natively.labels)) <= len(pieces.pieces)
     lost = [float(np.mean(ours) - np.mean(theirs)) for ours, theirs in zip(natively, through, strict=True)]
-    assert lost[0] <= LOST_LABELS[source].get(len(preset.joints), 0.05)
-    assert lost[1] <= LOST_GUESSES[source].get(len(preset.joints), 0.05)
+    assert lost[0] <= LOST_LABELS[source].get(len(preset.joints), SLIGHT)
+    assert lost[1] <= LOST_GUESSES[source].get(len(preset.joints), SLIGHT)

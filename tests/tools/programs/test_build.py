@@ -61,7 +61,7 @@ def test_motions_say_where_they_come_from_and_on_what_terms(tmp_path: Path) -> N
 
 
 def test_other_names_take_their_class_from_the_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A clip whose name tells no class gets its folder's name, also when the folder is where one stands."""
+    """A clip whose name tells no class gets its folder's name, also in the current folder."""
     folder = tmp_path / "spin"
     folder.mkdir()
     (folder / "ann.asf").write_text(TWO_ARMS.asf())
@@ -73,7 +73,7 @@ def test_other_names_take_their_class_from_the_folder(tmp_path: Path, monkeypatc
 
 
 def test_a_given_skeleton_and_rate_are_used(tmp_path: Path) -> None:
-    """With --asf no skeleton is looked for, and --frame-rate goes before what the recordings say."""
+    """With --asf no skeleton is searched, and --frame-rate overrides the recordings' rates."""
     (tmp_path / "cut").mkdir()
     path = write_take(tmp_path / "cut", "bd", "bendLeft", 1)
     (tmp_path / "cut" / "HDM_bd.asf").rename(tmp_path / "other.asf")
@@ -166,7 +166,7 @@ def test_long_takes_without_labels_are_said(tmp_path: Path, capsys: pytest.Captu
 
 
 def test_libraries_and_recordings_are_put_together(tmp_path: Path) -> None:
-    """Two libraries and new recordings give one library of all; what several have is there once."""
+    """Two libraries and new recordings give one library of all motions, each once."""
     (tmp_path / "cut").mkdir()
     for actor in ("bd", "mm"):
         (tmp_path / actor).mkdir()
@@ -193,7 +193,7 @@ def test_each_motion_keeps_its_own_terms(tmp_path: Path) -> None:
 
 
 def test_classes_and_persons_are_left_out_and_classes_renamed(tmp_path: Path) -> None:
-    """--without leaves out, --rename renames what is left, each as often as it is given."""
+    """--without leaves out, --rename renames the other classes, each as often as it is given."""
     MotionLibrary.builtin().save(tmp_path / "all.npz")
     options = ("--without", "bk", "--without", "squat1Reps", "--without", "tr", "--rename", "grabHighR=grab")
     options = (*options, "--rename", "sneak2StepsLStart=sneak", "--rename", f"throwBasketball={NOTHING}")
@@ -225,7 +225,7 @@ def test_classes_and_persons_are_left_out_and_classes_renamed(tmp_path: Path) ->
 def test_changes_that_cannot_be_made_are_one_line(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], options: tuple[str, ...], error: str
 ) -> None:
-    """A class or person that is not there, or a library without any, ends the build with what there is."""
+    """A class or person that is missing, or a library without motions, ends the build with one line."""
     MotionLibrary.of_clips(stick_clips(takes=1)).save(tmp_path / "stick.npz")
     assert build(tmp_path / "stick.npz", "-o", tmp_path / "mine.npz", *options) == 2
     assert capsys.readouterr().err == f"kinespace: {error}\n"
@@ -233,7 +233,7 @@ def test_changes_that_cannot_be_made_are_one_line(
 
 
 def test_a_folder_may_hold_nothing_known(tmp_path: Path) -> None:
-    """Recordings of --nothing are motions of the class `nothing`, whatever their names say."""
+    """Recordings of --nothing are motions of the class `nothing`, with any names."""
     for name in ("known", "other"):
         (tmp_path / name).mkdir()
     write_takes(tmp_path / "known", takes=1)
@@ -250,14 +250,14 @@ def test_a_folder_may_hold_nothing_known(tmp_path: Path) -> None:
 
 
 def test_labels_without_recordings_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Labels beside libraries alone have nothing to cut, and are refused before anything is read."""
+    """Labels beside libraries alone are refused before any file is read."""
     arguments = (tmp_path / "any.npz", "--labels", tmp_path / "any.csv", "-o", tmp_path / "never.npz")
     assert build(*arguments) == 2
     assert capsys.readouterr().err == "kinespace: --labels: expected recordings to cut, got libraries only\n"
 
 
 def test_bodies_are_merged_over_the_joints_they_share(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Libraries of bodies with other joints are merged over those both have, and which were lost is said."""
+    """Libraries of bodies with other joints are merged over their shared joints, and the lost ones are listed."""
     whole = MotionLibrary.builtin().without(actors=("bd", "bk", "dg", "mm"))
     whole.save(tmp_path / "whole.npz")
     joints = hdm05.SKELETON.joints
@@ -284,7 +284,7 @@ def test_bodies_that_share_too_little_cannot_be_merged(tmp_path: Path, capsys: p
 
 
 def test_an_existing_library_is_replaced_whole_if_ordered(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Building over a file is refused before anything is read; ordered, it replaces it and leaves nothing else."""
+    """An existing file is refused before any file is read; with --overwrite it is replaced as a whole."""
     (tmp_path / "cut").mkdir()
     (tmp_path / "made").mkdir()
     output = tmp_path / "made" / "mine.npz"
@@ -299,7 +299,7 @@ def test_an_existing_library_is_replaced_whole_if_ordered(tmp_path: Path, capsys
 
 
 def test_a_failed_build_leaves_the_old_library(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """When a recording cannot be used the file that was there is there still, byte for byte, and nothing beside it."""
+    """When a recording cannot be used, the old file is unchanged, and no other file is left beside it."""
     (tmp_path / "cut").mkdir()
     (tmp_path / "made").mkdir()
     output = tmp_path / "made" / "mine.npz"

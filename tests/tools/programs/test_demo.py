@@ -50,7 +50,7 @@ def test_the_command_names_every_motion() -> None:
 def test_the_library_that_names_has_none_of_the_motions_played(
     small: MotionLibrary, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The recogniser's process, and what is expected of it, know every motion but those that are played."""
+    """The recogniser's process knows every motion but those that are played."""
     asked: list[MotionLibrary] = []
     expected = demo.expected_answers
     monkeypatch.setattr(demo, "expected_answers", lambda *of: (asked.append(of[1]), expected(*of))[1])
@@ -133,7 +133,7 @@ def test_on_a_terminal_the_table_fills_while_it_plays(monkeypatch: pytest.Monkey
 def test_a_recogniser_that_knows_other_names_is_not_right(
     small: MotionLibrary, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Answers that are not the expected ones are not taken for answers: nothing is right, and the status is 1."""
+    """Answers other than the expected ones do not count: no motion is right, and the status is 1."""
     other = small.renamed({name: f"not {name}" for name in CLASSES})
 
     def service(transport: str, **options: object) -> BackgroundService:

@@ -1,4 +1,4 @@
-"""`kinespace info`: what is in a motion library, and in folders of recordings."""
+"""`kinespace info`: the contents of a motion library, and of folders of recordings."""
 
 from __future__ import annotations
 
@@ -92,7 +92,7 @@ def test_what_is_not_stated_is_said_so(tmp_path: Path, capsys: pytest.CaptureFix
 
 
 def test_what_a_file_says_cannot_steer_the_terminal(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Control characters in a library's words are shown as what they are: characters that cannot be shown."""
+    """Control characters in a library's words are shown as replacement characters."""
     clip = dataclasses.replace(stick_clips()[0], class_name="a\x1b[2Jb", actor="\x07", licence="x\ny", source="[/b]")
     MotionLibrary.of_clips([clip]).save(tmp_path / "mine.npz")
     assert main(["info", str(tmp_path / "mine.npz")]) == 0

@@ -115,7 +115,7 @@ def test_the_table_has_a_transport_and_its_echo(capsys: pytest.CaptureFixture[st
 
 @pytest.mark.parametrize(("seconds", "hop"), [("0.1", "0.03"), ("0.5", "0.03"), ("1.1", "1")])
 def test_too_short_a_run_is_refused(seconds: str, hop: str, capsys: pytest.CaptureFixture[str]) -> None:
-    """A run whose last answer comes before it is warmed up could measure nothing: one line, status 2, no process."""
+    """A run without an answer after the warm-up ends with one line and status 2, and starts no process."""
     assert main(["latency", "--seconds", seconds, "--hop", hop]) == 2
     assert capsys.readouterr().err == (
         f"kinespace: --seconds: expected enough for an answer after the first 0.5 s, got {seconds}\n"

@@ -91,6 +91,17 @@ def test_somebody_who_makes_up_addresses_finds_an_end() -> None:
     assert len(survey.kinds) == MAX_KINDS
 
 
+def test_the_last_reasons_are_told() -> None:
+    """The last malformed and the last foreign packet are told with the reason, the sender and their beginning."""
+    survey = Survey()
+    survey.see(message("/elsewhere", "s", "x"), "10.0.0.9:1", 0.0)
+    survey.see(b"hello", "10.0.0.7:1", 0.0)
+    assert sorted(survey.findings(builtin_preset("native")).refusals) == [
+        "last foreign: /elsewhere, from 10.0.0.9:1: '/elsewhere\\x00\\x00,s\\x00\\x00x\\x00\\x00\\x00'",
+        "last malformed: neither a message nor a bundle, from 10.0.0.7:1: 'hello'",
+    ]
+
+
 def test_runs_of_a_type_are_counted() -> None:
     """Many floats are written as one f and how many."""
     assert [shortened(types) for types in ("", "sifff", "i" + "f" * 93)] == ["", "sifff", "if*93"]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 import signal
+import sys
 import time
 from contextlib import ExitStack
 from typing import TYPE_CHECKING
@@ -48,7 +49,7 @@ def expected_of(cues: Sequence[Cue], settings: Settings | None = None) -> list[s
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_signal_ends_it_with_the_counts(number: signal.Signals) -> None:
-    """Ctrl-C, or being asked to terminate, ends it with status 0, its counts, and nothing on standard error."""
+    """Ctrl-C, or SIGTERM, ends it with status 0, its counts, and an empty standard error."""
     with live("--plain") as stage:
         stage.program.process.send_signal(number)
         assert (stage.program.wait(), stage.program.errors) == (0, "")
@@ -73,7 +74,7 @@ def test_without_an_output_it_answers_to_the_usual_port() -> None:
 
 
 def test_every_frame_is_answered_that_is_due() -> None:
-    """Over OSC the answers are those expected, one by one, and the counts at the end are exact."""
+    """Over OSC the answers equal the expected ones, one by one, and the counts at the end are exact."""
     cues = ghost_cues("squat1Reps", 2.0)
     expected = expected_of(cues)
     with live("--plain") as stage:
@@ -242,23 +243,31 @@ def test_what_was_opened_before_a_failure_is_closed(option: str, capsys: pytest.
     osc.OscReceiver(host, port).close()
 
 
-@pytest.mark.parametrize("option", ["--osc-out", "--out"])
-def test_answers_to_our_own_port_are_refused(option: str, capsys: pytest.CaptureFixture[str]) -> None:
-    """Answers that would come in again as frames are refused."""
+@pytest.mark.parametrize("heard", [LOOPBACK, "0.0.0.0"])  # noqa: S104 - who listens to all networks hears itself
+@pytest.mark.parametrize("target", ["--osc-out {0}:{1}", "--out max={0}:{1}", "--out native=sender:{1}"])
+def test_answers_to_our_own_port_are_refused(heard: str, target: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """Answers that would come in again as frames are refused, wherever they would come in."""
     port = free_udp_port()
-    target = f"{'max=' if option == '--out' else ''}{LOOPBACK}:{port}"
-    assert main(["live", "--osc-in", f"{LOOPBACK}:{port}", "--signature", "paper", option, target]) == 2
-    assert f"expected another place than {LOOPBACK}:{port}, where frames come in" in capsys.readouterr().err
+    options = target.format(LOOPBACK, port).split()
+    assert main(["live", "--osc-in", f"{heard}:{port}", "--signature", "paper", *options]) == 2
+    assert f"expected another place than {heard}:{port}, where frames come in" in capsys.readouterr().err
+
+
+def test_our_own_addresses_are_known() -> None:
+    """The loopback's are ours, an address for documents is nobody's."""
+    assert osc.is_ours("127.0.0.1")
+    assert osc.is_ours("127.0.0.7") == (sys.platform == "linux")
+    assert not osc.is_ours("192.0.2.1")
 
 
 def test_an_output_alone_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
-    """With somebody to answer and nobody to listen to, what is missing is said."""
+    """With an output and no input, the error names what is missing."""
     assert main(["live", "--osc-out", f"{LOOPBACK}:9"]) == 2
     assert capsys.readouterr().err == "kinespace: live: expected --osc-in or --zmq-in, got neither\n"
 
 
 def test_a_message_too_large_costs_that_message_alone() -> None:
-    """The publisher that live connected to sends too much at once: it is said, and what follows is recognised."""
+    """A publisher's message that is too large is reported, and its further frames are recognised."""
     cues = ghost_cues("squat1Reps", 1.0)
     with live(transport="zmq") as stage:
         assert isinstance(stage.sender, Publisher)

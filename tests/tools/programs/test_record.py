@@ -1,4 +1,4 @@
-"""`kinespace record` and what is done with its files: replayed bit for bit, told, converted, whatever ended it."""
+"""`kinespace record` and its files: replayed bit for bit, described, converted, however the recorder ended."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def _wide(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.fixture
 def stage() -> Iterator[osc.OscReceiver]:
-    """Open a UDP port that hears what is replayed."""
+    """Open a UDP port that hears the replayed packets."""
     receiver = osc.OscReceiver(LOOPBACK, 0)
     yield receiver
     receiver.close()
@@ -105,7 +105,7 @@ def replay(*arguments: object) -> int:
 def test_what_is_recorded_is_replayed_bit_for_bit(
     tmp_path: Path, stage: osc.OscReceiver, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Every packet, rubbish too, is kept in order and sent again as it was, to another port and faster."""
+    """Every packet, also a malformed one, is kept in order and sent again unchanged, to another port and faster."""
     path, sent = tmp_path / "a.kinerec", datagrams(200)
     with recording(path) as (program, sender):
         for datagram in sent:
@@ -215,7 +215,7 @@ def test_numbers_are_not_written_over(tmp_path: Path, capsys: pytest.CaptureFixt
 
 
 def test_packets_are_cut_and_due_when_they_came() -> None:
-    """From and to count from the first packet, the end left out, and what is due is measured from the cut."""
+    """--from and --to count from the first packet, the end left out, and due times count from the cut."""
     packets = [RawPacket(100.0 + index / 10, 0, "", (bytes([index]),)) for index in range(10)]
 
     def due(begin: float, end: float | None) -> list[tuple[float, int]]:
@@ -240,7 +240,7 @@ def test_a_cut_is_looped_until_interrupted(tmp_path: Path, stage: osc.OscReceive
 def test_a_cut_beyond_the_end_is_said(
     tmp_path: Path, stage: osc.OscReceiver, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Where nothing lies between --from and --to, or nothing in the file, that is an error, in a loop too."""
+    """A cut or a file without packets is an error, in a loop too."""
     path = written(tmp_path / "a.kinerec", *(RawPacket(5.0 + index / 4, 0, "", (b"x",)) for index in range(6)))
     to = ("--osc", f"{LOOPBACK}:{stage.address[1]}")
     for options in (("--from", 2), ("--from", 0.3, "--to", 0.4), ("--from", 2, "--loop")):
@@ -284,7 +284,7 @@ def test_messages_go_to_zeromq_and_what_has_nowhere_to_go_is_counted(
 def test_a_cut_off_file_is_replayed_and_said(
     tmp_path: Path, stage: osc.OscReceiver, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """What is whole is sent, and where the file is cut off is told."""
+    """Whole records are sent, and the place where the file is cut off is reported."""
     path = written(tmp_path / "a.kinerec", RawPacket(0.0, 0, "", (b"one",)), RawPacket(0.0, 0, "", (b"two",)))
     path.write_bytes(path.read_bytes()[:-1])
     assert replay(path, "--osc", f"{LOOPBACK}:{stage.address[1]}") == 0
@@ -304,7 +304,7 @@ def test_what_would_change_packets_is_refused(
 
 
 def test_clips_are_cut_too(tmp_path: Path, stage: osc.OscReceiver, capsys: pytest.CaptureFixture[str]) -> None:
-    """--from and --to cut each clip; beyond its end there is nothing to send."""
+    """--from and --to cut each clip; beyond its end there are no frames."""
     take = write_take(tmp_path, "bd", "bendLeft", 1)
     options = ("--osc", f"{LOOPBACK}:{stage.address[1]}", "--json", "--speed", 8)
     assert replay(take, *options, "--from", 0.5, "--to", 0.75) == 0
@@ -331,7 +331,7 @@ def a_recording(path: Path, *, announced: bool = True) -> Path:
 
 
 def test_a_recording_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Info says how long it is, who sent how much, who performs, and where it is cut off."""
+    """Info gives length, senders with packets, performers with frames, and the place of a cut."""
     path = a_recording(tmp_path / "a.kinerec")
     path.write_bytes(path.read_bytes() + b"torn")
     assert main(["info", str(path)]) == 0
@@ -342,7 +342,7 @@ def test_a_recording_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str])
 
 
 def test_a_recording_becomes_numbers(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Times and positions come out as they were sent, in one order of joints, as .npz and as CSV alike."""
+    """Times and positions are the sent ones, in one order of joints, in .npz and in CSV."""
     frames = np.random.default_rng(8).normal(size=(6, 6, 3)).astype(np.float32)
     path = a_recording(tmp_path / "a.kinerec")
     for name in ("a.npz", "a.csv"):
@@ -362,7 +362,7 @@ def test_a_recording_becomes_numbers(tmp_path: Path, capsys: pytest.CaptureFixtu
 
 
 def test_joints_nobody_announced_are_numbered(tmp_path: Path) -> None:
-    """Without an announcement the joints are called by number; those of the most frequent size are kept."""
+    """Without an announcement the joints are numbered; frames of the most frequent size are kept."""
     path = a_recording(tmp_path / "a.kinerec", announced=False)
     assert main(["convert", str(path), "-o", str(tmp_path / "a.npz"), "--performer", "ann"]) == 0
     with np.load(tmp_path / "a.npz") as numbers:
@@ -414,7 +414,7 @@ def test_what_cannot_be_converted_is_said_in_one_line(
     capsys: pytest.CaptureFixture[str],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """A wrong ending, several performers or none end with one line, and nothing is written."""
+    """A wrong ending, several performers or none end with one line, and no file is written."""
     monkeypatch.chdir(tmp_path)
     path = a_recording(tmp_path / "a.kinerec")
     assert main(["convert", str(path), *options]) == 2

@@ -1,4 +1,4 @@
-"""`kinespace replay`: recordings as a fake live feed, and what was answered to it."""
+"""`kinespace replay`: recordings as a fake live feed, and the score of its answers."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def _wide(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.fixture
 def stage() -> Iterator[osc.OscReceiver]:
-    """Open a UDP port that hears what is replayed."""
+    """Open a UDP port that hears the replayed packets."""
     receiver = osc.OscReceiver(LOOPBACK, 0)
     yield receiver
     receiver.close()
@@ -118,7 +118,7 @@ def test_a_clip_is_sent_as_live_packets(stage: osc.OscReceiver, take: Path, caps
 
 
 def test_labels_beside_a_take_say_what_is_right_when(take: Path) -> None:
-    """Each frame of a take is of the class of its label, and of none where nobody has said; all frames are sent."""
+    """Each frame of a take has the class of its label, and no class without one; all frames are sent."""
     take.with_suffix(".csv").write_text("start_s;end_s;label\n0,25;0,5;up\n0,5;1,0;down\n")
     pieces = list(replay_program._pieces([take], Reading(), replay_program.Course("me")))  # noqa: SLF001 - no socket
     classes = [cue.class_name for cue in piece_cues(pieces, "me")]
@@ -209,7 +209,7 @@ def test_recordings_are_read_while_others_play(
 def test_a_recording_that_cannot_be_read_ends_the_feed(
     stage: osc.OscReceiver, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """What stood before it has been sent and is reported; then one line says what is wrong, and the status is 2."""
+    """Frames before the mistake are sent and counted; then one line names the mistake, and the status is 2."""
     paths = write_takes(tmp_path, actors=("bd",), takes=1, frames=30)
     paths[-1].write_text("no motion", encoding="utf-8")
     assert replay(tmp_path, "--osc", target(stage), "--json") == 2
@@ -237,7 +237,7 @@ def test_a_long_take_is_sent_in_pieces_as_if_whole(
 def test_a_take_is_sent_before_all_of_it_is_read(
     stage: osc.OscReceiver, take: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """What stands before a mistake in a long take is sent; what is beyond --to is not even read."""
+    """Frames before a mistake in a long take are sent; frames after --to are not even read."""
     monkeypatch.setattr("kinespace.library.formats.acclaim._BLOCK_BYTES", 4000)
     take.write_text(take.read_text() + "nonsense\n")
     assert replay(take, "--osc", target(stage)) == 2
@@ -315,7 +315,7 @@ def test_a_class_of_the_built_in_library_can_be_named(
 def test_what_does_not_fit_the_built_in_motions_is_refused(
     arguments: tuple[str, ...], told: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Neither a file nor a class, and options for reading where nothing is read: one line, status 2."""
+    """A place that is neither file nor class, and useless options for reading: one line, status 2."""
     assert replay(*arguments, "--osc", f"{LOOPBACK}:9") == 2
     errors = capsys.readouterr().err
     assert errors.startswith(f"kinespace: {told}")
@@ -323,7 +323,7 @@ def test_what_does_not_fit_the_built_in_motions_is_refused(
 
 
 def test_faults_are_those_ordered(stage: osc.OscReceiver, take: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Frames are lost and swapped exactly as the seed says, and `sent` counts what was really sent."""
+    """Frames are lost and swapped by the seed, and `sent` counts the frames really sent."""
     (clip,) = read_recordings([take])
     faults = Faults(drop=0.2, jitter=0.01, reorder=0.2, seed=5)
     expected = [cue.frame.time for cue in faults.applied(clip_cues([clip], "replay", speed=SPEED))]
@@ -340,7 +340,7 @@ def test_faults_are_those_ordered(stage: osc.OscReceiver, take: Path, capsys: py
 
 
 def test_no_faults_change_nothing() -> None:
-    """Without any fault ordered the feed passes through as it is, whatever the seed."""
+    """Without faults the feed is unchanged, with any seed."""
     cues = [Cue(index / 120, Frame("me", 1.0, np.zeros((6, 3))), index) for index in range(50)]
     assert list(Faults(seed=3).applied(iter(cues))) == cues
 
@@ -400,7 +400,7 @@ def _expected_answers(library: MotionLibrary, clips: Sequence[Clip]) -> tuple[in
 
 
 def test_silence_is_explained(stage: osc.OscReceiver, take: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """When nothing answers, what to look for is said instead of an empty table, and the status tells it too."""
+    """Without answers the program says what to check instead of printing a table, and the status is 1."""
     assert replay(take, "--osc", target(stage), "--listen", f"{LOOPBACK}:0") == 1
     assert "no answers heard: is a recogniser running" in capsys.readouterr().out
 
@@ -485,7 +485,7 @@ def test_ctrl_c_ends_the_feed_and_reports(
 
 
 def test_the_score_is_kept_by_class() -> None:
-    """Answers are counted under what was performed; the share is over all of them, and None without any."""
+    """Answers are counted by the class performed; the share is over all of them, and None without any."""
     score = Score()
     assert score.share() is None
     for performed, label in (("bow", "bow"), ("bow", "wave"), ("wave", "wave"), ("wave", "wave")):
@@ -502,7 +502,7 @@ def test_the_score_is_kept_by_class() -> None:
 def test_a_wrong_address_leaves_no_socket(
     arguments: tuple[str, str], take: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Whichever address or name is wrong, what was opened before it is closed again, and the port is free."""
+    """With any wrong address or name, open sockets are closed again, and the port is free."""
     port = free_udp_port()
     listen = () if "--listen" in arguments else ("--listen", f"{LOOPBACK}:{port}")
     assert replay(take, *listen, *arguments) == 2

@@ -8,10 +8,11 @@ import pytest
 from rich.console import Console
 
 from kinespace.tools.terminal.console import console, printable, progress
+from kinespace.tools.terminal.live_table import score_shown
 
 
 def test_progress_passes_every_piece_through() -> None:
-    """What comes out of the progress is what went in, in order, with and without a total."""
+    """All pieces come out in order, with and without a total."""
     assert list(progress(range(5), "Counting", 5)) == [0, 1, 2, 3, 4]
     assert list(progress(iter("abc"), "Spelling", None)) == ["a", "b", "c"]
     assert list(progress((), "Idling", 0)) == []
@@ -33,13 +34,13 @@ def test_progress_is_lazy() -> None:
 
 
 def test_nobody_looking_means_no_progress(capsys: pytest.CaptureFixture[str]) -> None:
-    """When standard error is no terminal, progress prints nothing anywhere."""
+    """When standard error is no terminal, progress prints nothing."""
     assert list(progress(range(3), "Counting", 3)) == [0, 1, 2]
     assert capsys.readouterr() == ("", "")
 
 
 def test_progress_shows_on_standard_error(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    """On a terminal the bar says what is done and how much of how much, and standard output stays for results."""
+    """On a terminal the bar shows how much is done, and standard output has only results."""
     terminal = StringIO()
     monkeypatch.setattr(
         "kinespace.tools.terminal.console.progress_console", Console(file=terminal, force_terminal=True, width=100)
@@ -52,7 +53,7 @@ def test_progress_shows_on_standard_error(monkeypatch: pytest.MonkeyPatch, capsy
 
 @pytest.mark.parametrize("name", ["[/]", "[bold]me[/bold]", ":smile:", "[link=x]"])
 def test_names_are_printed_as_they_are(name: str, capsys: pytest.CaptureFixture[str]) -> None:
-    """What looks like markup or an emoji's code in a name is printed character for character."""
+    """Markup and emoji codes in a name are printed character for character."""
     console.print(f"<{name}>")
     assert capsys.readouterr().out == f"<{name}>\n"
 
@@ -62,3 +63,15 @@ def test_names_cannot_steer_the_terminal() -> None:
     assert printable("Zoë 舞 🕺") == "Zoë 舞 🕺"
     replaced = printable("a\x1b[2Jb\nc\rd\u202e\ud800")
     assert replaced == "a\N{REPLACEMENT CHARACTER}[2Jb\ufffdc\ufffdd\ufffd\ufffd"
+
+
+@pytest.mark.parametrize("given", [{}, {"NO_COLOR": "1"}])
+def test_no_color_is_obeyed(given: dict[str, str], monkeypatch: pytest.MonkeyPatch) -> None:
+    """With NO_COLOR a terminal gets no colours; without, the bar of a score is green."""
+    monkeypatch.delenv("NO_COLOR", raising=False)
+    for name, value in given.items():
+        monkeypatch.setenv(name, value)
+    terminal = type(console)(file=StringIO(), force_terminal=True, color_system="standard", width=80)
+    terminal.print(score_shown(0.5, 20))
+    assert isinstance(terminal.file, StringIO)
+    assert ("\x1b[32m" in terminal.file.getvalue()) == (not given)

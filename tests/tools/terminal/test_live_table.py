@@ -1,4 +1,4 @@
-"""What a person sees of a running recogniser."""
+"""The table of a running recogniser."""
 
 from __future__ import annotations
 
@@ -141,7 +141,7 @@ def test_the_table_shows_the_latest_of_each_performer() -> None:
 
 
 def test_the_table_forgets_who_has_left() -> None:
-    """A performer who is not in the status any more has no row."""
+    """A performer who is no longer in the status has no row."""
     table = LiveTable(CLASSES)
     table.publish(recognition("me", "bow"))
     table.publish(recognition("you", "wave"))
@@ -152,7 +152,7 @@ def test_the_table_forgets_who_has_left() -> None:
 
 
 def test_a_library_of_one_class_has_no_runner_up() -> None:
-    """With a single class there is nothing to compare it with and nothing fails."""
+    """With a single class there is no second one, and drawing works."""
     table = LiveTable(("bow",))
     alone = Recognition("me", 1.0, Outcome.NAMED, ("bow",), np.array([0.5]), 0.1, 0.9, 0.8, 0.0)
     table.publish(alone)
@@ -204,7 +204,7 @@ def test_long_names_never_push_the_figures_out(
 
 
 def test_performers_keep_their_rows() -> None:
-    """Whoever leaves leaves a free row, which a newcomer takes; the others stay where they are."""
+    """A performer who leaves leaves a free row for a newcomer; the others keep their rows."""
     table = LiveTable(CLASSES)
 
     def rows() -> list[str]:
@@ -253,7 +253,7 @@ def test_what_is_noticed_of_a_performer_is_told(capsys: pytest.CaptureFixture[st
 
 
 def test_the_counts_name_every_loss() -> None:
-    """One line says what came in and every way in which it was lost."""
+    """One line counts all that came in and every kind of loss."""
     assert counts(status()) == (
         "received 101, malformed 2, foreign 3, overrun 4, missing 5, out of order 8, other joints 7, no room 6"
     )

@@ -27,7 +27,7 @@ DRAWING = [
 def test_a_picture_without_a_place_is_refused_before_the_work(
     command: tuple[str, ...], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """A folder that is not there, or a folder in the picture's place, is one line, and nothing is read for it."""
+    """A missing folder, or a folder in the picture's place, is one line, before any file is read."""
     assert main([*command, str(tmp_path / "missing" / "a.svg")]) == 2
     assert capsys.readouterr().err == f"kinespace: {tmp_path / 'missing'}: No such file or directory\n"
     assert main([*command, str(tmp_path)]) == 2
@@ -38,7 +38,7 @@ def test_a_picture_without_a_place_is_refused_before_the_work(
 def test_a_picture_nobody_draws_is_refused_before_the_work(
     command: tuple[str, ...], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """An ending that matplotlib does not know is told with those that it knows."""
+    """An ending that matplotlib does not know is refused with the endings that it knows."""
     assert main([*command, str(tmp_path / "a.doc")]) == 2
     error = capsys.readouterr().err
     assert error.startswith(f"kinespace: {tmp_path / 'a.doc'}: expected a picture's ending, one of ")

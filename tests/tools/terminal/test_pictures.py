@@ -1,4 +1,4 @@
-"""What is drawn with matplotlib."""
+"""Pictures drawn with matplotlib."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def test_the_ending_says_which_kind(ending: str, begins: bytes, tmp_path: Path) 
 
 
 def test_different_outcomes_are_different_pictures(tmp_path: Path) -> None:
-    """The matrix is what is drawn: another one gives another picture, the same gives the same."""
+    """Another matrix gives another picture, the same matrix the same picture."""
     same, again, other = tmp_path / "same.png", tmp_path / "again.png", tmp_path / "other.png"
     outcome = results()
     pictures.draw_confusions(same, outcome, Protocol.SPLIT)
@@ -75,7 +75,7 @@ def test_one_space_can_be_drawn_alone(tmp_path: Path) -> None:
 
 
 def test_an_ending_nobody_draws_is_refused(tmp_path: Path) -> None:
-    """An ending that names no kind of picture raises an error that names it, and writes nothing."""
+    """An unknown ending raises an error that names it, and no file is written."""
     with pytest.raises(ValueError, match="'doc'"):
         pictures.draw_confusions(tmp_path / "confusions.doc", results(), Protocol.SPLIT)
     assert list(tmp_path.iterdir()) == []

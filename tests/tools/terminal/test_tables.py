@@ -13,7 +13,7 @@ from kinespace.library import MotionLibrary
 from kinespace.tools.cli.main import main
 from kinespace.tools.programs import replay
 from kinespace.tools.terminal.console import console
-from kinespace.tools.terminal.tables import add_names, shortened
+from kinespace.tools.terminal.tables import add_names, csv_text, shortened
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -75,6 +75,12 @@ def test_other_columns_give_way_before_a_name_is_broken() -> None:
         found = [line.split("│")[1].strip() for line in drawn(table).splitlines() if line.startswith("│")]
         assert len(found) == lines
         assert "".join(found) == name
+
+
+@pytest.mark.parametrize(("text", "cell"), [("=1+1", "'=1+1"), ("@x", "'@x"), ("-head", "'-head"), ("head", "head")])
+def test_no_cell_is_computed(text: str, cell: str) -> None:
+    """A name that a spreadsheet would take for a formula has an apostrophe before it."""
+    assert csv_text(text) == cell
 
 
 @pytest.mark.parametrize(("width", "told"), [(5, "ab…hi"), (6, "ab…ghi"), (9, "abcdefghi"), (8, "abc…fghi"), (1, "…")])

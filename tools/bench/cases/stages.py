@@ -116,7 +116,7 @@ def _transports(
 
     def each(work: Callable[[Any], object], on: Sequence[object], count: float) -> Callable[[], float]:
         def every() -> None:
-            # What comes of it is dropped, as the service drops frames that are taken in and answers that are sent.
+            # The results are dropped, as the service drops frames and answers.
             for one in on:
                 work(one)
 

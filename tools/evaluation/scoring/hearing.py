@@ -1,4 +1,4 @@
-"""Motions that are heard once and asked of many libraries: their windows are measured once, and compared often."""
+"""Motions that are heard once and ask many libraries: their windows are computed once, and compared often."""
 
 from __future__ import annotations
 
@@ -27,22 +27,22 @@ if TYPE_CHECKING:
     from kinespace.library.windows.parts import Part
     from kinespace.stream.recognizer import Settings
 
-#: Seconds that the first answer counts for.
+#: Seconds for which the first answer counts.
 _FIRST_HOP = 1 / 30
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Hop:
-    """One hop of a motion, as every library in the same metrics finds it.
+    """One hop of a motion, the same for every library with the same metrics.
 
     Attributes
     ----------
     time
         Seconds, on the motion's clock.
     movement, noise
-        As the recogniser measured them.
+        As the recogniser computed them.
     vectors
-        The windows that end now, placed by the metrics: of each group (axes,).
+        The vectors of the windows that end now, for each group (axes,).
     """
 
     time: float
@@ -52,7 +52,7 @@ class Hop:
 
 
 class _Listening:
-    """Stands where a recogniser expects an opened library, and keeps what is compared with it."""
+    """Takes the place of an opened library in a recogniser, and keeps the numbers that are compared with it."""
 
     def __init__(self, index: WindowIndex) -> None:
         self._index = index
@@ -80,11 +80,11 @@ def starts_of(clip: Clip, index: WindowIndex, settings: Settings) -> list[Event]
 
 
 def heard(clip: Clip, index: WindowIndex, settings: Settings) -> list[Hop] | None:
-    """Push a motion through a recogniser of its own, and keep what it compares.
+    """Push a motion through a recogniser of its own, and keep the numbers that it compares.
 
     Returns
     -------
-    The hops; None for a motion in which the recogniser doubts joints or finds a jump: it must be asked as it is.
+    The hops; None for a motion in which the recogniser doubts joints or finds a jump: it needs the recogniser itself.
     """
     listening = _Listening(index)
     recognizer = Recognizer(cast("WindowIndex", listening), settings)
@@ -102,16 +102,16 @@ def heard(clip: Clip, index: WindowIndex, settings: Settings) -> list[Hop] | Non
 
 
 def starts_heard(hops: Sequence[Hop], index: WindowIndex, settings: Settings) -> list[Event]:
-    """Give the start events that a recogniser would have given which had compared with another library.
+    """Give the start events of a recogniser that compares with another library.
 
     Parameters
     ----------
     hops
-        Of one motion.
+        The hops of one motion.
     index
-        Some windows of the library that heard it, in the same metrics; `nothing` not among its classes.
+        Some windows of the library that heard the motion, in the same metrics; without the class `nothing`.
     settings
-        Of the recogniser.
+        The recogniser's settings.
     """
     weighing, rejection, classes = index.comparison.weighing, index.rejection, index.classes
     usual = SENSITIVITY_LEARNED if index.library.learned else SENSITIVITY_OWN

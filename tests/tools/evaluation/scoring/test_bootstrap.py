@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import naive_score
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from kinespace.tools.evaluation.scoring.bootstrap import RESAMPLES, Percentile, Ratio, RocArea
@@ -26,6 +26,7 @@ def _repeated(values: list[list[float]], counts: list[int]) -> list[float]:
 # --- shares and rates --------------------------------------------------------------------------------------------
 
 
+@settings(max_examples=25)
 @given(st.integers(0, 2**32 - 1), st.integers(1, 12))
 def test_a_ratio_is_drawn_by_units(seed: int, units: int) -> None:
     """A share of drawn units is the quotient of the two sums over them."""
@@ -61,6 +62,7 @@ def test_a_ratio_of_units_that_agree_is_sure() -> None:
 # --- percentiles -------------------------------------------------------------------------------------------------
 
 
+@settings(max_examples=25)
 @given(st.integers(0, 2**32 - 1), st.sampled_from([50.0, 90.0]))
 def test_a_percentile_is_drawn_by_units(seed: int, percent: float) -> None:
     """A percentile of drawn units is that of all their values; a unit without values adds none."""

@@ -141,7 +141,7 @@ class ListSource:
     def __init__(self) -> None:
         self.waiting = deque[Frame]()
         self.counts = InputCounts()
-        self.tended, self.waited, self.notes = False, 0.0, ()
+        self.tended, self.has_put_aside, self.waited, self.notes = False, False, 0.0, ()
         self.pollable, self._other_end = socket.socketpair()
         self._other_end.send(b"!")
 

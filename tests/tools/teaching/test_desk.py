@@ -8,7 +8,7 @@ import pytest
 
 from kinespace.library import MotionLibrary
 from kinespace.library.teaching.examples import Example, Roster
-from kinespace.stream.frame import Frame
+from kinespace.stream.frame import Announcement, Frame
 from kinespace.stream.outputs.sink import Sink
 from kinespace.stream.recognizer import Performers
 from kinespace.stream.teaching import State, Step, Taught, commands
@@ -198,3 +198,19 @@ def test_joints_that_nobody_knows(tmp_path: Path) -> None:
     assert desk.classes == ("squat", "kick")
     assert _show(desk, 30, "squat1Reps", 1)[:1] == ["squat"]
     desk.close()
+
+
+def test_a_performer_with_fewer_joints_is_told_why_not(desk: Desk, library: MotionLibrary) -> None:
+    """Who lacks joints of the library is recognised and cannot be taught; the refusal says so, and what helps."""
+    joints = library.skeleton.joints[:20]
+    positions = library.motions[0].positions[:8, :20]
+    desk.push_all([Announcement("bob", joints)], time.monotonic())
+    desk.push_all([Frame("bob", place / 60, each) for place, each in enumerate(positions)], time.monotonic())
+    for command in (commands.Teach("bob", "wave"), commands.Last("bob", 1.0, "wave")):
+        (state,) = desk.command(command)
+        assert isinstance(state, State)
+        assert state.step is Step.REFUSED
+        assert state.reason == "not all of the library's joints are there: teach with --library none"
+    (state,) = desk.command(commands.Teach("nobody", "wave"))
+    assert isinstance(state, State)
+    assert state.reason == "no such performer is there"

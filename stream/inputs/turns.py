@@ -7,7 +7,7 @@ beyond a few megabytes the oldest are dropped. A sender that is alone is never p
 
 from __future__ import annotations
 
-from collections import deque
+from collections import Counter, deque
 from typing import TYPE_CHECKING, NamedTuple
 
 if TYPE_CHECKING:
@@ -64,6 +64,8 @@ class Turns:
         self._accounts: dict[Sender, _Account] = {}
         self._aside = deque[Waiting]()
         self._aside_bytes = 0
+        #: How many of each sender's packets are put aside.
+        self._aside_of: Counter[Sender] = Counter()
         self._before: Sender = None
         #: When a packet last came from another sender than the packet before, seconds on our clock.
         self._changed = float("-inf")
@@ -77,8 +79,11 @@ class Turns:
             self._before = sender
             # The very first sender is not another than the one before.
             self._changed = now if self._accounts else self._changed
+        if now - self._changed >= _THERE:
+            return False
         account = self._accounts.get(sender)
-        return account is not None and now - self._changed < _THERE and account.due(now) > MAX_AT_ONCE
+        # A sender's packets stay in their order: behind those that are put aside.
+        return self._aside_of[sender] > 0 or (account is not None and account.due(now) > MAX_AT_ONCE)
 
     def charge(self, sender: Sender, seconds: float, events: int, now: float) -> None:
         """Note the seconds that a packet took, and the number of its frames and announcements."""
@@ -92,6 +97,7 @@ class Turns:
     def put_aside(self, waiting: Waiting) -> None:
         """Keep a packet until nothing else waits; the oldest packets make room for it."""
         self._aside.append(waiting)
+        self._aside_of[waiting.sender] += 1
         self._aside_bytes += _size(waiting.packet)
         while self._aside_bytes > MAX_ASIDE or len(self._aside) > _MAX_PACKETS:
             self.take()
@@ -100,6 +106,9 @@ class Turns:
     def take(self) -> Waiting:
         """Take the oldest packet that was put aside."""
         waiting = self._aside.popleft()
+        self._aside_of[waiting.sender] -= 1
+        if not self._aside_of[waiting.sender]:
+            del self._aside_of[waiting.sender]
         self._aside_bytes -= _size(waiting.packet)
         return waiting
 

@@ -121,3 +121,14 @@ def test_others_go_before_who_comes_last(source: Source) -> None:
     assert [len(source.take(1.04) or ()) for _ in range(4)] == [2000, 0, 2000, 0]
     assert not source.has_put_aside
     assert source.counts.thrown_away == 0
+
+
+def test_a_senders_packets_stay_in_their_order() -> None:
+    """While some of them are put aside, the later ones are too, also when all is paid off."""
+    turns = Turns()
+    turns.charge(ANN, 0.0, 1, 100.0)
+    turns.put_aside(Waiting(b"first", 1.0, 0.0, EVE))
+    assert turns.comes_last(EVE, 100.0)
+    assert not turns.comes_last(ANN, 100.0)
+    turns.take()
+    assert not turns.comes_last(EVE, 100.0)

@@ -27,7 +27,7 @@ PATIENCE = 60.0
 
 
 class Heard(Sink):
-    """Keeps what it is told."""
+    """Keeps everything it gets."""
 
     def __init__(self) -> None:
         self.notices: list[Notice] = []
@@ -127,7 +127,7 @@ def test_a_class_is_taught_recognised_and_saved(desk: Desk, library: MotionLibra
 
 
 def test_what_was_taught_is_there_again(desk: Desk, library: MotionLibrary, tmp_path: Path) -> None:
-    """What was taught is there again when the program starts again with the same file."""
+    """Taught motions are there again when the program starts again with the same file."""
     _show(desk, 0, "kickLFront1Reps")
     _teach(desk, 10, "abc", "squat1Reps")
     _until(desk, lambda heard: Step.DONE in heard.steps())
@@ -139,7 +139,7 @@ def test_what_was_taught_is_there_again(desk: Desk, library: MotionLibrary, tmp_
 
 
 def test_a_full_disk_loses_nothing(desk: Desk, monkeypatch: pytest.MonkeyPatch) -> None:
-    """That it could not be saved is told; the class is known all the same."""
+    """A failure to save is reported; the class is known all the same."""
 
     def full(*_: object) -> None:
         raise OSError(28, "No space left on device")
@@ -186,7 +186,7 @@ def test_a_folder_that_is_not_there(tmp_path: Path, library: MotionLibrary) -> N
 
 
 def test_joints_that_nobody_knows(tmp_path: Path) -> None:
-    """Somebody's own joints can be taught from nothing; until then nobody is answered."""
+    """A sender's own joints can be taught without a library; until then nobody is answered."""
     joints = tuple(f"marker{number}" for number in range(31))
     desk = open_desk(Start(tmp_path / "mine.npz", None, joints), _performers)
     desk.sinks = [Heard()]

@@ -33,7 +33,7 @@ test: lint types pytest
 
 # For trying a change while it is made: leaves out tests that play in real time or read many takes.
 quick: lint types
-	$(BIN)/python -m pytest -n auto --dist worksteal -m "not slow"
+	$(BIN)/python -m pytest -n $(WORKERS) --dist worksteal -m "not slow"
 
 lint: setup
 	$(BIN)/ruff check
@@ -45,9 +45,11 @@ types: setup
 	@mkdir -p $(PACKAGES) && cd $(PACKAGES) && ln -sfn ../../../library library && ln -sfn ../../../stream stream && ln -sfn ../../../tools tools
 	$(BIN)/mypy
 
-# On every core; a core that has finished takes tests from another, because a few of them take a minute.
+# In half as many processes again as there are cores, because many tests wait for real time. A process that has finished
+# takes tests from another, because a few of them take half a minute.
+WORKERS := $(shell $(PYTHON) -c 'import os; print(3 * (os.cpu_count() or 1) // 2)')
 pytest: setup
-	$(BIN)/python -m pytest -n auto --dist worksteal
+	$(BIN)/python -m pytest -n $(WORKERS) --dist worksteal
 
 # The compiled loops under AddressSanitizer and UBSan.
 sanitize: setup

@@ -14,7 +14,7 @@ from kinespace.library.motion_library import NOTHING
 from kinespace.library.progress.warping import agreed_phases
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping, Sequence
+    from collections.abc import Collection, Iterable, Mapping, Sequence
 
     from numpy.typing import NDArray
 
@@ -33,6 +33,8 @@ VELOCITY = 3.0
 _SHRINKAGE = 0.1
 #: Phases at which recordings are compared to learn how actors differ.
 _COMPARED_AT = np.linspace(0.0, 1.0, 10)
+#: Axes that are kept of posture and velocity: along the others moments differ no more than actors do.
+_AXES = 24
 #: Bins of phases that count as the same.
 _BINS = 40
 #: Seconds over which the swing of the body is measured.
@@ -105,7 +107,7 @@ class PhaseTable:
             if clip.duration >= 2 * VELOCITY_SECONDS:
                 performed.setdefault(clip.class_name, []).append(clip)
         courses = {name: _courses(tuple(clips), body, basis) for name, clips in performed.items()}
-        whitening = _whitening(courses.values(), 2 * basis.directions.shape[1])
+        whitening = _telling(courses.values(), _whitening(courses.values(), 2 * basis.directions.shape[1]))
         return cls({name: _moments(each, whitening) for name, each in courses.items()}, whitening, basis)
 
 
@@ -179,6 +181,15 @@ def _whitening(courses: Iterable[_Courses], width: int) -> NDArray[np.float64]:
     values, vectors = np.linalg.eigh(scatter)
     whitening: NDArray[np.float64] = vectors / np.sqrt(values)
     return whitening
+
+
+def _telling(courses: Collection[_Courses], whitening: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Keep the axes along which the moments of a class differ most, in the mean of the classes."""
+    if not courses:
+        return whitening
+    spreads = np.mean([(np.concatenate(each.moving) @ whitening).var(axis=0) for each in courses], axis=0)
+    kept = np.sort(spreads.argsort()[-_AXES:])
+    return np.ascontiguousarray(whitening[:, kept])
 
 
 def _moments(courses: _Courses, whitening: NDArray[np.float64]) -> Moments:

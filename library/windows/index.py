@@ -377,7 +377,8 @@ class _Measured(NamedTuple):
         """Compute the windows' vectors, some motions at a time, because their numbers take much more memory."""
         pieces, begin = list[Placed](), 0
         pieces_of = np.cumsum([0, *map(len, self.ends)]) // _PIECE
-        for end in [*(np.flatnonzero(np.diff(pieces_of)) + 1), len(self.clips)]:
+        # With the last motion a piece may be full.
+        for end in sorted({*(np.flatnonzero(np.diff(pieces_of)) + 1), len(self.clips)}):
             cut = CutWindows(self.clips[begin:end], self.ends[begin:end], body, basis)
             pieces.append(Placed.of(comparison, cut, cut.numbers(comparison.weighing.parts)))
             begin = end

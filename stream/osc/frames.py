@@ -163,26 +163,26 @@ def _decode_plain_frame(datagram: bytes, arrival: float) -> Frame | None:
 
 def _understood(message: Message, arrival: float) -> Frame | Announcement | None:
     """Read our two messages; None for any other. Raises TypeError, ValueError or OverflowError for a malformed one."""
-    if message.address in (_FRAME, SKELETON) and not message.arguments:
+    if message.address not in (_FRAME, SKELETON):
+        return None
+    if not message.arguments:
         raise ValueError("performer: expected a name or an integer, got nothing")
-    if message.address == _FRAME:
-        if len(message.arguments) < 2:
-            raise ValueError("time: expected seconds behind the performer, got nothing")
-        performer, time, *numbers = message.arguments
-        performer = _performer(performer)
-        if any(type(number) not in (float, int) for number in (time, *numbers)):
-            raise TypeError("numbers: expected floats or integers")
-        positions = np.array(numbers, dtype=np.float64)
-        if positions.size % 3:
-            raise ValueError(f"positions: expected three numbers per joint, got {positions.size}")
-        moment = float(time)  # type: ignore[arg-type]  # checked above
-        return Frame(performer, moment or arrival, positions.reshape(-1, 3))
+    performer = _performer(message.arguments[0])
     if message.address == SKELETON:
-        performer, *joints = message.arguments
+        joints = message.arguments[1:]
         if not all(isinstance(joint, str) for joint in joints):
             raise TypeError("joints: expected strings")
-        return Announcement(_performer(performer), tuple(map(str, joints)))
-    return None
+        return Announcement(performer, tuple(map(str, joints)))
+    if len(message.arguments) < 2:
+        raise ValueError("time: expected seconds behind the performer, got nothing")
+    time, *numbers = message.arguments[1:]
+    if any(type(number) not in (float, int) for number in (time, *numbers)):
+        raise TypeError("numbers: expected floats or integers")
+    positions = np.array(numbers, dtype=np.float64)
+    if positions.size % 3:
+        raise ValueError(f"positions: expected three numbers per joint, got {positions.size}")
+    moment = float(time)  # type: ignore[arg-type]  # checked above
+    return Frame(performer, moment or arrival, positions.reshape(-1, 3))
 
 
 def _performer(argument: object) -> str:

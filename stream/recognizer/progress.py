@@ -39,8 +39,8 @@ _CHANGES, _BEGINS = 0.1, 1e-6
 #: The share that begins in the first phases, and these phases. The rest begins later, with a probability that falls
 #: towards the end, because before a motion a body often stands as it does after it.
 _AT_START, _FIRST_PHASES, _FALLING = 0.9, 0.12, 4
-#: Weight of a vector's squared distance, divided among its numbers.
-_SHARPNESS = 4.0
+#: Weight of a vector's squared distance.
+_SHARPNESS = 1 / 16
 #: Probability that a step beyond the end of a recording begins the next round: of a cyclic motion, and of another.
 _NEXT_ROUND, _ONCE_MORE = 0.5, 0.02
 #: Bins of phases that count as the same.
@@ -176,13 +176,12 @@ class _Course(NamedTuple):
         bins = np.minimum((phases * _BINS).astype(np.intp), _BINS - 1)
         alike = 1 / np.bincount(bins, minlength=_BINS).clip(1)[bins]
         again = _NEXT_ROUND if moments.cyclic else _ONCE_MORE
-        sharpness = _SHARPNESS / len(moments.vectors)
         return cls(
             np.array([phases, beginning / beginning.sum(), rounds / max(rounds.sum(), 1.0), alike]),
             np.array([bins, phases.argsort(kind="stable")]),
             np.append(moments.starts[1:], len(phases)) - 1,
             np.array([moments.speeds, moments.usual_speeds, moments.usual_swings]),
-            np.array([*_GOES_ON, _CHANGES, _BEGINS, again, sharpness, _NEAR]),
+            np.array([*_GOES_ON, _CHANGES, _BEGINS, again, _SHARPNESS, _NEAR]),
             np.square(moments.vectors).sum(axis=0),
         )
 

@@ -81,7 +81,7 @@ def weighed(
     belief: Sequence[float], vectors: NDArray[np.float64], live: NDArray[np.float64], sharpness: float
 ) -> list[float]:
     """Weigh every moment by how alike the live body is, and let the probabilities sum to one."""
-    logs = [-0.5 * sharpness / len(live) * float(((vector - live) ** 2).sum()) for vector in vectors]
+    logs = [-0.5 * sharpness * float(((vector - live) ** 2).sum()) for vector in vectors]
     most = max(logs)
     products = [each * math.exp(log - most) for each, log in zip(belief, logs, strict=True)]
     return [each / math.fsum(products) for each in products]

@@ -1,4 +1,4 @@
-"""Teaching a running recogniser as a person does: liblo's oscsend says what, somebody shows it, oscdump hears."""
+"""Teaching a running recogniser as a person does: liblo's oscsend sends commands, a performer moves, oscdump hears."""
 
 from __future__ import annotations
 

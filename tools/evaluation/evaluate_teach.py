@@ -31,7 +31,7 @@ from kinespace.tools.terminal.tables import narrow_table
 
 if TYPE_CHECKING:
     import argparse
-    from collections.abc import Sequence
+    from collections.abc import Collection, Sequence
 
     from kinespace.library import Clip, Reading
     from kinespace.stream.recognition import Event
@@ -173,6 +173,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--examples", nargs="+", type=above_zero, default=[1, 2, 3], metavar="N", help="of each class (default: 1 2 3)"
     )
     parser.add_argument("--draws", type=above_zero, default=20, help="of each person's examples (default %(default)s)")
+    parser.add_argument(
+        "--teachers", nargs="+", default=[], metavar="PERSON", help="the persons who teach (default: all, in turn)"
+    )
     parser.add_argument("--seed", type=int, default=0, help="of the draws (default %(default)s)")
     parser.add_argument("--beside", action="store_true", help="teach beside the built-in library, which must give way")
     add_settings(parser)
@@ -187,6 +190,7 @@ def run(options: argparse.Namespace) -> int:
         person=options.person,
         examples=options.examples,
         draws=options.draws,
+        teachers=options.teachers,
         seed=options.seed,
         beside=options.beside,
         settings=settings_of(options),
@@ -201,6 +205,7 @@ def evaluate(
     person: str,
     examples: Sequence[int],
     draws: int,
+    teachers: Sequence[str],
     seed: int,
     beside: bool,
     settings: Settings,
@@ -220,6 +225,8 @@ def evaluate(
         The numbers of examples of each class.
     draws
         How many times examples are drawn for each person.
+    teachers
+        The persons who teach; empty for all.
     seed
         The seed of the draws.
     beside
@@ -241,10 +248,11 @@ def evaluate(
     by_person: dict[str, list[tuple[str, Clip]]] = defaultdict(list)
     for name, clip in motions:
         by_person[clip.actor].append((name, clip))
-    score = TeachScore(list(examples), persons=len(by_person), draws=draws)
+    taught_by = {name: by_person[name] for name in _checked(teachers, by_person) or by_person}
+    score = TeachScore(list(examples), persons=len(taught_by), draws=draws)
     same: dict[int, list[Asked]] = {count: [] for count in examples}
     other: dict[int, list[Asked]] = {count: [] for count in examples}
-    for place, (teaching, own) in enumerate(progress(sorted(by_person.items()), "Teaching", len(by_person))):
+    for place, (teaching, own) in enumerate(progress(sorted(taught_by.items()), "Teaching", len(taught_by))):
         taught = _person(own, beside=beside)
         asking = _Asking(taught.index, settings)
         others = [clip for name, each in by_person.items() if name != teaching for _, clip in each]
@@ -268,6 +276,14 @@ def evaluate(
     else:
         _print(score)
     return 0
+
+
+def _checked(teachers: Sequence[str], known: Collection[str]) -> Sequence[str]:
+    """Refuse a teacher who performs nothing."""
+    for name in teachers:
+        if name not in known:
+            raise ValueError(f"--teachers: expected some of {', '.join(sorted(known))}, got {name!r}")
+    return teachers
 
 
 def drawn(

@@ -164,7 +164,8 @@ def build(
     if nothing:
         clips += (replace(clip, class_name=NOTHING) for clip in _Recordings(reading, terms).motions(nothing))
     if not (clips or libraries):
-        raise ValueError("--labels: expected segments with two frames or more of their takes, got none")
+        told = f" ({'; '.join(read.told)})" if read.told else ""
+        raise ValueError(f"labels: expected segments with two frames or more of their takes, got none{told}")
     if clips:
         libraries.append(MotionLibrary.of_clips(clips))
     merged = changes.made_in(reduce(MotionLibrary.merged_with, libraries))

@@ -54,6 +54,8 @@ MIN_SECONDS = 1.0
 _PAUSE = 0.7
 _LINGER = 0.3
 _PICTURE_WIDTH = 112
+#: Characters of a full score bar, and of a terminal that has room for it.
+_BAR, _WIDE = 20, 110
 
 
 @dataclass(slots=True)
@@ -225,7 +227,7 @@ class _Show:
             return name, "", "", "", ""
         style = "green" if each.answered == each.class_name else "red"
         latency = float(np.median(each.latencies)) * 1000
-        score = score_shown(each.latest.score, width)
+        score = score_shown(each.latest.score, _BAR if width >= _WIDE else 0)
         return name, Text(each.answered, style=style), score, f"{each.latest.margin:.3f}", f"{latency:.2f}"
 
     def tally(self) -> str:

@@ -35,6 +35,7 @@ from kinespace.tools.cli.arguments import (
     reading_of,
     share,
 )
+from kinespace.tools.feeding import packets
 from kinespace.tools.feeding.feed import (
     ANNOUNCE_EVERY,
     OscFrameSender,
@@ -48,7 +49,6 @@ from kinespace.tools.feeding.feed import (
 )
 from kinespace.tools.feeding.prefetch import ReadAhead
 from kinespace.tools.loopback.answer_listener import Listener, answer_in
-from kinespace.tools.programs import replay_packets
 from kinespace.tools.terminal.console import console, printable, progress_console
 from kinespace.tools.terminal.named_joints import NameTeller
 from kinespace.tools.terminal.tables import add_names
@@ -161,7 +161,7 @@ class Score:
         table.add_section()
         table.add_row("all", f"{self.answers.total()}", "" if self.share() is None else f"{self.share():.0%}")
         if self.unlabelled:
-            table.add_row("without a label", f"{self.unlabelled}", "")
+            table.add_row("unlabelled", f"{self.unlabelled}", "")
         return table
 
 
@@ -382,7 +382,7 @@ def _run_raw(
         raise ValueError(f"replay: expected one {ENDING} alone, got {len(places)} recordings")
     if listen or faults != Faults(seed=faults.seed):
         raise ValueError(f"replay: {ENDING} is sent bit for bit: no --listen, --drop, --jitter-ms or --reorder")
-    return replay_packets.run(
+    return packets.replay(
         places[0],
         osc_to=osc_to,
         zmq_to=zmq_to,

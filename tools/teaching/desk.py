@@ -113,6 +113,8 @@ class Desk:
         #: Whether performers are answered: not without a library, and not while answers are switched off.
         self._something = bool(windows.base_classes or teacher.roster.examples)
         self._running = True
+        #: Performers who are recognised by fewer joints than the library's, and so cannot be taught.
+        self._other_joints: set[str] = set()
         self._jobs: queue.SimpleQueue[_Job | None] = queue.SimpleQueue()
         self._results: queue.SimpleQueue[_Opened | _Found | _Failed] = queue.SimpleQueue()
         self._asked: queue.SimpleQueue[Command] = queue.SimpleQueue()
@@ -168,8 +170,12 @@ class Desk:
         """Recognise frames, and show them to the teacher."""
         answers = self._performers.push_all(events, arrival)
         for event in events:
-            if isinstance(event, Frame) and (frame := self._performers.ordered(event)) is not None:
+            if not isinstance(event, Frame):
+                continue
+            if (frame := self._performers.ordered(event)) is not None:
                 self._deal_with(self._teacher.push(frame, arrival))
+            elif event.performer in self._performers.names:
+                self._other_joints.add(event.performer)
         if not (self._running and self._something):
             return [None] * len(answers)
         return answers
@@ -185,8 +191,16 @@ class Desk:
     def command(self, command: Command) -> list[Notice]:
         """Carry out a command; give its notices."""
         notices = self._teacher.command(command, self._clock())
+        self._other_joints &= {*self._performers.names}
+        notices = [self._explained(notice) for notice in notices]
         self._deal_with(notices)
         return [notice for notice in notices if isinstance(notice, State)]
+
+    def _explained(self, notice: Notice) -> Notice:
+        """Say of a performer who cannot be taught for lack of joints that this is the reason."""
+        if isinstance(notice, State) and notice.step is Step.REFUSED and notice.performer in self._other_joints:
+            return replace(notice, reason="not all of the library's joints are there: teach with --library none")
+        return notice
 
     def ask(self, command: Command) -> None:
         """Carry out, at the next turn, a command from another thread."""

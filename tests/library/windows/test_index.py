@@ -191,6 +191,19 @@ def test_motions_too_short_are_not_added(small_index: WindowIndex) -> None:
         small_index.with_motions([replace(clip, positions=clip.positions[:6])])
 
 
+def test_a_last_motion_may_fill_a_piece(
+    small_library: MotionLibrary, small_index: WindowIndex, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Motions whose windows are cut one motion at a time equal those cut all at once."""
+    index = small_index
+    clips = [replace(clip, class_name="mine", actor="") for clip in small_library.motions[:3]]
+    whole = index.with_motions(clips)
+    monkeypatch.setattr("kinespace.library.windows.index._PIECE", 1)
+    pieces = index.with_motions(clips)
+    for one, other in zip((*pieces.vectors, pieces.eigenvectors), (*whole.vectors, whole.eigenvectors), strict=True):
+        np.testing.assert_array_equal(one, other)
+
+
 def test_a_large_library_is_opened_in_pieces(
     small_library: MotionLibrary, small_index: WindowIndex, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -98,7 +98,7 @@ def test_every_step_is_the_textbooks(class_name: str) -> None:
         past.append(point)
         belief = gone_on(belief, phases, few.starts.tolist(), beginning, cyclic=few.cyclic)
         live = moving_point(past[max(0, len(past) - 5)], point)
-        belief = weighed(belief, few.vectors.T, live @ whitening, 4.0)
+        belief = weighed(belief, few.vectors.T, live @ whitening, 1 / 16)
         told = follower.push(index * STEP, point, class_name)
         assert told
         assert below(belief, phases, told.phase) < 0.5 + 1e-3

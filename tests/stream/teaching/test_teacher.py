@@ -117,7 +117,7 @@ def test_several_repetitions() -> None:
 
 
 def test_undo_and_redo_without_end() -> None:
-    """Every change can be taken back and made again; a new change forgets what was taken back."""
+    """Every change can be undone and redone; a new change forgets the undone ones."""
     stage = _taught()
     for command in (
         commands.Rename("wave", "bow"),
@@ -212,7 +212,7 @@ def test_cancel_leaves_nothing() -> None:
 
 
 def test_a_performer_who_is_not_there_or_leaves() -> None:
-    """A lesson for a performer who is not there, or who leaves, is refused."""
+    """A lesson for an absent performer, or one who leaves, is refused."""
     stage = Stage()
     stage.ask(commands.Teach("", "wave"))
     assert stage.reason() == "no such performer is there"
@@ -227,7 +227,7 @@ def test_a_performer_who_is_not_there_or_leaves() -> None:
 
 
 def test_standing_still_throughout() -> None:
-    """A performer who stands still throughout teaches nothing, and is told so."""
+    """A performer who stands still throughout gets a refusal."""
     stage = Stage()
     stage.stand(1.0)
     stage.ask(commands.Teach("ann", "wave", 1, 0.0))

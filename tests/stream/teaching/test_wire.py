@@ -89,7 +89,7 @@ def test_wekinator_numbers_gestures_from_one() -> None:
     ],
 )
 def test_bad_commands_are_one_line(packet: bytes, told: str) -> None:
-    """A command that cannot be read raises one line with what was expected."""
+    """A command that cannot be read raises one line with the expectation."""
     with pytest.raises(CommandError, match=told) as raised:
         wire.decode(packet)
     assert "\n" not in str(raised.value)

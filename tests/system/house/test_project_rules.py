@@ -7,6 +7,7 @@ import re
 import shutil
 import subprocess
 import sys
+from collections import Counter
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -17,7 +18,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
 PACKAGES = ("library", "stream", "tools")
-#: Who may know whom: a package imports itself and what stands here.
+#: The imports of a package: itself and these.
 BELOW = {"library": set[str](), "stream": {"library"}, "tools": {"library", "stream"}}
 #: Folders and files that do no input or output, and know no clock and no thread.
 CORE = ("library", "stream/recognizer", "stream/frame.py", "stream/recognition.py", "stream/answer.py")
@@ -38,6 +39,8 @@ CORE += tuple(
     )
 )
 NOT_IN_CORE = {"socket", "time", "threading", "zmq", "asyncio", "pythonosc", "selectors", "multiprocessing", "logging"}
+#: Modules in one folder, at most: a newcomer reads the list at a glance.
+MAX_MODULES = 13
 #: What keeps another process that reads files, and waits for it.
 KEEPS_A_PROCESS = "c3d_process"
 #: The folders in which people keep their work; no source says where it was written.
@@ -127,6 +130,12 @@ def test_the_drawing_shows_the_rooms() -> None:
     assert drawn <= folders
     assert folders - mirrored <= drawn
     assert set(re.findall(r"\w+\.py(?=\s)", drawing)) <= {path.name for path in paths}
+
+
+def test_rooms_are_small() -> None:
+    """No folder of the packages has more than `MAX_MODULES` modules."""
+    rooms = Counter(path.parent.relative_to(ROOT) for path in SOURCES if path.name != "__init__.py")
+    assert {str(room): count for room, count in rooms.items() if count > MAX_MODULES} == {}
 
 
 @pytest.mark.parametrize("path", SOURCES, ids=name_of)

@@ -1,4 +1,4 @@
-"""Bad input: commands end with one line that says what and where; a running recogniser counts it and goes on."""
+"""Bad input: programs end with one line that names file and mistake; a running recogniser counts it and goes on."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ pytestmark = pytest.mark.slow
 
 
 def one_line(capsys: pytest.CaptureFixture[str], *arguments: object) -> str:
-    """Run `kinespace`, which must end with 2 and say in one line why; what it says.
+    """Run `kinespace`, which must end with 2 and one line; give the line.
 
     It prints nothing, save replay what was sent before it came to a recording that it cannot read.
     """
@@ -102,7 +102,7 @@ def test_an_empty_folder_is_named(program: str, tmp_path: Path, capsys: pytest.C
 
 @pytest.mark.parametrize("program", READERS)
 def test_another_kind_of_file_is_named(program: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """A file that is no recording we read is named with what was expected."""
+    """A file of another kind is named, with the kinds that are read."""
     path = tmp_path / "take.fbx"
     path.write_text("Kaydara")
     error = one_line(capsys, *commands_with(path, tmp_path / "made.npz")[program])
@@ -146,7 +146,7 @@ AMC_FAULTS: dict[str, tuple[Callable[[str], str], str]] = {
 def test_an_amc_that_does_not_fit_is_named_with_its_line(
     program: str, fault: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Among good recordings one that does not fit its skeleton is named, with the place and what is wrong there."""
+    """Among good recordings one that does not fit its skeleton is named, with line and mistake."""
     path = write_takes(tmp_path, takes=1)[2]
     spoil, expected = AMC_FAULTS[fault]
     path.write_text(spoil(path.read_text()), encoding="latin-1")
@@ -173,7 +173,7 @@ def test_a_skeleton_that_is_none_is_named(
 
 
 def test_a_clip_of_one_frame_makes_no_library(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """A recording of a single frame shows no motion: build names it and writes nothing."""
+    """A recording of a single frame is named by build, and no library is written."""
     write_takes(tmp_path, takes=1)
     write_take(tmp_path, "bk", "bendLeft", 1, frames=1)
     error = one_line(capsys, "build", tmp_path, "-o", tmp_path / "made.npz")
@@ -184,7 +184,7 @@ def test_a_clip_of_one_frame_makes_no_library(tmp_path: Path, capsys: pytest.Cap
 def test_a_clip_shorter_than_a_window_is_played_and_not_answered(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """A recording shorter than a window is sent whole, and that nothing answered is said, not an error."""
+    """A recording shorter than a window is sent whole, and the program says that no answer came."""
     path = write_take(tmp_path, "bd", "bendLeft", 1, frames=20)
     with live("--plain") as stage:
         to = f"{LOOPBACK}:{stage.port}"
@@ -250,7 +250,7 @@ def test_a_missing_library_is_named(program: str, tmp_path: Path, capsys: pytest
 def test_a_busy_udp_port_is_named(
     arguments: tuple[str, ...], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """A UDP port that somebody listens on already is named, and the one who has it keeps it."""
+    """A UDP port that another program listens on is named, and that program keeps it."""
     clip = write_take(tmp_path, "bd", "bendLeft", 1)
     receiver = osc.OscReceiver(LOOPBACK, 0)
     address = f"{LOOPBACK}:{receiver.address[1]}"
@@ -315,7 +315,7 @@ def test_a_busy_zmq_endpoint_is_named(
 def test_an_address_that_makes_no_sense_is_named(
     arguments: tuple[str, ...], expected: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """What is typed and cannot be an address, a window or a number of performers is named."""
+    """An impossible address, window or number of performers is named."""
     assert one_line(capsys, *arguments).startswith(expected)
 
 
@@ -354,7 +354,7 @@ def index() -> WindowIndex:
 
 @dataclass(frozen=True)
 class Bad:
-    """Something bad in a feed: packets that come between valid frames, and how they are counted.
+    """A fault of a feed: packets between valid frames, and their counts.
 
     Attributes
     ----------
@@ -385,7 +385,7 @@ def _datagram(positions: np.ndarray[Any, Any], performer: bytes = b"good", time:
 
 
 def _message(positions: np.ndarray[Any, Any], performer: bytes = b"good", **header: object) -> list[bytes]:
-    """Write a ZeroMQ frame by hand, whatever it says; no number unless given, so that nothing seems to be missing."""
+    """Write a ZeroMQ frame by hand, with any content; without a number unless given, so that none is missing."""
     described = {"v": 1, "t": 2.0, "shape": positions.shape, "dtype": "<f4"} | header
     return [b"frame/" + performer + b"/", json.dumps(described).encode(), positions.astype("<f4").tobytes()]
 
@@ -414,7 +414,7 @@ def _late(transport: Transport, count: int) -> list[Packet]:
 
 
 def _strangers(transport: Transport) -> list[Packet]:
-    """Announce a joint nobody knows in the place of another, then send frames."""
+    """Announce an unknown joint in the place of another, then send frames."""
     joints = ("tail", *JOINTS[1:])
     if transport == "osc":
         announced = osc.encode_announcement(Announcement("stranger", joints))
@@ -496,7 +496,7 @@ def _feed(begin: float | None) -> tuple[list[Cue], list[Cue]]:
 
 @cache
 def _labels(begin: float | None) -> tuple[list[str], list[str]]:
-    """Give what is answered to those frames when nothing bad comes between them."""
+    """Give the answers to those frames without a fault between them."""
     twin = Recognizer(index())
     before, after = ([twin.push(cue.frame) for cue in part] for part in _feed(begin))
     return [each.label for each in before if each], [each.label for each in after if each]
@@ -601,18 +601,18 @@ def test_a_preset_that_is_too_deep_or_too_long_is_named(
 
 
 def test_labels_without_a_frame_of_their_take_are_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Labels that lie beyond the end of their take leave nothing to build a library of."""
+    """Labels beyond the end of their take leave no motion for a library."""
     take, labels = write_take(tmp_path, "bd", "bendLeft", 1), tmp_path / "late.csv"
     labels.write_text("start_s,end_s,label\n1000,1001,bend\n")
     error = one_line(capsys, "build", take, "--labels", labels, "-o", tmp_path / "made.npz")
-    assert error.startswith("--labels: expected segments with two frames or more")
+    assert error.startswith("labels: expected segments with two frames or more")
 
 
 @pytest.mark.parametrize("arrival", [1e300, np.inf, np.nan])
 def test_an_arrival_that_is_no_time_ends_a_recording(
     arrival: float, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """A record that came at no time is where a raw recording is damaged: nobody waits for it."""
+    """A record with an impossible time counts as damage: nobody waits for it."""
     path = tmp_path / "far.kinerec"
     with rawfile.RawWriter(path, ["osc 127.0.0.1:9310"]) as writer:
         for time in (1.0, arrival, 2.0):
@@ -646,7 +646,7 @@ def test_what_would_steer_a_terminal_is_shown_as_a_mark(tmp_path: Path, capsys: 
 def test_a_file_that_would_take_too_much_memory_is_refused_before(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """What a file needs once it is read is held against --max-memory before it is taken."""
+    """The memory that a file needs is compared with --max-memory before it is taken."""
     take, library = write_take(tmp_path, "bd", "bendLeft", 1), tmp_path / "mine.npz"
     MotionLibrary.of_clips(stick_clips()).save(library)
     skipping = tmp_path / "joints_s01_e01.txt"

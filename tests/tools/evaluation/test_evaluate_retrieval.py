@@ -277,7 +277,7 @@ def test_five_actors_are_split_in_all_ways(tmp_path: Path, capsys: pytest.Captur
     labels, scores = Labels.of_clips(clips), compare(motion_axes(clips, Space.DISTANCES))
     shares = {library: retrieve(scores, labels, Protocol.SPLIT, library).nearest for library in combinations(actors, 3)}
     with pytest.MonkeyPatch.context() as patched:
-        patched.setattr("kinespace.tools.evaluation.evaluate_retrieval.read_and_tell", lambda *_: iter(clips))
+        patched.setattr("kinespace.tools.evaluation.evaluate_retrieval.read_labelled", lambda *_: clips)
         assert evaluate(tmp_path, "--json", "--protocol", "split") == 0
         described = json.loads(capsys.readouterr().out)["splits"]
         assert evaluate(tmp_path, "--space", "distances") == 0

@@ -109,6 +109,12 @@ def test_labels_beside_recordings_cut_them(tmp_path: Path, capsys: pytest.Captur
     printed = capsys.readouterr().out
     assert "1 of 2 recordings are cut by the labels that lie beside them" in printed
     assert "1 of 3 labels end beyond the take's 1.5 s, the last at 9 s" in printed
+    cut.with_suffix(".txt").write_text("0.0\t90\tup\n90\t180\tdown\n")
+    cut.with_suffix(".csv").write_text("start_s,end_s,label\n20,180,up\n")
+    assert main(["build", str(cut), "-o", str(tmp_path / "none.npz")]) == 2
+    error = capsys.readouterr().err
+    assert "expected segments with two frames or more" in error
+    assert "the labels end at 180, the take at 1.5 s or frame 180: frame numbers?" in error
 
 
 def test_who_performs_a_cut_take_is_told_by_its_place(tmp_path: Path) -> None:

@@ -40,8 +40,9 @@ def test_the_command_names_every_motion() -> None:
     """As a command, demo prints exactly one JSON object in which every class was played, answered and right."""
     with started("demo", "--json") as program:
         assert (program.wait(), program.errors) == (0, "")
-    assert program.output.count("\n") == 1
-    described = json.loads(program.output)
+        printed = program.output
+    assert printed.count("\n") == 1
+    described = json.loads(printed)
     assert set(described) == {"played", "answered", "right", "p99_ms"}
     assert described["right"] == described["played"] == described["answered"] == 11
     assert 0 < described["p99_ms"] < math.inf

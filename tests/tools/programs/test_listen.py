@@ -1,4 +1,4 @@
-"""`kinespace listen`: every feed is told by what arrives, and what is wrong with it is said."""
+"""`kinespace listen`: every feed is recognised by its packets, and its mistakes are named."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def surveyed(layout: str, frames: int = 6, *, without: int = 0) -> Survey:
 
 @pytest.mark.parametrize("layout", LAYOUTS)
 def test_every_feed_is_guessed(layout: str) -> None:
-    """What a product sends is told to be its preset's, with all joints, frames and the rate, and nothing missing."""
+    """A product's packets are recognised as its preset's, with all joints, frames and the rate, none missing."""
     survey = surveyed(layout)
     guess = survey.guess(PRESETS)
     assert guess is not None
@@ -55,7 +55,7 @@ def test_every_feed_is_guessed(layout: str) -> None:
 
 
 def test_joints_never_named_are_not_taken_for_the_first_ones() -> None:
-    """Fifteen joints without names are told as such, with what would name them, and none is said to be missing."""
+    """Fifteen joints without names are reported with the option that names them, and none as missing."""
     survey = Survey()
     for number in range(20):
         places = np.linspace(0.0, 1.5, 45, dtype=np.float32).tolist()
@@ -84,7 +84,7 @@ def test_kinds_of_messages_are_counted() -> None:
 
 
 def test_somebody_who_makes_up_addresses_finds_an_end() -> None:
-    """There is a limit to the kinds that are told apart."""
+    """The kinds that are told apart are limited."""
     survey = Survey()
     for number in range(3 * MAX_KINDS):
         survey.see(message("/" + "x" * number), "h:1", 0.0)
@@ -119,7 +119,7 @@ def test_what_is_missing_is_said() -> None:
 
 
 def test_nothing_at_all_is_said() -> None:
-    """Nothing, no OSC, and OSC of nobody we know, are three things."""
+    """No packets, packets that are no OSC, and unknown OSC have three different messages."""
     survey = Survey()
     assert survey.guess(PRESETS) is None
     assert advice(survey, None, "127.0.0.1:1")[0].startswith("nothing arrived")
@@ -183,7 +183,7 @@ def test_the_program_gives_json() -> None:
 
 
 def test_the_program_shakes_hands(tmp_path: Path) -> None:
-    """Of a feed that must be asked for, it asks, shows what comes then, and says goodbye."""
+    """For a feed with a handshake, the program sends it, shows the packets, and sends the farewell."""
     with fake_qtm(tmp_path) as (fake, preset):
         status, output, errors = finished("listen", f"{LOOPBACK}:0", "--feed", preset, "--seconds", 1.5)
         assert fake.wait_for_goodbye()
@@ -194,7 +194,7 @@ def test_the_program_shakes_hands(tmp_path: Path) -> None:
 
 
 def test_the_program_says_that_nothing_came() -> None:
-    """On a port that nobody sends to it ends with 1 and the two usual reasons."""
+    """On a silent port the program ends with 1 and the two usual reasons."""
     status, output, errors = finished("listen", f"{LOOPBACK}:0", "--seconds", 0.2)
     assert (status, errors) == (1, "")
     assert "nothing arrived" in output
@@ -202,7 +202,7 @@ def test_the_program_says_that_nothing_came() -> None:
 
 
 def test_a_taken_port_is_one_line() -> None:
-    """When something else has the port, that is said in one line: often it is what is wrong."""
+    """When another program has the port, one line says so."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
         other.bind((LOOPBACK, 0))
         port = other.getsockname()[1]
@@ -213,7 +213,7 @@ def test_a_taken_port_is_one_line() -> None:
 
 
 def test_feeds_are_listed_and_printed() -> None:
-    """Every preset has its port and what to set; one of them is printed as the file it is."""
+    """Every preset has its port and its sender's settings; one of them is printed as its file."""
     status, output, _ = finished("feeds")
     assert status == 0
     for preset in PRESETS:

@@ -27,7 +27,7 @@ def _heard(joints: tuple[str, ...], frames: int = 20) -> Survey:
     [(skeletons.MIXAMO, "Mixamo", 29), (skeletons.SMPL, "SMPL", 22), (builtin_preset("native").joints[:12], "", 12)],
 )
 def test_names_of_others_and_fewer_joints_are_well(joints: tuple[str, ...], title: str, ours: int) -> None:
-    """A feed whose names are known, or that has some of our joints, is ours, and nothing is lacking."""
+    """A feed with known names, or with some of our joints, needs no change."""
     survey = _heard(joints)
     guess = survey.guess([builtin_preset(name) for name in builtin_names()])
     assert guess is not None
@@ -39,7 +39,7 @@ def test_names_of_others_and_fewer_joints_are_well(joints: tuple[str, ...], titl
 
 
 def test_unknown_names_are_told() -> None:
-    """Names that nobody knows make no frames, and what to do is said."""
+    """Unknown names make no frames, and the program says what to do."""
     survey = _heard(("hip", "knee", "toe", "elbow", "nose"))
     guess = survey.looked_at_as(builtin_preset("native"))
     assert guess.frames == 0
@@ -67,12 +67,12 @@ def _told(survey: Survey) -> list[str]:
 
 
 def test_a_squat_is_well() -> None:
-    """Of a body whose times are seconds there is nothing to say."""
+    """A body whose times are seconds has no notes."""
     assert _told(_squat(SQUAT.positions)) == []
 
 
 def test_another_unit_of_time_is_told() -> None:
-    """Milliseconds are told as such, whose they are too."""
+    """Milliseconds are reported, with the performer."""
     assert _told(_squat(SQUAT.positions, 1e3)) == ["performer ann: times are milliseconds: scaled"]
 
 
@@ -114,6 +114,6 @@ def test_what_is_wrong_with_a_message_is_told(packet: bytes, reason: str) -> Non
     ],
 )
 def test_the_command_is_told_with_its_port(preset: str, feed: str | None, place: tuple[str, int], told: str) -> None:
-    """The command that recognises what was heard can be pasted: it listens where it was heard."""
+    """The command for recognition can be pasted: it listens on the same port."""
     guess = _heard(NATIVE.joints).looked_at_as(builtin_preset(preset))
     assert command(guess, feed, place) == told

@@ -24,7 +24,7 @@ from kinespace.stream import Announcement, Frame, osc, zeromq
 from kinespace.stream.recording.kinerec import RawFile, RawHeader, RawPacket, encode_header, encode_packet
 from kinespace.stream.zeromq import Endpoint
 from kinespace.tools.cli.main import main
-from kinespace.tools.programs.replay_packets import cut
+from kinespace.tools.feeding.packets import cut
 from kinespace.tools.terminal.console import console
 
 if TYPE_CHECKING:

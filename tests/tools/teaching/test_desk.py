@@ -8,7 +8,7 @@ import pytest
 
 from kinespace.library import MotionLibrary
 from kinespace.library.teaching.examples import Example, Roster
-from kinespace.stream.frame import Frame
+from kinespace.stream.frame import Announcement, Frame
 from kinespace.stream.outputs.sink import Sink
 from kinespace.stream.recognizer import Performers
 from kinespace.stream.teaching import State, Step, Taught, commands
@@ -27,7 +27,7 @@ PATIENCE = 60.0
 
 
 class Heard(Sink):
-    """Keeps what it is told."""
+    """Keeps everything it gets."""
 
     def __init__(self) -> None:
         self.notices: list[Notice] = []
@@ -127,7 +127,7 @@ def test_a_class_is_taught_recognised_and_saved(desk: Desk, library: MotionLibra
 
 
 def test_what_was_taught_is_there_again(desk: Desk, library: MotionLibrary, tmp_path: Path) -> None:
-    """What was taught is there again when the program starts again with the same file."""
+    """Taught motions are there again when the program starts again with the same file."""
     _show(desk, 0, "kickLFront1Reps")
     _teach(desk, 10, "abc", "squat1Reps")
     _until(desk, lambda heard: Step.DONE in heard.steps())
@@ -139,7 +139,7 @@ def test_what_was_taught_is_there_again(desk: Desk, library: MotionLibrary, tmp_
 
 
 def test_a_full_disk_loses_nothing(desk: Desk, monkeypatch: pytest.MonkeyPatch) -> None:
-    """That it could not be saved is told; the class is known all the same."""
+    """A failure to save is reported; the class is known all the same."""
 
     def full(*_: object) -> None:
         raise OSError(28, "No space left on device")
@@ -186,7 +186,7 @@ def test_a_folder_that_is_not_there(tmp_path: Path, library: MotionLibrary) -> N
 
 
 def test_joints_that_nobody_knows(tmp_path: Path) -> None:
-    """Somebody's own joints can be taught from nothing; until then nobody is answered."""
+    """A sender's own joints can be taught without a library; until then nobody is answered."""
     joints = tuple(f"marker{number}" for number in range(31))
     desk = open_desk(Start(tmp_path / "mine.npz", None, joints), _performers)
     desk.sinks = [Heard()]
@@ -198,3 +198,19 @@ def test_joints_that_nobody_knows(tmp_path: Path) -> None:
     assert desk.classes == ("squat", "kick")
     assert _show(desk, 30, "squat1Reps", 1)[:1] == ["squat"]
     desk.close()
+
+
+def test_a_performer_with_fewer_joints_is_told_why_not(desk: Desk, library: MotionLibrary) -> None:
+    """Who lacks joints of the library is recognised and cannot be taught; the refusal says so, and what helps."""
+    joints = library.skeleton.joints[:20]
+    positions = library.motions[0].positions[:8, :20]
+    desk.push_all([Announcement("bob", joints)], time.monotonic())
+    desk.push_all([Frame("bob", place / 60, each) for place, each in enumerate(positions)], time.monotonic())
+    for command in (commands.Teach("bob", "wave"), commands.Last("bob", 1.0, "wave")):
+        (state,) = desk.command(command)
+        assert isinstance(state, State)
+        assert state.step is Step.REFUSED
+        assert state.reason == "not all of the library's joints are there: teach with --library none"
+    (state,) = desk.command(commands.Teach("nobody", "wave"))
+    assert isinstance(state, State)
+    assert state.reason == "no such performer is there"

@@ -93,3 +93,20 @@ def test_without_matplotlib_the_error_says_what_to_install(monkeypatch: pytest.M
     monkeypatch.setitem(sys.modules, "matplotlib.figure", None)
     with pytest.raises(ImportError, match=r"pip install kinespace\[pictures\]"):
         importlib.import_module("kinespace.tools.terminal.pictures")
+
+
+def test_phases_are_drawn_for_each_speed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A drawn SVG names the motion, each speed and the true phase."""
+    monkeypatch.setitem(mpl.rcParams, "svg.fonttype", "none")
+    times = np.linspace(0, 2, 9)
+    path = tmp_path / "phases.svg"
+    pictures.draw_phases(path, "bow", {speed: (times / speed, times / 2, times / 2) for speed in (0.5, 2.0)})
+    drawn = path.read_text(encoding="utf-8")
+    for text in (
+        "bow of a person who is not in the library",
+        "0.5 × its speed",
+        "2 × its speed",
+        "true phase",
+        "seconds",
+    ):
+        assert f">{text}</text>" in drawn

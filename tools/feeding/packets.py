@@ -27,7 +27,7 @@ _MEETING = 0.5
 _Senders = dict[str, osc.OscSender | zeromq.ZmqSender]
 
 
-def run(
+def replay(
     path: Path,
     *,
     osc_to: str | None,

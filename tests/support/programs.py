@@ -184,6 +184,19 @@ class Publisher:
         self._socket.close()
 
 
+def wait_until_read(port: int) -> None:
+    """Wait until nothing waits on a UDP port, as Linux tells; elsewhere, or for port 0, for some milliseconds."""
+    waiting = Path("/proc/net/udp")
+    until = time.monotonic() + PATIENCE
+    time.sleep(0.005)
+    while port and waiting.exists() and time.monotonic() < until:
+        # Local address, and what waits to be sent and to be read, all in hexadecimal.
+        rows = [line.split() for line in waiting.read_text(encoding="ascii").splitlines()[1:]]
+        if all(int(row[4].partition(":")[2], 16) == 0 for row in rows if row[1].endswith(f":{port:04X}")):
+            return
+        time.sleep(_POLL)
+
+
 class Stage:
     """A running `kinespace live`, a sender of frames to it and a receiver of its OSC answers."""
 
@@ -195,11 +208,11 @@ class Stage:
         self._listener = listener
 
     def play(self, cues: Sequence[Cue]) -> None:
-        """Send frames in pieces, so that a receiver on a busy machine loses none."""
+        """Send frames in pieces; the next piece waits until the one before is read, so that no socket overflows."""
         for index, cue in enumerate(cues):
             self.sender.send(self.sender.encode(cue))
             if index % 40 == 39:
-                time.sleep(0.005)
+                wait_until_read(self.port)
 
     def answers(self, count: int) -> list[Answer]:
         """Wait for some answers."""

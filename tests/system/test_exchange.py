@@ -27,10 +27,9 @@ if TYPE_CHECKING:
     from kinespace.library.motion_library import MotionLibrary
     from kinespace.stream.recognition import Event, Recognition
 
-pytestmark = pytest.mark.slow
 
 #: Everything holds of the compiled loops and of numpy.
-pytestmark = pytest.mark.usefixtures("arithmetic")
+pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("arithmetic")]
 
 #: How far a log distance may be from the twin's, and a score from those of a recogniser that had the library all along.
 SAME, SAME_SCORE = 1e-3, 1e-5

@@ -23,10 +23,9 @@ if TYPE_CHECKING:
     from kinespace.library.clip import Clip
     from kinespace.library.motion_library import MotionLibrary
 
-pytestmark = pytest.mark.slow
 
 #: Everything holds of the compiled loops and of numpy.
-pytestmark = pytest.mark.usefixtures("arithmetic")
+pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("arithmetic")]
 
 #: Promised while a performer moves: largest error, relative to the largest entry.
 MOVING = 1e-9

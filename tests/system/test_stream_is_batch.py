@@ -31,10 +31,9 @@ if TYPE_CHECKING:
     from kinespace.library.windows.index import WindowIndex
     from kinespace.stream.recognition import Recognition
 
-pytestmark = pytest.mark.slow
 
 #: Everything holds of the compiled loops and of numpy.
-pytestmark = pytest.mark.usefixtures("arithmetic")
+pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("arithmetic")]
 
 #: How far a log distance may be from the twin's: library and window are compared in single precision.
 SAME = 1e-3

@@ -25,6 +25,8 @@ if TYPE_CHECKING:
     from liblotools import Dumped, LibloTools
     from numpy.typing import NDArray
 
+pytestmark = pytest.mark.slow
+
 GESTURES = {"squat": "squat1Reps", "arms": "rotateArmsBothBackward1Reps", "kick": "kickLFront1Reps"}
 STILL = 75
 

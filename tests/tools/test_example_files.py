@@ -21,6 +21,8 @@ from kinespace.stream.zeromq.keys import make_keys
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+pytestmark = pytest.mark.slow
+
 EXAMPLES = ROOT / "tools" / "examples"
 #: The class that the examples' motion is of.
 SQUAT = "squat1Reps"

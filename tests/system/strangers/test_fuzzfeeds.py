@@ -12,6 +12,8 @@ from kinespace.stream.feeds import builtin_names, builtin_preset
 from kinespace.stream.feeds.detection import Survey
 from kinespace.stream.feeds.source import FeedSource
 
+pytestmark = pytest.mark.slow
+
 #: Of each of the 15 presets, and of ZeroMQ.
 PACKETS = 700
 PRESETS = [builtin_preset(name) for name in builtin_names()]

@@ -35,6 +35,8 @@ if TYPE_CHECKING:
     from kinespace.library.windows.index import WindowIndex
     from kinespace.stream.recognition import Recognition
 
+pytestmark = pytest.mark.slow
+
 LOOPBACK = "127.0.0.1"
 WINDOWS = Settings(signature=LiveSignature.WINDOWS, hop=1 / 15)
 #: What a body of few joints may lose of the share of answers that are right, label and best guess, beside all 31.

@@ -16,6 +16,8 @@ from kinespace.tools.cli.main import main
 if TYPE_CHECKING:
     from pathlib import Path
 
+pytestmark = pytest.mark.slow
+
 
 def build(*arguments: object) -> int:
     """Run `kinespace build` in this process."""

@@ -15,6 +15,8 @@ from kinespace.tools.cli.main import main
 if TYPE_CHECKING:
     from pathlib import Path
 
+pytestmark = pytest.mark.slow
+
 STILL = 1.0
 MOTIONS = (0, 40, 130)
 

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from kinespace.stream.recognition import Event, Recognition
     from kinespace.stream.status import Status
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("no_waiting")]
 
 LOOPBACK = "127.0.0.1"
 #: Seconds a test waits for a packet that was sent, before it gives up.

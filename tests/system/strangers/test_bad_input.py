@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from kinespace.tools.feeding.feed import Cue, Packet
     from kinespace.tools.loopback.service_process import Transport
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("no_waiting")]
 
 # --- Commands ---------------------------------------------------------------------------------------------------------
 

@@ -150,6 +150,7 @@ def test_axes_are_ours(layout: str) -> None:
     )
 
 
+@pytest.mark.usefixtures("no_waiting")
 @pytest.mark.parametrize("preset_name", builtin_names())
 def test_a_feed_is_recognised_over_the_wire(preset_name: str, small_library: MotionLibrary) -> None:
     """From sender to answer, a feed gives the answers that its joints give without a transport."""

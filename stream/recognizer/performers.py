@@ -289,6 +289,9 @@ class Performers:
             compared = len(self.library.skeleton.joints)
             raise ValueError(f"{len(joints)} of them among the {compared} compared, expected {MIN_JOINTS} at least")
         if joints not in self._sets and len(self._sets) >= _MAX_SETS:
+            # Sets of performers who have left, or who send other joints now, make room.
+            self._sets &= {each.library.skeleton.joints for each in self._performers.values()}
+        if joints not in self._sets and len(self._sets) >= _MAX_SETS:
             raise ValueError(f"{_MAX_SETS} performers send other sets of joints already")
         self._sets.add(joints)
         try:

@@ -255,13 +255,17 @@ def test_what_went_on_before_joints_were_lost_is_ended(library: MotionLibrary) -
 
 
 def test_only_so_many_sets_of_joints(library: MotionLibrary) -> None:
-    """Each set of joints costs room and time: of more than three the further ones are refused, with the reason."""
+    """Each set of joints costs room and time: a fourth is refused with the reason, until the others have left."""
     performers = Performers(library)
     for place in range(5):
         performers.announce(Announcement(f"p{place}", tuple(np.delete(STICK.joints, place).tolist())), 0.0)
         performers.push(Frame(f"p{place}", 0.0, POSE[:5]), 0.0)
     assert [*performers.refused] == ["p3", "p4"]
     assert performers.refused["p3"] == "5 joints, 3 performers send other sets of joints already"
+    performers.drop_silent(10.0)
+    performers.announce(Announcement("p3", tuple(np.delete(STICK.joints, 3).tolist())), 10.0)
+    assert _pushed(performers, _reordered(_frames("p3", "bow"), [0, 1, 2, 4, 5]), 10.0)
+    assert "p3" not in performers.refused
 
 
 def test_who_waits_for_the_library_is_answered_when_it_is_there(library: MotionLibrary) -> None:

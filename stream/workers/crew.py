@@ -19,14 +19,15 @@ from typing import TYPE_CHECKING, cast
 import msgspec
 
 from kinespace.stream.recognition import Recognition
+from kinespace.stream.recognizer.matcher import library_of
 from kinespace.stream.status import InputCounts
 from kinespace.stream.workers import process as child
 from kinespace.stream.workers.channel import Channel
 from kinespace.stream.workers.ledger import Ledger
 from kinespace.stream.workers.partition import PARTITIONS, owners
 from kinespace.stream.workers.spread import Spread, together
-from kinespace.stream.workers.wire import FormatError, decode_answers, encode_entries, encode_frames
-from kinespace.stream.zeromq.frames import MAX_SEQ
+from kinespace.stream.workers.wire import decode_answers, encode_entries, encode_frames
+from kinespace.stream.zeromq.frames import MAX_SEQ, FormatError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -117,7 +118,7 @@ class WorkerSource:
 
     @property
     def pollable(self) -> object:
-        """This object, because the socket changes with the process."""
+        """The source itself, because the socket changes with the process."""
         return self
 
     @property
@@ -214,7 +215,7 @@ class Crew(Spread):
     ) -> None:
         if count < 1:
             raise ValueError(f"count: expected at least 1 worker, got {count}")
-        motions = getattr(library, "library", library)
+        motions = library_of(library)
         ledger = Ledger(most=most, silence=silence, keeps_frames=True)
         super().__init__(motions.skeleton, classes or motions.classes, settings, joints, ledger)
         self._start = child.Start(settings, joints.assumed, joints.naming, most, silence)
@@ -346,7 +347,7 @@ class Crew(Spread):
         moved: dict[tuple[WorkerSource, bool], list[int]] = {}
         for partition, (old, new) in enumerate(zip(before, self._owners, strict=True)):
             if new and new is not old:
-                goes_on = old is not None and old in ready.values()
+                goes_on = bool(self.names) and old in ready.values()
                 moved.setdefault((new, goes_on), []).append(partition)
                 if old and goes_on:
                     self._former[partition] = old
@@ -378,8 +379,7 @@ class Crew(Spread):
 
     def exchange(self, library: MotionLibrary | WindowIndex, order: Sequence[str] = ()) -> list[Event]:
         """Compare all performers with another library from now on; give the ends of motions whose class is gone."""
-        motions = getattr(library, "library", library)
-        self._books.append(tuple(order) or motions.classes)
+        self._books.append(tuple(order) or library_of(library).classes)
         self._library = child.packed(library, tuple(order), len(self._books) - 1)
         for source in self.sources:
             if source.process:

@@ -97,15 +97,7 @@ class Ledger:
         self._forget(performer)
 
     def send(self, frame: Frame, now: float) -> tuple[int, SentFrame] | None:
-        """Number a frame; give its partition and what is sent of it, or None when there is no room.
-
-        Parameters
-        ----------
-        frame
-            As received.
-        now
-            When it came, seconds on our clock.
-        """
+        """Give the partition of a frame that came now, and what is sent of it; None when there is no room."""
         performer = self._performers.get(frame.performer) or self._begin(frame.performer, now)
         if performer is None:
             self.no_room += 1

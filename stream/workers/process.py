@@ -31,7 +31,6 @@ if TYPE_CHECKING:
     from multiprocessing.connection import Connection
 
     from kinespace.library.naming import Naming
-    from kinespace.stream.workers.wire import Answered
 
 #: The first byte of a message to a worker: frames; performers whom it takes over, their frames follow; performers whose
 #: former worker stops; a question, to which a report is the answer.
@@ -105,7 +104,7 @@ def run(end: socket.socket, libraries: Connection, start: Start) -> None:
     worker = start.worker(library, order)
     worker.book = book
     gc.freeze()
-    _Loop(Channel(end), worker, opened).run()
+    Loop(Channel(end), worker, opened).run()
 
 
 def _read(libraries: Connection, opened: queue.SimpleQueue[Any]) -> None:
@@ -115,51 +114,58 @@ def _read(libraries: Connection, opened: queue.SimpleQueue[Any]) -> None:
     opened.put(None)
 
 
-class _Loop:
+class Loop:
+    """Reads messages, works, and reports, until the other end is closed."""
+
     def __init__(self, channel: Channel, worker: Worker, opened: queue.SimpleQueue[Any]) -> None:
-        self._channel, self._worker, self._opened = channel, worker, opened
+        self.worker = worker
+        self._channel, self._opened = channel, opened
         self._next_report = 0.0
         self._last = 0
 
     def run(self) -> None:
+        """Go on until the channel is closed."""
         while True:
-            self._report_when_due()
+            self.report_when_due()
             writing = [self._channel] if self._channel.is_behind else []
             select.select([self._channel], writing, [], max(self._next_report - time.monotonic(), 0.0))
             self._channel.flush()
             messages = self._channel.receive()
             if messages is None:
                 return
-            self._exchange()
+            self.exchange()
             for message in messages:
-                self._obey(message)
-                self._report_when_due()
+                self.obey(message)
+                self.report_when_due()
 
-    def _exchange(self) -> None:
+    def exchange(self) -> None:
+        """Compare with the library that came last, if one came."""
         while not self._opened.empty():
             if (received := self._opened.get()) is not None:
                 library, order, book = received
-                self._worker.exchange(library, order, book)
+                self.worker.exchange(library, order, book)
 
-    def _obey(self, message: bytes) -> None:
+    def obey(self, message: bytes) -> None:
+        """Take in one message."""
         kind, content = message[:1], message[1:]
         if kind == FRAMES:
-            if answers := self._worker.push(decode_frames(content), time.monotonic()):
-                self._answer(answers)
+            if answers := self.worker.push(decode_frames(content), time.monotonic()):
+                self._channel.send(encode_answers(Answers(answers)))
         elif kind == TAKE_OVER:
-            self._worker.take_over(decode_entries(content), time.monotonic())
+            self.worker.take_over(decode_entries(content), time.monotonic())
         elif kind == UNMUTE:
-            self._worker.unmute(decode_entries(content))
+            self.worker.unmute(decode_entries(content))
         elif kind == ASK:
             self._last = msgspec.msgpack.decode(content, type=int)
-            self._next_report = 0.0
+            self.report()
 
-    def _answer(self, answered: list[Answered], *, reports: bool = False) -> None:
-        report = self._worker.report(time.monotonic(), self._last) if reports else None
-        self._channel.send(encode_answers(Answers(answered, report)))
+    def report_when_due(self) -> None:
+        """Report a few times a second, which also shows that the worker is alive."""
+        if time.monotonic() >= self._next_report:
+            self.report()
 
-    def _report_when_due(self) -> None:
+    def report(self) -> None:
+        """Report now."""
         now = time.monotonic()
-        if now >= self._next_report:
-            self._next_report = now + REPORT_EVERY
-            self._answer([], reports=True)
+        self._next_report = now + REPORT_EVERY
+        self._channel.send(encode_answers(Answers([], self.worker.report(now, self._last))))

@@ -6,20 +6,20 @@ from dataclasses import fields, replace
 from typing import TYPE_CHECKING, cast
 
 from kinespace.stream.frame import Announcement, Frame, NewSender
-from kinespace.stream.recognition import Recognition
 from kinespace.stream.recognizer.performers import PerformerCounts
 from kinespace.stream.recognizer.recognizer import RecognizerCounts
-from kinespace.stream.workers.ledger import Ledger
-from kinespace.stream.workers.wire import MAX_TOGETHER, FormatError
+from kinespace.stream.workers.wire import MAX_TOGETHER
+from kinespace.stream.zeromq.frames import FormatError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from kinespace.library.skeleton import Skeleton
     from kinespace.stream.frame import Admitted
-    from kinespace.stream.recognition import Event
+    from kinespace.stream.recognition import Event, Recognition
     from kinespace.stream.recognizer import Performers, Settings
     from kinespace.stream.recognizer.joints.fewer_joints import SentJoints
+    from kinespace.stream.workers.ledger import Ledger
     from kinespace.stream.workers.wire import Answers, Report, SentFrame
 
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from kinespace.stream.frame import MAX_PERFORMER_LENGTH, Announcement
 from kinespace.stream.recognition import Event, Outcome, Progress, Recognition
-from kinespace.stream.recognizer.performers import PerformerCounts
+from kinespace.stream.recognizer.performers import PerformerCounts  # noqa: TC001 - msgspec reads annotations
 from kinespace.stream.zeromq.frames import MAX_SEQ, VERSION, FormatError, NumberedFrame, numbered
 from kinespace.stream.zeromq.single_part import Packed
 

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
     from kinespace.library.motion_library import MotionLibrary
     from kinespace.library.windows.index import WindowIndex
+    from kinespace.stream.frame import Frame
     from kinespace.stream.recognition import Event, Recognition
     from kinespace.stream.recognizer import Performers
     from kinespace.stream.workers.wire import SentFrame
@@ -123,8 +124,8 @@ class Worker:
     def push(self, frames: Sequence[tuple[SentFrame, NumberedFrame]], now: float) -> list[Answered]:
         """Take in frames in their order; give the answers to them. A frame that came before is passed over."""
         answers = []
-        for sent, (frame, seq, announced) in frames:
-            name, seq = frame.performer, seq or 0
+        for sent, (frame, number, announced) in frames:
+            name, seq = frame.performer, number or 0
             over = self._taken_over.get(name)
             known = over is not None and seq <= over.answered
             if sent.anew and not known:

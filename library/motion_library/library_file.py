@@ -23,9 +23,9 @@ from typing import TYPE_CHECKING, Any, BinaryIO, NamedTuple
 
 import numpy as np
 
-from kinespace.library import memory
 from kinespace.library.clip import Clip
-from kinespace.library.learned import Learned
+from kinespace.library.motion_library.learned import Learned
+from kinespace.library.recordings import memory
 from kinespace.library.skeleton import Skeleton
 
 if TYPE_CHECKING:

@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kinespace.library import hdm05, library_file
 from kinespace.library.distances import distance_rows
+from kinespace.library.motion_library import library_file
+from kinespace.library.naming import hdm05
 from kinespace.library.skeleton import Skeleton, SkeletonMismatchError
 
 if TYPE_CHECKING:
@@ -19,7 +20,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from kinespace.library.clip import Clip
-    from kinespace.library.learned import Learned
+    from kinespace.library.motion_library.learned import Learned
     from kinespace.library.naming import Naming
 
 #: The class of motions that compete like any other class and are answered "unknown".

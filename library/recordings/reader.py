@@ -7,14 +7,14 @@ from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
-from kinespace.library import memory
-from kinespace.library.formats import acclaim, bvh, joint_table, utkinect
-from kinespace.library.formats.errors import RecordingError
-from kinespace.library.formats.joint_choice import chosen
-from kinespace.library.formats.markers import c3d, trc
-from kinespace.library.formats.markers.c3d_process import C3dProcess
-from kinespace.library.formats.units import metres_of
 from kinespace.library.naming import Naming
+from kinespace.library.recordings import memory
+from kinespace.library.recordings.formats import acclaim, bvh, joint_table, utkinect
+from kinespace.library.recordings.formats.errors import RecordingError
+from kinespace.library.recordings.formats.joint_choice import chosen
+from kinespace.library.recordings.formats.markers import c3d, trc
+from kinespace.library.recordings.formats.markers.c3d_process import C3dProcess
+from kinespace.library.recordings.formats.units import metres_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence

@@ -12,7 +12,7 @@ import zmq
 from kinespace.stream.frame import Frame
 from kinespace.stream.inputs.admission import Admission
 from kinespace.stream.outputs.sink import Sink
-from kinespace.stream.status import HopTimes, InputCounts, Rates, Status
+from kinespace.stream.service.status import HopTimes, InputCounts, Rates, Status
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence

@@ -15,11 +15,11 @@ from typing import TYPE_CHECKING, Literal, NoReturn
 
 import numpy as np
 
-from kinespace.library import hdm05
 from kinespace.library.clip import Clip
-from kinespace.library.formats.errors import RecordingError, finite_numbers
-from kinespace.library.formats.gap_filling import with_missing_frames
-from kinespace.library.formats.rotations import turn_about
+from kinespace.library.naming import hdm05
+from kinespace.library.recordings.formats.errors import RecordingError, finite_numbers
+from kinespace.library.recordings.formats.gap_filling import with_missing_frames
+from kinespace.library.recordings.formats.rotations import turn_about
 from kinespace.library.skeleton import Skeleton
 
 if TYPE_CHECKING:

@@ -19,13 +19,13 @@ from typing import TYPE_CHECKING, NoReturn
 
 import numpy as np
 
-from kinespace.library import hdm05
 from kinespace.library.clip import Clip
 from kinespace.library.distances import distance_rows
-from kinespace.library.formats.errors import RecordingError, finite_numbers
-from kinespace.library.formats.joint_choice import chosen, short_names
-from kinespace.library.formats.rotations import turn_about
-from kinespace.library.formats.units import guessed_metres
+from kinespace.library.naming import hdm05
+from kinespace.library.recordings.formats.errors import RecordingError, finite_numbers
+from kinespace.library.recordings.formats.joint_choice import chosen, short_names
+from kinespace.library.recordings.formats.rotations import turn_about
+from kinespace.library.recordings.formats.units import guessed_metres
 from kinespace.library.skeleton import Skeleton
 
 if TYPE_CHECKING:

@@ -21,11 +21,11 @@ from typing import TYPE_CHECKING, NoReturn
 
 import numpy as np
 
-from kinespace.library.formats.errors import RecordingError
-from kinespace.library.formats.joint_choice import chosen
-from kinespace.library.formats.markers.marker_clip import clip_of_markers
-from kinespace.library.formats.timed_frames import evened
-from kinespace.library.formats.units import guessed_metres
+from kinespace.library.recordings.formats.errors import RecordingError
+from kinespace.library.recordings.formats.joint_choice import chosen
+from kinespace.library.recordings.formats.markers.marker_clip import clip_of_markers
+from kinespace.library.recordings.formats.timed_frames import evened
+from kinespace.library.recordings.formats.units import guessed_metres
 from kinespace.library.skeleton import Skeleton
 
 if TYPE_CHECKING:

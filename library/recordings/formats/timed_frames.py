@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from kinespace.library.clip import Clip
-from kinespace.library.formats.gap_filling import MAX_GAP
+from kinespace.library.recordings.formats.gap_filling import MAX_GAP
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -13,12 +13,12 @@ from typing import TYPE_CHECKING, NamedTuple, NoReturn
 
 import numpy as np
 
-from kinespace.library import memory
 from kinespace.library.clip import Clip
-from kinespace.library.formats.errors import RecordingError
-from kinespace.library.formats.gap_filling import with_missing_frames
-from kinespace.library.formats.joint_choice import chosen
-from kinespace.library.formats.labels import Segment
+from kinespace.library.recordings import memory
+from kinespace.library.recordings.formats.errors import RecordingError
+from kinespace.library.recordings.formats.gap_filling import with_missing_frames
+from kinespace.library.recordings.formats.joint_choice import chosen
+from kinespace.library.recordings.formats.labels import Segment
 from kinespace.library.skeleton import Skeleton
 
 if TYPE_CHECKING:

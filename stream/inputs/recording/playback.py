@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from kinespace.stream.frame import Input
     from kinespace.stream.inputs.decoder import Decoder
     from kinespace.stream.inputs.receiver import Sender
-    from kinespace.stream.recording.kinerec import RawHeader, RawPacket
+    from kinespace.stream.inputs.recording.kinerec import RawHeader, RawPacket
 
 #: Seconds after the last packet at which frames that are still open are closed: longer than any frame waits.
 _AFTERWARDS = 1.0

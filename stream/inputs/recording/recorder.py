@@ -5,12 +5,12 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from kinespace.stream.inputs.receiver import parts_of
-from kinespace.stream.recording.kinerec import RawPacket
+from kinespace.stream.inputs.recording.kinerec import RawPacket
 
 if TYPE_CHECKING:
     from kinespace.stream.feeds import Preset
     from kinespace.stream.inputs.receiver import Packet, Receiver, Sender
-    from kinespace.stream.recording.kinerec import RawWriter
+    from kinespace.stream.inputs.recording.kinerec import RawWriter
 
 
 def source_name(receiver: Receiver, preset: Preset | None = None) -> str:

@@ -19,10 +19,9 @@ import numpy as np
 import pytest
 from synthetic import STICK, stick_clip, stick_clips
 
-from kinespace.library import library_file
-from kinespace.library.learned import Learned
-from kinespace.library.library_file import LibraryFileError
-from kinespace.library.motion_library import MotionLibrary
+from kinespace.library.motion_library import MotionLibrary, library_file
+from kinespace.library.motion_library.learned import Learned
+from kinespace.library.motion_library.library_file import LibraryFileError
 
 if TYPE_CHECKING:
     from collections.abc import Callable

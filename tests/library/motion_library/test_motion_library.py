@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from synthetic import STICK, STICK_CLASSES, stick_clip, stick_clips
 
-from kinespace.library import hdm05
-from kinespace.library.learned import Learned
 from kinespace.library.motion_library import NOTHING, MotionLibrary
+from kinespace.library.motion_library.learned import Learned
+from kinespace.library.naming import hdm05
 from kinespace.library.skeleton import Skeleton, SkeletonMismatchError
 
 if TYPE_CHECKING:

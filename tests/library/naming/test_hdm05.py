@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 from synthetic import ARM, amc_text, arm_frames
 
-from kinespace.library import hdm05
-from kinespace.library.formats.acclaim import find_asf, read_asf, read_clip
+from kinespace.library.naming import hdm05
+from kinespace.library.recordings.formats.acclaim import find_asf, read_asf, read_clip
 
 if TYPE_CHECKING:
     from kinespace.library.clip import Clip

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from kinespace.library import MotionLibrary
 from kinespace.library.distances import distance_rows
-from kinespace.library.signature import signature_of, similarity
+from kinespace.library.windows.signature import signature_of, similarity
 
 if TYPE_CHECKING:
     from kinespace.library.clip import Clip

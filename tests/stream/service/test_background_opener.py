@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from kinespace.stream.background_opener import BackgroundOpener, background_restricter, background_windows
 from kinespace.stream.recognizer import Settings
+from kinespace.stream.service.background_opener import BackgroundOpener, background_restricter, background_windows
 
 if TYPE_CHECKING:
     from kinespace.library.motion_library import MotionLibrary

@@ -9,7 +9,7 @@ from synthetic import STICK, stick_clip
 from kinespace.stream import Frame
 from kinespace.stream.outputs import Sink
 from kinespace.stream.recognizer import LiveSignature, Performers, Settings
-from kinespace.stream.service import Service
+from kinespace.stream.service.loop import Service
 
 if TYPE_CHECKING:
     from kinespace.library.motion_library import MotionLibrary

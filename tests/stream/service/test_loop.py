@@ -19,15 +19,15 @@ from pythonosc.osc_packet import OscPacket
 from synthetic import STICK, STICK_CLASSES, stick_clip
 
 from kinespace.stream import osc, zeromq
-from kinespace.stream import service as service_module
-from kinespace.stream.answer import Answer
 from kinespace.stream.frame import Announcement, Frame
 from kinespace.stream.inputs import OscDecoder, Source, ZmqDecoder
 from kinespace.stream.osc import udp
 from kinespace.stream.outputs import LayoutSink, NativeLayout, Sink, ZmqSink
+from kinespace.stream.recognition import Answer
 from kinespace.stream.recognizer import Performers, Recognizer, Settings
-from kinespace.stream.service import CLASSES_EVERY, STATUS_EVERY, Service
-from kinespace.stream.status import InputCounts
+from kinespace.stream.service import loop as service_module
+from kinespace.stream.service.loop import CLASSES_EVERY, STATUS_EVERY, Service
+from kinespace.stream.service.status import InputCounts
 from kinespace.stream.zeromq import Endpoint
 
 if TYPE_CHECKING:
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
     from kinespace.library.motion_library import MotionLibrary
     from kinespace.stream.recognition import Event, Recognition
-    from kinespace.stream.status import Status
+    from kinespace.stream.service.status import Status
 
 LOOPBACK = "127.0.0.1"
 ANY_PORT = Endpoint(f"tcp://{LOOPBACK}:*", bind=True)

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from kinespace.stream.recognizer import RecognizerCounts
 from kinespace.stream.recognizer.performers import PerformerCounts
-from kinespace.stream.status import HopTimes, InputCounts, Rates, Status
+from kinespace.stream.service.status import HopTimes, InputCounts, Rates, Status
 
 
 def test_inputs_add_up() -> None:

@@ -11,8 +11,8 @@ import pytest
 import skeletons
 from written import MOVES, Node, bvh_text, trc_text
 
-from kinespace.library import MotionLibrary, hdm05
-from kinespace.library.naming import Naming
+from kinespace.library import MotionLibrary
+from kinespace.library.naming import Naming, hdm05
 from kinespace.stream import Announcement, Frame
 from kinespace.stream.recognizer import LiveSignature, Performers, SentJoints, Settings
 from kinespace.tools.cli.main import main

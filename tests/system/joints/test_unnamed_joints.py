@@ -9,7 +9,7 @@ import pytest
 from programs import builtin_library, ghost_cues, live
 from synthetic import STICK, stick_clip
 
-from kinespace.library.hdm05 import SKELETON
+from kinespace.library.naming.hdm05 import SKELETON
 from kinespace.library.skeleton import SkeletonMismatchError
 from kinespace.stream import Announcement, Frame, Performers, zeromq
 from kinespace.stream.feeds import builtin_preset

@@ -14,9 +14,9 @@ from programs import LOOPBACK, PATIENCE, free_udp_port, live, motion_cues, start
 from kinespace.stream import Performers, osc
 from kinespace.stream.feeds import builtin_preset
 from kinespace.stream.feeds.source import FeedSource
-from kinespace.stream.recording import RawFile, RawPacket, RawWriter
-from kinespace.stream.service import Service
-from kinespace.stream.status import InputCounts
+from kinespace.stream.inputs.recording import RawFile, RawPacket, RawWriter
+from kinespace.stream.service.loop import Service
+from kinespace.stream.service.status import InputCounts
 from kinespace.tools.cli import interruption
 from kinespace.tools.feeding.feed import Pace
 

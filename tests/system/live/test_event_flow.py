@@ -16,8 +16,8 @@ from kinespace.stream.frame import Announcement, Frame
 from kinespace.stream.outputs import Sink
 from kinespace.stream.recognition import Event, EventKind
 from kinespace.stream.recognizer import Performers, Recognizer
-from kinespace.stream.service import Service
-from kinespace.stream.status import InputCounts
+from kinespace.stream.service.loop import Service
+from kinespace.stream.service.status import InputCounts
 from kinespace.tools.terminal.console import console
 from kinespace.tools.terminal.live_table import LiveTable, PlainLines
 
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
     from kinespace.library.motion_library import MotionLibrary
     from kinespace.stream.recognition import Recognition
-    from kinespace.stream.status import Status
+    from kinespace.stream.service.status import Status
 
 pytestmark = pytest.mark.slow
 

@@ -14,7 +14,7 @@ from kinespace.stream.feeds.source import FeedSource
 from kinespace.stream.inputs import OscDecoder, Source
 from kinespace.stream.osc import OscReceiver
 from kinespace.stream.recognizer import Performers
-from kinespace.stream.service import Service
+from kinespace.stream.service.loop import Service
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

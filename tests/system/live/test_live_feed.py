@@ -14,7 +14,7 @@ from fakeqtm import fake_qtm
 from golden import LAYOUTS, Moment
 from programs import LOOPBACK, PATIENCE, builtin_library, finished, ghost_cues, started
 
-from kinespace.library.hdm05 import SKELETON
+from kinespace.library.naming.hdm05 import SKELETON
 from kinespace.stream.osc import OscReceiver
 from kinespace.stream.osc.packet import Message, decode_packet
 from kinespace.tools.programs.live.recognisers import fitted

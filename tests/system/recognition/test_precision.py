@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from kinespace.library.distances import distance_rows
-from kinespace.library.hdm05 import SKELETON
+from kinespace.library.naming.hdm05 import SKELETON
 from kinespace.library.skeleton import Skeleton
 from kinespace.stream.frame import Frame
 from kinespace.stream.recognition import Outcome

@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from kinespace.library.distances import distance_rows
-from kinespace.library.retrieval.spread import SpreadMetric, spread_of
-from kinespace.library.signature import signature_of, similarity
+from kinespace.library.windows.signature import signature_of, similarity
+from kinespace.tools.evaluation.retrieval.spread import SpreadMetric, spread_of
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Sequence

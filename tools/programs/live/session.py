@@ -14,7 +14,7 @@ from rich.live import Live
 
 from kinespace.stream.feeds.source import FeedSource
 from kinespace.stream.inputs import Admission
-from kinespace.stream.service import Service
+from kinespace.stream.service.loop import Service
 from kinespace.stream.zeromq import Endpoint
 from kinespace.tools.cli.interruption import stop_on_signals
 from kinespace.tools.programs.feeds import preset_named

@@ -7,9 +7,10 @@ from functools import reduce
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from kinespace.library import NOTHING, Clip, MotionLibrary, find_recordings, hdm05
-from kinespace.library.formats.labels import LabelError, cut, labels_beside, oddities, read_labels
+from kinespace.library import NOTHING, Clip, MotionLibrary, find_recordings
+from kinespace.library.naming import hdm05
 from kinespace.library.recordings import RecordingReader, is_recording, labelled, performed
+from kinespace.library.recordings.formats.labels import LabelError, cut, labels_beside, oddities, read_labels
 from kinespace.tools.cli.arguments import (
     BUILT_IN,
     add_actor_in,

@@ -17,7 +17,7 @@ import numpy as np
 from kinespace.library import find_recordings
 from kinespace.library.recordings import RecordingReader
 from kinespace.stream.frame import Announcement
-from kinespace.stream.recording.kinerec import ENDING, RawFile
+from kinespace.stream.inputs.recording.kinerec import ENDING, RawFile
 from kinespace.tools.cli.arguments import (
     add_library,
     add_overwrite,

@@ -15,8 +15,8 @@ from kinespace.library.kernels import compiled
 from kinespace.library.recordings import is_recording, labelled
 from kinespace.stream.feeds import builtin_names, builtin_preset
 from kinespace.stream.frame import Frame
-from kinespace.stream.recording import decoded
-from kinespace.stream.recording.kinerec import ENDING, RawFile
+from kinespace.stream.inputs.recording import decoded
+from kinespace.stream.inputs.recording.kinerec import ENDING, RawFile
 from kinespace.tools.cli.arguments import (
     BUILT_IN,
     add_actor_in,
@@ -40,7 +40,7 @@ if TYPE_CHECKING:
 
     from kinespace.library import Clip, Reading
     from kinespace.stream.feeds import Preset
-    from kinespace.stream.recording.kinerec import RawPacket
+    from kinespace.stream.inputs.recording.kinerec import RawPacket
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -11,7 +11,7 @@ import zmq
 from rich.status import Status
 
 from kinespace.stream import osc, zeromq
-from kinespace.stream.recording import RawWriter, Recorder, source_name
+from kinespace.stream.inputs.recording import RawWriter, Recorder, source_name
 from kinespace.stream.zeromq import Endpoint, Keyring
 from kinespace.tools.cli.address import host_and_port
 from kinespace.tools.cli.arguments import OSC_IN, add_inputs, add_keys, add_overwrite, positive

@@ -16,10 +16,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from kinespace.library.formats.errors import RecordingError
-from kinespace.library.formats.markers.c3d_process import C3dProcess
-from kinespace.library.formats.markers.marker_clip import clip_of_markers
-from kinespace.library.formats.units import guessed_metres, metres_of
+from kinespace.library.recordings.formats.errors import RecordingError
+from kinespace.library.recordings.formats.markers.c3d_process import C3dProcess
+from kinespace.library.recordings.formats.markers.marker_clip import clip_of_markers
+from kinespace.library.recordings.formats.units import guessed_metres, metres_of
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -14,8 +14,8 @@ from typing import IO, TYPE_CHECKING, Any, Self
 
 import numpy as np
 
-from kinespace.library import memory
-from kinespace.library.formats.markers import c3d_child
+from kinespace.library.recordings import memory
+from kinespace.library.recordings.formats.markers import c3d_child
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kinespace.library import hdm05
 from kinespace.library.clip import Clip
-from kinespace.library.formats.gap_filling import with_missing_joints
-from kinespace.library.formats.joint_choice import chosen, short_names
+from kinespace.library.naming import hdm05
+from kinespace.library.recordings.formats.gap_filling import with_missing_joints
+from kinespace.library.recordings.formats.joint_choice import chosen, short_names
 from kinespace.library.skeleton import Skeleton
 
 if TYPE_CHECKING:

@@ -14,9 +14,9 @@ from typing import TYPE_CHECKING, NoReturn
 
 import numpy as np
 
-from kinespace.library.formats.errors import RecordingError
-from kinespace.library.formats.markers.marker_clip import clip_of_markers
-from kinespace.library.formats.units import metres_of
+from kinespace.library.recordings.formats.errors import RecordingError
+from kinespace.library.recordings.formats.markers.marker_clip import clip_of_markers
+from kinespace.library.recordings.formats.units import metres_of
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

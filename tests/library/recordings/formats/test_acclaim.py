@@ -15,7 +15,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from synthetic import ARM, METRE, TinyBody, TinyBone, amc_text, arm_frames, write_pair
 
-from kinespace.library.formats.acclaim import AcclaimError, find_asf, read_asf, read_clip
+from kinespace.library.recordings.formats.acclaim import AcclaimError, find_asf, read_asf, read_clip
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -14,9 +14,9 @@ from hypothesis import strategies as st
 from written import MOVES, TURNS, Node, bvh_of_acclaim, bvh_text
 
 from kinespace.library.distances import distance_rows
-from kinespace.library.formats.acclaim import read_clip as read_amc
-from kinespace.library.formats.bvh import BvhError, forward_kinematics, read_bvh, read_clip
-from kinespace.library.formats.errors import RecordingError
+from kinespace.library.recordings.formats.acclaim import read_clip as read_amc
+from kinespace.library.recordings.formats.bvh import BvhError, forward_kinematics, read_bvh, read_clip
+from kinespace.library.recordings.formats.errors import RecordingError
 from kinespace.library.windows.body import Body
 
 if TYPE_CHECKING:

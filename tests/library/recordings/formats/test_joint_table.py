@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from kinespace.library.formats.joint_table import JointTableError, is_joint_table, read_clip
+from kinespace.library.recordings.formats.joint_table import JointTableError, is_joint_table, read_clip
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -15,7 +15,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 from synthetic import stick_clip
 
-from kinespace.library.formats.labels import LabelError, Segment, cut, labels_beside, oddities, read_labels, renamed
+from kinespace.library.recordings.formats.labels import (
+    LabelError,
+    Segment,
+    cut,
+    labels_beside,
+    oddities,
+    read_labels,
+    renamed,
+)
 
 if TYPE_CHECKING:
     from pathlib import Path

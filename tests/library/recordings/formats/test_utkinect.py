@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from kinespace.library.formats import utkinect
-from kinespace.library.formats.labels import Segment, cut
-from kinespace.library.formats.utkinect import UTKinectError
 from kinespace.library.recordings import Reading, find_recordings, read_recordings
+from kinespace.library.recordings.formats import utkinect
+from kinespace.library.recordings.formats.labels import Segment, cut
+from kinespace.library.recordings.formats.utkinect import UTKinectError
 from kinespace.tools.feeding.joint_sets import joints_of
 
 if TYPE_CHECKING:

@@ -13,8 +13,8 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from kinespace.stream.recording import Recorder, kinerec
-from kinespace.stream.recording.kinerec import (
+from kinespace.stream.inputs.recording import Recorder, kinerec
+from kinespace.stream.inputs.recording.kinerec import (
     RawFile,
     RawFileError,
     RawHeader,

@@ -17,24 +17,24 @@ from programs import builtin_library, ghost_cues
 from synthetic import STICK, STICK_CLASSES, stick_clip, stick_clips
 
 from kinespace.library import MotionLibrary
-from kinespace.library.hdm05 import SKELETON
+from kinespace.library.naming.hdm05 import SKELETON
 from kinespace.stream import Announcement, Frame, Performers, Settings, osc, zeromq
 from kinespace.stream.feeds import builtin_preset
 from kinespace.stream.feeds.source import FeedSource
 from kinespace.stream.inputs import OscDecoder, Source, ZmqDecoder
+from kinespace.stream.inputs.recording import Recorder, decoded, source_name
+from kinespace.stream.inputs.recording.kinerec import RawFile, RawHeader, RawPacket, RawWriter
 from kinespace.stream.outputs import Sink
 from kinespace.stream.recognizer import LiveSignature
-from kinespace.stream.recording import Recorder, decoded, source_name
-from kinespace.stream.recording.kinerec import RawFile, RawHeader, RawPacket, RawWriter
-from kinespace.stream.service import STATUS_EVERY, Service
+from kinespace.stream.service.loop import STATUS_EVERY, Service
 from kinespace.stream.zeromq import Endpoint
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
     from pathlib import Path
 
+    from kinespace.stream.inputs.recording import Decoded
     from kinespace.stream.recognition import Recognition
-    from kinespace.stream.recording import Decoded
 
 LOOPBACK = "127.0.0.1"
 PATIENCE = 20.0

@@ -16,7 +16,7 @@ from synthetic import stick_clip
 
 from kinespace.library import MotionLibrary
 from kinespace.library.distances import distance_rows
-from kinespace.library.retrieval.experiment import (
+from kinespace.tools.evaluation.retrieval.experiment import (
     SPLIT_LIBRARY_ACTORS,
     Labels,
     Protocol,

@@ -14,8 +14,8 @@ from synthetic import STICK_CLASSES, stick_clip, stick_clips
 
 from kinespace.library import MotionLibrary
 from kinespace.library.distances import distance_rows
-from kinespace.library.retrieval.experiment import motion_spreads, turned
-from kinespace.library.retrieval.spread import FLOOR, SpreadMetric, spread_of
+from kinespace.tools.evaluation.retrieval.experiment import motion_spreads, turned
+from kinespace.tools.evaluation.retrieval.spread import FLOOR, SpreadMetric, spread_of
 
 if TYPE_CHECKING:
     from kinespace.library.clip import Clip

@@ -10,7 +10,8 @@ from programs import finished
 from recorded import JOINTS, SWINGS, TWO_ARMS, two_arms_frames, write_take, write_takes
 from synthetic import amc_text, stick_clips
 
-from kinespace.library import NOTHING, MotionLibrary, hdm05, read_recordings
+from kinespace.library import NOTHING, MotionLibrary, read_recordings
+from kinespace.library.naming import hdm05
 from kinespace.tools.cli.main import main
 
 if TYPE_CHECKING:

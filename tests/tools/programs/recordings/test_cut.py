@@ -8,8 +8,8 @@ import pytest
 
 from kinespace.library import MotionLibrary
 from kinespace.stream.frame import Frame
+from kinespace.stream.inputs.recording.kinerec import RawPacket, RawWriter
 from kinespace.stream.osc.frames import encode_frame
-from kinespace.stream.recording.kinerec import RawPacket, RawWriter
 from kinespace.tools.cli.main import main
 
 if TYPE_CHECKING:

@@ -10,7 +10,8 @@ import pytest
 from recorded import write_takes
 from synthetic import STICK, stick_clips
 
-from kinespace.library import NOTHING, MotionLibrary, hdm05
+from kinespace.library import NOTHING, MotionLibrary
+from kinespace.library.naming import hdm05
 from kinespace.tools.cli.main import main
 from kinespace.tools.terminal.console import console
 

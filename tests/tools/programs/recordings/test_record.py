@@ -19,9 +19,9 @@ from recorded import JOINTS, TWO_ARMS, two_arms_frames, write_take, write_takes
 from synthetic import amc_text
 
 from kinespace.library import read_recordings
-from kinespace.library.hdm05 import SKELETON
+from kinespace.library.naming.hdm05 import SKELETON
 from kinespace.stream import Announcement, Frame, osc, zeromq
-from kinespace.stream.recording.kinerec import RawFile, RawHeader, RawPacket, encode_header, encode_packet
+from kinespace.stream.inputs.recording.kinerec import RawFile, RawHeader, RawPacket, encode_header, encode_packet
 from kinespace.stream.zeromq import Endpoint
 from kinespace.tools.cli.main import main
 from kinespace.tools.feeding.packets import cut

@@ -24,7 +24,7 @@ from kinespace.library.windows.index import opened
 from kinespace.stream import Announcement, Frame, Performers, Recognizer, osc, zeromq
 from kinespace.stream.inputs import OscDecoder, Source, ZmqDecoder
 from kinespace.stream.outputs import LayoutSink, NativeLayout, ZmqSink
-from kinespace.stream.service import Service
+from kinespace.stream.service.loop import Service
 from kinespace.stream.zeromq import Endpoint
 from kinespace.stream.zeromq.keys import make_keys
 from kinespace.tools.cli.main import main
@@ -228,7 +228,7 @@ def test_a_long_take_is_sent_in_pieces_as_if_whole(
     """Read some frames at a time or all at once, cut or not, the same frames go out."""
     assert replay(take, "--osc", target(stage), *cut) == 0
     expected = frames_in(heard(stage))
-    monkeypatch.setattr("kinespace.library.formats.acclaim._BLOCK_BYTES", 4000)
+    monkeypatch.setattr("kinespace.library.recordings.formats.acclaim._BLOCK_BYTES", 4000)
     assert replay(take, "--osc", target(stage), *cut) == 0
     frames = frames_in(heard(stage))
     assert [frame.time for frame in frames] == [frame.time for frame in expected]
@@ -240,7 +240,7 @@ def test_a_take_is_sent_before_all_of_it_is_read(
     stage: osc.OscReceiver, take: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Frames before a mistake in a long take are sent; frames after --to are not even read."""
-    monkeypatch.setattr("kinespace.library.formats.acclaim._BLOCK_BYTES", 4000)
+    monkeypatch.setattr("kinespace.library.recordings.formats.acclaim._BLOCK_BYTES", 4000)
     take.write_text(take.read_text() + "nonsense\n")
     assert replay(take, "--osc", target(stage)) == 2
     assert "nonsense" in capsys.readouterr().err

@@ -15,15 +15,15 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from written import trc_text, write_c3d
 
-from kinespace.library.formats.errors import RecordingError
-from kinespace.library.formats.gap_filling import MAX_GAP, with_missing_joints
-from kinespace.library.formats.joint_choice import chosen, short_names
-from kinespace.library.formats.markers import c3d, trc
-from kinespace.library.formats.markers.c3d import C3dError
-from kinespace.library.formats.markers.c3d_process import C3dProcess
-from kinespace.library.formats.markers.trc import TrcError
-from kinespace.library.formats.units import guessed_metres, metres_of
 from kinespace.library.recordings import read_recordings
+from kinespace.library.recordings.formats.errors import RecordingError
+from kinespace.library.recordings.formats.gap_filling import MAX_GAP, with_missing_joints
+from kinespace.library.recordings.formats.joint_choice import chosen, short_names
+from kinespace.library.recordings.formats.markers import c3d, trc
+from kinespace.library.recordings.formats.markers.c3d import C3dError
+from kinespace.library.recordings.formats.markers.c3d_process import C3dProcess
+from kinespace.library.recordings.formats.markers.trc import TrcError
+from kinespace.library.recordings.formats.units import guessed_metres, metres_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -324,8 +324,8 @@ def test_a_c3d_that_is_never_done_is_given_up(
     assert c3d.read_clip(path, process=process).frames == 120
     assert process.process_id is not None
     os.kill(process.process_id, signal.SIGSTOP)
-    monkeypatch.setattr("kinespace.library.formats.markers.c3d_process._PATIENCE", 0.2)
-    monkeypatch.setattr("kinespace.library.formats.markers.c3d_process._MIN_RATE", 1e12)
+    monkeypatch.setattr("kinespace.library.recordings.formats.markers.c3d_process._PATIENCE", 0.2)
+    monkeypatch.setattr("kinespace.library.recordings.formats.markers.c3d_process._MIN_RATE", 1e12)
     with pytest.raises(C3dError, match="the reader did not end within 0 s on it"):
         c3d.read_clip(path, process=process)
     monkeypatch.undo()
@@ -338,8 +338,8 @@ def test_a_c3d_that_takes_all_memory_is_given_up(
 ) -> None:
     """A file that needs far too much memory is given up and named, and the next file is read."""
     path = written_c3d(tmp_path / "a.c3d", np.tile(walk(), (200, 1, 1)))
-    monkeypatch.setattr("kinespace.library.formats.markers.c3d_process._MEMORY", 1 << 18)
-    monkeypatch.setattr("kinespace.library.formats.markers.c3d_process._MEMORY_TIMES", 0)
+    monkeypatch.setattr("kinespace.library.recordings.formats.markers.c3d_process._MEMORY", 1 << 18)
+    monkeypatch.setattr("kinespace.library.recordings.formats.markers.c3d_process._MEMORY_TIMES", 0)
     with pytest.raises(C3dError, match=re.escape(f"{path}: not a usable C3D")):
         c3d.read_clip(path, process=process)
     monkeypatch.undo()

@@ -14,9 +14,9 @@ from synthetic import ARM, TinyBody, TinyBone, amc_text, arm_frames
 from written import MOVES, TURNS, Node, bvh_text
 
 from kinespace.library import Clip
-from kinespace.library.formats import acclaim, bvh
-from kinespace.library.formats.acclaim import AcclaimError
 from kinespace.library.recordings import Reading, RecordingError, RecordingReader, find_recordings, read_recordings
+from kinespace.library.recordings.formats import acclaim, bvh
+from kinespace.library.recordings.formats.acclaim import AcclaimError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable

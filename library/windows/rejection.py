@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, NamedTuple, Self
 
 import numpy as np
 
-from kinespace.library.learned import Learned
+from kinespace.library.motion_library.learned import Learned
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

@@ -16,8 +16,16 @@ from programs import started
 from recorded import SWINGS, write_takes
 
 from kinespace.library import read_recordings
-from kinespace.library.retrieval.experiment import Labels, Protocol, Retrieval, Space, compare, motion_axes, retrieve
 from kinespace.tools.cli.main import main
+from kinespace.tools.evaluation.retrieval.experiment import (
+    Labels,
+    Protocol,
+    Retrieval,
+    Space,
+    compare,
+    motion_axes,
+    retrieve,
+)
 from kinespace.tools.terminal.console import console
 
 if TYPE_CHECKING:

@@ -178,7 +178,7 @@ class MotionLibrary:
             A clip has other joints than the library.
         """
         added = (_as_motion(clip, self.skeleton) for clip in clips)
-        return replace(self, motions=(*self.motions, *added))
+        return self._of(self.skeleton, (*self.motions, *added))
 
     def without(
         self, *, classes: Collection[str] = (), actors: Collection[str] = (), motions: Collection[Clip] = ()
@@ -200,7 +200,7 @@ class MotionLibrary:
             for motion in self.motions
             if not (motion.class_name in classes or motion.actor in actors or motion in motions)
         )
-        return replace(self, motions=left)
+        return self._of(self.skeleton, left)
 
     def renamed(self, names: Mapping[str, str]) -> MotionLibrary:
         """Rename classes; two classes that get the same name become one.
@@ -212,7 +212,7 @@ class MotionLibrary:
         """
         _require_known(names, {motion.class_name for motion in self.motions}, "classes")
         changed = (replace(each, class_name=names.get(each.class_name, each.class_name)) for each in self.motions)
-        return replace(self, motions=tuple(changed))
+        return self._of(self.skeleton, tuple(changed))
 
     def in_our_names(self, naming: Naming) -> MotionLibrary:
         """Give the same motions with our names for the joints, where a convention fits."""
@@ -221,7 +221,7 @@ class MotionLibrary:
             return self
         skeleton = _in_canonical_order(replace(self.skeleton, joints=named))
         motions = (replace(clip, skeleton=replace(clip.skeleton, joints=named)) for clip in self.motions)
-        return replace(self, skeleton=skeleton, motions=_over(skeleton, tuple(motions)))
+        return self._of(skeleton, _over(skeleton, tuple(motions)))
 
     def restricted_to(self, joints: Collection[str]) -> MotionLibrary:
         """Give the same motions as a body with fewer joints shows them.
@@ -250,7 +250,7 @@ class MotionLibrary:
         if len(kept) == len(names):
             return self
         skeleton = self.skeleton.restricted_to(kept)
-        return replace(self, skeleton=skeleton, motions=_over(skeleton, self.motions))
+        return self._of(skeleton, _over(skeleton, self.motions))
 
     def merged_with(self, other: MotionLibrary) -> MotionLibrary:
         """Put the motions of two libraries together, over the joints that both have, in this library's order.
@@ -271,7 +271,12 @@ class MotionLibrary:
         motions = _over(skeleton, first.motions)
         known = {_identity(motion) for motion in motions}
         new = (motion for motion in _over(skeleton, second.motions) if _identity(motion) not in known)
-        return MotionLibrary(skeleton, (*motions, *new), self.learned or other.learned)
+        learned = self.learned or other.learned
+        return MotionLibrary(skeleton, (*motions, *new), learned and learned.for_other_motions())
+
+    def _of(self, skeleton: Skeleton, motions: tuple[Clip, ...]) -> MotionLibrary:
+        """Give a library of other motions, with the learned numbers that hold for them too."""
+        return MotionLibrary(skeleton, motions, self.learned and self.learned.for_other_motions())
 
 
 def _over(skeleton: Skeleton, motions: Iterable[Clip]) -> tuple[Clip, ...]:

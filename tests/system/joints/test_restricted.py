@@ -108,7 +108,9 @@ def test_all_of_hdm05s_joints_get_hdm05s_order(small_library: MotionLibrary) -> 
 def test_a_restricted_library_keeps_what_was_learned(builtin: MotionLibrary) -> None:
     """The built-in library with fewer joints still judges by numbers learned from strangers."""
     fewer = builtin.restricted_to(joints_of("kinect20"))
-    assert fewer.learned is builtin.learned is not None
+    assert fewer.learned is not None
+    assert builtin.learned is not None
+    assert {"weights", "thresholds", "typical"} <= set(fewer.learned.arrays()) < set(builtin.learned.arrays())
 
 
 def test_no_shared_joints_are_one_line(sticks: MotionLibrary, tmp_path: Path) -> None:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from kinespace.library.learned import TAUGHT, Learned
+from kinespace.library.motion_library.learned import TAUGHT, Learned
 from kinespace.library.windows.basis import Basis
 from kinespace.library.windows.comparison import ACROSS_LABORATORIES, WITHIN_LABORATORY, Comparison
 from kinespace.library.windows.metric import Metric

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from kinespace.library import MotionLibrary
-from kinespace.library.learned import TAUGHT, Learned
+from kinespace.library.motion_library.learned import TAUGHT, Learned
 from kinespace.library.windows.index import WindowIndex, keeping_lessons
 from kinespace.library.windows.kept import WEIGHINGS, kept_of
 

@@ -20,7 +20,7 @@ import msgspec
 
 from kinespace.stream.recognition import Recognition
 from kinespace.stream.recognizer.matcher import library_of
-from kinespace.stream.status import InputCounts
+from kinespace.stream.service.status import InputCounts
 from kinespace.stream.workers import process as child
 from kinespace.stream.workers.channel import Channel
 from kinespace.stream.workers.ledger import Ledger

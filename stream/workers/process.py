@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING, Any
 
 import msgspec
 
-from kinespace.stream.background_opener import background_restricter, background_windows
 from kinespace.stream.recognizer import Performers, SentJoints, Settings
+from kinespace.stream.service.background_opener import background_restricter, background_windows
 from kinespace.stream.workers.channel import Channel
 from kinespace.stream.workers.wire import (
     Answers,

@@ -14,7 +14,7 @@ from rich.live import Live
 
 from kinespace.stream.feeds.source import FeedSource
 from kinespace.stream.inputs import Admission
-from kinespace.stream.service import Service
+from kinespace.stream.service.loop import Service
 from kinespace.stream.zeromq import Endpoint
 from kinespace.tools.cli.interruption import stop_on_signals
 from kinespace.tools.programs.feeds import preset_named
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
     from kinespace.stream.outputs import Sink
     from kinespace.stream.recognizer import Settings
-    from kinespace.stream.service import Source as AnswerSource
+    from kinespace.stream.service.loop import Source as AnswerSource
     from kinespace.tools.programs.live.options import Addresses
     from kinespace.tools.programs.live.recognisers import Making
 

@@ -210,13 +210,18 @@ class Spread:
         """Give each partition to its owner among the workers that are ready; hand over what moves."""
         before, self._owners = self._owners, owners(ready)
         moved: dict[tuple[str, bool], list[int]] = {}
+        left: dict[str, list[int]] = {}
         for partition, new in enumerate(self._owners):
-            old = before[partition] if before else None
-            if new != old:
-                goes_on = bool(self.names) and old in ready
-                moved.setdefault((new, goes_on), []).append(partition)
-                if old and goes_on:
-                    self._former[partition] = old
+            old = before[partition] if before and before[partition] in ready else None
+            if before and before[partition] == new:
+                continue
+            moved.setdefault((new, bool(old and self.names)), []).append(partition)
+            if old and self.names:
+                self._former[partition] = old
+            elif old:
+                left.setdefault(old, []).append(partition)
+        for worker, partitions in left.items():
+            self._stop_former(worker, partitions)
         for (worker, goes_on), partitions in moved.items():
             self._hand_over(worker, partitions, mute=goes_on)
 

@@ -23,6 +23,8 @@ if TYPE_CHECKING:
 PROGRAMS: Programs = {
     "demo": ("programs.demo", "the whole loop on this machine, with nothing but the built-in library"),
     "live": ("programs.live.program", "recognise a feed"),
+    "gateway": ("programs.gateway", "receive feeds and answer, and let workers on other machines recognise"),
+    "work": ("programs.work", "recognise performers for gateways"),
     "replay": ("programs.replay.program", "send recordings, or the built-in library's motions, as a fake live feed"),
     "record": ("programs.recordings.record", "keep a feed's packets as they come, to replay them"),
     "convert": ("programs.recordings.convert", "a raw recording or a motion file as plain numbers"),

@@ -26,8 +26,9 @@ if TYPE_CHECKING:
     from kinespace.stream.workers.wire import SentFrame
     from kinespace.stream.zeromq.frames import NumberedFrame
 
-#: Seconds of frames with which a performer is taken over: the longest window, and the averages around it.
-HISTORY = 2.5
+#: Seconds of frames with which a performer is taken over. The longest window is two seconds; then the averages must
+#: forget the first, short windows (`kinespace bench scale` counts the events that differ).
+HISTORY = 3.5
 
 
 class _Resumed(EventDetector):

@@ -103,6 +103,9 @@ class Matcher(Protocol):
     def exchange(self, library: MotionLibrary | WindowIndex) -> None:
         """Compare the same windows with another library of the same joints from now on."""
 
+    def pair_weights(self) -> NDArray[np.float64] | None:
+        """Give each joint pair's number in the leading eigenvector read last, shape (pairs,); None before."""
+
 
 def library_of(library: MotionLibrary | WindowIndex) -> MotionLibrary:
     """Give the motions of a library, opened or not."""
@@ -169,12 +172,22 @@ class WindowMatcher:
         self._progress = ProgressFollower(phase_table(index)) if progress else None
         self._compare_with(index)
 
+    def set_sensitivity(self, share: float) -> None:
+        """Judge by another sensitivity from the next reading on."""
+        self._sensitivity = share
+        self._judgement.exchange(self._threshold(self._index))
+
+    def pair_weights(self) -> NDArray[np.float64] | None:
+        """Give each joint pair's number in the leading eigenvector read last."""
+        return _pair_weights(self._index, self._leading)
+
     def _threshold(self, index: WindowIndex) -> float:
         usual = SENSITIVITY_LEARNED if index.library.learned else SENSITIVITY_OWN
         return index.rejection.threshold_at(usual if self._sensitivity is None else self._sensitivity)
 
     def _compare_with(self, index: WindowIndex) -> None:
         self._index, self.classes = index, index.classes
+        self._leading: NDArray[np.float64] | None = None
         self._weighing = index.comparison.weighing
         # Kept here, because the cache behind the index may be full of other libraries.
         self._rejection = index.rejection
@@ -222,6 +235,7 @@ class WindowMatcher:
         if not self._feed.ready:
             return None
         signature = self._windows.read()
+        self._leading = signature.eigenvector
         views = self._index.log_distances(signature.numbers)
         distances = self._weighing.named(views)
         elapsed = self._feed.elapsed()
@@ -269,7 +283,12 @@ class PaperMatcher:
 
     def _compare_with(self, index: PaperIndex) -> None:
         self._index, self.classes = index, index.classes
+        self._leading: NDArray[np.float64] | None = None
         self._nothing = index.classes.index(NOTHING) if NOTHING in index.classes else -1
+
+    def pair_weights(self) -> NDArray[np.float64] | None:
+        """Give each joint pair's number in the leading eigenvector read last."""
+        return _pair_weights(self._index, self._leading)
 
     def exchange(self, library: MotionLibrary | WindowIndex) -> None:
         """Compare the same window with another library of the same joints from now on."""
@@ -299,6 +318,7 @@ class PaperMatcher:
         if not self._feed.ready:
             return None
         leading, moved = self._window.read()
+        self._leading = leading.eigenvector
         scores = self._index.scores(leading.eigenvector)
         distances = np.log1p(_NEAREST - np.square(np.minimum(scores, 1.0)))
         guess, lead = followed(self._hysteresis, distances, self._feed.elapsed())
@@ -319,6 +339,16 @@ class PaperMatcher:
             share=leading.share,
             gap=leading.gap,
         )
+
+
+def _pair_weights(
+    index: WindowIndex | PaperIndex, eigenvector: NDArray[np.float64] | None
+) -> NDArray[np.float64] | None:
+    """Bring an eigenvector from the directions of the basis back to the joint pairs."""
+    if eigenvector is None:
+        return None
+    weights: NDArray[np.float64] = index.basis.directions @ eigenvector
+    return weights
 
 
 def followed(hysteresis: Hysteresis, distances: NDArray[np.float64], elapsed: float) -> tuple[int, float]:

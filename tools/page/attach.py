@@ -1,0 +1,62 @@
+"""What a recogniser opens for its own page: a place to hear it on this machine, and a control door."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+from kinespace.stream.outputs import ZmqSink
+from kinespace.stream.outputs.body_sink import BodySink
+from kinespace.stream.zeromq import Endpoint, ZmqSender
+from kinespace.tools.page.process import PagePlan, require_websockets
+from kinespace.tools.teaching.door import Allowed, RequestDoor
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from kinespace.stream.outputs import Sink
+    from kinespace.stream.outputs.body_sink import Followed
+    from kinespace.stream.zeromq import Keyring
+    from kinespace.tools.teaching.desk import Desk
+
+_HERE = Endpoint("tcp://127.0.0.1:*", bind=True)
+
+
+class Ends(NamedTuple):
+    """A recogniser's ends of the link to its page: to be closed with its other sinks and sources."""
+
+    sinks: list[Sink]
+    doors: list[RequestDoor]
+    plan: PagePlan
+
+
+def ends_for_page(
+    address: str,
+    performers: Followed,
+    desk: Desk | None = None,
+    *,
+    keyring: Keyring | None = None,
+    keys: Path | None = None,
+) -> Ends:
+    """Open the ends of the link to a page.
+
+    Parameters
+    ----------
+    address
+        HOST:PORT of the page.
+    performers
+        The performers whose bodies are shown.
+    desk
+        Carries out the page's commands; None: the page only looks.
+    keyring, keys
+        The keys of all ZeroMQ, and their folder; None for none.
+
+    Raises
+    ------
+    ImportError
+        The page's library is not installed.
+    """
+    require_websockets()
+    sender = ZmqSender(_HERE, keyring)
+    doors = [RequestDoor(_HERE, desk, Allowed(), keyring)] if desk else []
+    plan = PagePlan(sender.address, address, doors[0].address if doors else None, keys)
+    return Ends([ZmqSink(sender), BodySink(sender, performers)], doors, plan)

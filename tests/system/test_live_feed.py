@@ -17,7 +17,7 @@ from programs import LOOPBACK, PATIENCE, builtin_library, finished, ghost_cues, 
 from kinespace.library.hdm05 import SKELETON
 from kinespace.stream.osc import OscReceiver
 from kinespace.stream.osc.packet import Message, decode_packet
-from kinespace.tools.programs.live import fitted
+from kinespace.tools.programs.live.recognisers import fitted
 
 if TYPE_CHECKING:
     from pathlib import Path

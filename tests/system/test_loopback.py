@@ -15,7 +15,7 @@ from kinespace.library import read_recordings
 from kinespace.stream import Settings
 from kinespace.tools.feeding.feed import clip_cues
 from kinespace.tools.loopback.expected_answers import expected_answers
-from kinespace.tools.programs.replay import Faults
+from kinespace.tools.programs.replay.options import Faults
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence

@@ -22,8 +22,8 @@ if TYPE_CHECKING:
 #: `evaluate` has no module: its experiments are programs.
 PROGRAMS: Programs = {
     "demo": ("programs.demo", "the whole loop on this machine, with nothing but the built-in library"),
-    "live": ("programs.live", "recognise a feed"),
-    "replay": ("programs.replay", "send recorded files, or the built-in library's motions, as a fake live feed"),
+    "live": ("programs.live.program", "recognise a feed"),
+    "replay": ("programs.replay.program", "send recordings, or the built-in library's motions, as a fake live feed"),
     "record": ("programs.record", "keep a feed's packets as they come, to replay them"),
     "convert": ("programs.convert", "a raw recording or a motion file as plain numbers"),
     "latency": ("programs.latency", "measure frame sent to answer received, beside a bare echo"),

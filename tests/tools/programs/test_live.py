@@ -30,7 +30,7 @@ from kinespace.stream.zeromq import MAX_MESSAGE, Endpoint
 from kinespace.tools.cli.main import main
 from kinespace.tools.feeding.feed import clip_cues
 from kinespace.tools.loopback.expected_answers import expected_answers
-from kinespace.tools.programs.live import OSC_OUT
+from kinespace.tools.programs.live.program import OSC_OUT
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

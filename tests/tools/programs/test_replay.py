@@ -29,8 +29,10 @@ from kinespace.stream.zeromq import Endpoint
 from kinespace.stream.zeromq.keys import make_keys
 from kinespace.tools.cli.main import main
 from kinespace.tools.feeding.feed import Cue, clip_cues, piece_cues
-from kinespace.tools.programs import replay as replay_program
-from kinespace.tools.programs.replay import Faults, Score
+from kinespace.tools.programs.replay import exchange
+from kinespace.tools.programs.replay.options import Course, Faults
+from kinespace.tools.programs.replay.recordings import pieces_of
+from kinespace.tools.programs.replay.score import Score
 from kinespace.tools.terminal.console import console
 
 if TYPE_CHECKING:
@@ -120,13 +122,13 @@ def test_a_clip_is_sent_as_live_packets(stage: osc.OscReceiver, take: Path, caps
 def test_labels_beside_a_take_say_what_is_right_when(take: Path) -> None:
     """Each frame of a take has the class of its label, and no class without one; all frames are sent."""
     take.with_suffix(".csv").write_text("start_s;end_s;label\n0,25;0,5;up\n0,5;1,0;down\n")
-    pieces = list(replay_program._pieces([take], Reading(), replay_program.Course("me")))  # noqa: SLF001 - no socket
+    pieces = list(pieces_of([take], Reading(), Course("me")))
     classes = [cue.class_name for cue in piece_cues(pieces, "me")]
     assert classes == [""] * 30 + ["up"] * 30 + ["down"] * 60 + [""] * 60
     (clip,) = read_recordings([take])
     np.testing.assert_array_equal(np.concatenate([piece.clip.positions for piece in pieces]), clip.positions)
-    late = replay_program.Course("me", begin=0.4, end=0.6)
-    classes = [cue.class_name for cue in piece_cues(replay_program._pieces([take], Reading(), late), "me")]  # noqa: SLF001
+    late = Course("me", begin=0.4, end=0.6)
+    classes = [cue.class_name for cue in piece_cues(pieces_of([take], Reading(), late), "me")]
     assert classes == ["up"] * 12 + ["down"] * 12
 
 
@@ -142,9 +144,9 @@ def test_what_nobody_labelled_is_not_scored() -> None:
 def test_the_terminal_shows_which_recording_is_sent(monkeypatch: pytest.MonkeyPatch) -> None:
     """The name of the recording, its number and how many there are stand beside the bar."""
     terminal = Console(file=StringIO(), force_terminal=True, width=100)
-    monkeypatch.setattr(replay_program, "progress_console", terminal)
+    monkeypatch.setattr(exchange, "progress_console", terminal)
     cues = [Cue(0.0, Frame("me", 1.0, np.zeros((6, 3))), n, "a", n // 2, ("bow [1]", "wave")[n // 2]) for n in range(4)]
-    assert list(replay_program._shown(cues, 2)) == cues  # noqa: SLF001 - a picture
+    assert list(exchange.shown(cues, 2)) == cues
     assert isinstance(terminal.file, StringIO)
     assert "Sending 2 of 2: wave" in terminal.file.getvalue()
 

@@ -1,7 +1,8 @@
 """Commands and notices on the wire: OSC, Wekinator's OSC, and JSON for ZeroMQ. Pure encode and decode.
 
 `/motion/teach s performer s class [i repetitions f countdown]`; `/motion/teach/stop`, `/cancel`, `/undo`, `/redo`,
-`/save`; `/rename s s`, `/forget [s]`, `/enable s i`, `/trim i`, `/last s f s [f]`, `/sensitivity f`, `/list`. JSON has the same words: `{"do":
+`/save`; `/rename s s`, `/forget [s]`, `/enable s i`, `/trim i`, `/last s f s [f]`,
+`/sensitivity f`, `/list`. JSON has the same words: `{"do":
 "teach", "performer": "ann", "class": "wave"}`.
 """
 

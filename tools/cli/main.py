@@ -26,6 +26,7 @@ PROGRAMS: Programs = {
     "replay": ("programs.replay.program", "send recordings, or the built-in library's motions, as a fake live feed"),
     "record": ("programs.record", "keep a feed's packets as they come, to replay them"),
     "convert": ("programs.convert", "a raw recording or a motion file as plain numbers"),
+    "page": ("programs.page", "show a recogniser's bodies and answers in the browser, and teach from there"),
     "latency": ("programs.latency", "measure frame sent to answer received, beside a bare echo"),
     "cut": ("programs.cut", "propose labels for a recording: a row for each movement"),
     "build": ("programs.build", "make a motion library from recordings and other libraries"),

@@ -11,6 +11,7 @@ from kinespace.tools.page.process import PagePlan, require_websockets
 from kinespace.tools.teaching.door import Allowed, RequestDoor
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
     from pathlib import Path
 
     from kinespace.stream.outputs import Sink
@@ -24,9 +25,12 @@ _HERE = Endpoint("tcp://127.0.0.1:*", bind=True)
 class Ends(NamedTuple):
     """A recogniser's ends of the link to its page: to be closed with its other sinks and sources."""
 
-    sinks: list[Sink]
-    doors: list[RequestDoor]
-    plan: PagePlan
+    sinks: Sequence[Sink] = ()
+    doors: Sequence[RequestDoor] = ()
+    plan: PagePlan | None = None
+
+
+NO_ENDS = Ends()
 
 
 def ends_for_page(

@@ -102,7 +102,7 @@ class _Notice(msgspec.Struct):
     examples: int = 0
 
 
-_decoders = {
+_decoders: dict[str, msgspec.json.Decoder[Any]] = {
     "class": msgspec.json.Decoder(_Answer),
     "event": msgspec.json.Decoder(_Event),
     "classes": msgspec.json.Decoder(_Classes),

@@ -55,8 +55,7 @@ class Subscription:
 
     def fileno(self) -> int:
         """Give the file number that becomes readable when messages may have come."""
-        number: int = self._socket.getsockopt(zmq.FD)
-        return number
+        return int(self._socket.getsockopt(zmq.FD))
 
     def want_bodies(self, *, wanted: bool) -> None:
         """Hear bodies, or do without while nobody looks."""

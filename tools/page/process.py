@@ -19,12 +19,8 @@ if TYPE_CHECKING:
     from multiprocessing.connection import Connection
     from pathlib import Path
 
-#: Where the page is, unless told otherwise.
-PAGE = "127.0.0.1:8010"
 #: Seconds after which a new process is given up, and after which one that was told to end is.
 _MAX_START, _MAX_END = 30.0, 5.0
-#: Seconds between two looks whether the parent wants the process to end.
-_LOOK = 0.2
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,7 +40,7 @@ class PagePlan:
     """
 
     source: str
-    address: str = PAGE
+    address: str
     control: str | None = None
     keys: Path | None = None
 
@@ -77,25 +73,13 @@ def serve_page(plan: PagePlan, started: Callable[[str], None], wants_end: Callab
     subscription = Subscription(Endpoint.parse(plan.source, bind=False), keyring)
     door = ControlDoor(Endpoint.parse(plan.control, bind=False), keyring) if plan.control else None
 
-    async def serving() -> None:
-        stopped = asyncio.Event()
-
-        async def watch() -> None:
-            while not wants_end():
-                await asyncio.sleep(_LOOK)
-            stopped.set()
-
-        async with asyncio.TaskGroup() as tasks:
-            tasks.create_task(watch())
-            await PageServer(subscription, door, Gate.for_host(host)).run(host, port, started, stopped)
-
+    server = PageServer(subscription, door, Gate.for_host(host))
     try:
         # Windows' own loop cannot wait for ZeroMQ.
         with asyncio.Runner(loop_factory=asyncio.SelectorEventLoop) as runner:
-            runner.run(serving())
-    except* OSError as group:
-        error = group.exceptions[0]
-        raise OSError(getattr(error, "errno", 0), f"{plan.address}: {getattr(error, 'strerror', error)}") from None
+            runner.run(server.run(host, port, started, wants_end))
+    except OSError as error:
+        raise OSError(error.errno, f"{plan.address}: {error.strerror}") from error
     finally:
         subscription.close()
         if door:

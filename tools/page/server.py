@@ -33,9 +33,9 @@ if TYPE_CHECKING:
 
 #: Open pages, at most.
 MAX_PAGES = 16
-#: Seconds between two messages to a page, at least; between two looks at the subscription when nothing wakes us; and
+#: Seconds between two messages to a page, at least; between two looks when nothing wakes us; and
 #: between two reports of how long drawing takes.
-_PACE, _LOOK, _REPORT = 1 / 35, 0.25, 1.0
+_PACE, _LOOK, _REPORT = 1 / 35, 0.2, 1.0
 #: Latencies that are remembered of a page: some seconds.
 _MAX_LATENCIES = 256
 #: Seconds that a page may stay silent in the handshake.
@@ -100,8 +100,8 @@ class PageServer:
         self._clock = time.monotonic
         self._asked_for_state = -1
 
-    async def run(self, host: str, port: int, started: Callable[[str], None], stopped: asyncio.Event) -> None:
-        """Serve until stopped; `started` is told the page's address."""
+    async def run(self, host: str, port: int, started: Callable[[str], None], wants_end: Callable[[], bool]) -> None:
+        """Serve until it is to end, which is asked some times a second; `started` is told the page's address."""
         loop = asyncio.get_running_loop()
         loop.add_reader(self._subscription.fileno(), self._hear)
         serving = serve(
@@ -119,11 +119,10 @@ class PageServer:
             port = next(iter(server.sockets)).getsockname()[1]
             named = f"[{host}]" if ":" in host else host
             started(f"http://{named}:{port}/" + (f"?token={self._gate.token}" if self._gate.token else ""))
-            while not stopped.is_set():
-                # The file number tells of the first message alone, and may tell nothing when several come at once.
+            while not wants_end():
+                # The file number wakes us for the first of several messages alone, and at times for none.
                 self._hear()
-                with suppress(TimeoutError):
-                    await asyncio.wait_for(stopped.wait(), _LOOK)
+                await asyncio.sleep(_LOOK)
         loop.remove_reader(self._subscription.fileno())
 
     def _hear(self) -> None:

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import TYPE_CHECKING
 
-from kinespace.tools.cli.arguments import add_keys
+from kinespace.tools.cli.address import host_and_port
+from kinespace.tools.cli.arguments import PAGE, add_keys
 from kinespace.tools.cli.interruption import stop_on_signals
-from kinespace.tools.page.process import PAGE, PagePlan, serve_page
+from kinespace.tools.page.process import PagePlan, serve_page
 from kinespace.tools.terminal.console import console
 
 if TYPE_CHECKING:
@@ -27,12 +27,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--control", metavar="ENDPOINT", help="teach through this door, which kinespace live --control opens"
     )
+    host, port = host_and_port(PAGE)
     parser.add_argument(
-        "--at",
-        default=PAGE,
-        metavar="[HOST:]PORT",
-        help="where the page is (default %(default)s); other machines need the token in the address that is printed",
+        "--host",
+        default=host,
+        help="pages on other machines need the token that is printed (default %(default)s)",
     )
+    parser.add_argument("--port", type=int, default=port, help="where the page is (default %(default)s)")
     add_keys(parser)
 
 
@@ -40,18 +41,8 @@ def run(options: argparse.Namespace) -> int:
     """Run the program with these options; return the exit status."""
     ended: list[bool] = []
     stop_on_signals(lambda: ended.append(True))
-    plan = PagePlan(options.source, options.at, options.control, options.keys)
-    serve_page(plan, lambda address: console.print(f"page: {address}; Ctrl-C ends", soft_wrap=True), lambda: bool(ended))
-    return 0
-
-
-def add_page(parser: argparse.ArgumentParser) -> None:
-    """Add `--page` to a program that recognises."""
-    parser.add_argument(
-        "--page", nargs="?", const=PAGE, metavar="[HOST:]PORT", help=f"show a page in the browser (default {PAGE})"
+    plan = PagePlan(options.source, f"{options.host}:{options.port}", options.control, options.keys)
+    serve_page(
+        plan, lambda address: console.print(f"page: {address}; Ctrl-C ends", soft_wrap=True), lambda: bool(ended)
     )
-
-
-def plan_of(source: str, address: str, control: str | None = None, keys: Path | None = None) -> PagePlan:
-    """Plan the page of a recogniser."""
-    return PagePlan(source, address, control, keys)
+    return 0

@@ -9,7 +9,7 @@ function colourOf(index, lightness = 0.76) {
 /** The page's own colours as they are now: a canvas does not follow the theme by itself. */
 function themeOf(element) {
   const style = getComputedStyle(element);
-  return Object.fromEntries(["ground", "line", "text", "soft", "warm", "bad"].map(
+  return Object.fromEntries(["ground", "line", "text", "soft", "warm", "lit", "bad"].map(
     (name) => [name, style.getPropertyValue(`--${name}`).trim()]));
 }
 
@@ -47,8 +47,9 @@ class Stage {
   clear() {
     this.names = [];
     this.parents = [];
-    this.children = [];
+    this.bones = [];
     this.tips = [];
+    this.feet = [];
     this.head = -1;
     this.trails = [];
     this.upright = [0, 0];
@@ -83,6 +84,9 @@ class Stage {
     const leaves = names.map((_, joint) => joint).filter((joint) => !parents.includes(joint));
     this.tips = tips.length ? tips : leaves.slice(0, 4);
     this.trails = this.tips.map(() => []);
+    const trunk = [/^l(humerus|shoulder)/i, /^r(humerus|shoulder)/i, /^r(femur|hip$)/i, /^l(femur|hip$)/i].map(
+      (kind) => names.findIndex((name) => kind.test(name)));
+    this.trunk = trunk.includes(-1) ? [] : trunk.map((joint) => Math.max(parents[joint], joint < 0 ? -1 : joint === -1 ? -1 : parents[joint]));
     this.feet = names.map((name, joint) => (/foot|toe|ankle/i.test(name) ? joint : -1)).filter((joint) => joint >= 0);
   }
 
@@ -273,14 +277,20 @@ class Stage {
 
   _drawCarried(context, points, carried, theme) {
     const most = Math.max(...carried.joints);
-    context.strokeStyle = context.fillStyle = theme.warm;
     carried.joints.forEach((share, joint) => {
-      const strength = share / most;
-      if (strength < 0.3 || !Number.isFinite(points[joint].x)) return;
-      context.globalAlpha = 0.85 * strength * strength;
-      this._dot(context, points[joint], (0.012 + 0.02 * strength) * this.size * points[joint].scale);
+      const [strength, point] = [share / most, points[joint]];
+      if (strength < 0.3 || !Number.isFinite(point.x)) return;
+      const radius = 0.07 * strength * this.size * point.scale;
+      const light = context.createRadialGradient(point.x, point.y, 0, point.x, point.y, radius);
+      light.addColorStop(0, theme.lit);
+      light.addColorStop(0.25, theme.lit);
+      light.addColorStop(1, `${theme.lit}00`);
+      context.fillStyle = light;
+      context.globalAlpha = strength;
+      this._dot(context, point, radius);
     });
-    context.globalAlpha = 0.7;
+    context.strokeStyle = theme.lit;
+    context.globalAlpha = 0.8;
     context.lineWidth = 1.5;
     context.setLineDash([5, 5]);
     context.beginPath();
@@ -299,9 +309,10 @@ const SMALL = "12px system-ui, sans-serif";
 
 /**
  * Draw rows of bars over time. Each row has a `name`, `lanes` ({height, bars: [{begin, end, label, colour, mark}]}) and
- * perhaps a `line` ([[second, 0 to 1]]). Gives the bars' places, for a pointer: [{x, y, width, height, bar, row}].
+ * perhaps a `line` ([[second, 0 to 1]]); ticks are counted from `origin`. Gives the bars' places, for a pointer:
+ * [{x, y, width, height, bar, row}].
  */
-function drawTimeline(canvas, rows, { from, to, at, theme, tick, told }) {
+function drawTimeline(canvas, rows, { from, to, at, theme, origin, tick, told }) {
   const { context, width, height } = fitted(canvas);
   const gutter = rows.some((row) => row.name) && width > 500 ? GUTTER : 0;
   const place = (second) => gutter + (second - from) / (to - from) * (width - gutter);
@@ -312,7 +323,7 @@ function drawTimeline(canvas, rows, { from, to, at, theme, tick, told }) {
   context.strokeStyle = theme.line;
   context.lineWidth = 1;
   context.textAlign = "center";
-  for (let second = Math.ceil(from / tick) * tick; second <= to; second += tick) {
+  for (let second = origin + Math.ceil((from - origin) / tick) * tick; second <= to; second += tick) {
     context.beginPath();
     context.moveTo(place(second), 0);
     context.lineTo(place(second), height - 16);

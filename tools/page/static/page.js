@@ -54,14 +54,17 @@ function show() {
   const size = new DataView(message).getUint32(0, true);
   const news = JSON.parse(decoder.decode(new Uint8Array(message, 4, size)));
   let place = 4 + size;
-  take(news);
-  for (const [name, joints] of news.bodies ?? []) {
-    page.performers.get(name)?.stage.setBody(new Float32Array(message, place, 3 * joints));
-    place += 12 * joints;
+  try {
+    take(news);
+    for (const [name, joints] of news.bodies ?? []) {
+      page.performers.get(name)?.stage.setBody(new Float32Array(message, place, 3 * joints));
+      place += 12 * joints;
+    }
+    draw();
+    page.drawn += 1;
+  } finally {
+    send({ ack: news.number }); // or nothing would come any more
   }
-  draw();
-  page.drawn += 1;
-  send({ ack: news.number });
 }
 
 function take(news) {
@@ -190,8 +193,8 @@ function drawPast() {
   const rows = [...page.performers.values()].map(rowOf);
   const height = `${Math.max(heightOf(rows), 70)}px`;
   if (canvas.style.height !== height) canvas.style.height = height;
-  page.hits = drawTimeline(canvas, rows, { from: page.now - SHOWN, to: page.now, at: null, theme: page.theme, tick: 10 - 0,
-    told: (second) => `${Math.round(second - page.now)} s` });
+  page.hits = drawTimeline(canvas, rows, { from: page.now - SHOWN, to: page.now, at: null, theme: page.theme, origin: page.now,
+    tick: 10, told: (second) => `${Math.round(second - page.now)} s` });
 }
 
 function rowOf(performer) {

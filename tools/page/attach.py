@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from kinespace.stream.outputs import ZmqSink
 from kinespace.stream.outputs.body_sink import BodySink
 from kinespace.stream.zeromq import Endpoint, ZmqSender
-from kinespace.tools.page.process import PagePlan, require_websockets
+from kinespace.tools.page.process import PagePlan, PageProcess, require_websockets
 from kinespace.tools.teaching.door import Allowed, RequestDoor
 
 if TYPE_CHECKING:
@@ -23,11 +23,11 @@ _HERE = Endpoint("tcp://127.0.0.1:*", bind=True)
 
 
 class Ends(NamedTuple):
-    """A recogniser's ends of the link to its page: to be closed with its other sinks and sources."""
+    """A page, and a recogniser's ends of the link to it, to be closed with its other sinks and sources."""
 
     sinks: Sequence[Sink] = ()
     doors: Sequence[RequestDoor] = ()
-    plan: PagePlan | None = None
+    page: PageProcess | None = None
 
 
 NO_ENDS = Ends()
@@ -41,7 +41,7 @@ def ends_for_page(
     keyring: Keyring | None = None,
     keys: Path | None = None,
 ) -> Ends:
-    """Open the ends of the link to a page.
+    """Start a page, and open the ends of the link to it.
 
     Parameters
     ----------
@@ -56,11 +56,11 @@ def ends_for_page(
 
     Raises
     ------
-    ImportError
-        The page's library is not installed.
+    ImportError, OSError, ValueError
+        As `tools.page.process.PageProcess`.
     """
     require_websockets()
     sender = ZmqSender(_HERE, keyring)
     doors = [RequestDoor(_HERE, desk, Allowed(), keyring)] if desk else []
     plan = PagePlan(sender.address, address, doors[0].address if doors else None, keys)
-    return Ends([ZmqSink(sender), BodySink(sender, performers)], doors, plan)
+    return Ends([ZmqSink(sender), BodySink(sender, performers)], doors, PageProcess(plan))

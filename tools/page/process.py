@@ -99,24 +99,21 @@ class PageProcess:
     Attributes
     ----------
     address
-        The page's address, once it runs.
+        The page's address.
 
     Raises
     ------
     ImportError, OSError, ValueError
-        On entering: as `serve_page`.
+        As `serve_page`.
     """
 
     def __init__(self, plan: PagePlan) -> None:
         require_websockets()
-        self.address = ""
         context = multiprocessing.get_context("spawn")
-        self._connection, self._theirs = context.Pipe()
-        self._process = context.Process(target=_serve, args=(self._theirs, plan), daemon=True)
-
-    def __enter__(self) -> Self:
+        self._connection, theirs = context.Pipe()
+        self._process = context.Process(target=_serve, args=(theirs, plan), daemon=True)
         self._process.start()
-        self._theirs.close()
+        theirs.close()
         try:
             told = self._connection.recv() if self._connection.poll(_MAX_START) else TimeoutError("the page is silent")
         except EOFError:
@@ -125,6 +122,8 @@ class PageProcess:
             self._end()
             raise told
         self.address = str(told)
+
+    def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *_: object) -> None:

@@ -57,7 +57,7 @@ class Message(msgspec.Struct, forbid_unknown_fields=True):
     """
 
     ack: _Count | None = None
-    ask: Annotated[dict[_Short, str | float | bool], msgspec.Meta(max_length=8)] | None = None
+    ask: Annotated[dict[_Short, _Short | float | bool], msgspec.Meta(max_length=8)] | None = None
     wrong: Wrong | None = None
     play: Play | None = None
 
@@ -133,12 +133,12 @@ class Gate:
         host = headers.get("host", "")
         if not self._knows(host):
             return _refusal(403, "this name is not ours")
-        parts = urlsplit(target)
-        if parts.path != SOCKET:
-            return static_file(parts.path, host)
+        path, _, query = target.partition("?")
+        if path != SOCKET:
+            return static_file(path, host)
         if headers.get("origin") != f"http://{host}":
             return _refusal(403, "not our page")
-        shown = parse_qs(parts.query).get("token", [""])[0]
+        shown = parse_qs(query).get("token", [""])[0]
         if self.token and not secrets.compare_digest(shown.encode(), self.token.encode()):
             return _refusal(401, "the address that kinespace printed has a token")
         return None

@@ -53,14 +53,15 @@ class _Page:
         self.woken.set()
         self.seen = self.sent = 0
         self.replies: list[dict[str, Any]] = []
-        self._answered = 0.0
+        self._answered = self._newest = 0.0
         self._latencies = deque[float](maxlen=_MAX_LATENCIES)
         self._reported = 0.0
 
     def noted(self, number: int, answered: float) -> None:
         """Note that a message was sent; `answered` is when the newest answer in it came."""
-        self.sent = number
-        self._answered = answered if answered > self._answered else 0.0
+        # The first message holds answers from before the page was opened.
+        self._answered = answered if answered > self._newest and self.sent else 0.0
+        self._newest, self.sent = answered, number
         self.ready.clear()
 
     def acknowledged(self, number: int, now: float) -> None:

@@ -9,7 +9,7 @@ function colourOf(index, lightness = 0.76) {
 /** The page's own colours as they are now: a canvas does not follow the theme by itself. */
 function themeOf(element) {
   const style = getComputedStyle(element);
-  return Object.fromEntries(["ground", "line", "text", "soft", "warm", "lit", "bad"].map(
+  return Object.fromEntries(["ground", "line", "text", "soft", "warm", "bad"].map(
     (name) => [name, style.getPropertyValue(`--${name}`).trim()]));
 }
 
@@ -28,6 +28,7 @@ function fitted(canvas) {
 }
 
 const TRAIL = 40; // bodies that a trail shows
+const LIT = "#fff3b0"; // the light on joints that carry the decision
 const NEAR = 0.2; // metres before the eye, at least
 
 /** A body in three dimensions on a floor, with its shadow, trails, and what carries the decision. */
@@ -48,6 +49,7 @@ class Stage {
     this.names = [];
     this.parents = [];
     this.bones = [];
+    this.trunk = [];
     this.tips = [];
     this.feet = [];
     this.head = -1;
@@ -84,9 +86,9 @@ class Stage {
     const leaves = names.map((_, joint) => joint).filter((joint) => !parents.includes(joint));
     this.tips = tips.length ? tips : leaves.slice(0, 4);
     this.trails = this.tips.map(() => []);
-    const trunk = [/^l(humerus|shoulder)/i, /^r(humerus|shoulder)/i, /^r(femur|hip$)/i, /^l(femur|hip$)/i].map(
-      (kind) => names.findIndex((name) => kind.test(name)));
-    this.trunk = trunk.includes(-1) ? [] : trunk.map((joint) => Math.max(parents[joint], joint < 0 ? -1 : joint === -1 ? -1 : parents[joint]));
+    // HDM05 calls a joint by the bone that ends there: these are the shoulders and the hips.
+    const trunk = ["lclavicle", "rclavicle", "rhipjoint", "lhipjoint"].map((name) => names.indexOf(name));
+    this.trunk = trunk.includes(-1) ? [] : trunk;
     this.feet = names.map((name, joint) => (/foot|toe|ankle/i.test(name) ? joint : -1)).filter((joint) => joint >= 0);
   }
 
@@ -116,7 +118,8 @@ class Stage {
     this.centre = { x: (this.centre?.x ?? 0) * (far ? 0 : 1 - pace) + cx * pace, z: (this.centre?.z ?? 0) * (far ? 0 : 1 - pace) + cz * pace };
     this.at = { x: cx, z: cz };
     this.tips.forEach((joint, index) => {
-      if (far) this.trails[index].length = 0;
+      const last = this.trails[index].at(-1);
+      if (last && !(Math.hypot(last.x - joints[joint].x, last.y - joints[joint].y, last.z - joints[joint].z) < 0.25 * this.size)) this.trails[index].length = 0;
       this.trails[index].push(joints[joint]);
       if (this.trails[index].length > TRAIL) this.trails[index].shift();
     });
@@ -150,8 +153,8 @@ class Stage {
     const { context, width, height } = fitted(this.canvas);
     if (!this.joints || !width) return;
     this.distance = 2.35 * this.size * this.zoom;
-    this.focus = 1.55 * Math.min(height, width * 1.15);
-    this.middle = { x: width / 2, y: height * 0.56 };
+    this.focus = 1.42 * Math.min(height, width * 1.15);
+    this.middle = { x: width / 2, y: height * 0.58 };
     this.turned = [Math.cos(this.yaw), Math.sin(this.yaw)];
     this.tilted = [Math.cos(this.pitch), Math.sin(this.pitch)];
     context.lineCap = context.lineJoin = "round";
@@ -242,31 +245,33 @@ class Stage {
   }
 
   _drawBones(context, points, colour, theme) {
-    const bones = this.bones.map(([parent, joint]) => [points[parent], points[joint], this._thickness(parent, joint)])
-      .filter(([from, to]) => Number.isFinite(from.x + to.x)).sort((one, other) => other[0].depth + other[1].depth - one[0].depth - one[1].depth);
-    // Each bone has a rim in the ground's colour, so that a limb before the trunk stays clear.
-    for (const [from, to, thickness] of bones) {
-      const wide = thickness * (from.scale + to.scale) / 2;
+    const there = (joints) => joints.every((joint) => Number.isFinite(points[joint].x));
+    const depth = (joints) => joints.reduce((sum, joint) => sum + points[joint].depth, 0) / joints.length;
+    const pieces = [...this.bones, ...(this.trunk.length ? [this.trunk] : [])].filter(there)
+      .map((joints) => [joints, depth(joints)]).sort(([, one], [, other]) => other - one);
+    context.fillStyle = colour;
+    // Each piece has a rim in the ground's colour, so that a limb before the trunk stays clear.
+    for (const [joints] of pieces) {
+      const wide = Math.max(this._thickness(joints) * points[joints[0]].scale, 2);
       for (const [style, more] of [[theme.ground, 3], [colour, 0]]) {
         context.strokeStyle = style;
-        context.lineWidth = Math.max(wide, 2) + more;
+        context.lineWidth = wide + more;
         context.beginPath();
-        context.moveTo(from.x, from.y);
-        context.lineTo(to.x, to.y);
+        for (const joint of joints) context.lineTo(points[joint].x, points[joint].y);
+        if (joints.length > 2) { context.closePath(); context.fill(); }
         context.stroke();
       }
     }
-    context.fillStyle = colour;
-    const alone = bones.length ? [] : points;
-    for (const point of alone) this._dot(context, point, 4);
-    if (this.head >= 0 && Number.isFinite(points[this.head].x)) this._dot(context, points[this.head], 0.062 * this.size * points[this.head].scale);
+    if (!pieces.length) for (const point of points) this._dot(context, point, 4);
+    if (this.head >= 0 && there([this.head])) this._dot(context, points[this.head], 0.06 * this.size * points[this.head].scale);
   }
 
   /** A bone is as thick as it is long, within limits: fingers are thin, thighs thick. */
-  _thickness(parent, joint) {
-    const [from, to] = [this.joints[parent], this.joints[joint]];
+  _thickness(joints) {
+    if (joints.length > 2) return 0.05 * this.size;
+    const [from, to] = joints.map((joint) => this.joints[joint]);
     const long = Math.hypot(from.x - to.x, from.y - to.y, from.z - to.z);
-    return Math.min(Math.max(0.16 * long, 0.014 * this.size), 0.038 * this.size);
+    return Math.min(Math.max(0.2 * long, 0.016 * this.size), 0.045 * this.size);
   }
 
   _dot(context, { x, y }, radius) {
@@ -282,15 +287,15 @@ class Stage {
       if (strength < 0.3 || !Number.isFinite(point.x)) return;
       const radius = 0.07 * strength * this.size * point.scale;
       const light = context.createRadialGradient(point.x, point.y, 0, point.x, point.y, radius);
-      light.addColorStop(0, theme.lit);
-      light.addColorStop(0.25, theme.lit);
-      light.addColorStop(1, `${theme.lit}00`);
+      light.addColorStop(0, LIT);
+      light.addColorStop(0.25, LIT);
+      light.addColorStop(1, `${LIT}00`);
       context.fillStyle = light;
       context.globalAlpha = strength;
       this._dot(context, point, radius);
     });
-    context.strokeStyle = theme.lit;
-    context.globalAlpha = 0.8;
+    context.strokeStyle = theme.text;
+    context.globalAlpha = 0.7;
     context.lineWidth = 1.5;
     context.setLineDash([5, 5]);
     context.beginPath();

@@ -20,7 +20,6 @@ from kinespace.stream.service import Service
 from kinespace.stream.zeromq import Endpoint
 from kinespace.tools.cli.interruption import stop_on_signals
 from kinespace.tools.page.attach import NO_ENDS, ends_for_page
-from kinespace.tools.page.process import PageProcess
 from kinespace.tools.programs.feeds import preset_named
 from kinespace.tools.programs.live.endpoints import open_doors, open_ends
 from kinespace.tools.programs.live.options import Feed, Guard, Teaching, Watched
@@ -74,6 +73,12 @@ def recognise(
     shown: PlainLines | LiveTable = PlainLines() if plain or not console.is_terminal else LiveTable(performers.classes)
     admission = Admission(silence=performers.silence, merge=guard.merge, allowed=guard.performers)
     networks = [ipaddress.ip_network(each, strict=False) for each in guard.networks]
+    # Before the sockets are open: no packet is to wait until the page runs.
+    ends = (
+        ends_for_page(watched.page, performers, desk, keyring=guard.keyring, keys=watched.keys)
+        if watched.page
+        else NO_ENDS
+    )
     sources, sinks, kept = open_ends(
         addresses, feed, preset, record, networks=networks, keyring=guard.keyring, admission=admission
     )
@@ -81,17 +86,12 @@ def recognise(
     doors = open_doors(teaching, desk, sources, networks, guard.keyring) if desk else []
     if watched.bodies:
         sinks += [BodySink(sink.sender, performers) for sink in sinks if isinstance(sink, ZmqSink)]
-    ends = (
-        ends_for_page(watched.page, performers, desk, keyring=guard.keyring, keys=watched.keys)
-        if watched.page
-        else NO_ENDS
-    )
     with (
         kept or nullcontext(),
         Service(
             performers, [*sources, *doors, *ends.doors], [*sinks, shown, *ends.sinks], admission=admission
         ) as service,
-        PageProcess(ends.plan) if ends.plan else nullcontext() as page,
+        ends.page or nullcontext() as page,
     ):
         if desk:
             desk.sinks = service.sinks

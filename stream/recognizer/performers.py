@@ -6,8 +6,8 @@ import math
 from dataclasses import dataclass, field, fields, replace
 from typing import TYPE_CHECKING
 
-from kinespace.library import hdm05
 from kinespace.library.motion_library import MIN_JOINTS
+from kinespace.library.naming import hdm05
 from kinespace.stream.frame import Announcement, NewSender
 from kinespace.stream.recognizer.joints.carried import carried_by
 from kinespace.stream.recognizer.joints.fewer_joints import SentJoints

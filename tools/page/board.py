@@ -14,8 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import msgspec
 
-from kinespace.stream.answer import GONE
-from kinespace.stream.recognition import EventKind
+from kinespace.stream.recognition import GONE, EventKind
 from kinespace.stream.teaching.notices import Step
 from kinespace.stream.zeromq.bodies import decode_body
 from kinespace.tools.terminal.live_table import refused_frames

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from kinespace.stream.recognition import Event, Recognition
-    from kinespace.stream.status import Status
+    from kinespace.stream.service.status import Status
     from kinespace.stream.teaching.notices import Notice
 
 #: Characters of a full score bar, and of the shortest useful bar.

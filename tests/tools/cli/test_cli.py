@@ -17,10 +17,11 @@ from kinespace.tools.cli import entry
 from kinespace.tools.cli.arguments import OSC_IN
 from kinespace.tools.cli.main import EXPERIMENTS, PROGRAMS, main
 from kinespace.tools.evaluation import evaluate_retrieval
-from kinespace.tools.programs import build, demo, info, latency
+from kinespace.tools.programs import demo, latency
 from kinespace.tools.programs.live import options as live
 from kinespace.tools.programs.live import program as live_program
 from kinespace.tools.programs.live.program import OSC_OUT
+from kinespace.tools.programs.recordings import build, info
 from kinespace.tools.programs.replay import options as replay
 from kinespace.tools.programs.replay import program as replay_program
 

@@ -15,7 +15,7 @@ from kinespace.stream import zeromq
 from kinespace.stream.frame import Frame
 from kinespace.stream.recognition import Event, EventKind, Outcome, Recognition
 from kinespace.stream.recognizer.performers import PerformerCounts
-from kinespace.stream.status import InputCounts, Status
+from kinespace.stream.service.status import InputCounts, Status
 from kinespace.stream.teaching.notices import State, Step, Taught
 from kinespace.stream.teaching.wire import as_json
 from kinespace.stream.zeromq.bodies import encode_body

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 from kinespace.stream import osc, zeromq
 from kinespace.stream.feeds.source import FeedSource
 from kinespace.stream.inputs import OscDecoder, Source, ZmqDecoder
+from kinespace.stream.inputs.recording import RawWriter, Recorder, source_name
 from kinespace.stream.outputs import LAYOUTS, LayoutSink, NativeLayout, ReplySink, Sink, ZmqSink
-from kinespace.stream.recording import RawWriter, Recorder, source_name
 from kinespace.stream.zeromq import Endpoint
 from kinespace.tools.cli.address import host_and_port
 from kinespace.tools.teaching.door import WEKINATOR_PORT, Allowed, RequestDoor, TaughtDecoder, WekinatorDoor

@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from kinespace.library.naming import Naming
-from kinespace.stream.background_opener import background_restricter, background_windows
 from kinespace.stream.recognizer import Performers, Recognizer, SentJoints
+from kinespace.stream.service.background_opener import background_restricter, background_windows
 from kinespace.tools.cli.arguments import library_at
 from kinespace.tools.feeding.joint_sets import joints_in_order
 from kinespace.tools.teaching.desk import Start, as_performers, open_desk

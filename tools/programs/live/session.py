@@ -16,7 +16,7 @@ from kinespace.stream.feeds.source import FeedSource
 from kinespace.stream.inputs import Admission
 from kinespace.stream.outputs import ZmqSink
 from kinespace.stream.outputs.body_sink import BodySink
-from kinespace.stream.service import Service
+from kinespace.stream.service.loop import Service
 from kinespace.stream.zeromq import Endpoint
 from kinespace.tools.cli.interruption import stop_on_signals
 from kinespace.tools.page.attach import NO_ENDS, ends_for_page

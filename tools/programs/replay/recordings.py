@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from kinespace.library import Clip, MotionLibrary, Reading, find_recordings
-from kinespace.library.formats.labels import labels_beside, read_labels
 from kinespace.library.recordings import RecordingReader, labelled
+from kinespace.library.recordings.formats.labels import labels_beside, read_labels
 from kinespace.tools.cli.arguments import BUILT_IN
 from kinespace.tools.feeding.feed import Piece
 from kinespace.tools.terminal.named_joints import NameTeller
@@ -17,7 +17,7 @@ from kinespace.tools.terminal.named_joints import NameTeller
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
 
-    from kinespace.library.formats.labels import Segment
+    from kinespace.library.recordings.formats.labels import Segment
     from kinespace.library.skeleton import Skeleton
     from kinespace.tools.programs.replay.options import Course
 

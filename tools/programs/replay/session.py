@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from kinespace.stream import osc, zeromq
 from kinespace.stream.frame import Announcement
-from kinespace.stream.recording.kinerec import ENDING
+from kinespace.stream.inputs.recording.kinerec import ENDING
 from kinespace.stream.zeromq import Endpoint, Keyring
 from kinespace.tools.cli.address import host_and_port
 from kinespace.tools.feeding import packets

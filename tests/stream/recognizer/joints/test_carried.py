@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from synthetic import STICK, stick_clip
 
-from kinespace.library import hdm05
+from kinespace.library.naming import hdm05
 from kinespace.stream.frame import Announcement, Frame
 from kinespace.stream.recognizer import LiveSignature, Performers, Recognizer, Settings
 from kinespace.stream.recognizer.joints.carried import MAX_PAIRS, carried_by

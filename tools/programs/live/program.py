@@ -16,12 +16,13 @@ from kinespace.tools.cli.arguments import (
     add_library,
     add_names,
     add_overwrite,
+    add_page,
     add_sender,
     add_settings,
     names,
     settings_of,
 )
-from kinespace.tools.programs.live.options import Addresses, Feed, Guard, Teaching
+from kinespace.tools.programs.live.options import Addresses, Feed, Guard, Teaching, Watched
 from kinespace.tools.programs.live.session import recognise
 
 if TYPE_CHECKING:
@@ -84,6 +85,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="wekinator|ENDPOINT",
         help="also obey Wekinator's control messages (=HOST:PORT; 6448), or ZeroMQ requests, like tcp://127.0.0.1:9330",
     )
+    parser.add_argument(
+        "--bodies", action="store_true", help="publish bodies on --zmq-out, for kinespace page elsewhere"
+    )
+    add_page(parser)
     parser.add_argument("--plain", action="store_true", help="print a line per change instead of a table")
 
 
@@ -110,4 +115,5 @@ def run(options: argparse.Namespace) -> int:
             feed=Feed(options.feed, options.sender, tuple(options.out), options.joints, Naming.asked(options.naming)),
             guard=Guard(options.allow, options.allow_from, options.merge, keyring),
             teaching=Teaching(options.teach, tuple(options.control)),
+            watched=Watched(options.page, options.bodies, options.keys),
         )

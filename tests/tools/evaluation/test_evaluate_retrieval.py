@@ -126,7 +126,7 @@ def test_the_table_holds_every_case(cut: Path, capsys: pytest.CaptureFixture[str
     assert rows["distances", "split"][0] == "6"
 
 
-def test_the_table_holds_what_was_asked_for(cut: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_table_holds_the_chosen_spaces_and_protocols(cut: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """A space alone gives its three protocols, a protocol alone its three spaces."""
     evaluate(cut, "--space", "positions")
     assert {space for space, _ in table_rows(capsys.readouterr().out)} == {"positions"}
@@ -182,9 +182,7 @@ def test_the_confusions_are_drawn_and_written(cut: Path, tmp_path: Path, capsys:
     assert right["distances"] == [1.0, 1.0, 1.0]
 
 
-def test_the_csv_says_what_was_performed_and_what_was_found(
-    cut: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_csv_is_the_confusion_matrix(cut: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Each line of the CSV is the share of a performed class's motions that were taken for a found class."""
     confusion = np.array([[0.5, 0.25, 0.25], [0.0, 1.0, 0.0], [0.125, 0.0, 0.875]])
     right = np.arange(24).reshape(12, 2) % 5 > 0
@@ -212,9 +210,7 @@ def test_a_picture_of_no_kind_writes_nothing(cut: Path, tmp_path: Path, capsys: 
     assert [path.name for path in tmp_path.iterdir()] == ["cut"]
 
 
-def test_clips_whose_actor_nobody_knows_are_not_held_out_by_actor(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_clips_without_an_actor_are_not_held_out_by_actor(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """A clip whose name tells no actor ends a protocol by actors with one line that names the clip."""
     (path,) = write_takes(tmp_path, actors=("bd",), takes=1)[:1]
     (tmp_path / "HDM_bd.asf").rename(tmp_path / "ann.asf")
@@ -240,7 +236,7 @@ def test_folders_tell_classes_and_actors(tmp_path: Path, capsys: pytest.CaptureF
 
 
 @pytest.mark.parametrize(("protocol", "actors"), [("actor-held-out", ("bd",)), ("split", ("bd", "bk"))])
-def test_a_protocol_that_leaves_nobody_to_ask_says_so(
+def test_a_protocol_without_asking_motions_is_an_error(
     protocol: str, actors: tuple[str, ...], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """With one actor, or with none on the asking side, the error names the protocol."""
@@ -252,7 +248,7 @@ def test_a_protocol_that_leaves_nobody_to_ask_says_so(
 # --- all that came out -------------------------------------------------------------------------------------------
 
 
-def test_json_says_what_a_figure_rests_on(cut: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_json_holds_seconds_and_persons(cut: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Beside the figures stand seconds and persons of the motions that ask, and intervals; of two actors no splits."""
     assert evaluate(cut, "--json", "--protocol", "split") == 0
     described = json.loads(capsys.readouterr().out)

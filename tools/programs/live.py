@@ -67,7 +67,7 @@ _LOOPBACK = (ipaddress.ip_network("127.0.0.0/8"), ipaddress.ip_network("::1/128"
 _ANY_HOST, _THIS_MACHINE = ("0.0.0.0", "::"), ("127.0.0.1", "::1")  # noqa: S104 - compared, not bound
 #: Times a second the table is drawn.
 _REDRAWS = 5
-#: Seconds for which a thread may keep Python's lock while another waits. Drawing takes longer than a frame may wait.
+#: Seconds for which a thread may keep Python's lock while another waits.
 _SWITCH_INTERVAL = 0.0005
 #: Files and connections that may be open at once, as far as the system allows.
 MAX_CONNECTIONS = 16_384
@@ -222,6 +222,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Run the program with these options; return the exit status."""
     _allow_many_connections()
+    # A library that is prepared in a thread, and the table that is drawn, must not hold a frame up.
+    sys.setswitchinterval(_SWITCH_INTERVAL)
     none_given = not any((options.osc_in, options.osc_out, options.zmq_in, options.zmq_out))
     usual_out = not (options.osc_out or options.zmq_out or options.out)
     usual_in = none_given and not options.feed
@@ -547,7 +549,6 @@ def _warn_of_strangers(places: Sequence[str | None]) -> None:
 
 def _run_with_table(service: Service, shown: LiveTable) -> None:
     """Draw in a second thread, so that the feed waits at most for the lock, never for a picture."""
-    sys.setswitchinterval(_SWITCH_INTERVAL)
     loop = threading.Thread(target=service.run, name="kinespace service")
     loop.start()
     try:

@@ -4,8 +4,8 @@ from kinespace.library.clip import Clip
 from kinespace.library.distances import distance_rows
 from kinespace.library.motion_library import NOTHING, MotionLibrary
 from kinespace.library.recordings import Reading, find_recordings, read_recordings
-from kinespace.library.signature import signature_of, similarity
 from kinespace.library.skeleton import Skeleton, SkeletonMismatchError
+from kinespace.library.windows.signature import signature_of, similarity
 
 __all__ = [
     "NOTHING",

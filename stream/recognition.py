@@ -13,6 +13,9 @@ if TYPE_CHECKING:
 
     from kinespace.library.windows.rejection import Evidence
 
+#: The label of a performer who has left.
+GONE = "gone"
+
 
 class Outcome(StrEnum):
     """Why a recognition names a class or names none."""
@@ -209,3 +212,26 @@ class Recognition:
         """
         second = self.second_index
         return self.score - float(self.scores[second]) if second >= 0 else self.score
+
+
+@dataclass(frozen=True, slots=True)
+class Answer:
+    """One recognition as a receiver reads it off the wire, by any transport.
+
+    Attributes
+    ----------
+    performer
+        The performer's name.
+    class_index
+        Index of the named class, -1 for none.
+    score, margin
+        Score and margin of the best class, 0 to 1.
+    label
+        The class's name, or the word that says why no class is named.
+    """
+
+    performer: str
+    class_index: int
+    score: float
+    margin: float
+    label: str

@@ -16,7 +16,7 @@ from pathlib import Path
 from string import digits
 from typing import TYPE_CHECKING, cast
 
-from kinespace.library import hdm05
+from kinespace.library.naming import hdm05
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import TYPE_CHECKING, NamedTuple, Self
 
-from kinespace.library import hdm05
+from kinespace.library.naming import hdm05
 from kinespace.library.naming.convention import Convention, convention_named, conventions, own_convention, spelling
 
 if TYPE_CHECKING:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kinespace.library.windows.eigenvectors import leading_eigenvectors
+from kinespace.library.kernels.eigenvectors import leading_eigenvectors
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -75,10 +75,21 @@ class Basis:
         weights = np.where(moving, 1 / np.sqrt(np.where(moving, variances, 1.0)), 0.0)
         weighed = covariance * weights[:, None] * weights
         values, kept = leading_eigenvectors(weighed, min(MAX_DIRECTIONS, int(moving.sum())))
-        inverse = np.where(moving, np.sqrt(variances), 0.0)
         total = float(weighed.trace())
         share = float(values.sum()) / total if total > 0 else 0.0
-        return cls(kept * weights[:, None], weights, (kept * inverse[:, None]).T.copy(), share)
+        return cls.of(_single(kept * weights[:, None]), _single(weights), share)
+
+    @classmethod
+    def of(cls, directions: NDArray[np.floating], weights: NDArray[np.floating], share: float) -> Basis:
+        """Make a basis of numbers that were learned before, in single precision; the arguments are the attributes."""
+        exact, factors = directions.astype(np.float64), weights.astype(np.float64)
+        inverse = np.divide(1.0, factors, out=np.zeros_like(factors), where=factors > 0)
+        return cls(exact, factors, (exact * np.square(inverse)[:, None]).T.copy(), share)
+
+
+def _single(numbers: NDArray[np.float64]) -> NDArray[np.float32]:
+    """Round numbers to the precision in which a library's file keeps them."""
+    return numbers.astype(np.float32)
 
 
 def _mean_covariance(motions: Iterable[NDArray[np.float64]], body: Body) -> NDArray[np.float64]:

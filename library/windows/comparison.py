@@ -93,6 +93,11 @@ class Weighing:
         return replace(self, groups=tuple(groups[place] for place in left), views=scaled)
 
     @property
+    def measured(self) -> tuple[Part, ...]:
+        """The parts that have a metric of their own: all but eigenvectors that are compared by plain inner products."""
+        return tuple(dict.fromkeys(part for group in self.groups if not _is_eigen(group) for part in group))
+
+    @property
     def weights(self) -> tuple[tuple[float, ...], ...]:
         """The weight of each group in all distances that are computed: the views, and below them each group alone."""
         alone = np.eye(len(self.groups)).tolist()
@@ -156,12 +161,11 @@ class Comparison:
         lessons
             The class and the person of each window.
         """
-        wanted = dict.fromkeys(part for group in weighing.groups if not _is_eigen(group) for part in group)
         parts = {
             part: learned_metric(
                 _as_vectors(part, numbers), lessons, shrinkage=_PART_SHRINKAGE[part.kind], kept=_PART_AXES
             )
-            for part in wanted
+            for part in weighing.measured
         }
         placed = {part: metric.place(_as_vectors(part, numbers)) for part, metric in parts.items()}
         groups: list[Metric | None] = []

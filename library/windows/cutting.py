@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from kinespace.library.distances import distance_rows
-from kinespace.library.windows.eigenvectors import eigenpairs
+from kinespace.library.kernels.eigenvectors import eigenpairs
 from kinespace.library.windows.parts import (
     BASIS_LENGTHS,
     DISTANCE_LENGTHS,

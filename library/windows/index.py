@@ -16,6 +16,7 @@ from kinespace.library.windows.basis import Basis
 from kinespace.library.windows.body import Body
 from kinespace.library.windows.comparison import ACROSS_LABORATORIES, WITHIN_LABORATORY, Comparison, Weighing
 from kinespace.library.windows.cutting import FIRST_WINDOW, CutWindows, window_ends
+from kinespace.library.windows.kept import WEIGHINGS, kept_of, with_kept
 from kinespace.library.windows.laid import Windows
 from kinespace.library.windows.metric import Lessons, rounded
 from kinespace.library.windows.parts import EIGEN_LONG
@@ -110,7 +111,12 @@ class WindowIndex:
         """
         weighing = weighing or usual_weighing(library)
         teacher = teacher or teacher_of(library)
-        body, basis = Body.of(teacher.skeleton), learned_basis(teacher)
+        body, kept = Body.of(teacher.skeleton), kept_of(teacher, weighing)
+        if kept:
+            measured = _Measured.of(library, _every(library), weighing.first)
+            placed = measured.placed(kept.comparison, body, kept.basis)
+            return cls(library, body, *kept, placed.vectors, placed.eigenvectors, measured.motions)
+        basis = learned_basis(teacher)
         taught = _Measured.of(teacher, _EVERY_SEVERAL, weighing.first)
         lessons = taught.thinned(_MAX_LESSONS)
         cut = CutWindows(lessons.clips, lessons.ends, body, basis)
@@ -250,6 +256,15 @@ def _rejection(index: WindowIndex) -> Rejection:
     rejection = Rejection.of_kept(learned, len(index.comparison.weighing.groups))
     fewer = len(index.library.skeleton.joints) < rejection.joints
     return rejection.moved_to(typical_evidence(index)) if fewer else rejection
+
+
+def keeping_lessons(library: MotionLibrary) -> MotionLibrary:
+    """Give a library that keeps the basis and the metrics that its own motions teach, so that it opens sooner."""
+    indices = {
+        name: WindowIndex.of(library, teacher=library, weighing=weighing) for name, weighing in WEIGHINGS.items()
+    }
+    bases = [index.basis for index in indices.values()]
+    return with_kept(library, bases[0], {name: index.comparison for name, index in indices.items()})
 
 
 @lru_cache(maxsize=4)

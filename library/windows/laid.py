@@ -80,7 +80,8 @@ class Windows:
 
     def scores(self, eigenvector: NDArray[np.float64]) -> NDArray[np.float64]:
         """Compute `WindowIndex.eigenvector_scores`."""
-        products = np.abs(eigenvector.astype(np.float32) @ self._transposed)
+        products = eigenvector.astype(np.float32) @ self._transposed
+        np.abs(products, out=products)
         return np.maximum.reduceat(products, self._blocks.class_starts).astype(np.float64)
 
     def _lay_out_groups(self) -> None:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
-from kinespace.library.windows.eigenvectors import leading_eigenvectors
+from kinespace.library.kernels.eigenvectors import leading_eigenvectors
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -10,11 +10,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, replace
+from operator import mul
 from typing import TYPE_CHECKING, NamedTuple, Self
 
 import numpy as np
 
-from kinespace.library.learned import Learned
+from kinespace.library.motion_library.learned import Learned
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -61,9 +62,10 @@ class Evidence(NamedTuple):
         """Take the evidence for a guess from the log distances by each group, (groups, classes)."""
         distances, leads = [], []
         for each in groups.tolist():
-            distances.append(each[guess])
-            others = min(each[:guess] + each[guess + 1 :], default=math.inf)
-            leads.append(min(max(others - each[guess], -MAX_LEAD), MAX_LEAD))
+            distance, each[guess] = each[guess], math.inf
+            lead = min(each) - distance
+            distances.append(distance)
+            leads.append(-MAX_LEAD if lead < -MAX_LEAD else min(lead, MAX_LEAD))
         return cls(tuple(distances), tuple(leads), noise)
 
     @property
@@ -124,7 +126,7 @@ class Rejection:
     def logit(self, evidence: Evidence, class_name: str) -> float:
         """Give the log odds that a guess is right, up to a constant that the threshold contains."""
         numbers = (*evidence.compared, evidence.noisiness)
-        weighed = sum(weight * number for weight, number in zip(self._listed, numbers, strict=True)) + self._constant
+        weighed: float = sum(map(mul, self._listed, numbers)) + self._constant
         slope = self.slopes.get(class_name, 0.0)
         return weighed + self.biases.get(class_name, 0.0) + slope * (evidence.lead - self._lead)
 

@@ -9,7 +9,7 @@ from kinespace.stream.feeds.unpackers import UNPACKERS
 from kinespace.stream.inputs.receiver import datagram_of
 from kinespace.stream.inputs.refusals import Refusals
 from kinespace.stream.osc.packet import PacketError
-from kinespace.stream.status import InputCounts
+from kinespace.stream.service.status import InputCounts
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

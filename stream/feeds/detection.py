@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from kinespace.library import hdm05
 from kinespace.library.motion_library import MIN_JOINTS
-from kinespace.library.naming import Naming
+from kinespace.library.naming import Naming, hdm05
 from kinespace.stream.feeds.decoder import FeedDecoder
 from kinespace.stream.feeds.frame_assembler import FrameAssembler
 from kinespace.stream.feeds.message_reader import Mapper, MessageError

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from kinespace.stream.frame import Admitted
     from kinespace.stream.inputs.admission import Admission
     from kinespace.stream.inputs.receiver import Receiver
-    from kinespace.stream.recording.recorder import Recorder
+    from kinespace.stream.inputs.recording.recorder import Recorder
 
 
 class FeedSource(Source):

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 from kinespace.stream.frame import Announcement, Frame, NewSender
 from kinespace.stream.inputs.clock import SenderClock
-from kinespace.stream.status import AdmissionCounts
+from kinespace.stream.service.status import AdmissionCounts
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Sequence

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Protocol
 from kinespace.stream.inputs.receiver import datagram_of, parts_of
 from kinespace.stream.inputs.refusals import Refusals
 from kinespace.stream.osc.frames import decode as decode_datagram
-from kinespace.stream.status import InputCounts
+from kinespace.stream.service.status import InputCounts
 from kinespace.stream.zeromq import single_part
 from kinespace.stream.zeromq.frames import FormatError, SequenceGaps
 from kinespace.stream.zeromq.frames import decode as decode_message

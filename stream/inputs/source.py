@@ -15,8 +15,8 @@ if TYPE_CHECKING:
     from kinespace.stream.inputs.admission import Admission
     from kinespace.stream.inputs.decoder import Decoder
     from kinespace.stream.inputs.receiver import Receiver, Sender
-    from kinespace.stream.recording.recorder import Recorder
-    from kinespace.stream.status import InputCounts
+    from kinespace.stream.inputs.recording.recorder import Recorder
+    from kinespace.stream.service.status import InputCounts
 
 #: Senders that are named in the notes, at most.
 _MAX_TOLD = 3

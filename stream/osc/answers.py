@@ -20,14 +20,14 @@ import struct
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
-from kinespace.stream.answer import GONE, Answer
 from kinespace.stream.osc.packet import BUNDLE_START, PacketError, decode_packet, encode_bundle, encode_message, padded
+from kinespace.stream.recognition import GONE, Answer
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from kinespace.stream.recognition import Event, Recognition
-    from kinespace.stream.status import Status
+    from kinespace.stream.service.status import Status
 
 #: Bytes of an answer, at most. Most networks cut larger datagrams into fragments, and one lost fragment loses all.
 MAX_ANSWER = 1200

@@ -18,17 +18,16 @@ from __future__ import annotations
 from itertools import chain
 from typing import TYPE_CHECKING, TypeVar
 
-from kinespace.stream.answer import GONE
 from kinespace.stream.osc import answers
 from kinespace.stream.osc.packet import encode_bundle, encode_message
-from kinespace.stream.recognition import EventKind
+from kinespace.stream.recognition import GONE, EventKind
 from kinespace.stream.teaching import wire
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from kinespace.stream.recognition import Event, Recognition
-    from kinespace.stream.status import Status
+    from kinespace.stream.service.status import Status
     from kinespace.stream.teaching.notices import Notice
 
 _Last = TypeVar("_Last", int, float)

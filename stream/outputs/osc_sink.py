@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from kinespace.stream.osc.udp import OscReceiver, OscSender
     from kinespace.stream.outputs.layouts import Layout
     from kinespace.stream.recognition import Event, Recognition
-    from kinespace.stream.status import Status
+    from kinespace.stream.service.status import Status
     from kinespace.stream.teaching.notices import Notice
 
 

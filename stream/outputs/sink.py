@@ -9,7 +9,7 @@ if TYPE_CHECKING:
 
     from kinespace.stream.frame import Frame
     from kinespace.stream.recognition import Event, Recognition
-    from kinespace.stream.status import Status
+    from kinespace.stream.service.status import Status
     from kinespace.stream.teaching.notices import Notice
 
 

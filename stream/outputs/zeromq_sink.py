@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from kinespace.stream.recognition import Event, Recognition
-    from kinespace.stream.status import Status
+    from kinespace.stream.service.status import Status
     from kinespace.stream.teaching.notices import Notice
     from kinespace.stream.zeromq.sockets import ZmqSender
 

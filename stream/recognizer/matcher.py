@@ -12,11 +12,10 @@ from kinespace.library.progress.phase_table import phase_table
 from kinespace.library.windows.cutting import FIRST_WINDOW
 from kinespace.library.windows.index import opened
 from kinespace.library.windows.paper import opened_by_paper
-from kinespace.library.windows.rejection import Evidence
 from kinespace.stream.recognition import Outcome
-from kinespace.stream.recognizer.hysteresis import Hysteresis, Judgement
+from kinespace.stream.recognizer.decision import FIRST_HOP, Decision, followed, places_in
+from kinespace.stream.recognizer.hysteresis import Hysteresis
 from kinespace.stream.recognizer.progress import ProgressFollower
-from kinespace.stream.recognizer.settings import SENSITIVITY_LEARNED, SENSITIVITY_OWN
 from kinespace.stream.recognizer.windows.live_windows import LiveWindows, PaperWindow
 
 if TYPE_CHECKING:
@@ -26,6 +25,7 @@ if TYPE_CHECKING:
 
     from kinespace.library.windows.index import WindowIndex
     from kinespace.library.windows.paper import PaperIndex
+    from kinespace.library.windows.rejection import Evidence
     from kinespace.stream.recognition import Progress
 
 #: Frames that a window needs at least.
@@ -33,8 +33,6 @@ _MIN_FRAMES = 3
 #: Seconds within which two spans count as equal, because frame times are rounded
 #: (`stream.recognizer.windows.sliding_window`).
 _TIE = 1e-6
-#: Seconds that the first reading counts for.
-_FIRST_HOP = 1 / 30
 #: Added to 1 − |inner product|² before the logarithm.
 _NEAREST = 1e-3
 
@@ -114,11 +112,6 @@ def index_of(library: MotionLibrary | WindowIndex) -> WindowIndex:
     return opened(library) if isinstance(library, MotionLibrary) else library
 
 
-def places_in(before: Sequence[str], after: Sequence[str]) -> dict[int, int]:
-    """Say at which index of another list each class stands, if it is there."""
-    return {place: after.index(name) for place, name in enumerate(before) if name in after}
-
-
 class _Feed:
     """How long a feed has been followed, and how long ago it was last read."""
 
@@ -141,7 +134,7 @@ class _Feed:
 
     def elapsed(self) -> float:
         """Give the seconds since the last call."""
-        elapsed = _FIRST_HOP if math.isnan(self._read_at) else self._now - self._read_at
+        elapsed = FIRST_HOP if math.isnan(self._read_at) else self._now - self._read_at
         self._read_at = self._now
         return elapsed
 
@@ -163,39 +156,25 @@ class WindowMatcher:
         self._windows = LiveWindows(index.body, index.basis)
         self.longest = self._windows.longest
         self._stillness, self._sensitivity = stillness, sensitivity
-        self._judgement = Judgement(self._threshold(index))
-        self._hysteresis = Hysteresis(index.comparison.weighing.lead)
+        self._decision = Decision(index, stillness=stillness, sensitivity=sensitivity)
         self._feed = _Feed()
         self._progress = ProgressFollower(phase_table(index)) if progress else None
-        self._compare_with(index)
-
-    def _threshold(self, index: WindowIndex) -> float:
-        usual = SENSITIVITY_LEARNED if index.library.learned else SENSITIVITY_OWN
-        return index.rejection.threshold_at(usual if self._sensitivity is None else self._sensitivity)
-
-    def _compare_with(self, index: WindowIndex) -> None:
         self._index, self.classes = index, index.classes
-        self._weighing = index.comparison.weighing
-        # Kept here, because the cache behind the index may be full of other libraries.
-        self._rejection = index.rejection
-        self._nothing = index.classes.index(NOTHING) if NOTHING in index.classes else -1
 
     def exchange(self, library: MotionLibrary | WindowIndex) -> None:
         """Compare the same windows with another library of the same joints from now on."""
         index = index_of(library)
         self._windows.exchange(index.body, index.basis)
-        self._hysteresis.exchange(index.comparison.weighing.lead, places_in(self.classes, index.classes))
-        self._judgement.exchange(self._threshold(index))
+        self._decision.exchange(index)
         if self._progress:
             self._progress.exchange(phase_table(index))
-        self._compare_with(index)
+        self._index, self.classes = index, index.classes
 
     def clear(self) -> None:
         """Forget all rows."""
         self._windows.clear()
-        self._hysteresis.clear()
+        self._decision.clear()
         self._feed.clear()
-        self._judgement.clear()
         if self._progress:
             self._progress.clear()
 
@@ -222,26 +201,17 @@ class WindowMatcher:
         if not self._feed.ready:
             return None
         signature = self._windows.read()
-        views = self._index.log_distances(signature.numbers)
-        distances = self._weighing.named(views)
-        elapsed = self._feed.elapsed()
-        guess, lead = followed(self._hysteresis, distances, elapsed)
-        evidence = Evidence.of(self._weighing.alone(views), guess, noise)
-        known = self._judgement.push(self._rejection.logit(evidence, self.classes[guess]), elapsed)
-        outcome = Outcome.NAMED if known and guess != self._nothing else Outcome.UNKNOWN
+        logs = self._index.log_distances(signature.numbers)
+        decided = self._decision.push(logs, signature.movement, noise, self._feed.elapsed())
         scores = self._index.eigenvector_scores(signature.eigenvector)
         best = int(scores.argmax())
         return Reading(
-            outcome=Outcome.STILL if signature.movement < self._stillness else outcome,
-            distances=distances,
-            guess=guess,
-            lead=lead,
+            **decided._asdict(),
             movement=signature.movement,
             eigenvector_class=best,
             eigenvector_score=float(scores[best]),
             share=signature.share,
             gap=signature.gap,
-            evidence=evidence,
         )
 
 
@@ -319,22 +289,3 @@ class PaperMatcher:
             share=leading.share,
             gap=leading.gap,
         )
-
-
-def followed(hysteresis: Hysteresis, distances: NDArray[np.float64], elapsed: float) -> tuple[int, float]:
-    """Let the guess follow the nearest class; give the guess and its lead over all other classes."""
-    # For some ten numbers Python finds the least two before numpy has begun.
-    listed = distances.tolist()
-    nearest = min(listed)
-    leader = listed.index(nearest)
-    others = listed[:leader] + listed[leader + 1 :]
-    ahead = min(others) - nearest if others else math.inf
-    hysteresis.push(leader, min(ahead, _MAX_PACE), elapsed)
-    if hysteresis.current is None:
-        hysteresis.current = leader
-    guess = hysteresis.current
-    return guess, ahead if guess == leader else nearest - listed[guess]
-
-
-#: A larger lead counts as this much: the only class of a library leads infinitely.
-_MAX_PACE = 3.0

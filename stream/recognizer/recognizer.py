@@ -18,9 +18,10 @@ from kinespace.library.distances import DistanceMeasurer
 from kinespace.library.windows.body import Body
 from kinespace.library.windows.paper import opened_by_paper
 from kinespace.stream.recognition import Recognition
+from kinespace.stream.recognizer.decision import places_in
 from kinespace.stream.recognizer.event_detector import EventDetector
 from kinespace.stream.recognizer.joints.doubts import Doubts
-from kinespace.stream.recognizer.matcher import PaperMatcher, WindowMatcher, index_of, library_of, places_in
+from kinespace.stream.recognizer.matcher import PaperMatcher, WindowMatcher, index_of, library_of
 from kinespace.stream.recognizer.settings import LiveSignature, Settings
 from kinespace.stream.recognizer.windows.smoothing import RowSmoother
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kinespace.library.formats.timed_frames import evened
+from kinespace.library.recordings.formats.timed_frames import evened
 from kinespace.library.teaching.movement import MovementMeter
 
 if TYPE_CHECKING:

@@ -11,14 +11,14 @@ from typing import TYPE_CHECKING
 
 import msgspec
 
-from kinespace.stream.answer import GONE, Answer
+from kinespace.stream.recognition import GONE, Answer
 from kinespace.stream.zeromq.frames import VERSION
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from kinespace.stream.recognition import Event, Progress, Recognition
-    from kinespace.stream.status import Status
+    from kinespace.stream.service.status import Status
 
 #: Digits of a class's score.
 _SCORE_DIGITS = 6

@@ -11,8 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from kinespace.library import hdm05
 from kinespace.library.distances import DistanceMeasurer, distance_rows
+from kinespace.library.naming import hdm05
 from kinespace.library.skeleton import Skeleton
 
 if TYPE_CHECKING:

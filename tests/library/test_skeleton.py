@@ -6,7 +6,7 @@ import naive
 import numpy as np
 import pytest
 
-from kinespace.library import hdm05
+from kinespace.library.naming import hdm05
 from kinespace.library.skeleton import Skeleton, SkeletonMismatchError
 
 JOINTS = ("root", "chest", "head", "left", "right")

@@ -94,6 +94,7 @@ class NaiveSmoother:
 
     segments: Sequence[int]
     rows: list[tuple[float, Matrix]] = field(default_factory=list)
+    waiting: int = 0
     variance: Matrix | float = 0.0
     known: float = 0.0
     noise: float = 0.0
@@ -101,7 +102,10 @@ class NaiveSmoother:
     def smoothed(self, batch: Sequence[tuple[float, Matrix]]) -> list[tuple[float, Matrix]]:
         """Take in rows measured together; give them averaged with the rows before, or unchanged."""
         self.rows += batch
-        self._estimate(len(batch))
+        self.waiting += len(batch)
+        if self.waiting >= 30 or reaches(self.rows[-1][0] - self.rows[-self.waiting][0], 0.1):
+            self._estimate(self.waiting)
+            self.waiting = 0
         if self.noise < NOISY:
             return list(batch)
         return [(now, np.mean(self._before(now), axis=0)) for now, _ in batch]

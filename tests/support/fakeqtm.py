@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 from golden import Moment, message, qtm
 from programs import LOOPBACK, PATIENCE, ghost_cues
 
-from kinespace.library.hdm05 import SKELETON
+from kinespace.library.naming.hdm05 import SKELETON
 from kinespace.stream.osc.packet import decode_packet
 
 if TYPE_CHECKING:

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Self
 import numpy as np
 from golden import LAYOUTS, Moment, bundle, message
 
-from kinespace.library.hdm05 import SKELETON
+from kinespace.library.naming.hdm05 import SKELETON
 from kinespace.stream import zeromq
 from kinespace.stream.feeds import builtin_names, builtin_preset
 from kinespace.stream.feeds.source import FeedSource

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from kinespace.stream.answer import Answer
+    from kinespace.stream.recognition import Answer
     from kinespace.tools.feeding.feed import Packet
     from kinespace.tools.loopback.service_process import Transport
 

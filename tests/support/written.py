@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from kinespace.library.formats import acclaim
+from kinespace.library.recordings.formats import acclaim
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence

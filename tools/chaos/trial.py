@@ -19,8 +19,8 @@ import numpy as np
 
 from kinespace.library import MotionLibrary
 from kinespace.stream.frame import Frame
+from kinespace.stream.inputs.recording import RawFile
 from kinespace.stream.recognizer import Recognizer
-from kinespace.stream.recording import RawFile
 from kinespace.tools.bench.memory import resident_mb
 from kinespace.tools.chaos.attacks import INNOCENT, Place
 from kinespace.tools.chaos.performer import ANSWER_RATE, FRAME_RATE, Performer, schedule

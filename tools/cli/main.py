@@ -22,15 +22,15 @@ if TYPE_CHECKING:
 #: `evaluate` has no module: its experiments are programs.
 PROGRAMS: Programs = {
     "demo": ("programs.demo", "the whole loop on this machine, with nothing but the built-in library"),
-    "live": ("programs.live", "recognise a feed"),
-    "replay": ("programs.replay", "send recorded files, or the built-in library's motions, as a fake live feed"),
-    "record": ("programs.record", "keep a feed's packets as they come, to replay them"),
-    "convert": ("programs.convert", "a raw recording or a motion file as plain numbers"),
+    "live": ("programs.live.program", "recognise a feed"),
+    "replay": ("programs.replay.program", "send recordings, or the built-in library's motions, as a fake live feed"),
+    "record": ("programs.recordings.record", "keep a feed's packets as they come, to replay them"),
+    "convert": ("programs.recordings.convert", "a raw recording or a motion file as plain numbers"),
     "latency": ("programs.latency", "measure frame sent to answer received, beside a bare echo"),
-    "cut": ("programs.cut", "propose labels for a recording: a row for each movement"),
-    "build": ("programs.build", "make a motion library from recordings and other libraries"),
+    "cut": ("programs.recordings.cut", "propose labels for a recording: a row for each movement"),
+    "build": ("programs.recordings.build", "make a motion library from recordings and other libraries"),
     "learn": ("evaluation.learn", "teach a library which movement is unknown, by takes of strangers"),
-    "info": ("programs.info", "describe a motion library or recordings"),
+    "info": ("programs.recordings.info", "describe a motion library or recordings"),
     "evaluate": ("", "measure how often the right class is found"),
     "bench": ("bench.run", "measure the cost of every step, beside other methods"),
     "keys": ("programs.keys", "make keys, so that ZeroMQ lets in only known keys"),
@@ -64,12 +64,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
             stream.reconfigure(errors="replace")
     try:
         options = _parser().parse_args(arguments)
-        from kinespace.library import memory  # noqa: PLC0415 - numpy comes with it, and `--version` needs none
+        from kinespace.library.recordings import memory  # noqa: PLC0415 - numpy comes with it, and `--version` needs none
 
         with memory.limited_to(options.max_memory or memory.MAX_MEMORY):
             status: int = options.run(options)
     except KeyboardInterrupt:
         return 1
+    except RuntimeError as error:
+        # Python 3.11 wraps an interrupt that comes while a class is made, as on import.
+        if isinstance(error.__cause__, KeyboardInterrupt):
+            return 1
+        raise
     except BrokenPipeError:
         # The reader of our output has closed it: print nothing more, not even at the interpreter's end.
         sys.stderr.close()
@@ -92,7 +97,7 @@ def _one_line(error: Exception) -> str:
 
 def _size(text: str) -> int:
     """Read a size in bytes, like 500MB or 4GB."""
-    from kinespace.library import memory  # noqa: PLC0415 - as above
+    from kinespace.library.recordings import memory  # noqa: PLC0415 - as above
 
     return memory.size_of(text)
 

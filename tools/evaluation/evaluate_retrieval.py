@@ -12,7 +12,8 @@ import numpy as np
 from rich.table import Table
 
 from kinespace.library import Clip, MotionLibrary
-from kinespace.library.retrieval.experiment import (
+from kinespace.tools.cli.arguments import add_clips, reading_of
+from kinespace.tools.evaluation.retrieval.experiment import (
     SPLIT_LIBRARY_ACTORS,
     Labels,
     Protocol,
@@ -27,7 +28,6 @@ from kinespace.library.retrieval.experiment import (
     splits,
     turned,
 )
-from kinespace.tools.cli.arguments import add_clips, reading_of
 from kinespace.tools.evaluation.scoring.bootstrap import Ratio
 from kinespace.tools.evaluation.scoring.stream_tables import interval, percent
 from kinespace.tools.feeding.joint_sets import joints_of

@@ -42,7 +42,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from kinespace.library import Clip, Reading
-    from kinespace.library.formats.labels import Segment
+    from kinespace.library.recordings.formats.labels import Segment
 
 #: Seconds before a moment that must lie in a segment for the moment to count as inside it.
 _INSIDE = 1.0

@@ -22,7 +22,7 @@ from scipy.special import expit
 
 from kinespace.library import NOTHING, MotionLibrary
 from kinespace.library.windows.comparison import ACROSS_LABORATORIES
-from kinespace.library.windows.index import WindowIndex
+from kinespace.library.windows.index import WindowIndex, keeping_lessons
 from kinespace.library.windows.rejection import RATES, Evidence, Rejection, stand_in, typical_evidence
 from kinespace.stream.frame import Frame
 from kinespace.stream.recognizer import Recognizer, Settings
@@ -175,7 +175,7 @@ def learn(source: Path, output: Path, sources: Sources, *, reading: Reading, ove
     thresholds = [_threshold([], judged, rate) for rate in RATES]
     raised = _raised(fit(courses), clean, usual)
     rejection = replace(raised, thresholds=np.array(thresholds), joints=len(library.skeleton.joints))
-    replace(library, learned=rejection.kept()).save(output)
+    keeping_lessons(replace(library, learned=rejection.kept())).save(output)
     rows = [_figures(judged, threshold) for threshold in thresholds]
     if as_json:
         print(json.dumps([{"rate": rate} | row for rate, row in zip(RATES, rows, strict=True)]))

@@ -8,10 +8,19 @@ from collections import Counter
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
-from kinespace.library import NOTHING, find_recordings, hdm05
-from kinespace.library.formats import utkinect
-from kinespace.library.formats.labels import LabelError, Segment, cut, labels_beside, oddities, read_labels, renamed
+from kinespace.library import NOTHING, find_recordings
+from kinespace.library.naming import hdm05
 from kinespace.library.recordings import labelled, performed
+from kinespace.library.recordings.formats import utkinect
+from kinespace.library.recordings.formats.labels import (
+    LabelError,
+    Segment,
+    cut,
+    labels_beside,
+    oddities,
+    read_labels,
+    renamed,
+)
 from kinespace.tools.feeding.joint_sets import joints_of
 from kinespace.tools.terminal.console import progress_console
 from kinespace.tools.terminal.named_joints import read_and_tell

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from kinespace.library.formats import utkinect
 from kinespace.library.naming import spelling
+from kinespace.library.recordings.formats import utkinect
 from kinespace.stream.feeds import builtin_names, builtin_preset
 from kinespace.tools.programs.feeds import preset_named
 

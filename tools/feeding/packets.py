@@ -9,7 +9,7 @@ from contextlib import ExitStack, suppress
 from typing import TYPE_CHECKING
 
 from kinespace.stream import osc, zeromq
-from kinespace.stream.recording.kinerec import RawFile
+from kinespace.stream.inputs.recording.kinerec import RawFile
 from kinespace.stream.zeromq import Endpoint, Keyring
 from kinespace.tools.cli.address import host_and_port
 from kinespace.tools.feeding.feed import Pace
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
-    from kinespace.stream.recording.kinerec import RawPacket
+    from kinespace.stream.inputs.recording.kinerec import RawPacket
 
 #: Seconds for ZeroMQ peers to connect before the first message.
 _MEETING = 0.5

@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kinespace.library import hdm05
-from kinespace.library.formats.errors import RecordingError
-from kinespace.library.formats.timed_frames import evened
+from kinespace.library.naming import hdm05
+from kinespace.library.recordings.formats.errors import RecordingError
+from kinespace.library.recordings.formats.timed_frames import evened
 from kinespace.library.skeleton import Skeleton, SkeletonMismatchError
 from kinespace.stream.frame import Announcement
 from kinespace.stream.inputs.clock import SenderClock
-from kinespace.stream.recording.kinerec import RawFile
-from kinespace.stream.recording.playback import decoded
+from kinespace.stream.inputs.recording.kinerec import RawFile
+from kinespace.stream.inputs.recording.playback import decoded
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping

@@ -11,7 +11,7 @@ from kinespace.stream import osc, zeromq
 from kinespace.tools.cli.interruption import check_interrupted
 
 if TYPE_CHECKING:
-    from kinespace.stream.answer import Answer
+    from kinespace.stream.recognition import Answer
     from kinespace.tools.feeding.feed import Packet
 
 #: The poller counts milliseconds; the rest of a millisecond is slept in pieces of these seconds.

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from kinespace.library import MotionLibrary
-    from kinespace.stream.answer import Answer
+    from kinespace.stream.recognition import Answer
     from kinespace.tools.feeding.feed import Cue
 
 #: Scores agree to the digits that every transport carries.

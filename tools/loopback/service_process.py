@@ -19,7 +19,7 @@ from kinespace.stream import osc, zeromq
 from kinespace.stream.inputs import OscDecoder, Source, ZmqDecoder
 from kinespace.stream.outputs import LayoutSink, NativeLayout, ZmqSink
 from kinespace.stream.recognizer import Performers, Recognizer, Settings
-from kinespace.stream.service import Service
+from kinespace.stream.service.loop import Service
 from kinespace.stream.zeromq import Endpoint, Keyring
 from kinespace.tools.feeding.feed import OscFrameSender, ZmqFrameSender
 
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from multiprocessing.connection import Connection
     from pathlib import Path
 
-    from kinespace.stream.status import Status
+    from kinespace.stream.service.status import Status
     from kinespace.tools.feeding.feed import FrameSender, Packet
     from kinespace.tools.loopback.answer_listener import Receiver
 

@@ -42,7 +42,7 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from kinespace.library import Clip
-    from kinespace.stream.answer import Answer
+    from kinespace.stream.recognition import Answer
     from kinespace.tools.feeding.feed import Cue, FrameSender
     from kinespace.tools.loopback.answer_listener import Heard
     from kinespace.tools.loopback.service_process import Transport

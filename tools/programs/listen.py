@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING
 import zmq
 from rich.text import Text
 
-from kinespace.library import MotionLibrary, hdm05
+from kinespace.library import MotionLibrary
 from kinespace.library.motion_library import MIN_JOINTS
-from kinespace.library.naming import NamedJoints, Naming
+from kinespace.library.naming import NamedJoints, Naming, hdm05
 from kinespace.library.naming import told as names_told
 from kinespace.stream.feeds import builtin_names, builtin_preset
 from kinespace.stream.feeds.detection import MAX_KINDS, OURS, Guess, Survey

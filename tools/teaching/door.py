@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import zmq
 
 from kinespace.stream.inputs.receiver import KEYED, datagram_of
-from kinespace.stream.status import InputCounts
+from kinespace.stream.service.status import InputCounts
 from kinespace.stream.teaching import wire
 from kinespace.stream.teaching.commands import CommandError
 

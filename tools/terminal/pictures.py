@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from numpy.typing import NDArray
 
-    from kinespace.library.retrieval.experiment import Protocol, Retrieval, Space
+    from kinespace.tools.evaluation.retrieval.experiment import Protocol, Retrieval, Space
     from kinespace.tools.evaluation.scoring.timeline import Course
 
 

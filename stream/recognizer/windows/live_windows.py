@@ -97,7 +97,11 @@ class LiveWindows:
         self._rolling = (*self._moments, *self._covariances)
         self._windows: tuple[SlidingWindow | ShorterWindow, ...]
         self._windows = (self._distances, self._points, *self._shorter, *shorter)
-        self._pairs_found = min(EIGENVECTORS, directions)
+        # The compiled loops write the parts of distances, and each window's eigenvectors, unscaled and scaled.
+        self._parts = np.empty((len(self._moments), len(_KINDS), len(basis.directions)))
+        found = min(EIGENVECTORS, directions)
+        self._values = np.empty(found)
+        self._vectors = np.empty((len(self._covariances), 2, found, directions))
 
     def exchange(self, body: Body, basis: Basis) -> None:
         """Follow the same rows, in another basis of the same distances and with another body's measures."""
@@ -139,7 +143,7 @@ class LiveWindows:
         return self._distances.times, self._distances.rows
 
     def read(self) -> LiveSignature:
-        """Read the signature of the windows that end with the newest row; needs a row."""
+        """Read the signature of the windows that end with the newest row; needs a row. Valid until the next call."""
         self._settle()
         loops = compiled.loops
         if loops and self._directions.shape[1] <= loops.MAX_DIRECTIONS:
@@ -156,14 +160,8 @@ class LiveWindows:
         return LiveSignature(numbers, float(movement(moments)[-1]), *leading)
 
     def _read_compiled(self, loops: compiled.Loops) -> LiveSignature:
-        pairs, directions = self._directions.shape
-        distances = np.empty((len(self._moments), len(_KINDS), pairs))
-        # The eigenvectors of each window, unscaled and scaled.
-        eigenvectors = np.empty((len(self._covariances), 2, self._pairs_found, directions))
-        values = np.empty(self._pairs_found)
-        moved = 0.0
-        body = self._body
-        for moments, parts in zip(self._moments, distances, strict=True):
+        moved, body = 0.0, self._body
+        for moments, parts in zip(self._moments, self._parts, strict=True):
             moved, _ = loops.read_parts(
                 moments.sums,
                 moments.clock,
@@ -176,11 +174,11 @@ class LiveWindows:
                 parts,
             )
         totals = [
-            loops.read_eigen(each.total, each.products, each.count, each.no_scatter, values, *vectors)
-            for each, vectors in zip(self._covariances, eigenvectors, strict=True)
+            loops.read_eigen(each.total, each.products, each.count, each.no_scatter, self._values, *vectors)
+            for each, vectors in zip(self._covariances, self._vectors, strict=True)
         ]
-        numbers = {part: (eigenvectors if kind is None else distances)[place] for part, kind, place in _PLACES}
-        return LiveSignature(numbers, moved, *Leading.of(totals[-1], values, eigenvectors[-1, 0, 0]))
+        numbers = {part: (self._vectors if kind is None else self._parts)[place] for part, kind, place in _PLACES}
+        return LiveSignature(numbers, moved, *Leading.of(totals[-1], self._values, self._vectors[-1, 0, 0]))
 
 
 #: The kinds of parts of distances, in the order in which the compiled loops write them.

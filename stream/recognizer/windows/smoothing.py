@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 NOISY = 0.0113
 #: Seconds over which the rows of a noisy feed are averaged, and over which the noise is estimated.
 _AVERAGED, _ESTIMATED = 0.1, 1.0
+#: Seconds of rows, or rows, after which the noise is estimated again.
+_EVERY, _MAX_WAITING = 0.1, 30
 #: The variance of second differences of white noise, relative to the noise's variance.
 _SECOND_DIFFERENCE = 6.0
 #: Seconds within which two spans count as equal, because frame times are rounded
@@ -54,7 +56,7 @@ class RowSmoother:
 
     def clear(self) -> None:
         """Forget all rows, and the noise."""
-        self._end = 0
+        self._end = self._waiting = 0
         self._variance = np.zeros(len(self._segments))
         self._known = 0.0
         self.noise = 0.0
@@ -65,7 +67,11 @@ class RowSmoother:
         self._end = begin + len(times)
         self._rows[begin : self._end] = rows
         self._times[begin : self._end] = times
-        self._estimate(max(begin - 2, 0))
+        self._waiting += len(times)
+        first = max(self._end - self._waiting, 0)
+        if self._waiting >= _MAX_WAITING or times[-1] - self._times.item(first) >= _EVERY - _TIE:
+            self._estimate(max(first - 2, 0))
+            self._waiting = 0
         if self.noise < NOISY:
             return
         first = max(self._end - _MAX_ROWS, 0)

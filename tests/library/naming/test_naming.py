@@ -5,8 +5,7 @@ from typing import TYPE_CHECKING
 import pytest
 import skeletons
 
-from kinespace.library import hdm05
-from kinespace.library.naming import Naming, convention_named, conventions, told
+from kinespace.library.naming import Naming, convention_named, conventions, hdm05, told
 from kinespace.stream.feeds import builtin_names, builtin_preset
 
 if TYPE_CHECKING:

@@ -10,7 +10,7 @@ from golden import bundle, message
 from hypothesis import given
 from hypothesis import strategies as st
 
-from kinespace.library import hdm05
+from kinespace.library.naming import hdm05
 from kinespace.stream.feeds import builtin_preset
 from kinespace.stream.feeds.frame_assembler import FORGET_AFTER, FrameAssembler
 from kinespace.stream.feeds.preset import parse_preset

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from kinespace.library.hdm05 import SKELETON
+from kinespace.library.naming.hdm05 import SKELETON
 from kinespace.stream.feeds import PresetError, builtin_names, builtin_preset, builtin_text, load_preset
 from kinespace.stream.feeds.preset import Closing, Means, parse_preset
 

@@ -7,7 +7,7 @@ import pytest
 from kinespace.stream.inputs import Source
 from kinespace.stream.inputs.refusals import Refusals
 from kinespace.stream.inputs.turns import MAX_ASIDE, MAX_AT_ONCE, PER_EVENT, SHARE, Turns, Waiting
-from kinespace.stream.status import InputCounts
+from kinespace.stream.service.status import InputCounts
 
 ANN, EVE = ("10.0.0.1", 4000), ("10.0.0.2", 4000)
 

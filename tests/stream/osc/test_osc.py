@@ -18,16 +18,15 @@ from pythonosc.osc_bundle_builder import IMMEDIATELY, OscBundleBuilder
 from pythonosc.osc_message_builder import OscMessageBuilder
 from pythonosc.osc_packet import OscPacket
 
-from kinespace.library.hdm05 import SKELETON
 from kinespace.library.motion_library import MotionLibrary
+from kinespace.library.naming.hdm05 import SKELETON
 from kinespace.stream import osc
-from kinespace.stream.answer import Answer
 from kinespace.stream.frame import Announcement, Frame
 from kinespace.stream.osc import frames
 from kinespace.stream.osc.udp import RECEIVE_BUFFER
-from kinespace.stream.recognition import Event, EventKind, Outcome, Progress, Recognition
+from kinespace.stream.recognition import Answer, Event, EventKind, Outcome, Progress, Recognition
 from kinespace.stream.recognizer.performers import PerformerCounts
-from kinespace.stream.status import InputCounts, Status
+from kinespace.stream.service.status import InputCounts, Status
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator

@@ -15,7 +15,7 @@ from kinespace.stream.inputs import Admission, OscDecoder, Source
 from kinespace.stream.outputs import LAYOUTS, LayoutSink, NativeLayout, ReplySink
 from kinespace.stream.recognition import Event, EventKind, Outcome, Progress, Recognition
 from kinespace.stream.recognizer.performers import PerformerCounts
-from kinespace.stream.status import InputCounts, Status
+from kinespace.stream.service.status import InputCounts, Status
 
 LOOPBACK = "127.0.0.1"
 CLASSES = ("bow", "jump", "wave")

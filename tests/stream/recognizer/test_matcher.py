@@ -12,8 +12,9 @@ from kinespace.library.windows.index import WindowIndex
 from kinespace.library.windows.paper import PaperIndex
 from kinespace.library.windows.rejection import MAX_LEAD
 from kinespace.stream.recognition import Outcome
+from kinespace.stream.recognizer.decision import followed
 from kinespace.stream.recognizer.hysteresis import PER_SECOND, Hysteresis
-from kinespace.stream.recognizer.matcher import Matcher, PaperMatcher, Reading, WindowMatcher, followed
+from kinespace.stream.recognizer.matcher import Matcher, PaperMatcher, Reading, WindowMatcher
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -14,7 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from programs import LOOPBACK, PATIENCE, ghost_cues
 
-from kinespace.library.hdm05 import SKELETON
+from kinespace.library.naming.hdm05 import SKELETON
 from kinespace.stream import osc, zeromq
 from kinespace.stream.feeds import builtin_preset
 from kinespace.stream.feeds.source import FeedSource

@@ -18,14 +18,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from kinespace.library import MotionLibrary
-from kinespace.library.hdm05 import SKELETON
+from kinespace.library.naming.hdm05 import SKELETON
 from kinespace.stream import zeromq
-from kinespace.stream.answer import Answer
 from kinespace.stream.frame import Announcement, Frame
-from kinespace.stream.recognition import Outcome, Progress, Recognition
+from kinespace.stream.recognition import Answer, Outcome, Progress, Recognition
 from kinespace.stream.recognizer import LiveSignature, Recognizer, Settings
 from kinespace.stream.recognizer.performers import PerformerCounts
-from kinespace.stream.status import InputCounts, Status
+from kinespace.stream.service.status import InputCounts, Status
 from kinespace.stream.zeromq import MAX_MESSAGE, Endpoint, FormatError, SequenceGaps, ZmqReceiver, ZmqSender
 
 if TYPE_CHECKING:

@@ -21,10 +21,10 @@ PACKAGES = ("library", "stream", "tools")
 #: The imports of a package: itself and these.
 BELOW = {"library": set[str](), "stream": {"library"}, "tools": {"library", "stream"}}
 #: Folders and files that do no input or output, and know no clock and no thread.
-CORE = ("library", "stream/recognizer", "stream/frame.py", "stream/recognition.py", "stream/answer.py")
+CORE = ("library", "stream/recognizer", "stream/frame.py", "stream/recognition.py")
 CORE += ("stream/osc/packet.py", "stream/osc/frames.py", "stream/osc/answers.py", "stream/outputs/layouts.py")
 CORE += ("stream/zeromq/frames.py", "stream/zeromq/answers.py", "stream/zeromq/single_part.py")
-CORE += ("stream/inputs/decoder.py", "stream/inputs/receiver.py", "stream/recording/playback.py")
+CORE += ("stream/inputs/decoder.py", "stream/inputs/receiver.py", "stream/inputs/recording/playback.py")
 CORE += tuple(
     f"stream/feeds/{name}.py"
     for name in (
@@ -39,8 +39,9 @@ CORE += tuple(
     )
 )
 NOT_IN_CORE = {"socket", "time", "threading", "zmq", "asyncio", "pythonosc", "selectors", "multiprocessing", "logging"}
-#: Modules in one folder, at most: a newcomer reads the list at a glance.
-MAX_MODULES = 13
+#: Files and folders in one folder, at most: a newcomer reads the list at a glance. Folders of presets are lists.
+MAX_ENTRIES = 13
+LISTS = {"presets", "conventions"}
 #: What keeps another process that reads files, and waits for it.
 KEEPS_A_PROCESS = "c3d_process"
 #: The folders in which people keep their work; no source says where it was written.
@@ -124,7 +125,7 @@ def test_the_drawing_shows_the_rooms() -> None:
     page = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
     (drawing,) = re.findall(r"## The rooms\n\n```text\n(.*?)```", page, re.DOTALL)
     paths = [path for top in (*PACKAGES, "tests") for path in (ROOT / top, *(ROOT / top).rglob("*"))]
-    folders = {path.name for path in paths if path.is_dir() and any(path.glob("*.[pt][yo]*"))} - {"__pycache__"}
+    folders = {path.name for path in paths if path.is_dir() and any(path.rglob("*.[pt][yo]*"))} - {"__pycache__"}
     mirrored = {path.name for path in paths if path.is_relative_to(ROOT / "tests") and path.is_dir()}
     drawn = set(re.findall(r"(\w+)/(?=\s)", drawing))
     assert drawn <= folders
@@ -133,9 +134,12 @@ def test_the_drawing_shows_the_rooms() -> None:
 
 
 def test_rooms_are_small() -> None:
-    """No folder of the packages has more than `MAX_MODULES` modules."""
-    rooms = Counter(path.parent.relative_to(ROOT) for path in SOURCES if path.name != "__init__.py")
-    assert {str(room): count for room, count in rooms.items() if count > MAX_MODULES} == {}
+    """No folder of the packages and the tests has more than `MAX_ENTRIES` files and folders."""
+    tops = (*PACKAGES, "tests")
+    paths = {path.relative_to(ROOT) for path in project_files()}
+    entries = {above for path in paths for above in (path, *path.parents) if above.parts and above.parts[0] in tops}
+    rooms = Counter(entry.parent for entry in entries if len(entry.parts) > 1)
+    assert {str(room): count for room, count in rooms.items() if count > MAX_ENTRIES and room.name not in LISTS} == {}
 
 
 @pytest.mark.parametrize("path", SOURCES, ids=name_of)

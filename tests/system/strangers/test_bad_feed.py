@@ -15,13 +15,13 @@ import numpy as np
 import pytest
 from pythonosc.osc_message_builder import OscMessageBuilder
 
-from kinespace.library.hdm05 import SKELETON
+from kinespace.library.naming.hdm05 import SKELETON
 from kinespace.stream import osc, zeromq
 from kinespace.stream.frame import Announcement, Frame
 from kinespace.stream.inputs import OscDecoder, Source, ZmqDecoder
 from kinespace.stream.outputs import Sink
 from kinespace.stream.recognizer import Performers, Recognizer, Settings
-from kinespace.stream.service import Service
+from kinespace.stream.service.loop import Service
 from kinespace.stream.zeromq import Endpoint
 
 if TYPE_CHECKING:
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from kinespace.library.clip import Clip
     from kinespace.library.motion_library import MotionLibrary
     from kinespace.stream.recognition import Event, Recognition
-    from kinespace.stream.status import Status
+    from kinespace.stream.service.status import Status
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("no_waiting")]
 

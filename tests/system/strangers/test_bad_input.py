@@ -18,14 +18,15 @@ from programs import COUNTED, LOOPBACK, PATIENCE, Publisher, builtin_library, fi
 from recorded import write_take, write_takes
 from synthetic import stick_clips
 
-from kinespace.library import MotionLibrary, hdm05
+from kinespace.library import MotionLibrary
+from kinespace.library.naming import hdm05
 from kinespace.library.windows.index import WindowIndex, opened
 from kinespace.stream import Announcement, Performers, Recognizer, osc, zeromq
 from kinespace.stream.inputs import OscDecoder, Source, ZmqDecoder
 from kinespace.stream.inputs.admission import Admission
+from kinespace.stream.inputs.recording import kinerec as rawfile
 from kinespace.stream.outputs import Sink
-from kinespace.stream.recording import kinerec as rawfile
-from kinespace.stream.service import Service
+from kinespace.stream.service.loop import Service
 from kinespace.stream.zeromq import Endpoint
 from kinespace.tools.cli.main import main
 from kinespace.tools.feeding.feed import OscFrameSender

@@ -11,9 +11,9 @@ import pytest
 from golden import LAYOUTS, PACKETS, Moment
 from programs import builtin_library, ghost_cues
 
-from kinespace.library.formats.labels import read_labels, renamed
-from kinespace.library.hdm05 import SKELETON
+from kinespace.library.naming.hdm05 import SKELETON
 from kinespace.library.recordings import find_recordings, read_recordings
+from kinespace.library.recordings.formats.labels import read_labels, renamed
 from kinespace.library.windows.index import opened
 from kinespace.stream import Announcement, Frame, Recognizer, Settings, osc
 from kinespace.stream.feeds import FrameAssembler, Mapper, builtin_names, builtin_preset
@@ -22,7 +22,7 @@ from kinespace.stream.feeds.unpackers import UNPACKERS
 from kinespace.stream.outputs import LayoutSink
 from kinespace.stream.outputs.layouts import NativeLayout
 from kinespace.stream.recognizer import LiveSignature, Performers
-from kinespace.stream.service import Service
+from kinespace.stream.service.loop import Service
 from kinespace.tools.feeding.feed import resampled
 
 if TYPE_CHECKING:

@@ -19,7 +19,7 @@ from kinespace.stream.feeds import builtin_preset
 from kinespace.stream.feeds.decoder import FeedDecoder
 from kinespace.stream.inputs import OscDecoder, Source, ZmqDecoder
 from kinespace.stream.osc.packet import MAX_MESSAGES, MAX_VALUES
-from kinespace.stream.service import Service
+from kinespace.stream.service.loop import Service
 from kinespace.stream.zeromq import MAX_MESSAGE, Endpoint, ZmqReceiver
 
 if TYPE_CHECKING:

@@ -15,7 +15,7 @@ from golden import LAYOUTS, PACKETS, Moment, bundle, message
 from liblotools import DUMPED_TO
 from programs import LOOPBACK, PATIENCE, builtin_library, ghost_cues, started
 
-from kinespace.library.hdm05 import SKELETON
+from kinespace.library.naming.hdm05 import SKELETON
 from kinespace.stream import osc
 from kinespace.stream.feeds import builtin_preset
 from kinespace.stream.feeds.source import FeedSource
@@ -26,7 +26,7 @@ from kinespace.stream.outputs import LayoutSink, NativeLayout, layouts
 from kinespace.stream.recognition import Event, EventKind
 from kinespace.stream.recognizer import Recognizer
 from kinespace.stream.recognizer.performers import PerformerCounts
-from kinespace.stream.status import InputCounts, Status
+from kinespace.stream.service.status import InputCounts, Status
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator

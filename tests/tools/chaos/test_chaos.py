@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 from programs import PATIENCE
 
-from kinespace.library.hdm05 import SKELETON
+from kinespace.library.naming.hdm05 import SKELETON
 from kinespace.stream import zeromq
 from kinespace.stream.osc import OscSender
 from kinespace.stream.zeromq import Endpoint

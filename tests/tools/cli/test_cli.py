@@ -17,8 +17,13 @@ from kinespace.tools.cli import entry
 from kinespace.tools.cli.arguments import OSC_IN
 from kinespace.tools.cli.main import EXPERIMENTS, PROGRAMS, main
 from kinespace.tools.evaluation import evaluate_retrieval
-from kinespace.tools.programs import build, demo, info, latency, live, replay
-from kinespace.tools.programs.live import OSC_OUT
+from kinespace.tools.programs import demo, latency
+from kinespace.tools.programs.live import options as live
+from kinespace.tools.programs.live import program as live_program
+from kinespace.tools.programs.live.program import OSC_OUT
+from kinespace.tools.programs.recordings import build, info
+from kinespace.tools.programs.replay import options as replay
+from kinespace.tools.programs.replay import program as replay_program
 
 if TYPE_CHECKING:
     from types import ModuleType
@@ -36,8 +41,8 @@ def asked(monkeypatch: pytest.MonkeyPatch) -> list[Call]:
 
     works = (
         (demo, "demonstrate"),
-        (live, "recognise"),
-        (replay, "play"),
+        (live_program, "recognise"),
+        (replay_program, "play"),
         (latency, "compare_with_echo"),
         (build, "build"),
         (info, "describe"),

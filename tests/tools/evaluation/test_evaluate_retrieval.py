@@ -16,8 +16,16 @@ from programs import started
 from recorded import SWINGS, write_takes
 
 from kinespace.library import read_recordings
-from kinespace.library.retrieval.experiment import Labels, Protocol, Retrieval, Space, compare, motion_axes, retrieve
 from kinespace.tools.cli.main import main
+from kinespace.tools.evaluation.retrieval.experiment import (
+    Labels,
+    Protocol,
+    Retrieval,
+    Space,
+    compare,
+    motion_axes,
+    retrieve,
+)
 from kinespace.tools.terminal.console import console
 
 if TYPE_CHECKING:
@@ -304,19 +312,12 @@ def noisy(clip: Clip) -> Clip:
 
 def test_the_built_in_motions_have_the_papers_figures(capsys: pytest.CaptureFixture[str]) -> None:
     """Without a folder the built-in library's motions are asked: figures within a point of the reference."""
-    assert evaluate() == 0
-    printed = capsys.readouterr().out
-    rows = table_rows(printed)
+    # `test_no_figure_falls` asks by the spread, which takes long.
+    assert evaluate("--signature", "eigenvector") == 0
+    rows = table_rows(capsys.readouterr().out)
     assert set(rows) == {key for key in REFERENCE if key[0] != "rotations"}
     for key, (_, nearest, _, _) in rows.items():
         assert percent(nearest) == pytest.approx(REFERENCE[key], abs=0.01)
-    by_spread = {protocol: percent(row[1]) for (_, protocol), row in table_rows(printed, "spread").items()}
-    assert by_spread["leave-one-out"] >= 0.995
-    assert by_spread["actor-held-out"] >= 0.99
-    assert by_spread["split"] >= 0.98
-    mean, _, worst = splits_in(printed)["distances", "spread"]
-    assert mean > 97.5
-    assert worst > 94
 
 
 def percent(told: str) -> float:

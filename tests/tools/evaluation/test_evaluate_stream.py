@@ -12,9 +12,9 @@ import pytest
 from takes import write_take
 
 from kinespace.library import MotionLibrary, Reading, read_recordings
-from kinespace.library.formats import utkinect
-from kinespace.library.formats.labels import Segment, cut, read_labels, renamed
 from kinespace.library.recordings import ActorIn, performed
+from kinespace.library.recordings.formats import utkinect
+from kinespace.library.recordings.formats.labels import Segment, cut, read_labels, renamed
 from kinespace.stream.frame import Frame
 from kinespace.stream.recognizer import Recognizer, Settings
 from kinespace.tools.cli.main import main

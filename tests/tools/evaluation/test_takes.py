@@ -12,8 +12,8 @@ from recorded import SWINGS, write_takes
 from takes import write_take
 
 from kinespace.library import NOTHING, MotionLibrary, Reading
-from kinespace.library.formats.labels import LabelError, Segment
 from kinespace.library.recordings import ActorIn, RecordingError
+from kinespace.library.recordings.formats.labels import LabelError, Segment
 from kinespace.tools.evaluation.takes import Sources, Take, read_takes, takes_of
 
 if TYPE_CHECKING:

@@ -11,7 +11,7 @@ import pytest
 from programs import LOOPBACK, PATIENCE
 
 from kinespace.stream import Outcome, Recognition, osc, zeromq
-from kinespace.stream.answer import Answer
+from kinespace.stream.recognition import Answer
 from kinespace.stream.zeromq import Endpoint
 from kinespace.tools.loopback.answer_listener import Listener, answer_in
 

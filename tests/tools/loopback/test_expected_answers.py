@@ -13,7 +13,7 @@ from programs import builtin_library, motion_cues
 
 from kinespace.library.windows.cutting import FIRST_WINDOW
 from kinespace.stream import Frame, LiveSignature, Recognizer, Settings, osc, zeromq
-from kinespace.stream.answer import Answer
+from kinespace.stream.recognition import Answer
 from kinespace.tools.loopback.expected_answers import AnswerMatcher, Expected, expected_answers
 
 if TYPE_CHECKING:

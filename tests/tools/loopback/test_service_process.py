@@ -20,7 +20,7 @@ from kinespace.tools.loopback.service_process import BackgroundService, Echo
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from kinespace.stream.answer import Answer
+    from kinespace.stream.recognition import Answer
     from kinespace.tools.feeding.feed import Packet
     from kinespace.tools.loopback.service_process import Transport
 

@@ -15,7 +15,7 @@ from fakeqtm import fake_qtm
 from golden import LAYOUTS, Moment, bundle, message
 from programs import LOOPBACK, finished, free_udp_port, ghost_cues
 
-from kinespace.library.hdm05 import SKELETON
+from kinespace.library.naming.hdm05 import SKELETON
 from kinespace.stream.feeds import builtin_names, builtin_preset
 from kinespace.stream.feeds.detection import MAX_KINDS, Survey, shortened
 from kinespace.tools.programs.listen import advice

@@ -13,7 +13,7 @@ from kinespace.stream import Outcome, Recognition
 from kinespace.stream.recognition import Event, EventKind
 from kinespace.stream.recognizer import RecognizerCounts
 from kinespace.stream.recognizer.performers import PerformerCounts
-from kinespace.stream.status import InputCounts, Status
+from kinespace.stream.service.status import InputCounts, Status
 from kinespace.tools.terminal.live_table import LiveTable, PlainLines, counts, score_shown, summary
 
 CLASSES = ("bow", "jump", "wave")

@@ -11,7 +11,7 @@ import matplotlib as mpl
 import numpy as np
 import pytest
 
-from kinespace.library.retrieval.experiment import Protocol, Retrieval, Space
+from kinespace.tools.evaluation.retrieval.experiment import Protocol, Retrieval, Space
 from kinespace.tools.terminal import pictures
 
 if TYPE_CHECKING:

@@ -11,7 +11,7 @@ from rich.table import Table
 
 from kinespace.library import MotionLibrary
 from kinespace.tools.cli.main import main
-from kinespace.tools.programs import replay
+from kinespace.tools.programs.replay.score import Score
 from kinespace.tools.terminal.console import console
 from kinespace.tools.terminal.tables import add_names, csv_text, shortened
 
@@ -55,7 +55,7 @@ def test_recordings_keep_their_names(hdm05_folder: Path, capsys: pytest.CaptureF
 
 def test_what_was_answered_is_told_with_whole_names(capsys: pytest.CaptureFixture[str]) -> None:
     """The table at the end of replay has a line for each class."""
-    score = replay.Score()
+    score = Score()
     for name in CLASSES:
         score.add(name, CLASSES[0])
     console.print(score.table())

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from kinespace.stream.recognizer import Settings
-    from kinespace.stream.status import Status
+    from kinespace.stream.service.status import Status
     from kinespace.tools.loopback.answer_listener import Heard
     from kinespace.tools.loopback.service_process import Transport
 

@@ -8,14 +8,11 @@ from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
-from kinespace.library.windows.rejection import Evidence
 from kinespace.stream.frame import Frame
 from kinespace.stream.recognition import Event, EventKind, Outcome, Recognition
 from kinespace.stream.recognizer import Recognizer
+from kinespace.stream.recognizer.decision import FIRST_HOP, Decision
 from kinespace.stream.recognizer.event_detector import EventDetector
-from kinespace.stream.recognizer.hysteresis import Hysteresis, Judgement
-from kinespace.stream.recognizer.matcher import followed
-from kinespace.stream.recognizer.settings import SENSITIVITY_LEARNED, SENSITIVITY_OWN
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -26,9 +23,6 @@ if TYPE_CHECKING:
     from kinespace.library.windows.index import WindowIndex
     from kinespace.library.windows.parts import Part
     from kinespace.stream.recognizer import Settings
-
-#: Seconds for which the first answer counts.
-_FIRST_HOP = 1 / 30
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -109,33 +103,26 @@ def starts_heard(hops: Sequence[Hop], index: WindowIndex, settings: Settings) ->
     hops
         The hops of one motion.
     index
-        Some windows of the library that heard the motion, in the same metrics; without the class `nothing`.
+        Some windows of the library that heard the motion, in the same metrics.
     settings
         The recogniser's settings.
     """
-    weighing, rejection, classes = index.comparison.weighing, index.rejection, index.classes
-    usual = SENSITIVITY_LEARNED if index.library.learned else SENSITIVITY_OWN
-    judgement = Judgement(rejection.threshold_at(usual if settings.sensitivity is None else settings.sensitivity))
-    hysteresis, detector = Hysteresis(weighing.lead), EventDetector(settings.lead)
+    decision = Decision(index, stillness=settings.stillness, sensitivity=settings.sensitivity)
+    detector = EventDetector(settings.lead)
     starts, last = list[Event](), math.nan
     for hop in hops:
-        elapsed = _FIRST_HOP if math.isnan(last) else hop.time - last
+        elapsed = FIRST_HOP if math.isnan(last) else hop.time - last
         last = hop.time
-        logs = index.distances_of(hop.vectors)
-        distances = weighing.named(logs)
-        guess, lead = followed(hysteresis, distances, elapsed)
-        evidence = Evidence.of(weighing.alone(logs), guess, hop.noise)
-        known = judgement.push(rejection.logit(evidence, classes[guess]), elapsed)
-        outcome = Outcome.NAMED if known else Outcome.UNKNOWN
+        decided = decision.push(index.distances_of(hop.vectors), hop.movement, hop.noise, elapsed)
         recognition = Recognition(
             performer="clip",
             time=hop.time,
-            outcome=Outcome.STILL if hop.movement < settings.stillness else outcome,
-            classes=classes,
-            scores=1 / (1 + np.exp(distances)),
-            guess=guess,
+            outcome=decided.outcome,
+            classes=index.classes,
+            scores=1 / (1 + np.exp(decided.distances)),
+            guess=decided.guess,
             movement=hop.movement,
-            lead=lead,
+            lead=decided.lead,
             eigenvector_class=None,
             eigenvector_score=0.0,
             share=0.0,

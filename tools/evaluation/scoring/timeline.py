@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from kinespace.library.formats.labels import Segment
+    from kinespace.library.recordings.formats.labels import Segment
     from kinespace.stream.recognition import Event, Recognition
 
 #: The index that stands for "no class".

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from kinespace.library import MotionLibrary, distance_rows, hdm05
+from kinespace.library import MotionLibrary, distance_rows
+from kinespace.library.naming import hdm05
 from kinespace.stream.frame import Frame
 from kinespace.stream.recognizer import LiveSignature
 from kinespace.tools.bench.cases import baselines, peers

@@ -9,7 +9,7 @@ import pytest
 from synthetic import STICK_CLASSES, stick_clip
 
 from kinespace.library import NOTHING, MotionLibrary
-from kinespace.library.formats.labels import Segment
+from kinespace.library.recordings.formats.labels import Segment
 from kinespace.tools.evaluation.scoring.protocols import Protocol, folds_of
 from kinespace.tools.evaluation.takes import Take
 

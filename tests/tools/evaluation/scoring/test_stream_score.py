@@ -13,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from naive_score import Moment
 
-from kinespace.library.formats.labels import Segment
+from kinespace.library.recordings.formats.labels import Segment
 from kinespace.stream.recognition import Event, EventKind, Outcome, Recognition
 from kinespace.tools.evaluation.scoring.stream_score import (
     LOWER_IS_BETTER,

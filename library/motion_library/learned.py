@@ -1,0 +1,38 @@
+"""Numbers learned from people, kept beside a library's motions."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Self
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from numpy.typing import NDArray
+
+
+#: The beginning of the names of arrays that only hold for the motions that taught them.
+TAUGHT = "taught "
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Learned:
+    """Named arrays, each float32."""
+
+    named: Mapping[str, NDArray[np.float32]] = field(repr=False)
+
+    def arrays(self) -> dict[str, NDArray[np.float32]]:
+        """Give the arrays by name, as a library's file keeps them."""
+        return dict(self.named)
+
+    @classmethod
+    def of_arrays(cls, arrays: Mapping[str, NDArray[np.float32]]) -> Self:
+        """Make it from the arrays of a library's file."""
+        return cls({name: np.asarray(array, dtype=np.float32) for name, array in arrays.items()})
+
+    def for_other_motions(self) -> Learned:
+        """Give the numbers that hold for other motions too."""
+        kept = {name: array for name, array in self.named.items() if not name.startswith(TAUGHT)}
+        return self if len(kept) == len(self.named) else Learned(kept)

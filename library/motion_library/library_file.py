@@ -1,0 +1,379 @@
+"""The file of a motion library: a header and arrays in one `.npz` without pickle, written atomically.
+
+The header is JSON. `positions` holds the second differences along time of all motions, one after the other, in whole
+millimetres from each motion's first root position; `starts` holds those first positions. Differences and sums wrap
+around at the integers' range, so nothing is lost. Zip's checksums tell whether a file is damaged.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+import math
+import os
+import struct
+import tempfile
+import tokenize
+import zipfile
+import zlib
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, BinaryIO, NamedTuple
+
+import numpy as np
+
+from kinespace.library.clip import Clip
+from kinespace.library.motion_library.learned import Learned
+from kinespace.library.recordings import memory
+from kinespace.library.skeleton import Skeleton
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from numpy.typing import DTypeLike, NDArray
+
+FORMAT = "kinespace motion library"
+#: Version 3 keeps the motions themselves; older versions kept numbers computed from them.
+VERSION = 3
+
+MAX_MOTIONS = 100_000
+MAX_JOINTS = 512
+#: Frames × joints × 3 of all motions together, at most: some five hours of 31 joints, 0.8 GB when read.
+MAX_COORDINATES = 100_000_000
+#: Metres of any joint from the origin, at most.
+MAX_METRES = 1000.0
+MAX_HEADER_BYTES = 16_000_000
+MAX_LEARNED_BYTES = 64_000_000
+#: Bytes of a zip file's directory, at most.
+_MAX_DIRECTORY_BYTES = 64_000
+#: Bytes in front of an array's numbers, at most: numpy's own limit.
+_MAX_PREFIX_BYTES = 10_000
+
+#: Bytes of memory for each coordinate: the differences in the file, their sums, and metres.
+_BYTES_READ = 16
+
+_MILLIMETRES = 1000.0
+_SMALL, _LARGE = np.dtype("<i2"), np.dtype("<i4")
+_LEARNED = "learned_"
+_TEXTS = ("class_name", "actor", "take", "name")
+_ORIGIN = ("source", "licence", "attribution")
+#: The errors of zipfile, zlib and numpy for a file that is cut short, overwritten in the middle, or of another kind.
+_DAMAGE = (
+    *(zipfile.BadZipFile, zlib.error, struct.error, tokenize.TokenError),
+    *(EOFError, KeyError, OverflowError, RuntimeError, SyntaxError, TypeError),
+)
+
+
+class LibraryFileError(ValueError):
+    """A file is not a usable motion library; the message names the file and says why."""
+
+
+class Contents(NamedTuple):
+    """The contents of a library's file."""
+
+    skeleton: Skeleton
+    motions: tuple[Clip, ...]
+    learned: Learned | None
+
+
+def rounded(positions: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Round positions of any shape, metres, to the whole millimetres of a file."""
+    return np.rint(positions * _MILLIMETRES) / _MILLIMETRES
+
+
+# --- writing -----------------------------------------------------------------------------------------------------
+
+
+def write(path: Path, contents: Contents) -> None:
+    """Write a library's file so that a reader sees the old file or the new one, never a part.
+
+    Parameters
+    ----------
+    path
+        The file; replaced when it exists.
+    contents
+        At least one motion, all of one skeleton; positions are rounded to whole millimetres.
+
+    Raises
+    ------
+    ValueError
+        More motions, joints or coordinates than a file may hold, or positions too far from the origin.
+    OSError
+        The folder cannot be written; nothing is left behind.
+    """
+    header = json.dumps(_described(contents), separators=(",", ":")).encode()
+    _require(len(header) <= MAX_HEADER_BYTES, f"header: expected at most {MAX_HEADER_BYTES} bytes, got {len(header)}")
+    frames = [motion.frames for motion in contents.motions]
+    _require_sizes(len(contents.skeleton.joints), frames)
+    arrays: dict[str, Any] = _encoded(contents.motions)
+    if contents.learned:
+        arrays |= {f"{_LEARNED}{name}": array.astype("<f4") for name, array in contents.learned.arrays().items()}
+    with _replacing(path) as file:
+        np.savez_compressed(file, header=np.frombuffer(header, dtype=np.uint8), **arrays)
+
+
+def _described(contents: Contents) -> dict[str, object]:
+    motions = contents.motions
+    origins = list(dict.fromkeys(_origin(motion) for motion in motions))
+    places = {origin: place for place, origin in enumerate(origins)}
+    learned = contents.learned.arrays() if contents.learned else {}
+    return {
+        "format": FORMAT,
+        "version": VERSION,
+        "joints": contents.skeleton.joints,
+        "parents": contents.skeleton.parents,
+        "motions": {
+            **{name: [getattr(motion, name) for motion in motions] for name in _TEXTS},
+            "frame_rate": [motion.frame_rate for motion in motions],
+            "frames": [motion.frames for motion in motions],
+            "origin": [places[_origin(motion)] for motion in motions],
+        },
+        "origins": origins,
+        "learned": {name: array.shape for name, array in learned.items()},
+    }
+
+
+def _origin(motion: Clip) -> tuple[str, ...]:
+    return motion.source, motion.licence, motion.attribution
+
+
+def _encoded(motions: Sequence[Clip]) -> dict[str, NDArray[Any]]:
+    """Give `positions`, shape (joints, 3, frames of all motions), and `starts`, shape (motions, 3), millimetres."""
+    starts = np.array([np.rint(motion.positions[0, 0] * _MILLIMETRES) for motion in motions])
+    relative = [np.rint(motion.positions * _MILLIMETRES) - start for motion, start in zip(motions, starts, strict=True)]
+    # Along time, because neighbouring numbers are alike there and the file gets smaller.
+    along = np.concatenate([each.transpose(1, 2, 0) for each in relative], axis=2)
+    _require_near(starts, along)
+    along = along.astype(_SMALL if np.abs(along).max() <= np.iinfo(_SMALL).max else _LARGE)
+    before = np.zeros((*along.shape[:2], 2), along.dtype)
+    return {"positions": np.diff(along, n=2, axis=2, prepend=before), "starts": starts.astype(_LARGE)}
+
+
+@contextmanager
+def _replacing(path: Path) -> Iterator[BinaryIO]:
+    """Open a file that takes another file's place once it is whole and on the disk."""
+    handle, temporary = tempfile.mkstemp(dir=path.absolute().parent, prefix=f".{path.name}.", suffix=".part")
+    try:
+        with os.fdopen(handle, "wb") as file:
+            yield file
+            file.flush()
+            os.fsync(file.fileno())
+        # mkstemp makes a private file; a library gets the permissions of any new file.
+        mask = os.umask(0)
+        os.umask(mask)
+        Path(temporary).chmod(0o666 & ~mask)
+        Path(temporary).replace(path)
+    except BaseException:
+        Path(temporary).unlink(missing_ok=True)
+        raise
+
+
+# --- reading -----------------------------------------------------------------------------------------------------
+
+
+def read(path: Path) -> Contents:
+    """Read a library's file; no array is unpacked before its size is known to be the expected one.
+
+    Returns
+    -------
+    The contents that were written, positions rounded to whole millimetres and read-only.
+
+    Raises
+    ------
+    LibraryFileError
+        The file is cut short, not a motion library, of another format version, inconsistent or absurdly large.
+    OSError
+        The file cannot be opened.
+    """
+    try:
+        with path.open("rb") as file:
+            _require_small_directory(file)
+            with zipfile.ZipFile(file) as archive:
+                described = _read_header(archive)
+                _require_version(path, described)
+                return _restored(archive, _Header.of(described))
+    except LibraryFileError:
+        raise
+    except OSError as error:
+        if error.filename is not None:  # the file cannot be opened
+            raise
+        raise LibraryFileError(f"{path}: not a motion library, or cut short") from error
+    except _DAMAGE as error:
+        raise LibraryFileError(f"{path}: not a motion library, or cut short") from error
+    except ValueError as error:
+        raise LibraryFileError(f"{path}: not a usable motion library ({error})") from error
+
+
+def _require(condition: bool, otherwise: str) -> None:  # noqa: FBT001 - reads like an assertion
+    if not condition:
+        raise ValueError(otherwise)
+
+
+def _require_sizes(joints: int, frames: Sequence[int]) -> None:
+    _require(0 < len(frames) <= MAX_MOTIONS, f"motions: expected 1 to {MAX_MOTIONS}, got {len(frames)}")
+    _require(joints <= MAX_JOINTS, f"joints: expected at most {MAX_JOINTS}, got {joints}")
+    _require(
+        sum(frames) * joints * 3 <= MAX_COORDINATES,
+        f"frames: expected at most {MAX_COORDINATES} coordinates of all motions together, got more",
+    )
+
+
+def _require_small_directory(file: BinaryIO) -> None:
+    """Refuse a zip whose directory, which zipfile holds in memory, is larger than these few arrays need."""
+    file.seek(-42, os.SEEK_END)
+    end = file.read()
+    signature, size = struct.unpack("<20x4s8xL6x", end)
+    if end.startswith(b"PK\x06\x07") or signature != b"PK\x05\x06" or size > _MAX_DIRECTORY_BYTES:
+        raise zipfile.BadZipFile
+
+
+def _content(archive: zipfile.ZipFile, name: str, most: int) -> bytes:
+    """Unpack one array's file; zipfile compares its checksum."""
+    info = archive.getinfo(f"{name}.npy")
+    if info.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
+        raise zipfile.BadZipFile
+    _require(
+        info.file_size <= most + _MAX_PREFIX_BYTES,
+        f"{name}: expected at most {most} bytes, got {info.file_size}",
+    )
+    with archive.open(info) as member:
+        # Never read more bytes than the directory says.
+        return member.read(info.file_size)
+
+
+def _numbers(
+    content: bytes, name: str, kinds: Sequence[DTypeLike], shape: tuple[int, ...] | None = None
+) -> NDArray[Any]:
+    """Give the array of an array's file; it must have one of some kinds and, where a shape is given, that shape."""
+    file = io.BytesIO(content)
+    if np.lib.format.read_magic(file) != (1, 0):
+        raise zipfile.BadZipFile
+    found, backwards, kind = np.lib.format.read_array_header_1_0(file)
+    shape = (len(content) - file.tell(),) if shape is None else shape
+    _require(
+        found == shape and not backwards and kind in kinds,
+        f"{name}: expected {' or '.join(np.dtype(each).name for each in kinds)} of shape {shape}, got {kind} {found}",
+    )
+    return np.frombuffer(content, kind, math.prod(shape), file.tell()).reshape(shape)
+
+
+def _read_header(archive: zipfile.ZipFile) -> dict[str, Any]:
+    header = json.loads(bytes(_numbers(_content(archive, "header", MAX_HEADER_BYTES), "header", [np.uint8])))
+    if not isinstance(header, dict):
+        raise zipfile.BadZipFile
+    return header
+
+
+def _require_version(path: Path, header: dict[str, Any]) -> None:
+    if header.get("format") != FORMAT:
+        raise LibraryFileError(f"{path}: not a motion library")
+    version = header.get("version")
+    if version in (1, 2):
+        raise LibraryFileError(
+            f"{path}: of format version {version}, which keeps no motions; build it anew from its recordings: "
+            f"kinespace build FOLDER -o {path}"
+        )
+    if version != VERSION:
+        raise LibraryFileError(f"{path}: format version {str(version)[:20]}, this kinespace reads {VERSION}")
+
+
+@dataclass(frozen=True, slots=True)
+class _Header:
+    """The header, every field of the right kind and size."""
+
+    skeleton: Skeleton
+    #: The text fields of a clip, for each motion.
+    texts: tuple[dict[str, Any], ...]
+    frame_rates: tuple[float, ...]
+    frames: tuple[int, ...]
+    #: Shapes by name.
+    learned: dict[str, tuple[int, ...]]
+
+    @classmethod
+    def of(cls, described: dict[str, Any]) -> _Header:
+        motions = described["motions"]
+        frames = _listed(motions["frames"], "frames", int, None)
+        count, most = len(frames), MAX_COORDINATES
+        _require(all(2 <= number <= most for number in frames), f"frames: expected 2 to {most} of each motion")
+        joints = _listed(described["joints"], "joints", str, None)
+        _require_sizes(len(joints), frames)
+        memory.require(sum(frames) * len(joints) * 3 * _BYTES_READ, "frames")
+        origins = [_listed(each, "origins", str, len(_ORIGIN)) for each in described["origins"]]
+        places = _listed(motions["origin"], "origin", int, count)
+        _require(all(0 <= place < len(origins) for place in places), f"origin: expected 0 to {len(origins) - 1}")
+        columns = [_listed(motions[name], name, str, count) for name in _TEXTS]
+        texts = zip(*columns, (origins[place] for place in places), strict=True)
+        return cls(
+            skeleton=Skeleton(tuple(joints), tuple(_listed(described["parents"], "parents", int, None))),
+            texts=tuple(dict(zip((*_TEXTS, *_ORIGIN), (*own, *origin), strict=True)) for *own, origin in texts),
+            frame_rates=tuple(map(float, _listed(motions["frame_rate"], "frame_rate", (int, float), count))),
+            frames=tuple(frames),
+            learned=_shapes(described["learned"]),
+        )
+
+
+def _listed(found: object, name: str, kind: type | tuple[type, ...], count: int | None) -> list[Any]:
+    right = isinstance(found, list) and all(isinstance(each, kind) and not isinstance(each, bool) for each in found)
+    if not isinstance(found, list) or not right or (count is not None and len(found) != count):
+        raise ValueError(f"{name}: expected a list{'' if count is None else f' of {count}'}, each of the right kind")
+    return found
+
+
+def _shapes(described: object) -> dict[str, tuple[int, ...]]:
+    if not isinstance(described, dict):
+        raise TypeError
+    shapes = {name: tuple(_listed(shape, "learned", int, None)) for name, shape in described.items()}
+    counts = [math.prod(shape) for shape in shapes.values()]
+    small = all(0 <= each <= MAX_LEARNED_BYTES for shape in shapes.values() for each in shape)
+    _require(small and 4 * sum(counts) <= MAX_LEARNED_BYTES, f"learned: expected at most {MAX_LEARNED_BYTES} bytes")
+    return shapes
+
+
+def _restored(archive: zipfile.ZipFile, header: _Header) -> Contents:
+    named = {f"{_LEARNED}{name}": shape for name, shape in header.learned.items()}
+    expected = sorted(f"{name}.npy" for name in ("header", "positions", "starts", *named))
+    _require(sorted(archive.namelist()) == expected, "arrays: expected those that its header lists and no other")
+    joints, count, total = len(header.skeleton.joints), len(header.frames), sum(header.frames)
+    content = _content(archive, "positions", joints * 3 * total * _LARGE.itemsize)
+    steps = _numbers(content, "positions", [_SMALL, _LARGE], (joints, 3, total))
+    content = _content(archive, "starts", count * 3 * _LARGE.itemsize)
+    starts = _numbers(content, "starts", [_LARGE], (count, 3))
+    learned = {}
+    for name, shape in named.items():
+        array = _numbers(_content(archive, name, 4 * math.prod(shape)), name, [np.dtype("<f4")], shape)
+        _require(bool(np.isfinite(array).all()), f"{name}: expected finite numbers, got NaN or infinity")
+        learned[name.removeprefix(_LEARNED)] = array
+    motions = tuple(
+        Clip(skeleton=header.skeleton, positions=positions, frame_rate=rate, **texts)
+        for positions, rate, texts in zip(
+            _decoded(steps, starts, header.frames), header.frame_rates, header.texts, strict=True
+        )
+    )
+    return Contents(header.skeleton, motions, Learned.of_arrays(learned) if learned else None)
+
+
+def _decoded(
+    steps: NDArray[np.signedinteger], starts: NDArray[np.int32], frames: Sequence[int]
+) -> Iterator[NDArray[np.float64]]:
+    """Give each motion's positions, shape (frames, joints, 3), metres, read-only."""
+    along = np.cumsum(steps, axis=2, dtype=steps.dtype)
+    np.cumsum(along, axis=2, dtype=steps.dtype, out=along)
+    _require_near(starts, along)
+    positions = np.ascontiguousarray(along.transpose(2, 0, 1)).astype(np.float64)
+    # Motion by motion, while its numbers are in the processor's cache.
+    for start, end, count in zip(starts, np.cumsum(frames), frames, strict=True):
+        motion = positions[end - count : end]
+        motion += start
+        motion /= _MILLIMETRES
+        motion.setflags(write=False)
+        yield motion
+
+
+def _require_near(starts: NDArray[Any], relative: NDArray[Any]) -> None:
+    """Refuse positions that are far from the origin."""
+    farthest = [max(float(each.max()), -float(each.min())) / _MILLIMETRES for each in (starts, relative)]
+    _require(
+        farthest[0] <= MAX_METRES and farthest[1] <= 2 * MAX_METRES,
+        f"positions: expected at most {MAX_METRES:g} m, got {max(farthest):.6g}",
+    )

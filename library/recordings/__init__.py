@@ -1,0 +1,27 @@
+"""Recorded files: found, read in any format, and turned into clips."""
+
+from kinespace.library.recordings.reader import (
+    RAW,
+    ActorIn,
+    Reading,
+    RecordingError,
+    RecordingReader,
+    find_recordings,
+    is_recording,
+    labelled,
+    performed,
+    read_recordings,
+)
+
+__all__ = [
+    "RAW",
+    "ActorIn",
+    "Reading",
+    "RecordingError",
+    "RecordingReader",
+    "find_recordings",
+    "is_recording",
+    "labelled",
+    "performed",
+    "read_recordings",
+]

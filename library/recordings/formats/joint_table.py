@@ -1,0 +1,212 @@
+"""Tables of joint positions: CSV with three columns for each joint, and the `.npz` that `kinespace convert` writes.
+
+A CSV's first line names its columns: `<joint>_x`, `<joint>_y`, `<joint>_z` for each joint, in any order, and perhaps a
+column `time` (or `timestamp`, `time_s`, `timestamp_s`, `t`): seconds, or milliseconds if frames would otherwise lie a
+second or more apart. Other columns (a frame's number, visibilities) are ignored. Without times the frames follow each
+other evenly, 30 in a second unless another rate is given; FreeMoCap writes its `mediapipe_body_3d_xyz.csv` so. An empty
+field is a joint that was not seen.
+
+The `.npz` holds `time` (frames,), seconds; `positions` (frames, joints, 3), metres; `joints`; `parents`, empty when
+they are not known; and `performer`.
+"""
+
+from __future__ import annotations
+
+import csv
+import math
+import re
+import zipfile
+from dataclasses import replace
+from typing import TYPE_CHECKING, NoReturn
+
+import numpy as np
+
+from kinespace.library.recordings.formats.errors import RecordingError
+from kinespace.library.recordings.formats.joint_choice import chosen
+from kinespace.library.recordings.formats.markers.marker_clip import clip_of_markers
+from kinespace.library.recordings.formats.timed_frames import evened
+from kinespace.library.recordings.formats.units import guessed_metres
+from kinespace.library.skeleton import Skeleton
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from pathlib import Path
+
+    from numpy.typing import NDArray
+
+    from kinespace.library.clip import Clip
+
+#: Frames per second of a table without times: the rate of MediaPipe's cameras.
+FRAME_RATE = 30.0
+#: Seconds between two frames from which on times are taken to be milliseconds.
+_SECONDS_APART = 1.0
+_TIMES = ("time", "time_s", "timestamp", "timestamp_s", "t")
+_COLUMN = re.compile(r"(?P<joint>.+)[_.](?P<axis>[xyz])", re.IGNORECASE)
+#: The beginning of every column in FreeMoCap's newer tables of a body.
+_BODY = "body_"
+_ARRAYS = ("time", "positions", "joints", "parents", "performer")
+#: Bytes of an array's numbers, at most: an hour and a half of 31 joints at 240 frames per second.
+_MAX_BYTES = 1 << 30
+#: The errors of numpy and zipfile for a file of another kind, or one cut short.
+_DAMAGE = (zipfile.BadZipFile, EOFError, KeyError, OSError, ValueError)
+
+
+class JointTableError(RecordingError):
+    """A table of joints cannot be used; the message names the file and, where there is one, the line."""
+
+
+def is_joint_table(path: Path) -> bool:
+    """Say whether a `.csv` or `.npz` file is a table of joints: files of labels and libraries have the same endings."""
+    try:
+        if path.suffix.lower() == ".npz":
+            with zipfile.ZipFile(path) as archive:
+                return {"time.npy", "positions.npy", "joints.npy"} <= set(archive.namelist())
+        if path.suffix.lower() != ".csv":
+            return False
+        with path.open(newline="", encoding="utf-8-sig", errors="replace") as file:
+            return bool(_joints(next(csv.reader(file), [])))
+    except (zipfile.BadZipFile, OSError, csv.Error):
+        return False
+
+
+def read_clip(
+    path: Path, *, metres_per_unit: float | None = None, frame_rate: float | None = None, joints: Sequence[str] = ()
+) -> Clip:
+    """Read a table into a clip whose frames follow each other evenly.
+
+    Parameters
+    ----------
+    path
+        The file.
+    metres_per_unit
+        Metres of a CSV's unit; told by the body's size when not given. An `.npz` is in metres.
+    frame_rate
+        Frames per second; as often as the file's times say when not given.
+    joints
+        Which joints, by name (`library.formats.joint_choice.chosen`); all when none are given.
+
+    Raises
+    ------
+    JointTableError
+        The file is no such table, is malformed, its times fall, or a joint is missing for too long.
+    OSError
+        The file cannot be opened.
+    """
+    try:
+        if path.suffix.lower() == ".npz":
+            return _npz_clip(path, frame_rate, joints)
+        return _csv_clip(path, metres_per_unit, frame_rate, joints)
+    except JointTableError:
+        raise
+    except ValueError as error:
+        raise JointTableError(f"{path}: {error}") from error
+
+
+def _npz_clip(path: Path, frame_rate: float | None, joints: Sequence[str]) -> Clip:
+    times, positions, names, parents, performer = _arrays(path)
+    skeleton = Skeleton(tuple(map(str, names.tolist())), tuple(map(int, parents.tolist())))
+    if not np.isfinite(positions).all():
+        raise JointTableError(f"{path}: positions: expected finite metres, got NaN or infinity")
+    even = evened(times.astype(np.float64), positions.astype(np.float64), rate=frame_rate)
+    clip = replace(even.clip(skeleton), name=path.stem, actor=str(performer))
+    if not joints:
+        return clip
+    kept = chosen(skeleton.joints, joints)
+    return replace(clip, skeleton=skeleton.restricted_to(kept), positions=clip.positions[:, kept])
+
+
+def _arrays(path: Path) -> list[NDArray[np.generic]]:
+    with path.open("rb") as file:
+        try:
+            with zipfile.ZipFile(file) as archive:
+                large = [each.filename for each in archive.infolist() if each.file_size > _MAX_BYTES]
+            file.seek(0)
+            with np.load(file, allow_pickle=False) as loaded:
+                arrays = [np.asarray(loaded[name]) for name in _ARRAYS if not large]
+        except _DAMAGE as error:
+            raise JointTableError(f"{path}: not a table of joints ({error})") from error
+    if large:
+        raise JointTableError(f"{path}: {large[0]}: expected at most {_MAX_BYTES} bytes")
+    times, positions, names = arrays[:3]
+    if positions.ndim != 3 or positions.shape != (len(times), len(names), 3) or positions.dtype.kind != "f":
+        raise JointTableError(f"{path}: expected positions ({len(times)}, {len(names)}, 3), got {positions.shape}")
+    return arrays
+
+
+def _csv_clip(path: Path, metres: float | None, frame_rate: float | None, joints: Sequence[str]) -> Clip:
+    names, times, positions = _read_csv(path)
+    if metres is None:
+        metres = guessed_metres(_reach(positions))
+    if times is None:
+        return clip_of_markers(path, names, positions * metres, frame_rate or FRAME_RATE, joints)
+    # Single joints that were not seen are put on straight lines, as markers are; only evenly spaced frames allow it.
+    even = evened(times, positions * metres, rate=frame_rate)
+    clip = clip_of_markers(path, names, even.positions, even.rate, joints)
+    return replace(clip, filled=clip.filled + even.missing * len(clip.skeleton.joints), gaps=even.gaps)
+
+
+def _reach(positions: NDArray[np.float64]) -> float:
+    """Give the largest extent of the first frame in which two joints were seen, in the file's unit."""
+    for frame in positions:
+        seen = frame[np.isfinite(frame).all(axis=1)]
+        if len(seen) > 1:
+            return float(np.linalg.norm(np.ptp(seen, axis=0)))
+    return 0.0
+
+
+def _joints(header: Sequence[str]) -> dict[str, dict[str, int]]:
+    """Find the joints that have all three columns: for each axis its column."""
+    found: dict[str, dict[str, int]] = {}
+    for place, name in enumerate(header):
+        if named := _COLUMN.fullmatch(name.strip()):
+            found.setdefault(named["joint"], {})[named["axis"].lower()] = place
+    whole = {joint: axes for joint, axes in found.items() if len(axes) == 3}
+    if len(whole) > 1 and all(joint.startswith(_BODY) for joint in whole):
+        return {joint.removeprefix(_BODY): axes for joint, axes in whole.items()}
+    return whole
+
+
+def _read_csv(path: Path) -> tuple[list[str], NDArray[np.float64] | None, NDArray[np.float64]]:
+    """Read joint names, times in seconds (or None), and positions in the file's unit, NaN for an empty field."""
+    rows, times = list[list[float]](), list[float]()
+    try:
+        with path.open(newline="", encoding="utf-8-sig") as file:
+            lines = csv.reader(file)
+            header = next(lines, [])
+            joints = _joints(header)
+            if len(joints) < 2:
+                _fail(path, 1, "expected columns like head_x, head_y, head_z for two joints or more")
+            clock = next((place for place, name in enumerate(header) if name.strip().lower() in _TIMES), None)
+            columns = [axes[axis] for axes in joints.values() for axis in "xyz"]
+            for row in lines:
+                if not row:
+                    continue
+                if len(row) < len(header):
+                    _fail(path, lines.line_num, f"expected {len(header)} fields, got {len(row)}")
+                rows.append([_number(path, lines.line_num, row[column]) for column in columns])
+                if clock is not None:
+                    times.append(_number(path, lines.line_num, row[clock]))
+    except (csv.Error, UnicodeDecodeError) as error:
+        raise JointTableError(f"{path}: expected a CSV in UTF-8 ({error})") from error
+    if len(rows) < 2:
+        raise JointTableError(f"{path}: expected at least 2 frames, got {len(rows)}")
+    positions = np.array(rows).reshape(len(rows), -1, 3)
+    return list(joints), _seconds(np.array(times)) if times else None, positions
+
+
+def _seconds(times: NDArray[np.float64]) -> NDArray[np.float64]:
+    return times / 1000 if float(np.median(np.diff(times))) >= _SECONDS_APART else times
+
+
+def _number(path: Path, line: int, text: str) -> float:
+    try:
+        number = float(text) if text.strip() else math.nan
+    except ValueError:
+        number = math.inf
+    if math.isinf(number):
+        _fail(path, line, f"expected a number, got {text[:40]!r}")
+    return number
+
+
+def _fail(path: Path, line: int, what: str) -> NoReturn:
+    raise JointTableError(f"{path}:{line}: {what}")

@@ -1,0 +1,101 @@
+"""Basis and metrics kept in a library's file, so that opening the library need not learn them from its motions."""
+
+from __future__ import annotations
+
+import zlib
+from dataclasses import replace
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from kinespace.library.motion_library.learned import TAUGHT, Learned
+from kinespace.library.windows.basis import Basis
+from kinespace.library.windows.comparison import ACROSS_LABORATORIES, WITHIN_LABORATORY, Comparison
+from kinespace.library.windows.metric import Metric
+from kinespace.library.windows.parts import Kind
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from numpy.typing import NDArray
+
+    from kinespace.library.motion_library import MotionLibrary
+    from kinespace.library.windows.comparison import Weighing
+
+#: Raised when basis or metrics are learned in another way: those of another version are learned again.
+_VERSION = 1
+#: The weighings whose metrics are kept, by the beginning of their arrays' names.
+WEIGHINGS = {"across": ACROSS_LABORATORIES, "within": WITHIN_LABORATORY}
+_BY, _BASIS = f"{TAUGHT}by", f"{TAUGHT}basis "
+
+
+class Kept(NamedTuple):
+    """The basis and the comparison that a library's motions taught."""
+
+    basis: Basis
+    comparison: Comparison
+
+
+def kept_of(teacher: MotionLibrary, weighing: Weighing) -> Kept | None:
+    """Give what a library's file keeps of its motions; None if it keeps nothing for this weighing and these motions.
+
+    Raises
+    ------
+    ValueError
+        The file keeps an array of another shape.
+    """
+    learned = teacher.learned.arrays() if teacher.learned else {}
+    name = next((name for name, each in WEIGHINGS.items() if each == weighing), None)
+    if name is None or _BY not in learned or not np.array_equal(learned[_BY], _taught_by(teacher)):
+        return None
+    pairs = len(teacher.skeleton.pairs)
+    directions, weights, share = (_array(learned, f"{_BASIS}{each}") for each in ("directions", "weights", "share"))
+    if directions.ndim != 2 or len(directions) != pairs or weights.shape != (pairs,) or share.shape != (1,):
+        raise ValueError(f"basis: expected directions ({pairs}, directions), weights ({pairs},) and a share")
+    count = directions.shape[1]
+    parts = {
+        part: _metric(learned, f"{name} {part.name}", count * (count + 1) // 2 if part.kind is Kind.EIGEN else pairs)
+        for part in weighing.measured
+    }
+    groups = tuple(
+        _metric(learned, f"{name} group {place}", sum(parts[part].axes.shape[1] for part in group))
+        if len(group) > 1
+        else None
+        for place, group in enumerate(weighing.groups)
+    )
+    return Kept(Basis.of(directions, weights, float(share[0])), Comparison(weighing, parts, groups))
+
+
+def with_kept(library: MotionLibrary, basis: Basis, comparisons: Mapping[str, Comparison]) -> MotionLibrary:
+    """Give a library that keeps what its motions taught: the basis, and for each of `WEIGHINGS` the comparison."""
+    learned = library.learned.arrays() if library.learned else {}
+    numbers = {"directions": basis.directions, "weights": basis.weights, "share": np.array([basis.share])}
+    learned |= {f"{_BASIS}{name}": array.astype(np.float32) for name, array in numbers.items()}
+    for name, comparison in comparisons.items():
+        metrics = {f"{name} {part.name}": metric for part, metric in comparison.parts.items()}
+        metrics |= {f"{name} group {place}": each for place, each in enumerate(comparison.groups) if each}
+        for each, metric in metrics.items():
+            learned |= {f"{TAUGHT}{each} origin": metric.origin, f"{TAUGHT}{each} axes": metric.axes}
+    return replace(library, learned=Learned(learned | {_BY: _taught_by(library)}))
+
+
+def _metric(learned: Mapping[str, NDArray[np.float32]], name: str, numbers: int) -> Metric:
+    origin, axes = (_array(learned, f"{TAUGHT}{name} {each}") for each in ("origin", "axes"))
+    if origin.shape != (numbers,) or axes.ndim != 2 or len(axes) != numbers:
+        raise ValueError(f"{name}: expected an origin ({numbers},) and axes ({numbers}, kept), got {axes.shape}")
+    return Metric(origin, axes)
+
+
+def _array(learned: Mapping[str, NDArray[np.float32]], name: str) -> NDArray[np.float32]:
+    if name not in learned:
+        raise ValueError(f"{name}: expected an array, got none")
+    return learned[name]
+
+
+def _taught_by(library: MotionLibrary) -> NDArray[np.float32]:
+    """Identify the motions that taught, by numbers that single precision holds exactly."""
+    described = [library.skeleton.joints, *((each.class_name, each.actor, each.frame_rate) for each in library.motions)]
+    checksum = zlib.crc32(repr(described).encode())
+    for motion in library.motions:
+        checksum = zlib.crc32(motion.positions.tobytes(), checksum)
+    return np.array([_VERSION, len(library.motions), checksum >> 16, checksum & 0xFFFF], dtype=np.float32)

@@ -1,0 +1,113 @@
+"""The decision of a hop: which class the guess is and whether it is known, from the distances to the library."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, NamedTuple
+
+from kinespace.library.motion_library import NOTHING
+from kinespace.library.windows.rejection import Evidence
+from kinespace.stream.recognition import Outcome
+from kinespace.stream.recognizer.hysteresis import Hysteresis, Judgement
+from kinespace.stream.recognizer.settings import SENSITIVITY_LEARNED, SENSITIVITY_OWN
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from kinespace.library.windows.index import WindowIndex
+
+#: Seconds that the first hop counts for.
+FIRST_HOP = 1 / 30
+#: A larger lead counts as this much: the only class of a library leads infinitely.
+_MAX_PACE = 3.0
+
+
+class Decided(NamedTuple):
+    """What was decided; the fields are as in `stream.recognizer.matcher.Reading`."""
+
+    outcome: Outcome
+    distances: NDArray[np.float64]
+    guess: int
+    lead: float
+    evidence: Evidence
+
+
+class Decision:
+    """Follows one performer's guess, and whether it is known.
+
+    Parameters
+    ----------
+    index
+        The library's windows.
+    stillness, sensitivity
+        As `stream.recognizer.settings.Settings` has them.
+    """
+
+    def __init__(self, index: WindowIndex, *, stillness: float, sensitivity: float | None) -> None:
+        self._stillness, self._sensitivity = stillness, sensitivity
+        self._judgement = Judgement(self._threshold(index))
+        self._hysteresis = Hysteresis(index.comparison.weighing.lead)
+        self._compare_with(index)
+
+    def _threshold(self, index: WindowIndex) -> float:
+        usual = SENSITIVITY_LEARNED if index.library.learned else SENSITIVITY_OWN
+        return index.rejection.threshold_at(usual if self._sensitivity is None else self._sensitivity)
+
+    def _compare_with(self, index: WindowIndex) -> None:
+        self._classes, self._weighing = index.classes, index.comparison.weighing
+        # Kept here, because the cache behind the index may be full of other libraries.
+        self._rejection = index.rejection
+        self._nothing = index.classes.index(NOTHING) if NOTHING in index.classes else -1
+
+    def exchange(self, index: WindowIndex) -> None:
+        """Go on with the windows of another library."""
+        self._hysteresis.exchange(index.comparison.weighing.lead, places_in(self._classes, index.classes))
+        self._judgement.exchange(self._threshold(index))
+        self._compare_with(index)
+
+    def clear(self) -> None:
+        """Forget everything, as at the start."""
+        self._hysteresis.clear()
+        self._judgement.clear()
+
+    def push(self, logs: NDArray[np.float64], movement: float, noise: float, elapsed: float) -> Decided:
+        """Decide for the windows that end now.
+
+        Parameters
+        ----------
+        logs
+            `library.windows.index.WindowIndex.log_distances` of the windows.
+        movement, noise
+            The movement in the longest window, and the standard deviation of a distance's noise, metres.
+        elapsed
+            Seconds since the hop before; `FIRST_HOP` for the first.
+        """
+        distances = self._weighing.named(logs)
+        guess, lead = followed(self._hysteresis, distances, elapsed)
+        evidence = Evidence.of(self._weighing.alone(logs), guess, noise)
+        known = self._judgement.push(self._rejection.logit(evidence, self._classes[guess]), elapsed)
+        outcome = Outcome.NAMED if known and guess != self._nothing else Outcome.UNKNOWN
+        return Decided(Outcome.STILL if movement < self._stillness else outcome, distances, guess, lead, evidence)
+
+
+def followed(hysteresis: Hysteresis, distances: NDArray[np.float64], elapsed: float) -> tuple[int, float]:
+    """Let the guess follow the nearest class; give the guess and its lead over all other classes."""
+    # For some ten numbers Python finds the least two before numpy has begun.
+    listed = distances.tolist()
+    nearest = min(listed)
+    leader = listed.index(nearest)
+    others = listed[:leader] + listed[leader + 1 :]
+    ahead = min(others) - nearest if others else math.inf
+    hysteresis.push(leader, min(ahead, _MAX_PACE), elapsed)
+    if hysteresis.current is None:
+        hysteresis.current = leader
+    guess = hysteresis.current
+    return guess, ahead if guess == leader else nearest - listed[guess]
+
+
+def places_in(before: Sequence[str], after: Sequence[str]) -> dict[int, int]:
+    """Say at which index of another list each class stands, if it is there."""
+    return {place: after.index(name) for place, name in enumerate(before) if name in after}

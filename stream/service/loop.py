@@ -1,0 +1,355 @@
+"""The loop: frames from sources, through one recogniser per performer, to sinks."""
+
+from __future__ import annotations
+
+import math
+import time
+from dataclasses import replace
+from typing import TYPE_CHECKING, NamedTuple, Protocol, Self
+
+import zmq
+
+from kinespace.stream.frame import Frame
+from kinespace.stream.inputs.admission import Admission
+from kinespace.stream.outputs.sink import Sink
+from kinespace.stream.service.status import HopTimes, InputCounts, Rates, Status
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from kinespace.stream.frame import Admitted
+    from kinespace.stream.recognition import Recognition
+    from kinespace.stream.recognizer import Performers
+
+#: Seconds between two statuses, and between two lists of classes.
+STATUS_EVERY = 1.0
+CLASSES_EVERY = 5.0
+#: Seconds for which a packet may wait before it is taken in; the answer to a packet that waited longer is sent only if
+#: no newer answer follows. A stopped process finds seconds of feed waiting, and listeners would take it for the
+#: present.
+MAX_AGE = 1.0
+#: Seconds within which ZeroMQ, which keeps reading in threads of its own, hands over what came while the process was
+#: stopped.
+CATCH_UP = 1.0
+#: Performers whose clocks are followed, at most.
+_MAX_LAGS = 4096
+#: Packets of one source that are taken in together, then recognised, then answered, at most: the processor's caches
+#: then hold what a step needs, and one send wakes the listeners. More would keep the first packet waiting for too long.
+#: A packet that comes alone is answered before the loop looks for another.
+_MAX_TOGETHER = 32
+#: Packets taken from one source, at most, before the other sources and the clock get their turn.
+_MAX_IN_TURN = 256
+#: Longest sleep while nothing comes, seconds: `stop` takes effect within this time.
+_MAX_SLEEP = 0.1
+#: Steps after being stopped, at most: more than any socket holds, and few enough for the loop to end while a feed goes
+#: on.
+_MAX_LAST_STEPS = 32
+#: Seconds after being stopped in which packets that have arrived are still answered, at most.
+MAX_ENDING = 0.5
+#: Seconds between two turns of sources that have work to do even when no packet comes.
+_TENDING = 0.02
+
+
+class Source(Protocol):
+    """A source of frames; `kinespace.stream.inputs.Source` is one."""
+
+    @property
+    def pollable(self) -> object:
+        """The object that `zmq.Poller` waits for: an owner of a file number, or a ZeroMQ socket."""
+
+    @property
+    def tended(self) -> bool:
+        """Whether `tend` has work to do even when no packet comes."""
+
+    @property
+    def has_put_aside(self) -> bool:
+        """Whether packets were put aside; `pollable` does not wake the loop for them."""
+
+    @property
+    def waited(self) -> float:
+        """Seconds for which the last packet waited before it was taken in; 0 when not known."""
+
+    @property
+    def counts(self) -> InputCounts:
+        """Counts of all that came in."""
+
+    @property
+    def notes(self) -> Sequence[str]:
+        """Notes on it for a person, a line each."""
+
+    def take(self, arrival: float) -> Sequence[Admitted] | None:
+        """Take in one packet; give its frames in order, or None when no packet waits. Never raises."""
+
+    def tend(self, now: float) -> Sequence[Admitted]:
+        """Do what is due by the clock; give the frames that it completed, in order. Never raises."""
+
+    def close(self) -> None:
+        """Close sockets."""
+
+
+class _Begun(NamedTuple):
+    """A packet's times, seconds: first looked at, waited before that, until when newer ones may come."""
+
+    started: float
+    waited: float
+    until: float = 0.0
+
+
+class Service:
+    """Recognises what comes from some sources and tells some sinks.
+
+    Parameters
+    ----------
+    performers
+        The recognisers.
+    sources, sinks
+        Where frames come from, and where answers go; closed by `close`, or on leaving the `with` block.
+    admission
+        The admission of the sources, for the status.
+    clock
+        Seconds; stamps arrivals and paces the status.
+    """
+
+    def __init__(
+        self,
+        performers: Performers,
+        sources: Sequence[Source],
+        sinks: Sequence[Sink],
+        *,
+        admission: Admission | None = None,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self.performers = performers
+        self.sources = sources
+        self.sinks = sinks
+        self._clock = clock
+        self._admission = admission or Admission()
+        self._hop_times = HopTimes()
+        self._rates = Rates(clock())
+        self._latest_rates: dict[str, float] = {}
+        self._next_status = self._next_classes = clock()
+        self._stopped = False
+        #: When the last step ends; 0 before it was stopped.
+        self._over = 0.0
+        #: The newest answer of each performer that is too old to be sent before it is known to be the newest, with the
+        #: moment until which newer answers may still come.
+        self._held: dict[str, tuple[Recognition, float]] = {}
+        #: When the loop last looked at its sources, and until when packets come that waited while the process was
+        #: stopped.
+        self._looked = clock()
+        self._caught_up = -math.inf
+        #: The difference between the arrival and the time of each performer's last frame, seconds.
+        self._lags: dict[str, float] = {}
+        self._stale = 0
+        self._together = 1
+        self._poller = zmq.Poller()
+        for source in sources:
+            self._poller.register(source.pollable, zmq.POLLIN)
+        self._tended = [source for source in sources if source.tended]
+        #: Handing frames to sinks that ignore them would cost every frame a call for each sink.
+        self._watching = [sink for sink in sinks if type(sink).publish_frame is not Sink.publish_frame]
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Close all sockets."""
+        for source in self.sources:
+            source.close()
+        for sink in self.sinks:
+            sink.close()
+
+    def stop(self) -> None:
+        """Make `run` return soon; from any thread or signal handler."""
+        self._stopped = True
+
+    def run(self) -> None:
+        """Run until stopped; answer packets that have arrived by then, end motions, let all performers leave."""
+        try:
+            while not self._stopped:
+                self.step(_MAX_SLEEP)
+            for _ in range(_MAX_LAST_STEPS):
+                if not self._is_over():
+                    self.step(0.0)
+        finally:
+            self._publish_held(at_once=True)
+            ended = self.performers.end()
+            for sink in self.sinks:
+                for event in ended:
+                    sink.publish_event(event)
+            self._tell_gone(self.performers.names)
+
+    def _is_over(self) -> bool:
+        """Say whether it was stopped so long ago that waiting packets are no longer answered."""
+        if not self._stopped:
+            return False
+        self._over = self._over or time.perf_counter() + MAX_ENDING
+        return time.perf_counter() > self._over
+
+    def step(self, longest: float) -> None:
+        """Wait at most `longest` seconds for packets, and deal with all that have come."""
+        self._tell_time()
+        sleep = min(longest, max(self._next_status - self._clock(), 0.0))
+        if self._tended:
+            sleep = min(sleep, _TENDING)
+            self._tend()
+        aside = any(source.has_put_aside for source in self.sources)
+        for sink in self.sinks:
+            sink.watch()
+        self._poller.poll(0 if aside else round(sleep * 1000))
+        self._notice_a_stop()
+        # Every source is asked, even when nothing came: one poll is cheaper than finding out which source it was, and a
+        # receiver looks after its connections.
+        for source in self.sources:
+            left = _MAX_IN_TURN
+            while left and not self._is_over() and (taken := self._deal_with_waiting(source, left)):
+                left -= taken
+        self._looked = self._clock()
+        if self._held and not self._poller.poll(0):
+            self._publish_held()
+
+    def _deal_with_waiting(self, source: Source, most: int) -> int:
+        """Take in some packets, recognise, answer; give their number, 0 when no more wait."""
+        taken: list[Admitted] = []
+        begun: list[_Begun] = []
+        wanted = min(self._together, most)
+        for _ in range(wanted):
+            started = time.perf_counter()
+            now = self._clock()
+            events = source.take(now)
+            if events is None:
+                wanted, self._together = 0, max(self._together // 2, 1)
+                break
+            taken += events
+            begun += [self._begun(started, source, event, now) for event in events]
+            if len(taken) >= _MAX_TOGETHER:
+                break
+        else:
+            self._together = min(2 * self._together, _MAX_TOGETHER)
+        self._deal_with(taken, begun)
+        return wanted
+
+    def _notice_a_stop(self) -> None:
+        """Notice that the process was stopped, as by SIGSTOP: waiting packets come within the next second."""
+        now = self._clock()
+        if now - self._looked > MAX_AGE:
+            self._caught_up = now + CATCH_UP
+        self._looked = now
+
+    def _begun(self, started: float, source: Source, event: Admitted, now: float) -> _Begun:
+        """Say how long a frame waited, by its transport or, where that does not tell, by its sender's clock.
+
+        A sender's clock is used only after the process was stopped, because a sender that pauses may stop its clock,
+        too.
+        """
+        if source.waited or not isinstance(event, Frame):
+            return _Begun(started, source.waited)
+        lag = now - event.time
+        usual = self._lags.get(event.performer)
+        if usual is not None and now < self._caught_up:
+            return _Begun(started, max(lag - usual, 0.0), self._caught_up)
+        self._lags[event.performer] = lag
+        return _Begun(started, 0.0)
+
+    def _tend(self) -> None:
+        for source in self._tended:
+            started = time.perf_counter()
+            events = source.tend(self._clock())
+            self._deal_with(events, [_Begun(started, 0.0)] * len(events))
+
+    def _deal_with(self, events: Sequence[Admitted], begun: Sequence[_Begun]) -> None:
+        """Recognise events and tell the sinks; `begun` has each event's time at which its packet was looked at."""
+        if not events:
+            return
+        for event in events:
+            if isinstance(event, Frame):
+                self._rates.count(event.performer)
+                for sink in self._watching:
+                    sink.publish_frame(event)
+        answers = self.performers.push_all(events, self._clock())
+        for recognition, (started, waited, until) in zip(answers, begun, strict=True):
+            if recognition is None:
+                continue
+            if waited > MAX_AGE:
+                self._hold(recognition, until)
+            else:
+                self._superseded(recognition.performer)
+                self._publish(recognition)
+            for happened in recognition.events:
+                for sink in self.sinks:
+                    sink.publish_event(happened)
+            self._hop_times.add(time.perf_counter() - started + waited)
+
+    def _publish(self, recognition: Recognition) -> None:
+        for sink in self.sinks:
+            sink.publish(recognition)
+
+    def _hold(self, recognition: Recognition, until: float) -> None:
+        """Keep an answer that is too old in case it is the performer's newest; events are sent however old they are."""
+        self._superseded(recognition.performer)
+        self._held[recognition.performer] = recognition, until
+
+    def _superseded(self, performer: str) -> None:
+        if self._held and self._held.pop(performer, None) is not None:
+            self._stale += 1
+
+    def _publish_held(self, *, at_once: bool = False) -> None:
+        """Send the old answers after which no newer one waits, as far as is known now."""
+        if not self._held:
+            return
+        now = self._clock()
+        for performer, (recognition, until) in [*self._held.items()]:
+            if at_once or now >= until:
+                del self._held[performer]
+                self._publish(recognition)
+
+    def _tell_gone(self, performers: Sequence[str]) -> None:
+        for performer in performers:
+            for sink in self.sinks:
+                sink.publish_gone(performer)
+
+    def _tell_time(self) -> None:
+        now = self._clock()
+        if now >= self._next_classes:
+            self._next_classes = now + CLASSES_EVERY
+            for sink in self.sinks:
+                sink.publish_classes(self.performers.classes)
+        if now >= self._next_status:
+            self._next_status = now + STATUS_EVERY
+            for ended in self.performers.drop_silent(now):
+                for sink in self.sinks:
+                    sink.publish_event(ended)
+            self._tell_gone(self.performers.take_gone())
+            self._latest_rates = self._rates.read(now)
+            if len(self._lags) > _MAX_LAGS:
+                self._lags.clear()  # only a sender that makes up names gets here
+            status = self.status()
+            for sink in self.sinks:
+                sink.publish_status(status)
+
+    def status(self) -> Status:
+        """Give the counters as they are now."""
+        notes = [note for source in self.sources for note in source.notes]
+        notes += [note for sink in self.sinks for note in sink.notes]
+        return Status(
+            inputs=sum((source.counts for source in self.sources), start=InputCounts()),
+            outcomes=self.performers.counts,
+            unsent=sum(sink.failed for sink in self.sinks),
+            stale=self._stale,
+            performers={name: self._latest_rates.get(name, 0.0) for name in self.performers.names},
+            hop_p50=self._hop_times.percentile(50),
+            hop_p99=self._hop_times.percentile(99),
+            refused={name: why + self._from(name) for name, why in self.performers.refused.items()},
+            doubted=self.performers.doubted,
+            compared=self.performers.compared,
+            admission=replace(self._admission.counts),
+            clocks={name: told for name, told in self._admission.clocks.items() if name in self.performers.names},
+            notes=(*dict.fromkeys(notes), *self._admission.notes(self._clock())),
+        )
+
+    def _from(self, performer: str) -> str:
+        """Give the sender of a performer's frames, where it is known."""
+        return "".join(f", from {host}:{port}" for host, port in self._admission.senders(performer))

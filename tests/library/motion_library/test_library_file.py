@@ -1,0 +1,681 @@
+"""The library's file: written whole or not at all, and refused by one line whatever has become of it."""
+
+from __future__ import annotations
+
+import dataclasses
+import io
+import json
+import os
+import pickle
+import re
+import stat
+import sys
+import tracemalloc
+import zipfile
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pytest
+from synthetic import STICK, stick_clip, stick_clips
+
+from kinespace.library.motion_library import MotionLibrary, library_file
+from kinespace.library.motion_library.learned import Learned
+from kinespace.library.motion_library.library_file import LibraryFileError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from numpy.typing import NDArray
+
+SAID = ("name", "class_name", "actor", "take", "source", "licence", "attribution", "frame_rate")
+#: Bytes that refusing any file here may take at most.
+LITTLE = 40_000_000
+
+
+@pytest.fixture(scope="module")
+def small_library() -> MotionLibrary:
+    clips = [dataclasses.replace(clip, licence="CC0", attribution="nobody, somewhere") for clip in stick_clips()]
+    return MotionLibrary.of_clips(clips, learned=Learned.of_arrays({"weights": np.arange(12.0).reshape(3, 4)}))
+
+
+@pytest.fixture(scope="module")
+def content(small_library: MotionLibrary, tmp_path_factory: pytest.TempPathFactory) -> bytes:
+    """Give the bytes of a good library file."""
+    path = tmp_path_factory.mktemp("good") / "small.npz"
+    small_library.save(path)
+    return path.read_bytes()
+
+
+def _are_equal(first: MotionLibrary, second: MotionLibrary) -> bool:
+    if first.skeleton != second.skeleton or len(first) != len(second):
+        return False
+    return all(
+        np.array_equal(one.positions, another.positions)
+        and all(getattr(one, name) == getattr(another, name) for name in SAID)
+        for one, another in zip(first.motions, second.motions, strict=True)
+    )
+
+
+def _assert_refused(path: Path, content: bytes, message: str = "") -> None:
+    """Expect that a file is refused by name, in one line, and without taking the memory that it claims to need."""
+    path.write_bytes(content)
+    tracemalloc.start()
+    try:
+        with pytest.raises(LibraryFileError, match=re.escape(f"{path}: ") + ".*" + re.escape(message)) as raised:
+            MotionLibrary.load(path)
+        assert tracemalloc.get_traced_memory()[1] < LITTLE
+    finally:
+        tracemalloc.stop()
+    assert "\n" not in str(raised.value)
+
+
+def _unpacked(content: bytes) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
+    """Take a good file apart: its header and its arrays."""
+    with np.load(io.BytesIO(content), allow_pickle=False) as stored:
+        arrays = dict(stored)
+    return json.loads(bytes(arrays.pop("header"))), arrays
+
+
+def _packed(header: object, arrays: dict[str, NDArray[Any]]) -> bytes:
+    """Make a file of any content with checksums that fit."""
+    file = io.BytesIO()
+    np.savez_compressed(file, header=_header(json.dumps(header)), **arrays)  # type: ignore[arg-type]
+    return file.getvalue()
+
+
+# --- what is in it -----------------------------------------------------------------------------------------------
+
+
+def test_the_file_is_an_npz_without_pickle(content: bytes, small_library: MotionLibrary) -> None:
+    """Numpy alone opens the file with pickle forbidden, and two sums along time give the motions' millimetres."""
+    header, arrays = _unpacked(content)
+    assert {name: array.dtype.str for name, array in arrays.items()} == {
+        "positions": "<i2",
+        "starts": "<i4",
+        "learned_weights": "<f4",
+    }
+    assert (header["format"], header["version"]) == ("kinespace motion library", 3)
+    assert header["joints"] == list(STICK.joints)
+    frames = header["motions"]["frames"]
+    summed = arrays["positions"].astype(np.int64).cumsum(axis=2).cumsum(axis=2).astype(np.int16)
+    end = 0
+    for motion, start, count in zip(small_library.motions, arrays["starts"], frames, strict=True):
+        millimetres = summed[:, :, end : end + count].transpose(2, 0, 1) + start
+        np.testing.assert_array_equal(millimetres, np.round(motion.positions * 1000))
+        end += count
+    assert end == summed.shape[2]
+
+
+def test_what_was_loaded_is_saved_as_it_was(content: bytes, small_library: MotionLibrary, tmp_path: Path) -> None:
+    """A library that was loaded and saved again is equal: nothing is lost or rounded."""
+    first, second = tmp_path / "first.npz", tmp_path / "second.npz"
+    first.write_bytes(content)
+    MotionLibrary.load(first).save(second)
+    assert _are_equal(MotionLibrary.load(second), small_library)
+    assert _unpacked(second.read_bytes())[0] == _unpacked(content)[0]
+
+
+@pytest.mark.parametrize(("travelled", "kind"), [(20.0, "<i2"), (40.0, "<i4"), (900.0, "<i4")])
+def test_motions_that_travel_far_come_back(tmp_path: Path, travelled: float, kind: str) -> None:
+    """A motion that travels farther than 16 bits of millimetres hold is kept in 32, to the millimetre."""
+    clip = stick_clip("wave", frames=300)
+    way = np.linspace(0, travelled, 300)[:, None, None] * np.array([1.0, 0.0, -0.5])
+    library = MotionLibrary.of_clips([clip.moved_to(clip.positions + way + 7.0), stick_clip("bow")])
+    library.save(tmp_path / "far.npz")
+    assert _unpacked((tmp_path / "far.npz").read_bytes())[1]["positions"].dtype.str == kind
+    assert _are_equal(MotionLibrary.load(tmp_path / "far.npz"), library)
+
+
+def test_places_far_from_the_origin_are_kept_in_16_bits(tmp_path: Path) -> None:
+    """Positions are kept from each motion's start: far from the origin, and from each other, they are as small."""
+    near = [stick_clip("wave"), stick_clip("bow")]
+    library = MotionLibrary.of_clips([near[0].moved_to(near[0].positions - 990), near[1].moved_to(near[1].positions)])
+    library.save(tmp_path / "far.npz")
+    assert _unpacked((tmp_path / "far.npz").read_bytes())[1]["positions"].dtype.str == "<i2"
+    assert _are_equal(MotionLibrary.load(tmp_path / "far.npz"), library)
+
+
+def test_what_no_file_may_hold_is_not_written(tmp_path: Path, small_library: MotionLibrary) -> None:
+    """A library too large for a file is refused when it is saved, and no file is left behind."""
+    motion = small_library.motions[0]
+    several = dataclasses.replace(small_library, motions=(motion,) * (library_file.MAX_MOTIONS + 1))
+    with pytest.raises(ValueError, match="motions: expected 1 to 100000, got 100001"):
+        several.save(tmp_path / "library.npz")
+    far = dataclasses.replace(small_library, motions=(motion.moved_to(motion.positions + 1001),))
+    with pytest.raises(ValueError, match="positions: expected at most 1000 m, got 100"):
+        far.save(tmp_path / "library.npz")
+    named = dataclasses.replace(motion, name="x" * library_file.MAX_HEADER_BYTES)
+    with pytest.raises(ValueError, match="header: expected at most 16000000 bytes, got 1600"):
+        dataclasses.replace(small_library, motions=(named,)).save(tmp_path / "library.npz")
+    assert not list(tmp_path.iterdir())
+
+
+# --- saving is atomic --------------------------------------------------------------------------------------------
+
+
+def _broken_savez(file: Any, **_arrays: object) -> None:  # noqa: ANN401 - what numpy takes
+    file.write(b"PK\x03\x04 half of a file")
+    raise OSError(28, "No space left on device")
+
+
+def _interrupted_savez(file: Any, **_arrays: object) -> None:  # noqa: ANN401 - what numpy takes
+    file.write(b"PK\x03\x04 half of a file")
+    raise KeyboardInterrupt
+
+
+def _refusing(*_arguments: object) -> None:
+    raise OSError(5, "Input/output error")
+
+
+FAILURES = [
+    pytest.param(np, "savez_compressed", _broken_savez, OSError, id="disk full"),
+    pytest.param(np, "savez_compressed", _interrupted_savez, KeyboardInterrupt, id="Ctrl-C"),
+    pytest.param(os, "fsync", _refusing, OSError, id="disk gone"),
+    pytest.param(Path, "replace", _refusing, OSError, id="not replaced"),
+]
+
+
+@pytest.mark.parametrize(("owner", "name", "failing", "error"), FAILURES)
+@pytest.mark.parametrize("exists", [True, False])
+def test_a_failure_in_the_middle_leaves_all_as_it_was(  # noqa: PLR0913, PLR0917 - a failure takes four words to say
+    monkeypatch: pytest.MonkeyPatch,
+    tmp_path: Path,
+    owner: object,
+    name: str,
+    failing: Callable[..., None],
+    error: type[BaseException],
+    content: bytes,
+    *,
+    exists: bool,
+) -> None:
+    """When saving fails the old file is untouched, or still absent, and nothing else is left in the folder."""
+    path = tmp_path / "library.npz"
+    if exists:
+        path.write_bytes(content)
+    monkeypatch.setattr(owner, name, failing)
+    with pytest.raises(error):
+        MotionLibrary.of_clips(stick_clips(takes=1)).save(path)
+    monkeypatch.undo()
+    assert [entry.name for entry in tmp_path.iterdir()] == (["library.npz"] if exists else [])
+    assert not exists or path.read_bytes() == content
+
+
+def test_until_the_new_file_is_whole_the_old_one_is_read(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, content: bytes, small_library: MotionLibrary
+) -> None:
+    """A reader during the writing of a library sees the old file; a later reader sees the new one."""
+    path = tmp_path / "library.npz"
+    path.write_bytes(content)
+    seen: list[MotionLibrary] = []
+    fsync = os.fsync
+
+    def look_meanwhile(handle: int) -> None:
+        seen.append(MotionLibrary.load(path))
+        fsync(handle)
+
+    monkeypatch.setattr(os, "fsync", look_meanwhile)
+    new = MotionLibrary.of_clips(stick_clips(takes=1))
+    new.save(path)
+    assert len(seen) == 1
+    assert _are_equal(seen[0], small_library)
+    assert _are_equal(MotionLibrary.load(path), new)
+    assert [entry.name for entry in tmp_path.iterdir()] == ["library.npz"]
+
+
+def test_a_folder_that_is_not_there_is_an_os_error(small_library: MotionLibrary, tmp_path: Path) -> None:
+    """Saving into a folder that does not exist, or over a folder, is the system's error and leaves nothing behind."""
+    with pytest.raises(FileNotFoundError):
+        small_library.save(tmp_path / "absent" / "library.npz")
+    (tmp_path / "folder").mkdir()
+    with pytest.raises(OSError, match="folder"):
+        small_library.save(tmp_path / "folder")
+    assert [entry.name for entry in tmp_path.iterdir()] == ["folder"]
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows has no umask to speak of")
+@pytest.mark.parametrize(("mask", "mode"), [(0o022, 0o644), (0o027, 0o640), (0o077, 0o600)])
+def test_a_library_is_as_readable_as_any_other_file(
+    small_library: MotionLibrary, tmp_path: Path, mask: int, mode: int
+) -> None:
+    """The file's mode follows the umask, and saving does not change the umask."""
+    before = os.umask(mask)
+    try:
+        small_library.save(tmp_path / "library.npz")
+    finally:
+        after = os.umask(before)
+    assert stat.S_IMODE((tmp_path / "library.npz").stat().st_mode) == mode
+    assert after == mask
+
+
+# --- damaged files -----------------------------------------------------------------------------------------------
+
+
+@pytest.mark.slow
+def test_a_file_cut_short_anywhere_is_refused(content: bytes, tmp_path: Path) -> None:
+    """Cut at any of several hundred places, the first byte and the last among them, the file is refused by name."""
+    for length in [*range(0, len(content), 11), 1, 2, 3, 4, len(content) - 1]:
+        _assert_refused(tmp_path / "cut.npz", content[:length])
+
+
+def test_a_file_cut_out_of_the_middle_is_refused(content: bytes, tmp_path: Path) -> None:
+    """Bytes missing from the middle are noticed too."""
+    for start in range(0, len(content) - 40, 97):
+        _assert_refused(tmp_path / "cut.npz", content[:start] + content[start + 40 :])
+
+
+def _assert_refused_or_equal(path: Path, content: bytes, expected: MotionLibrary) -> bool:
+    """Say whether a file is refused; if not, it must hold the library that was written."""
+    path.write_bytes(content)
+    try:
+        library = MotionLibrary.load(path)
+    except LibraryFileError as error:
+        assert str(path) in str(error)  # noqa: PT017 - a flipped date in the zip's directory is no error
+        return True
+    assert _are_equal(library, expected)
+    return False
+
+
+#: The end record of a zip file is its last 22 bytes.
+END = 22
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("begin", "mask"), [(0, 0x01), (5, 0x10), (10, 0xFF)])
+def test_flipped_bytes_are_refused_or_do_not_matter(
+    content: bytes, small_library: MotionLibrary, tmp_path: Path, begin: int, mask: int
+) -> None:
+    """A byte flipped anywhere gives the one error, or sits where zip files keep dates and the library is whole."""
+    places = range(begin, len(content) - END, 15)
+    refused = sum(
+        _assert_refused_or_equal(
+            tmp_path / "flipped.npz",
+            content[:place] + bytes([content[place] ^ mask]) + content[place + 1 :],
+            small_library,
+        )
+        for place in places
+    )
+    assert refused > 0.9 * len(places)
+
+
+def test_a_flipped_end_of_the_file_is_refused(content: bytes, small_library: MotionLibrary, tmp_path: Path) -> None:
+    """A byte flipped in the zip's end record, which says where its directory is, gives the one error."""
+    for place in range(len(content) - END, len(content)):
+        for mask in (0x01, 0x80, 0xFF):
+            flipped = content[:place] + bytes([content[place] ^ mask]) + content[place + 1 :]
+            _assert_refused_or_equal(tmp_path / "flipped.npz", flipped, small_library)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("filling", [b"\x00", b"\xff", b"A"])
+def test_overwritten_stretches_are_refused(content: bytes, tmp_path: Path, filling: bytes) -> None:
+    """A stretch of the file overwritten with one byte is refused, wherever it begins."""
+    for start in range(0, len(content) - 64, 89):
+        _assert_refused(tmp_path / "over.npz", content[:start] + filling * 64 + content[start + 64 :])
+
+
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [pytest.param(6, 200, id="version"), pytest.param(8, 1, id="password"), pytest.param(10, 99, id="method")],
+)
+def test_a_zip_beyond_what_python_reads_is_refused(content: bytes, tmp_path: Path, field: int, value: int) -> None:
+    """A zip whose directory asks for a later version, a password or an unknown compression is refused by name."""
+    changed = bytearray(content)
+    for entry in re.finditer(rb"PK\x01\x02", content):
+        changed[entry.start() + field] = value
+    _assert_refused(tmp_path / "beyond.npz", bytes(changed))
+
+
+# --- foreign files -----------------------------------------------------------------------------------------------
+
+
+class _Trap:
+    """Leaves a mark when unpickled."""
+
+    def __init__(self, mark: Path) -> None:
+        self.mark = mark
+
+    def __reduce__(self) -> tuple[Callable[..., object], tuple[object, ...]]:
+        return (Path.touch, (self.mark,))
+
+
+def _npy(array: np.ndarray) -> bytes:
+    file = io.BytesIO()
+    np.save(file, array)
+    return file.getvalue()
+
+
+def _npz(**arrays: object) -> bytes:
+    file = io.BytesIO()
+    np.savez(file, allow_pickle=True, **arrays)
+    return file.getvalue()
+
+
+def _zip(**members: bytes) -> bytes:
+    file = io.BytesIO()
+    with zipfile.ZipFile(file, "w") as archive:
+        for name, member in members.items():
+            archive.writestr(name, member)
+    return file.getvalue()
+
+
+def _header(text: str) -> np.ndarray:
+    return np.frombuffer(text.encode(), dtype=np.uint8)
+
+
+@pytest.mark.parametrize(
+    "foreign",
+    [
+        pytest.param(b"", id="empty"),
+        pytest.param(b"motions: none\n", id="text"),
+        pytest.param(b'{"format": "kinespace motion library", "version": 3}', id="JSON"),
+        pytest.param(np.random.default_rng(2).bytes(2048), id="random bytes"),
+        pytest.param(_npy(np.zeros((3, 4))), id="npy"),
+        pytest.param(_npy(np.array([{}, None], dtype=object)), id="npy of objects"),
+        pytest.param(_npz(weights=np.zeros(3)), id="npz of something else"),
+        pytest.param(_npz(), id="npz of nothing"),
+        pytest.param(_npz(header=np.zeros(3)), id="header of numbers"),
+        pytest.param(_npz(header=np.array(7)), id="header of one number"),
+        pytest.param(_npz(header=_header("{}")), id="header of nothing"),
+        pytest.param(_npz(header=_header("[1, 2]")), id="header that is a list"),
+        pytest.param(_npz(header=_header("{broken")), id="header that is no JSON"),
+        pytest.param(_npz(header=_header("[" * 100_000)), id="header nested too deep"),
+        pytest.param(_npz(header=_header('{"format": "kinespace motion library"}')), id="header without version"),
+        pytest.param(_npz(header=_header('{"format": "kinespace motion library", "version": 3}')), id="header alone"),
+        pytest.param(_zip(**{"readme.txt": b"hello"}), id="zip"),
+        pytest.param(_zip(**{"header.npy": b"hello", "positions.npy": b"hello"}), id="zip with our names"),
+        pytest.param(_zip(**{"header.npy": b"\x93NUMPY\x01\x00"}), id="zip with half an array"),
+    ],
+)
+def test_a_foreign_file_is_refused(tmp_path: Path, foreign: bytes) -> None:
+    """A file of another kind, however near, is refused by name."""
+    _assert_refused(tmp_path / "foreign.npz", foreign)
+
+
+@pytest.mark.parametrize("place", ["alone", "header", "positions", "learned_weights"])
+def test_nothing_is_unpickled(content: bytes, tmp_path: Path, place: str) -> None:
+    """A pickle, alone or in place of a part, is refused and its code does not run."""
+    mark = tmp_path / "mark"
+    trap = _Trap(mark)
+    pickle.loads(pickle.dumps(trap))  # noqa: S301 - shows that the trap is set
+    assert mark.exists()
+    mark.unlink()
+    with np.load(io.BytesIO(content), allow_pickle=False) as stored:
+        parts: dict[str, object] = dict(stored)
+    parts[place] = np.array([trap], dtype=object)
+    _assert_refused(tmp_path / "trap.npz", pickle.dumps(trap) if place == "alone" else _npz(**parts))
+    assert not mark.exists()
+
+
+def test_a_file_that_is_not_there_is_an_os_error(tmp_path: Path) -> None:
+    """A file that cannot be opened is the system's error, which names it, and no library error."""
+    with pytest.raises(FileNotFoundError, match=r"absent\.npz"):
+        MotionLibrary.load(tmp_path / "absent.npz")
+    with pytest.raises(OSError, match=re.escape(tmp_path.name)):
+        MotionLibrary.load(tmp_path)
+
+
+# --- other versions ----------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("version", [1, 2])
+def test_an_old_library_says_how_to_build_it_anew(content: bytes, tmp_path: Path, version: int) -> None:
+    """A file of before, with whatever arrays, is refused in one line that holds the command to be given."""
+    header, _ = _unpacked(content)
+    old = _packed({**header, "version": version}, {"means": np.zeros((18, 15), np.float32), "digest": np.zeros(32)})
+    path = tmp_path / "library.npz"
+    told = f"of format version {version}, which keeps no motions; build it anew from its recordings: "
+    _assert_refused(path, old, f"{told}kinespace build FOLDER -o {path}")
+
+
+@pytest.mark.parametrize(
+    ("version", "said"), [(99, "99"), (0, "0"), ("3", "3"), (None, "None"), (10**400, "1" + "0" * 19)]
+)
+def test_another_version_is_refused(content: bytes, tmp_path: Path, version: object, said: str) -> None:
+    """A file of a newer or unknown format version is refused, saying which it is and which is read."""
+    header, arrays = _unpacked(content)
+    told = f"format version {said}, this kinespace reads 3"
+    _assert_refused(tmp_path / "library.npz", _packed({**header, "version": version}, arrays), told)
+
+
+# --- crafted files -----------------------------------------------------------------------------------------------
+
+
+def _said(*keys: str, to: object) -> Callable[..., None]:
+    """Make a change of one of the header's entries."""
+
+    def change(header: dict[str, Any], _arrays: dict[str, Any]) -> None:
+        for key in keys[:-1]:
+            header = header[key]
+        header[keys[-1]] = to
+
+    return change
+
+
+def _first(name: str, to: object) -> Callable[..., None]:
+    """Change a field of the first motion."""
+
+    def change(header: dict[str, Any], _arrays: dict[str, Any]) -> None:
+        header["motions"][name][0] = to
+
+    return change
+
+
+def _unsaid(*keys: str) -> Callable[..., None]:
+    def change(header: dict[str, Any], _arrays: dict[str, Any]) -> None:
+        for key in keys[:-1]:
+            header = header[key]
+        del header[keys[-1]]
+
+    return change
+
+
+def _array(name: str, made: Callable[[NDArray[Any]], NDArray[Any]]) -> Callable[..., None]:
+    """Make a change of an array; one that is not there is made of `starts`."""
+
+    def change(_header: dict[str, Any], arrays: dict[str, Any]) -> None:
+        arrays[name] = made(arrays.get(name, arrays["starts"]))
+
+    return change
+
+
+def _no_array(name: str) -> Callable[..., None]:
+    def change(_header: dict[str, Any], arrays: dict[str, Any]) -> None:
+        del arrays[name]
+
+    return change
+
+
+def _far(starts: NDArray[Any]) -> NDArray[Any]:
+    return np.where(np.arange(len(starts))[:, None] == 3, np.int32(-(2**31)), starts)
+
+
+def _wandering(steps: NDArray[Any]) -> NDArray[Any]:
+    steps = steps.astype(np.int32)
+    steps[2, 1, 40] = 2**30
+    return steps
+
+
+def _many(header: dict[str, Any], arrays: dict[str, Any]) -> None:
+    """Repeat the fields of one motion for 100,001 motions."""
+    count = library_file.MAX_MOTIONS + 1
+    header["motions"] = {name: [column[0]] * count for name, column in header["motions"].items()}
+    header["motions"]["frames"] = [2] * count
+    arrays["starts"] = np.zeros((count, 3), np.int32)
+    arrays["positions"] = np.zeros((6, 3, 2 * count), np.int16)
+
+
+def _long(header: dict[str, Any], _arrays: dict[str, Any]) -> None:
+    """Say of each motion that it lasts as long as all may together."""
+    header["motions"]["frames"] = [library_file.MAX_COORDINATES] * len(header["motions"]["frames"])
+
+
+def _not_finite(array: NDArray[Any]) -> NDArray[Any]:
+    return np.where(array == 5, np.float32("nan"), array)
+
+
+UNUSABLE = "not a usable motion library ("
+NO_LIBRARY = "not a motion library"
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        pytest.param(_said("joints", to=[f"j{n}" for n in range(20_000)]), "joints: expected at most 512", id="joints"),
+        pytest.param(
+            _said("joints", to=list(STICK.joints[:5])), "parents: expected one per joint (5)", id="a joint missing"
+        ),
+        pytest.param(_said("joints", to=["a"] * 6), "joints: expected distinct", id="one name"),
+        pytest.param(_said("joints", to=[1, 2, 3, 4, 5, 6]), "joints: expected a list", id="numbered joints"),
+        pytest.param(_said("joints", to="abcdef"), "joints: expected a list", id="joints a word"),
+        pytest.param(_said("parents", to=[0] * 6), "parents: expected joint indices", id="its own parent"),
+        pytest.param(_said("parents", to=[-1, 0, 10**400, 0, 0, 0]), "parents: expected", id="endless parent"),
+        pytest.param(_said("parents", to=[-1, 0]), "parents: expected one per joint", id="parents missing"),
+        pytest.param(_first("frames", 10**400), "frames: expected 2 to 100000000", id="400 digits"),
+        *(
+            pytest.param(_first("frames", frames), "frames: expected", id=f"frames {frames}")
+            for frames in (0, 1, -24, 2.5, True, None, "24", float("nan"), 10**9)
+        ),
+        pytest.param(_long, "frames: expected at most 100000000 coordinates", id="long"),
+        pytest.param(_first("frames", 23), "positions: expected int16", id="a frame less"),
+        pytest.param(_said("motions", "frames", to=[]), "motions: expected 1 to 100000, got 0", id="no motion"),
+        pytest.param(_many, "motions: expected 1 to 100000, got 100001", id="motions"),
+        *(
+            pytest.param(_first("frame_rate", rate), "", id=f"rate {str(rate)[:9]}")
+            for rate in (0, -60.0, 0.5, 75.1, float("nan"), float("inf"), 10**400, "60", None)
+        ),
+        pytest.param(_first("class_name", ""), "expected a class name", id="no class"),
+        pytest.param(_first("class_name", 3), "class_name: expected a list of 18", id="numbered class"),
+        pytest.param(_first("actor", None), "actor: expected a list of 18", id="actor null"),
+        pytest.param(_said("motions", "take", to=["1"]), "take: expected a list of 18", id="takes missing"),
+        pytest.param(_first("origin", 1), "origin: expected 0 to 0", id="origin"),
+        pytest.param(_first("origin", -1), "origin: expected 0 to 0", id="origin before"),
+        pytest.param(_said("origins", to=[["a", "b"]]), "origins: expected a list of 3", id="origin of two"),
+        pytest.param(_said("origins", to=7), NO_LIBRARY, id="origins a number"),
+        pytest.param(_said("motions", to=[]), NO_LIBRARY, id="motions a list"),
+        *(
+            pytest.param(_unsaid(*keys), NO_LIBRARY, id=f"no {keys[-1]}")
+            for keys in (
+                ("joints",),
+                ("parents",),
+                ("origins",),
+                ("learned",),
+                ("motions", "frames"),
+                ("motions", "name"),
+            )
+        ),
+        pytest.param(_array("further", np.copy), "arrays: expected those", id="an array more"),
+        pytest.param(_array("learned_more", np.copy), "arrays: expected those", id="more learned"),
+        pytest.param(_no_array("positions"), "arrays: expected those", id="no positions"),
+        pytest.param(_no_array("learned_weights"), "arrays: expected those", id="nothing learned"),
+        pytest.param(_array("starts", _far), "positions: expected at most 1000 m", id="far away"),
+        pytest.param(_array("positions", _wandering), "positions: expected at most 1000 m", id="wandering"),
+        *(
+            pytest.param(_array(name, made), f"{name}: expected", id=f"{name} {told}")
+            for name in ("positions", "starts")
+            for told, made in {
+                "float": lambda array: array.astype(np.float64),
+                "unsigned": lambda array: array.astype(np.uint16),
+                "backwards": lambda array: array.astype(">i4"),
+                "Fortran's": np.asfortranarray,
+                "flat": np.ravel,
+                "shorter": lambda array: array[..., :-1],
+                "none": lambda array: array[:0],
+                "complex": lambda array: array.astype(np.complex64),
+                "records": lambda array: array.astype([("x", "<i4")]),
+            }.items()
+        ),
+        pytest.param(_array("learned_weights", _not_finite), "expected finite numbers", id="NaN learned"),
+        pytest.param(_array("learned_weights", np.transpose), "learned_weights: expected float32", id="learned turned"),
+        pytest.param(_said("learned", to={"weights": [10**400]}), "learned: expected at most", id="endlessly learned"),
+        pytest.param(_said("learned", to={"weights": [-3, -4]}), "learned: expected at most", id="learned below 0"),
+        pytest.param(_said("learned", to={"weights": [0, 2**62]}), "learned: expected at most", id="learned 0 times"),
+        pytest.param(_said("learned", to={"weights": [9**7, 9]}), "learned: expected at most", id="much learned"),
+        pytest.param(_said("learned", to=["weights"]), NO_LIBRARY, id="learned a list"),
+    ],
+)
+def test_a_crafted_file_is_refused(content: bytes, tmp_path: Path, change: Callable[..., None], message: str) -> None:
+    """A file put together anew with anything missing, added, of another kind or absurd is refused by name."""
+    header, arrays = _unpacked(content)
+    change(header, arrays)
+    _assert_refused(tmp_path / "crafted.npz", _packed(header, arrays), message)
+
+
+def _with_member(content: bytes, name: str, member: bytes, method: int = zipfile.ZIP_DEFLATED) -> bytes:
+    """Give a file with one array's bytes replaced, or added."""
+    file = io.BytesIO()
+    with zipfile.ZipFile(io.BytesIO(content)) as good, zipfile.ZipFile(file, "w", method) as archive:
+        for each in good.namelist():
+            if each != name:
+                archive.writestr(each, good.read(each))
+        archive.writestr(name, member)
+    return file.getvalue()
+
+
+#: A file of 0.1 MB that unpacks to this many bytes.
+HUGE = 120_000_000
+
+
+@pytest.fixture(scope="module")
+def huge() -> bytes:
+    return bytes(HUGE)
+
+
+@pytest.mark.parametrize("name", ["header.npy", "positions.npy", "starts.npy", "learned_weights.npy", "further.npy"])
+def test_what_would_unpack_to_gigabytes_is_not_unpacked(content: bytes, huge: bytes, tmp_path: Path, name: str) -> None:
+    """An array's file that the zip says is larger than it must be is refused before memory is taken for it."""
+    bomb = _with_member(content, name, huge)
+    assert len(bomb) < 1_000_000
+    _assert_refused(tmp_path / "bomb.npz", bomb)
+
+
+def test_what_unpacks_to_more_than_the_zip_says_is_not_unpacked(content: bytes, huge: bytes, tmp_path: Path) -> None:
+    """A zip that says an array's file is small, and packs a large one, takes no memory for it either."""
+    bomb = _with_member(content, "positions.npy", huge)
+    said = HUGE.to_bytes(4, "little")
+    assert bomb.count(said) == 2
+    _assert_refused(tmp_path / "bomb.npz", bomb.replace(said, (4000).to_bytes(4, "little")))
+
+
+def test_an_arrays_header_that_asks_for_gigabytes_is_refused(content: bytes, tmp_path: Path) -> None:
+    """An array's file whose header promises more than follows is refused before memory is taken."""
+    for shape in ((10**10,), (10**400,), (6, 3, 10**9), (-1, 5), (2**62, 4)):
+        file = io.BytesIO()
+        np.lib.format.write_array_header_1_0(file, {"descr": "<i2", "fortran_order": False, "shape": shape})
+        for name in ("header", "positions", "starts"):
+            _assert_refused(tmp_path / "bomb.npz", _with_member(content, f"{name}.npy", file.getvalue() + bytes(64)))
+
+
+@pytest.mark.parametrize(
+    "header", ["{" * 500, "(" * 5000, "'", "{'descr': '<i2'", "\n" * 9000, "\\", "[1" * 3000, "\x00"]
+)
+def test_an_arrays_header_that_is_none_is_refused(content: bytes, tmp_path: Path, header: str) -> None:
+    """Whatever stands where an array's header should be, reading it ends in the one line."""
+    member = b"\x93NUMPY\x01\x00" + len(header).to_bytes(2, "little") + header.encode() + bytes(64)
+    for name in ("header", "positions"):
+        _assert_refused(tmp_path / "odd.npz", _with_member(content, f"{name}.npy", member))
+
+
+@pytest.mark.parametrize("method", [zipfile.ZIP_LZMA, zipfile.ZIP_BZIP2])
+def test_other_compressions_are_refused(content: bytes, tmp_path: Path, method: int) -> None:
+    """Only numpy's compression is unpacked: another one may take any amount of memory."""
+    with zipfile.ZipFile(io.BytesIO(content)) as good:
+        member = good.read("positions.npy")
+    _assert_refused(tmp_path / "other.npz", _with_member(content, "positions.npy", member, method), NO_LIBRARY)
+
+
+def test_an_array_twice_is_refused(content: bytes, tmp_path: Path) -> None:
+    """A zip with two files of one name is refused, because it is not clear which one is meant."""
+    file = io.BytesIO(content)
+    with zipfile.ZipFile(file, "a") as archive, pytest.warns(UserWarning, match="Duplicate name"):
+        archive.writestr("starts.npy", archive.read("starts.npy"))
+    _assert_refused(tmp_path / "twice.npz", file.getvalue(), "arrays: expected those")
+
+
+def test_a_zip_of_very_many_files_is_refused(content: bytes, tmp_path: Path) -> None:
+    """A zip whose directory is long is refused before it is read: each entry would take memory."""
+    file = io.BytesIO(content)
+    with zipfile.ZipFile(file, "a") as archive:
+        for number in range(2000):
+            archive.writestr(f"{number}.npy", b"")
+    _assert_refused(tmp_path / "many.npz", file.getvalue(), NO_LIBRARY)

@@ -1,0 +1,450 @@
+"""The motion library: made of clips, changed, merged, and the one that comes with the package."""
+
+from __future__ import annotations
+
+import dataclasses
+from importlib import resources
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from synthetic import STICK, STICK_CLASSES, stick_clip, stick_clips
+
+from kinespace.library.motion_library import NOTHING, MotionLibrary
+from kinespace.library.motion_library.learned import Learned
+from kinespace.library.naming import hdm05
+from kinespace.library.skeleton import Skeleton, SkeletonMismatchError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+    from pathlib import Path
+
+    from kinespace.library.clip import Clip
+
+SAID = ("name", "class_name", "actor", "take", "source", "licence", "attribution", "frame_rate")
+
+
+def _assert_equal(first: MotionLibrary, second: MotionLibrary) -> None:
+    assert first.skeleton == second.skeleton
+    assert len(first) == len(second)
+    for one, another in zip(first.motions, second.motions, strict=True):
+        assert [getattr(one, name) for name in SAID] == [getattr(another, name) for name in SAID]
+        assert np.array_equal(one.positions, another.positions)
+
+
+def _shuffled(clip: Clip, seed: int = 5, *, parents: bool = True) -> Clip:
+    """Give the same clip with its joints, and their parents, in another order."""
+    order = np.random.default_rng(seed).permutation(len(clip.skeleton.joints))
+    places = np.argsort(order)
+    above = [clip.skeleton.parents[index] for index in order] if parents else []
+    skeleton = Skeleton(
+        tuple(clip.skeleton.joints[index] for index in order),
+        tuple(-1 if each < 0 else int(places[each]) for each in above),
+    )
+    return dataclasses.replace(clip, skeleton=skeleton, positions=clip.positions[:, order])
+
+
+@pytest.fixture(scope="module")
+def builtin() -> MotionLibrary:
+    return MotionLibrary.builtin()
+
+
+@pytest.fixture
+def library() -> MotionLibrary:
+    return MotionLibrary.of_clips(stick_clips())
+
+
+# --- made of clips -----------------------------------------------------------------------------------------------
+
+
+def test_clips_become_motions(library: MotionLibrary) -> None:
+    """A motion has its clip's labels; of 120 frames per second every second one is kept, in whole millimetres."""
+    clips = {(clip.class_name, clip.take): clip for clip in stick_clips()}
+    assert len(library) == len(clips) == 18
+    for motion in library.motions:
+        clip = clips[motion.class_name, motion.take]
+        assert (motion.actor, motion.name, motion.frame_rate) == (clip.actor, clip.name, 60.0)
+        assert np.abs(motion.positions - clip.positions[::2]).max() <= 0.000501
+        assert np.array_equal(motion.positions, np.round(motion.positions, 3))
+        assert not motion.positions.flags.writeable
+        assert motion.skeleton == STICK
+
+
+def test_where_a_clip_comes_from_is_kept() -> None:
+    """Each motion keeps source, licence and attribution; the library lists each different one once."""
+    first = dataclasses.replace(stick_clip("bow"), source="a", licence="CC0", attribution="Ann")
+    second = dataclasses.replace(stick_clip("jump"), source="b", licence="CC BY 4.0", attribution="Bob")
+    library = MotionLibrary.of_clips([second, first, stick_clip("wave"), dataclasses.replace(first, take="2")])
+    assert [(each.source, each.licence, each.attribution) for each in library.motions] == [
+        ("a", "CC0", "Ann"),
+        ("a", "CC0", "Ann"),
+        ("b", "CC BY 4.0", "Bob"),
+        ("", "", ""),
+    ]
+    assert (library.licence, library.attribution) == ("CC0 / CC BY 4.0", "Ann / Bob")
+    assert MotionLibrary.of_clips([stick_clip("bow")]).licence == ""
+
+
+def test_motions_are_sorted_by_class_and_person_and_otherwise_as_given() -> None:
+    """Mixed clips are sorted by class and actor; takes of one actor stay in the given order."""
+    clips = [
+        dataclasses.replace(stick_clip(class_name, seed=seed, actor=actor), take=str(9 - seed))
+        for seed in range(2)
+        for actor in ("bb", "aa")
+        for class_name in reversed(STICK_CLASSES)
+    ]
+    library = MotionLibrary.of_clips(iter(clips))
+    assert [(motion.class_name, motion.actor, motion.take) for motion in library.motions] == [
+        (class_name, actor, take) for class_name in STICK_CLASSES for actor in ("aa", "bb") for take in ("9", "8")
+    ]
+    assert (library.classes, library.actors) == (STICK_CLASSES, ("aa", "bb"))
+
+
+@pytest.mark.parametrize(
+    ("rate", "every", "kept"),
+    [
+        (30.0, 1, 30.0),
+        (59.94, 1, 59.94),
+        (75.0, 1, 75.0),
+        (76.0, 2, 38.0),
+        (100.0, 2, 50.0),
+        (119.88, 2, 59.94),
+        (120.0, 2, 60.0),
+        (240.0, 4, 60.0),
+        (300.0, 4, 75.0),
+        (1000.0, 14, 1000 / 14),
+    ],
+)
+def test_frame_rates_come_near_60(rate: float, every: int, kept: float) -> None:
+    """Of clips above 75 frames per second every n-th frame is kept, others stay; seconds stay seconds."""
+    clip = dataclasses.replace(stick_clip("wave", frames=280), frame_rate=rate)
+    (motion,) = MotionLibrary.of_clips([clip]).motions
+    assert motion.frame_rate == pytest.approx(kept)
+    np.testing.assert_allclose(motion.positions, clip.positions[::every], atol=0.000501)
+    assert motion.duration == pytest.approx(clip.duration, abs=1 / kept)
+
+
+def test_the_order_of_hdm05s_joints_never_matters(builtin: MotionLibrary) -> None:
+    """HDM05's joints in the order of the alphabet, or each clip in another, make the very same library."""
+    motions = builtin.motions[::20]
+    mixed = MotionLibrary.of_clips([_shuffled(motion, seed) for seed, motion in enumerate(motions)])
+    _assert_equal(mixed, MotionLibrary.of_clips(motions))
+    unknown = MotionLibrary.of_clips([_shuffled(motion, seed, parents=False) for seed, motion in enumerate(motions)])
+    assert unknown.skeleton == Skeleton(hdm05.SKELETON.joints)
+    assert all(np.array_equal(a.positions, b.positions) for a, b in zip(unknown.motions, mixed.motions, strict=True))
+
+
+def test_joints_of_other_bodies_stand_in_the_first_clips_order() -> None:
+    """Clips of a body that is not HDM05's get the first one's order, whatever theirs, added ones too."""
+    clips = stick_clips(takes=1)
+    mixed = [clips[0], *(_shuffled(clip, seed) for seed, clip in enumerate(clips[1:]))]
+    _assert_equal(MotionLibrary.of_clips(mixed), MotionLibrary.of_clips(clips))
+    _assert_equal(MotionLibrary.of_clips(mixed[:1]).with_motions(mixed[1:]), MotionLibrary.of_clips(clips))
+
+
+@pytest.mark.parametrize(
+    ("clip", "error", "message"),
+    [
+        pytest.param(
+            stick_clip("wave", seed=3, frames=2),
+            ValueError,
+            "clip 'wave_3': expected at least 3 frames, got 2",
+            id="one frame at 60 Hz",
+        ),
+        pytest.param(
+            dataclasses.replace(stick_clip("wave", frames=1), frame_rate=30.0),
+            ValueError,
+            "clip 'wave_0': expected at least 2 frames, got 1",
+            id="one frame",
+        ),
+        pytest.param(
+            dataclasses.replace(stick_clip("wave"), class_name=""),
+            ValueError,
+            "clip 'wave_0': expected a class name, got none",
+            id="no class",
+        ),
+        pytest.param(
+            stick_clip("wave").moved_to(np.tile(np.arange(18.0).reshape(6, 3) ** 2, (10, 1, 1))),
+            ValueError,
+            "clip 'wave_0': expected a motion, got a body that does not move",
+            id="still",
+        ),
+        pytest.param(
+            stick_clip("wave").moved_to(
+                np.arange(18.0).reshape(6, 3) ** 1.5 + np.linspace(0, 5, 60)[:, None, None] * np.array([1, 0.3, 0.1])
+            ),
+            ValueError,
+            "clip 'wave_0': expected a motion, got a body that does not move",
+            id="carried about",
+        ),
+        pytest.param(
+            stick_clip("wave").moved_to(stick_clip("wave").positions + 1001.0),
+            ValueError,
+            "clip 'wave_0': expected joints within 1000 m of the origin",
+            id="far away",
+        ),
+        pytest.param(
+            dataclasses.replace(stick_clip("wave"), frame_rate=0.5),
+            ValueError,
+            "clip 'wave_0': expected 1 to 75 frames per second, got 0.5",
+            id="slow",
+        ),
+        pytest.param(
+            stick_clip("wave", skeleton=Skeleton((*STICK.joints[:-1], "tail"))),
+            SkeletonMismatchError,
+            "clip 'wave_0': expected the other recordings' 6 joints, got tail beside them",
+            id="another joint",
+        ),
+    ],
+)
+def test_a_clip_that_makes_no_motion_is_refused(clip: Clip, error: type[Exception], message: str) -> None:
+    """A clip too short, still, far away, without class or of other joints is refused by name, added later too."""
+    with pytest.raises(error, match=message):
+        MotionLibrary.of_clips(iter([stick_clip("bow"), clip]))
+    with pytest.raises(error, match=message):
+        MotionLibrary.of_clips([stick_clip("bow")]).with_motions(iter([clip]))
+
+
+def test_no_clips_make_no_library() -> None:
+    """Without clips, or motions, there is no library."""
+    with pytest.raises(ValueError, match="clips: expected at least one, got none"):
+        MotionLibrary.of_clips([])
+    with pytest.raises(ValueError, match="motions: expected at least one, got none"):
+        MotionLibrary(STICK, ())
+
+
+def test_parts_that_do_not_fit_are_refused(library: MotionLibrary) -> None:
+    """Motions of another skeleton, of too many frames per second or without class are refused."""
+    with pytest.raises(SkeletonMismatchError, match="expected 6 joints"):
+        MotionLibrary(Skeleton(STICK.joints[::-1]), library.motions)
+    with pytest.raises(ValueError, match="expected 1 to 75 frames per second, got 120"):
+        MotionLibrary(STICK, (stick_clip("bow"),))
+    with pytest.raises(ValueError, match="expected a class name"):
+        MotionLibrary(STICK, (dataclasses.replace(library.motions[0], class_name=""),))
+    mixed = MotionLibrary(STICK, library.motions[::-1])
+    assert [motion.class_name for motion in mixed.motions] == [motion.class_name for motion in library.motions]
+
+
+# --- saved -------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("skeleton", [STICK, Skeleton(STICK.joints)])
+def test_a_library_comes_back_from_its_file_as_it_was(tmp_path: Path, skeleton: Skeleton) -> None:
+    """Saved and loaded, a library has the same words and numbers."""
+    clips = [
+        dataclasses.replace(
+            stick_clip(name, seed=seed, skeleton=skeleton),
+            actor="Ü ß",
+            frame_rate=59.94,
+            source="x\ny",
+            licence="CC0",
+            attribution="Müller et al., „HDM05“",
+        )
+        for seed, name in enumerate((*STICK_CLASSES, "wave"))
+    ]
+    learned = Learned.of_arrays({"weights": np.arange(6.0).reshape(2, 3), "one": np.array(0.5)})
+    library = MotionLibrary.of_clips(clips, learned=learned)
+    library.save(tmp_path / "library.npz")
+    loaded = MotionLibrary.load(tmp_path / "library.npz")
+    _assert_equal(loaded, library)
+    assert loaded.learned is not None
+    arrays, expected = loaded.learned.arrays(), learned.arrays()
+    assert list(arrays) == list(expected)
+    assert all(np.array_equal(arrays[name], expected[name]) for name in expected)
+    assert not loaded.motions[0].positions.flags.writeable
+
+
+# --- changed -----------------------------------------------------------------------------------------------------
+
+
+def test_motions_are_added(library: MotionLibrary) -> None:
+    """Added clips become motions like all others; the library they were added to does not change."""
+    learned = Learned.of_arrays({"one": np.zeros(1)})
+    before = dataclasses.replace(library, learned=learned)
+    more = before.with_motions([stick_clip("jump", seed=70), dataclasses.replace(stick_clip("bow"), class_name="ab")])
+    assert (len(before), len(more)) == (18, 20)
+    assert more.classes == ("ab", *STICK_CLASSES)
+    assert more.learned is learned
+    _assert_equal(more, MotionLibrary.of_clips([*more.motions]))
+    (jump,) = (motion for motion in more.motions if motion.name == "jump_70")
+    _assert_equal(more.without(classes=["ab"], motions=[jump]), before)
+
+
+def test_adding_a_motion_copies_no_other(builtin: MotionLibrary) -> None:
+    """Adding a motion does not copy the other 288."""
+    more = builtin.with_motions([builtin.motions[100]])
+    assert len(more) == 289
+    assert len({id(each) for each in more.motions} - {id(each) for each in builtin.motions}) == 1
+
+
+def test_classes_persons_and_motions_are_left_out(library: MotionLibrary) -> None:
+    """Classes, persons and motions are left out; all other motions stay."""
+    assert library.without(classes=["bow", "wave"]).classes == ("jump",)
+    assert library.without(actors=["aa"]).actors == ("bb",)
+    gone = library.motions[4]
+    assert library.without(motions=[gone]).motions == (*library.motions[:4], *library.motions[5:])
+    assert library.without().motions == library.motions
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda library: library.without(classes=["hop"]), "classes: expected some of bow, jump, wave, got 'hop'"),
+        (lambda library: library.without(actors=["cc"]), "actors: expected some of aa, bb, got 'cc'"),
+        (lambda library: library.without(motions=[stick_clip("bow")]), "motions: expected some of this library's own"),
+        (lambda library: library.without(actors=["aa", "bb"]), "motions: expected at least one, got none"),
+        (lambda library: library.renamed({"hop": "jump"}), "classes: expected some of bow, jump, wave, got 'hop'"),
+        (lambda library: library.renamed({"bow": ""}), "expected a class name, got none"),
+    ],
+)
+def test_changes_of_what_is_not_there_are_refused(
+    library: MotionLibrary, change: Callable[[MotionLibrary], MotionLibrary], message: str
+) -> None:
+    """Leaving out or renaming what is not in the library is refused, and so is leaving out everything."""
+    with pytest.raises(ValueError, match=message):
+        change(library)
+
+
+def test_classes_are_renamed(library: MotionLibrary) -> None:
+    """A renamed class stands where its new name belongs; two of one name are one class."""
+    renamed = library.renamed({"bow": "zeal", "jump": "wave"})
+    assert renamed.classes == ("wave", "zeal")
+    assert [motion.class_name for motion in renamed.motions] == ["wave"] * 12 + ["zeal"] * 6
+    assert {motion.take for motion in renamed.motions} == {motion.take for motion in library.motions}
+
+
+def test_nothing_is_no_class(library: MotionLibrary) -> None:
+    """Motions of the class `nothing` are motions, but `nothing` is not among the classes of the answers."""
+    nothing = library.renamed({"jump": NOTHING})
+    assert nothing.classes == ("bow", "wave")
+    assert len(nothing) == 18
+    assert nothing.without(classes=[NOTHING]).classes == ("bow", "wave")
+
+
+# --- fewer joints ------------------------------------------------------------------------------------------------
+
+
+def test_fewer_joints_show_the_same_motions(builtin: MotionLibrary) -> None:
+    """Restricted to some joints, in any order, motions hold these joints' positions, in the library's order."""
+    names = ("head", "lhand", "rhand", "root", "lfoot", "rfoot", "nose")
+    fewer = builtin.restricted_to(names)
+    assert fewer.skeleton.joints == ("root", "lfoot", "rfoot", "head", "lhand", "rhand")
+    assert fewer.skeleton.parents == (-1, 0, 0, 0, 0, 0)
+    places = [builtin.skeleton.joints.index(name) for name in fewer.skeleton.joints]
+    assert len(fewer) == 288
+    for less, more in zip(fewer.motions[::30], builtin.motions[::30], strict=True):
+        assert [getattr(less, name) for name in SAID] == [getattr(more, name) for name in SAID]
+        assert np.array_equal(less.positions, more.positions[:, places])
+    assert builtin.restricted_to((*builtin.skeleton.joints, "nose")) is builtin
+
+
+@pytest.mark.parametrize("joints", [(), ("nose",), STICK.joints[:4]])
+def test_fewer_than_five_joints_make_no_library(library: MotionLibrary, joints: Sequence[str]) -> None:
+    """With fewer than five joints there is no library, in one line that says how many there are."""
+    shared = len([name for name in joints if name in STICK.joints])
+    message = rf"joints: expected at least 5 of the library's 6 \(root \.\.\. foot\), got {shared}"
+    with pytest.raises(SkeletonMismatchError, match=message):
+        library.restricted_to(joints)
+    with pytest.raises(SkeletonMismatchError, match="joints: expected at least 5, got 4"):
+        MotionLibrary.of_clips([stick_clip("bow").restricted_to(STICK.joints[:4])])
+
+
+# --- merged ------------------------------------------------------------------------------------------------------
+
+
+def test_a_merged_library_holds_the_motions_of_both(builtin: MotionLibrary) -> None:
+    """Merging puts motions together: parts of a library, merged in any order, are the library again."""
+    parts = [builtin.without(actors=[actor for actor in builtin.actors if actor != own]) for own in builtin.actors]
+    merged = parts[3]
+    for place in (0, 4, 1, 2):
+        merged = merged.merged_with(parts[place])
+    _assert_equal(merged, builtin)
+
+
+def test_a_motion_both_have_is_kept_once(library: MotionLibrary) -> None:
+    """A motion the same in words and numbers is kept once; one that differs by a millimetre, or a take, is kept."""
+    _assert_equal(library.merged_with(library), library)
+    first = library.motions[0]
+    moved = first.positions.copy()
+    moved[3, 2, 1] += 0.001
+    other = MotionLibrary(STICK, (first, first.moved_to(moved), dataclasses.replace(first, take="other")))
+    assert len(library.merged_with(other)) == 20
+
+
+def test_libraries_are_merged_over_the_joints_that_both_have(builtin: MotionLibrary) -> None:
+    """Libraries merge over their shared joints; in either direction the motions are the same."""
+    small = builtin.without(actors=("bd", "bk", "dg", "mm"))
+    fewer = small.restricted_to(builtin.skeleton.joints[::2])
+    other = MotionLibrary.of_clips([_shuffled(motion) for motion in fewer.motions[::3]])
+    merged = small.merged_with(other)
+    assert merged.skeleton == fewer.skeleton
+    _assert_equal(merged, fewer)
+    again = other.merged_with(small)
+    assert again.skeleton == other.skeleton
+    assert len(again) == len(small)
+    _assert_equal(again.merged_with(merged), again)
+
+
+def test_parents_are_known_if_one_of_both_knows_them() -> None:
+    """Of two libraries of which one knows how joints hang together, the merged one knows it."""
+    knowing = MotionLibrary.of_clips([stick_clip("bow")])
+    not_knowing = MotionLibrary.of_clips([_shuffled(stick_clip("wave"), parents=False)])
+    assert knowing.merged_with(not_knowing).skeleton == STICK
+    merged = not_knowing.merged_with(knowing)
+    assert merged.skeleton.joints == not_knowing.skeleton.joints
+    named = {
+        name: merged.skeleton.joints[parent] if parent >= 0 else None
+        for name, parent in zip(merged.skeleton.joints, merged.skeleton.parents, strict=True)
+    }
+    assert named == {"root": None, "chest": "root", "head": "chest", "left": "chest", "right": "chest", "foot": "root"}
+
+
+def test_libraries_that_share_too_few_joints_are_not_merged(library: MotionLibrary, builtin: MotionLibrary) -> None:
+    """Merging across bodies that share fewer than five joints is refused in either direction."""
+    for one, another in ((library, builtin), (builtin, library)):
+        with pytest.raises(SkeletonMismatchError, match=r"joints: expected at least 5 of the library's .*, got 2"):
+            one.merged_with(another)
+
+
+def test_what_one_of_both_learned_is_kept(library: MotionLibrary) -> None:
+    """The first library's learned numbers go before the second's, which go before none."""
+    first, second = (dataclasses.replace(library, learned=Learned.of_arrays({"a": np.zeros(1)})) for _ in range(2))
+    assert first.merged_with(second).learned is first.learned
+    assert library.merged_with(second).learned is second.learned
+    assert library.merged_with(library).learned is None
+
+
+# --- the built-in library ----------------------------------------------------------------------------------------
+
+
+def test_the_built_in_library_says_what_it_is(builtin: MotionLibrary) -> None:
+    """The library in the package has HDM05's 288 motions of 11 classes by 5 persons, its licence and its authors."""
+    assert (len(builtin), len(builtin.classes), builtin.actors) == (288, 11, ("bd", "bk", "dg", "mm", "tr"))
+    assert builtin.skeleton == hdm05.SKELETON
+    assert {motion.frame_rate for motion in builtin.motions} == {60.0}
+    assert {motion.source for motion in builtin.motions} == {hdm05.SOURCE}
+    assert (builtin.licence, builtin.attribution) == ("CC BY-SA 3.0", hdm05.ATTRIBUTION)
+    assert "Mueller" in builtin.attribution
+    assert sum(motion.duration for motion in builtin.motions) == pytest.approx(595, abs=1)
+
+
+def test_the_built_in_motions_are_a_persons(builtin: MotionLibrary) -> None:
+    """Each bone keeps its length to a few millimetres, and no root goes faster than 5 metres per second."""
+    parents = list(builtin.skeleton.parents[1:])
+    for motion in builtin.motions:
+        bones = np.linalg.norm(motion.positions[:, 1:] - motion.positions[:, parents], axis=-1)
+        assert np.ptp(bones, axis=0).max() <= 0.0035
+        assert 0.35 < bones[0, motion.skeleton.joints.index("ltibia") - 1] < 0.5
+        speed = np.linalg.norm(np.diff(motion.positions[:, 0], axis=0), axis=-1) * motion.frame_rate
+        assert speed.max() < 5.0
+
+
+def test_the_built_in_library_is_small() -> None:
+    """The library in the package takes at most three megabytes."""
+    assert len(resources.files("kinespace.library").joinpath("hdm05.npz").read_bytes()) <= 3_000_000
+
+
+def test_the_built_in_library_is_that_of_the_clips(builtin: MotionLibrary, hdm05_clips: tuple[Clip, ...]) -> None:
+    """Built anew from the 288 clips the library is the one in the package, to the millimetre."""
+    terms = {"source": hdm05.SOURCE, "licence": hdm05.LICENCE, "attribution": hdm05.ATTRIBUTION}
+    _assert_equal(MotionLibrary.of_clips([dataclasses.replace(clip, **terms) for clip in hdm05_clips]), builtin)

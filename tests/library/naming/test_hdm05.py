@@ -1,0 +1,158 @@
+"""HDM05: its file names, its body, and properties of its 288 clips."""
+
+from __future__ import annotations
+
+from collections import Counter
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import naive
+import numpy as np
+import pytest
+from synthetic import ARM, amc_text, arm_frames
+
+from kinespace.library.naming import hdm05
+from kinespace.library.recordings.formats.acclaim import find_asf, read_asf, read_clip
+
+if TYPE_CHECKING:
+    from kinespace.library.clip import Clip
+
+ACTORS = ("bd", "bk", "dg", "mm", "tr")
+#: Hip, knee and ankle, left and right.
+LEGS = (("lhipjoint", "lfemur", "ltibia"), ("rhipjoint", "rfemur", "rtibia"))
+#: A clip in which the left thigh jumps from one frame to the next.
+TORN = "HDM_dg_lieDownFloor_014_120"
+
+
+@pytest.mark.parametrize(
+    ("name", "expected"),
+    [
+        ("HDM_bd_squat1Reps_001_120.amc", ("bd", "squat1Reps", "001", 120.0)),
+        ("HDM_tr_throwBasketball_014_120.AMC", ("tr", "throwBasketball", "014", 120.0)),
+        ("hdm_DG_grabHighR_003_120.AMC", ("DG", "grabHighR", "003", 120.0)),
+        ("HDM_mm_jog_on_place_002_60.amc", ("mm", "jog_on_place", "002", 60.0)),
+        ("deep/er/HDM_bk_sneak2StepsLStart_006_240.amc", ("bk", "sneak2StepsLStart", "006", 240.0)),
+        ("HDM_bd_03-03_01_120.amc", ("bd", "", "03-03_01", 120.0)),
+        ("HDM_tr_05-01_02_120.c3d", ("tr", "", "05-01_02", 120.0)),
+    ],
+)
+def test_a_name_says_who_does_what(name: str, expected: tuple[str, str, str, float]) -> None:
+    """Actor, class, take and frame rate are read off a cut clip's name; an uncut take's says no class."""
+    assert hdm05.read_clip_name(Path(name)) == expected
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "13_29.amc",
+        "HDM_bd.asf",
+        "HDM_bd_01-01_01.amc",
+        "HDM_bd_1-1_01_120.amc",
+        "HDM_bd_01-01_01_000.amc",
+        "HDM_bd_squat1Reps_001.amc",
+        "HDM_bd_squat1Reps_001_000.amc",
+        "HDM_bd_squat1Reps_001_120_cut.amc",
+        "my_HDM_bd_squat1Reps_001_120.amc",
+        "HDM_bastian_squat1Reps_001_120.amc",
+        "HDM_bd__001_120_.amc",
+        "",
+    ],
+)
+def test_other_names_say_nothing(name: str) -> None:
+    """A name of another form, and one of no frames per second, is not taken for HDM05's."""
+    assert hdm05.read_clip_name(Path(name)) is None
+
+
+@pytest.mark.parametrize("name", [*(f"hdm05_cut_amc/HDM_{actor}.asf" for actor in ACTORS), "cmu/13.asf", "cmu/86.asf"])
+def test_every_skeleton_is_the_body_written_down(data_folder: Path, name: str) -> None:
+    """All five actors of HDM05, and CMU's subjects, have the 31 joints and parents that the module lists."""
+    body = read_asf(data_folder / name)
+    assert body.skeleton == hdm05.SKELETON
+    assert list(body.skeleton.joints) == naive.read_asf(data_folder / name).joints
+
+
+def test_uncut_takes_find_their_skeleton(tmp_path: Path) -> None:
+    """An uncut take is read with its actor's skeleton, beside it or one folder up, and names the actor."""
+    (tmp_path / "bd").mkdir()
+    (tmp_path / "HDM_bd.asf").write_text(ARM.asf())
+    take = tmp_path / "bd" / "HDM_bd_03-03_01_120.amc"
+    take.write_text(amc_text(arm_frames(3)))
+    assert find_asf(take) == tmp_path / "HDM_bd.asf"
+    clip = read_clip(take)
+    assert (clip.frames, clip.actor, clip.class_name, clip.frame_rate) == (3, "bd", "", 120.0)
+
+
+def test_all_288_clips_are_read(hdm05_clips: tuple[Clip, ...]) -> None:
+    """There are 288 clips of 11 classes by 5 actors, each of 31 joints at 120 frames per second, and none twice."""
+    assert len(hdm05_clips) == 288
+    assert len({clip.class_name for clip in hdm05_clips}) == 11
+    assert {clip.actor for clip in hdm05_clips} == set(ACTORS)
+    assert len({(clip.class_name, clip.actor, clip.take) for clip in hdm05_clips}) == 288
+    for clip in hdm05_clips:
+        assert clip.skeleton == hdm05.SKELETON
+        assert clip.frame_rate == 120.0
+        assert clip.rotations.shape == (clip.frames, 59)
+
+
+def test_clips_lie_in_their_classes_folder(hdm05_folder: Path, hdm05_clips: tuple[Clip, ...]) -> None:
+    """As many clips of each class are read as there are files in the folder of its name, whatever their ending."""
+    files = Counter(path.parent.name for path in hdm05_folder.glob("*/*") if path.suffix.lower() == ".amc")
+    assert Counter(clip.class_name for clip in hdm05_clips) == files
+
+
+def test_every_frame_of_a_file_is_there(some_paths: tuple[Path, ...], amc_clips: tuple[Clip, ...]) -> None:
+    """A clip has as many frames as its file has lines that begin with `root`."""
+    for path, clip in zip(some_paths, amc_clips, strict=True):
+        assert clip.frames == sum(words[0] == "root" for words in naive.words_of(path))
+
+
+def test_bones_keep_their_length(hdm05_clips: tuple[Clip, ...], hdm05_folder: Path) -> None:
+    """In every frame of every clip each bone is as long as its actor's skeleton says, in metres."""
+    for actor in ACTORS:
+        asf = naive.read_asf(hdm05_folder / f"HDM_{actor}.asf")
+        directions = [np.linalg.norm([float(word) for word in bone["direction"]]) for bone in asf.bones.values()]
+        lengths = dict(zip(asf.bones, directions, strict=True))
+        expected = [lengths[joint] * float(asf.bones[joint]["length"][0]) * asf.metres for joint in asf.joints[1:]]
+        for clip in hdm05_clips:
+            if clip.actor == actor:
+                bones = clip.positions[:, 1:] - clip.positions[:, hdm05.SKELETON.parents[1:]]
+                measured = np.linalg.norm(bones, axis=-1)
+                np.testing.assert_allclose(measured, np.broadcast_to(expected, measured.shape), rtol=1e-9)
+
+
+def test_bodies_are_of_human_size(hdm05_clips: tuple[Clip, ...]) -> None:
+    """Thigh and shin of every actor measure 0.75 to 1 metre together: the unit of length is understood."""
+    for clip in hdm05_clips:
+        for leg in LEGS:
+            places = clip.positions[0, [clip.skeleton.joints.index(joint) for joint in leg]]
+            assert 0.75 < np.linalg.norm(np.diff(places, axis=0), axis=1).sum() < 1.0
+
+
+def test_movement_is_smooth(hdm05_clips: tuple[Clip, ...]) -> None:
+    """No root goes faster than 5 metres per second and no joint than 25, but for one femur torn in the recording."""
+    torn = set()
+    for clip in hdm05_clips:
+        speed = np.linalg.norm(np.diff(clip.positions, axis=0), axis=-1) * clip.frame_rate
+        assert speed[:, 0].max() < 5.0
+        if speed.max() > 25.0:
+            torn.add(clip.name)
+    assert torn == {TORN}
+
+
+def test_the_torn_clip_is_torn_in_its_file(hdm05_clips: tuple[Clip, ...], hdm05_folder: Path) -> None:
+    """The clip whose femur jumps has, in every frame, the positions of the slow twin: the file itself is wrong."""
+    clip = next(clip for clip in hdm05_clips if clip.name == TORN)
+    path = hdm05_folder / clip.class_name / f"{TORN}.amc"
+    expected = naive.clip_positions(hdm05_folder / f"HDM_{clip.actor}.asf", path)
+    np.testing.assert_allclose(clip.positions, expected, rtol=1e-9, atol=1e-9)
+
+
+def test_cmus_takes_are_read_with_the_same_body(cmu_folder: Path) -> None:
+    """A CMU take has HDM05's 31 joints, an upright body of human height, and no labels of HDM05's."""
+    clip = read_clip(cmu_folder / "13_30.amc")
+    assert clip.skeleton == hdm05.SKELETON
+    assert (clip.class_name, clip.actor, clip.take) == ("", "", "")
+    assert clip.frame_rate == 120.0
+    assert clip.frames == len(naive.read_amc(cmu_folder / "13_30.amc", naive.read_asf(cmu_folder / "13.asf")).frames)
+    height = clip.positions[..., 1].max(axis=1) - clip.positions[..., 1].min(axis=1)
+    assert 1.3 < np.median(height) < 2.1

@@ -1,0 +1,297 @@
+"""Labels of continuous takes: read, refused, and the clips cut by them."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import re
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+import naive_windows
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from synthetic import stick_clip
+
+from kinespace.library.recordings.formats.labels import (
+    LabelError,
+    Segment,
+    cut,
+    labels_beside,
+    oddities,
+    read_labels,
+    renamed,
+)
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from kinespace.library.clip import Clip
+
+HEADER = "start_s,end_s,label\n"
+
+
+def _file(folder: Path, text: str | bytes) -> Path:
+    path = folder / "labels.csv"
+    path.write_bytes(text.encode() if isinstance(text, str) else text)
+    return path
+
+
+def _take(frames: int = 100, frame_rate: float = 50.0) -> Clip:
+    clip = stick_clip("wave", frames=frames, actor="bb")
+    return dataclasses.replace(
+        clip, frame_rate=frame_rate, name="evening", rotations=np.arange(2.0 * frames).reshape(-1, 2)
+    )
+
+
+# --- segments ----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("start", "end"),
+    [(1.0, 1.0), (2.0, 1.0), (-0.1, 1.0), (0.0, math.inf), (math.nan, 1.0), (0.0, math.nan), (math.inf, math.inf)],
+)
+def test_a_segment_without_time_is_refused(start: float, end: float) -> None:
+    """A segment that does not end after it starts, starts before 0 or has no finite end is refused."""
+    with pytest.raises(ValueError, match="segment: expected 0 <= start < end, got"):
+        Segment(start, end, "wave")
+
+
+def test_a_segment_needs_a_label() -> None:
+    """An empty label is refused; a duration is the time between."""
+    with pytest.raises(ValueError, match="label: expected a name"):
+        Segment(0.0, 1.0, "")
+    assert Segment(0.5, 2.0, "wave").duration == pytest.approx(1.5)
+
+
+# --- reading -----------------------------------------------------------------------------------------------------
+
+
+def test_labels_are_read_in_order_of_time(tmp_path: Path) -> None:
+    """Lines in any order come sorted by start, spaces about a label gone, blank lines passed over."""
+    path = _file(tmp_path, HEADER + '2.5,3,bow\n\n0,1.25, wave \n1.25,2.5,"rest, long"\n')
+    assert read_labels(path) == (
+        Segment(0.0, 1.25, "wave"),
+        Segment(1.25, 2.5, "rest, long"),
+        Segment(2.5, 3.0, "bow"),
+    )
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        pytest.param(b"\xef\xbb\xbfstart_s,end_s,label\n0,1,\xc3\x9cbung\n", id="byte order mark"),
+        pytest.param("start_s,end_s,label\r\n0,1,Übung\r\n", id="Windows"),
+        pytest.param("start_s,end_s,label\n0,1,Übung", id="no last line end"),
+        pytest.param("label,who,end_s,start_s\nÜbung,me,1,0\n", id="other columns, other order"),
+        pytest.param('"start_s","end_s","label"\n"0","1e0","Übung",,\n', id="quoted, cells too many"),
+    ],
+)
+def test_what_spreadsheets_write_is_read(tmp_path: Path, text: str | bytes) -> None:
+    """A byte order mark, Windows' line ends, quotes, further columns and another order change nothing."""
+    assert read_labels(_file(tmp_path, text)) == (Segment(0.0, 1.0, "Übung"),)
+
+
+TWO = (Segment(0.5, 2.25, "wave"), Segment(62.5, 64.0, "bow low"))
+ELAN = "Begin Time - hh:mm:ss.ms\tBegin Time - ss.msec\tEnd Time - hh:mm:ss.ms\tEnd Time - ss.msec"
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        pytest.param("start_s;end_s;label\n0.5;2.25;wave\n62.5;64;bow low\n", id="semicolons"),
+        pytest.param("start_s;end_s;label\n0,5;2,25;wave\n62,5;64,0;bow low\n", id="semicolons, decimal commas"),
+        pytest.param("start_s\tend_s\tlabel\n0.5\t2.25\twave\n62,5\t64\tbow low\n", id="tabs"),
+        pytest.param("0.500000\t2.250000\twave\n62.500000\t64.000000\tbow low\n", id="Audacity"),
+        pytest.param(
+            "0.500000\t2.250000\twave\n\\\t20.5\t300.0\n3.000000\t3.000000\tclap\n62.5\t64.0\tbow low\n70.0\t71.0\t\n",
+            id="Audacity with frequencies, a moment, a region without a name",
+        ),
+        pytest.param("0\t1\tjump\n", id="Audacity by hand"),
+        pytest.param(
+            "body\t\t00:00:00.500\t0.5\t500\t00:00:02.250\t2.25\t2250\t00:00:01.750\t1.75\t1750\twave\n"
+            "body\t\t00:01:02.500\t62.5\t62500\t00:01:04.000\t64.0\t64000\t00:00:01.500\t1.5\t1500\tbow low\n",
+            id="ELAN without headings, every format",
+        ),
+        pytest.param("body\tann\t500\t2250\t1750\twave\nbody\tann\t62500\t64000\t1500\tbow low\n", id="ELAN, ms"),
+        pytest.param("body\t0.5\t2.25\t1.75\twave\nbody\t62.5\t64.0\t1.5\tbow low\n", id="ELAN, seconds"),
+        pytest.param(
+            f"{ELAN}\tmotion\n00:00:00.500\t0.5\t00:00:02.250\t2.25\twave\n"
+            "00:00:30.000\t30.0\t00:00:31.000\t31.0\t\n00:01:02.500\t62.5\t00:01:04.000\t64.0\tbow low\n",
+            id="ELAN with headings, a column for each tier",
+        ),
+        pytest.param(
+            "Tier\tParticipant\tBegin Time - msec\tEnd Time - msec\tDuration - msec\tAnnotation\n"
+            "body\tann\t500\t2250\t1750\twave\nbody\tann\t62500\t64000\t1500\tbow low\n",
+            id="ELAN with headings, ms",
+        ),
+        pytest.param(
+            "Begin Time - hh:mm:ss.ms\tEnd Time - hh:mm:ss.ms\tmotion\n00:00:00.500\t00:00:02.250\twave\n"
+            "00:01:02.500\t00:01:04.000\tbow low\n",
+            id="ELAN with headings, clock",
+        ),
+    ],
+)
+def test_exports_of_other_programs_are_read(tmp_path: Path, text: str) -> None:
+    """Semicolons, tabs, Audacity's labels and ELAN's annotations are the same segments, and are found beside a take."""
+    path = _file(tmp_path, text)
+    wanted = (Segment(0.0, 1.0, "jump"),) if "jump" in text else TWO
+    assert read_labels(path) == wanted
+    assert labels_beside(path.with_suffix(".amc")) == path
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("0.5\t1.5\twave\n2.0\tx\tbow\n", ":2: expected start, end and label with tabs between, got '2.0"),
+        ("0.5\t1.5\twave\n3.0\t2.0\tbow\n", ":2: segment: expected 0 <= start < end, got 3.0 to 2.0"),
+        ("Begin Time - hh:mm:ss:ff\tEnd Time - hh:mm:ss:ff\tm\n1\t2\ta\n", ": expected begin and end times as msec or"),
+        ("100\t200\t300\t4\n", ": expected the columns start_s, end_s, label, no start_s, end_s, label in it"),
+    ],
+)
+def test_exports_that_make_no_sense_are_refused(tmp_path: Path, text: str, said: str) -> None:
+    """A row that is no label is named by its line."""
+    path = _file(tmp_path, text)
+    with pytest.raises(LabelError, match=re.escape(f"{path}{said}")):
+        read_labels(path)
+
+
+def test_what_lies_beside_a_take_and_is_no_labels_is_left_alone(tmp_path: Path) -> None:
+    """Notes, tables of numbers and of joints, and the take itself are no labels; the table comes before an export."""
+    take = tmp_path / "take.csv"
+    take.write_text("time,root_x,root_y,root_z\n0,1,2,3\n")
+    (tmp_path / "take.txt").write_text("filmed on Monday\n")
+    (tmp_path / "take.tsv").write_text("0.0\t1.5\t2.5\n")
+    assert labels_beside(tmp_path / "take.amc") is None
+    assert labels_beside(take) is None
+    (tmp_path / "take.txt").write_text("0.0\t1.5\twave\n")
+    assert labels_beside(take) == tmp_path / "take.txt"
+    take.write_text(HEADER)
+    assert labels_beside(tmp_path / "take.bvh") == take
+
+
+def test_what_is_odd_about_labels_is_said() -> None:
+    """Frame numbers, labels beyond the end and tiny ones are told; good ones are not."""
+    take = _take(frames=100)
+    assert oddities(take, [Segment(0.0, 1.0, "bow"), Segment(1.0, 2.0, "wave")]) == []
+    assert oddities(take, []) == []
+    (frames,) = oddities(take, [Segment(0.0, 50.0, "bow"), Segment(50.0, 100.0, "wave")])
+    assert (
+        frames == "evening: the labels end at 100, the take at 2.0 s or frame 100: frame numbers? Seconds are expected"
+    )
+    beyond, tiny = oddities(take, [Segment(0.0, 0.2, "bow"), Segment(1.5, 2.5, "wave"), Segment(7.0, 8.5, "bow")])
+    assert beyond == "evening: 2 of 3 labels end beyond the take's 2.0 s, the last at 8.5 s"
+    assert tiny == "evening: 1 of 3 labels are shorter than 0.25 s, too short for any window"
+
+
+@pytest.mark.parametrize(
+    ("line", "said"),
+    [
+        pytest.param("x,4,wave", "could not convert string to float: 'x'", id="a word"),
+        pytest.param("3,,wave", "could not convert string to float: ''", id="no end"),
+        pytest.param("3", "could not convert string to float: ''", id="cells missing"),
+        pytest.param('3,"4,5",wave', "could not convert string to float: '4,5'", id="decimal comma"),
+        pytest.param("4,3,wave", "segment: expected 0 <= start < end, got 4.0 to 3.0", id="backwards"),
+        pytest.param("-1,3,wave", "segment: expected 0 <= start < end, got -1.0 to 3.0", id="negative"),
+        pytest.param("nan,3,wave", "segment: expected 0 <= start < end, got nan to 3.0", id="NaN"),
+        pytest.param("3,inf,wave", "segment: expected 0 <= start < end, got 3.0 to inf", id="infinite"),
+    ],
+)
+def test_a_line_that_makes_no_sense_is_named(tmp_path: Path, line: str, said: str) -> None:
+    """A bad line is refused with the file, the line number of an editor, and the mistake."""
+    path = _file(tmp_path, f"{HEADER}0,1,bow\n\n{line}\n5,6,bow\n")
+    with pytest.raises(LabelError, match=re.escape(f"{path}:4: {said}")):
+        read_labels(path)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        pytest.param("", "expected the columns start_s, end_s, label, no start_s, end_s, label in it", id="empty"),
+        pytest.param("start_s,end_s\n0,1\n", "expected the columns start_s, end_s, label, no label", id="no label"),
+        pytest.param(
+            "start,end_s,label\n0,1,a\n", "expected the columns start_s, end_s, label, no start_s", id="other"
+        ),
+        pytest.param("0,1,bow\n", "expected the columns start_s, end_s, label, no", id="no header"),
+        pytest.param(HEADER, "no segment in it", id="header alone"),
+        pytest.param(HEADER + "\n\n", "no segment in it", id="blank lines"),
+        pytest.param(HEADER + "3,4, \n", "no segment in it", id="no label filled in"),
+        pytest.param(
+            HEADER + "2,3,bow\n0,2.001,wave\n", "'wave' (to 2.001) and 'bow' (from 2.0) overlap", id="overlapping"
+        ),
+        pytest.param(HEADER + "0,9,bow\n1,2,bow\n", "'bow' (to 9.0) and 'bow' (from 1.0) overlap", id="one in another"),
+        pytest.param(HEADER + "0,1,bow\n0,1,bow\n", "'bow' (to 1.0) and 'bow' (from 0.0) overlap", id="twice"),
+        pytest.param((HEADER + "0,1,Übung\n").encode("latin-1"), "expected a CSV in UTF-8", id="Latin-1"),
+        pytest.param(b"PK\x03\x04\xff\xfe\x00", "expected a CSV in UTF-8", id="binary"),
+        pytest.param(HEADER + "0,1," + "a" * 200_000 + "\n", "expected a CSV in UTF-8", id="endless cell"),
+    ],
+)
+def test_a_file_that_is_no_labels_is_refused(tmp_path: Path, text: str | bytes, said: str) -> None:
+    """Without the columns or any line, with overlaps, or not a text at all, a file is refused by name."""
+    path = _file(tmp_path, text)
+    with pytest.raises(LabelError, match=re.escape(f"{path}: {said}")):
+        read_labels(path)
+
+
+def test_labels_that_are_not_there_are_an_os_error(tmp_path: Path) -> None:
+    """A file that cannot be opened is the system's error."""
+    with pytest.raises(FileNotFoundError, match=r"absent\.csv"):
+        read_labels(tmp_path / "absent.csv")
+
+
+def test_renaming_leaves_other_labels() -> None:
+    """Labels that are in the names are replaced, others and all times stay."""
+    segments = (Segment(0.0, 1.0, "bow"), Segment(1.0, 2.0, "wave"))
+    assert renamed(segments, {"bow": "Verbeugung"}) == (Segment(0.0, 1.0, "Verbeugung"), segments[1])
+
+
+# --- cutting -----------------------------------------------------------------------------------------------------
+
+
+def test_a_cut_clip_is_its_segments_frames() -> None:
+    """Positions and rotations are the segment's, the class is its label, the take the take's name, the rest stays."""
+    take = _take()
+    first, second = cut(take, [Segment(0.2, 0.6, "bow"), Segment(0.6, 2.0, "jump")])
+    assert np.array_equal(first.positions, take.positions[10:30])
+    assert np.array_equal(first.rotations, take.rotations[10:30])
+    assert np.array_equal(second.positions, take.positions[30:100])
+    assert (first.class_name, first.take, first.actor, first.frame_rate) == ("bow", "evening", "bb", 50.0)
+    assert second.class_name == "jump"
+
+
+@given(
+    st.sampled_from([24.0, 29.97, 50.0, 120.0]),
+    st.lists(st.integers(1, 4000), min_size=2, max_size=6, unique=True).map(sorted),
+)
+def test_cuts_are_made_at_frame_boundaries(frame_rate: float, milliseconds: list[int]) -> None:
+    """A segment has the frames whose middles lie in it: neighbours share no frame and omit none."""
+    take = _take(70, frame_rate)
+    times = [number / 1000 + 1e-7 for number in milliseconds]
+    segments = [Segment(start, end, "bow") for start, end in pairwise(times)]
+    places = {positions.tobytes(): place for place, positions in enumerate(take.positions)}
+    found = [[places[frame.tobytes()] for frame in clip.positions] for clip in cut(take, segments)]
+    expected = [naive_windows.frames_within(70, frame_rate, segment.start, segment.end) for segment in segments]
+    assert found == [frames for frames in expected if len(frames) >= 2]
+
+
+def test_what_lies_beyond_the_takes_end_is_left_out() -> None:
+    """A segment that runs over the end is cut short, one with fewer than two frames there is none at all."""
+    segments = [Segment(1.0, 9.0, "bow"), Segment(1.98, 9.0, "jump"), Segment(2.0, 3.0, "wave"), Segment(7, 8, "wave")]
+    (clip,) = cut(_take(), segments)
+    assert (clip.class_name, clip.frames) == ("bow", 50)
+
+
+def test_a_segment_shorter_than_two_frames_is_left_out() -> None:
+    """At 50 frames per second 0.02 seconds are one frame and make no clip, 0.04 seconds are two and do."""
+    clips = list(cut(_take(), [Segment(0.1, 0.12, "bow"), Segment(0.2, 0.24, "jump")]))
+    assert [(clip.class_name, clip.frames) for clip in clips] == [("jump", 2)]
+
+
+def test_a_take_without_rotations_is_cut() -> None:
+    """Where the source has no rotations the clips have none either."""
+    take = dataclasses.replace(stick_clip("wave"), rotations=np.zeros((0, 0)))
+    (clip,) = cut(take, [Segment(0.0, 0.2, "bow")])
+    assert clip.frames == 24
+    assert not clip.rotations.size

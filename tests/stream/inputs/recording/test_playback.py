@@ -1,0 +1,268 @@
+"""A recording gives the answers of the live feed, every time it is played."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import socket
+import time
+from contextlib import ExitStack
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+import zmq
+from golden import LAYOUTS, Moment
+from programs import builtin_library, ghost_cues
+from synthetic import STICK, STICK_CLASSES, stick_clip, stick_clips
+
+from kinespace.library import MotionLibrary
+from kinespace.library.naming.hdm05 import SKELETON
+from kinespace.stream import Announcement, Frame, Performers, Settings, osc, zeromq
+from kinespace.stream.feeds import builtin_preset
+from kinespace.stream.feeds.source import FeedSource
+from kinespace.stream.inputs import OscDecoder, Source, ZmqDecoder
+from kinespace.stream.inputs.recording import Recorder, decoded, source_name
+from kinespace.stream.inputs.recording.kinerec import RawFile, RawHeader, RawPacket, RawWriter
+from kinespace.stream.outputs import Sink
+from kinespace.stream.recognizer import LiveSignature
+from kinespace.stream.service.loop import STATUS_EVERY, Service
+from kinespace.stream.zeromq import Endpoint
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator
+    from pathlib import Path
+
+    from kinespace.stream.inputs.recording import Decoded
+    from kinespace.stream.recognition import Recognition
+
+LOOPBACK = "127.0.0.1"
+PATIENCE = 20.0
+
+
+class Kept(Sink):
+    """A sink that keeps recognitions."""
+
+    def __init__(self) -> None:
+        self.recognitions: list[Recognition] = []
+
+    def publish(self, recognition: Recognition) -> None:
+        """Keep one."""
+        self.recognitions.append(recognition)
+
+
+def recognitions(performers: Performers, stream: Iterable[Decoded]) -> Iterator[Recognition]:
+    """Push a recording's frames through recognisers, at its own times; give every answer."""
+    look = -math.inf
+    for arrival, events in stream:
+        if arrival >= look:
+            look = arrival + STATUS_EVERY
+            performers.drop_silent(arrival)
+        yield from (answer for answer in performers.push_all(events, arrival) if answer)
+
+
+def assert_same(first: list[Recognition], second: list[Recognition]) -> None:
+    """Hold every number of every answer against the other's, bit for bit."""
+    assert len(first) == len(second)
+    for one, other in zip(first, second, strict=True):
+        for field in dataclasses.fields(one):
+            mine, theirs = getattr(one, field.name), getattr(other, field.name)
+            if field.name == "evidence" and mine is not None:
+                mine, theirs = np.hstack(mine), np.hstack(theirs)
+            np.testing.assert_array_equal(mine, theirs, err_msg=field.name)
+
+
+def a_feed() -> list[bytes]:
+    """Make datagrams of two performers, one with the sender's times and one timed on arrival, and rubbish between."""
+    datagrams = [osc.encode_announcement(Announcement("ann", STICK.joints[::-1])), b"rubbish"]
+    clips = [stick_clip(name, seed=50, frames=120).positions.astype(np.float32) for name in STICK_CLASSES]
+    for index in range(120):
+        datagrams += [
+            osc.encode_frame(Frame("ann", 1.0 + index / 120, clips[0][index, ::-1])),
+            osc.encode_frame(Frame("bob", 0.0, clips[1][index])),
+        ]
+    return datagrams
+
+
+@pytest.mark.parametrize("signature", list(LiveSignature))
+def test_a_recording_is_answered_as_the_feed_was(tmp_path: Path, signature: LiveSignature) -> None:
+    """A recording by OSC and ZeroMQ at once gives the live answers twice again, number for number."""
+    library = MotionLibrary.of_clips(stick_clips(actors=("aa", "bb", "cc")))
+    path, sink = tmp_path / "a.kinerec", Kept()
+    settings = Settings(signature=signature)
+    with ExitStack() as opened:
+        datagrams = osc.OscReceiver(LOOPBACK, 0)
+        messages = zeromq.ZmqReceiver(Endpoint(f"tcp://{LOOPBACK}:*", bind=True))
+        writer = RawWriter(path, [source_name(datagrams), source_name(messages)])
+        opened.callback(writer.close)
+        sources = [
+            Source(datagrams, OscDecoder(), Recorder(writer, 0)),
+            Source(messages, ZmqDecoder(), Recorder(writer, 1)),
+        ]
+        service = opened.enter_context(Service(Performers(library, settings), sources, [sink]))
+        sender = osc.OscSender(*datagrams.address)
+        opened.callback(sender.close)
+        publisher = zmq.Context.instance().socket(zmq.XPUB)
+        publisher.linger = 0
+        opened.callback(publisher.close)
+        publisher.connect(messages.address)
+        while not publisher.poll(10):
+            service.step(0.01)
+        waved = stick_clip("wave", seed=51, frames=120).positions.astype(np.float32)
+        for index, datagram in enumerate(a_feed()):
+            sender.send(datagram)
+            # Bob's frames are timed on arrival, so they must take their time.
+            time.sleep(0.004)
+            if index < 120:
+                publisher.send_multipart(zeromq.encode_frame(Frame("eve", 1 + index / 120, waved[index]), index))
+            service.step(0.05)
+        until = time.monotonic() + PATIENCE
+        while writer.written < 362 and time.monotonic() < until:
+            service.step(0.05)
+        counts = service.status().outcomes
+    recording = RawFile(path)
+    assert len(list(recording.packets())) == 362
+    again = []
+    for _ in range(2):
+        performers = Performers(library, settings)
+        again.append(list(recognitions(performers, decoded(recording.header, recording.packets()))))
+        assert performers.counts == counts
+    assert {answer.performer for answer in sink.recognitions} == {"ann", "bob", "eve"}
+    assert_same(again[0], sink.recognitions)
+    assert_same(again[0], again[1])
+
+
+def packets_of(layout: str) -> list[tuple[bytes, float]]:
+    """Send a ghost as a product would, at 30 frames a second: datagrams, and when they come."""
+    packets = []
+    for number, cue in enumerate(ghost_cues("kickLFront1Reps", 2.0)[::4]):
+        places = dict(zip(SKELETON.joints, cue.frame.positions, strict=True))
+        arrival = 5.0 + number / 30
+        datagrams = LAYOUTS[layout][1](Moment(places, arrival, number))
+        packets += [(datagram, arrival + place * 1e-6) for place, datagram in enumerate(datagrams)]
+    return packets
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("no_waiting")
+@pytest.mark.parametrize("name", ["osceleton", "vmc", "synapse"])
+def test_a_recorded_feed_is_answered_as_it_was(tmp_path: Path, name: str) -> None:
+    """Another product's packets, recorded on their way, are put together and answered again, number for number."""
+    preset = builtin_preset(name)
+    library = builtin_library().restricted_to(preset.joints)
+    path, sink, now = tmp_path / "a.kinerec", Kept(), [5.0]
+    performers = Performers(library, Settings(hop=1 / 15))
+    with ExitStack() as opened:
+        receiver = osc.OscReceiver(LOOPBACK, 0)
+        writer = opened.enter_context(RawWriter(path, [source_name(receiver, preset)]))
+        source = FeedSource(receiver, preset, recorder=Recorder(writer, 0))
+        service = opened.enter_context(Service(performers, [source], [sink], clock=lambda: now[0]))
+        sender = opened.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM))
+        for datagram, arrival in packets_of(name):
+            now[0], received = arrival, source.counts.received
+            sender.sendto(datagram, source.receiver.address)
+            until = time.monotonic() + PATIENCE
+            while source.counts.received == received and time.monotonic() < until:
+                service.step(0.05)
+        now[0] += 0.5
+        service.step(0.0)
+        made, port = source.decoder.assembler.counts.frames, source.receiver.address[1]
+    recording = RawFile(path)
+    assert recording.header.sources == (f"osc {LOOPBACK}:{port} feed {name}",)
+    again = Performers(library, Settings(hop=1 / 15))
+    answers = list(recognitions(again, decoded(recording.header, recording.packets())))
+    assert_same(answers, sink.recognitions)
+    assert again.counts == performers.counts
+    assert again.counts.recognizers.frames == made == 60
+    assert "kickLFront1Reps" in [answer.label for answer in answers]
+
+
+@pytest.mark.parametrize("told", ["osc here", "zmq there", "osc here feed nimate", "zmq there feed nimate"])
+def test_packets_are_read_as_they_are_said_to_be(told: str) -> None:
+    """By datagram or ZeroMQ, a preset that is given goes before the one in the header; the last frame comes too."""
+    packets = [RawPacket(arrival, 0, "10.0.0.7:9", (datagram,)) for datagram, arrival in packets_of("osceleton")]
+    header = RawHeader("", (told,))
+    assert not any(each.events for each in decoded(header, packets))
+    events = [event for each in decoded(header, packets, builtin_preset("osceleton")) for event in each.events]
+    assert len([event for event in events if isinstance(event, Frame)]) == 60
+    assert [event for event in events if isinstance(event, Announcement)] == [
+        Announcement("1", builtin_preset("osceleton").joints)
+    ]
+
+
+def test_a_recording_is_read_by_the_preset_it_was_made_with(tmp_path: Path) -> None:
+    """A preset of one's own called like a built-in one is kept in the recording, and goes before the built-in one."""
+    packets = [RawPacket(arrival, 0, "10.0.0.7:9", (datagram,)) for datagram, arrival in packets_of("osceleton")]
+    builtin = builtin_preset("osceleton")
+    mine = builtin.text.replace("/joint", "/elsewhere")
+    assert mine != builtin.text
+    sources, path = ["osc here feed osceleton"], tmp_path / "a.kinerec"
+    found = dict[str, int]()
+    for name, presets in {"older": {}, "same": {"osceleton": builtin.text}, "mine": {"osceleton": mine}}.items():
+        path.unlink(missing_ok=True)
+        with RawWriter(path, sources, presets) as writer:
+            for packet in packets:
+                writer.write(packet)
+        recording = RawFile(path)
+        assert recording.header.presets == presets
+        events = [event for each in decoded(recording.header, recording.packets()) for event in each.events]
+        found[name] = sum(isinstance(event, Frame) for event in events)
+    assert found == {"older": 60, "same": 60, "mine": 0}
+
+
+def test_a_kept_preset_that_cannot_be_read_is_said() -> None:
+    """A preset of a later version, with keys unknown here, is refused as the recording's."""
+    header = RawHeader("", ("osc here feed mine",), {"mine": "port = 7000\nfuture = 1"})
+    with pytest.raises(ValueError, match=r"^preset mine in the recording: "):
+        list(decoded(header, []))
+
+
+def test_somebodys_own_preset_must_be_given() -> None:
+    """An older recording that names a preset which is not built in cannot be read, and the error says why."""
+    header = RawHeader("", ("osc here feed mine",))
+    with pytest.raises(ValueError, match=r"feed: expected a \.toml file or one of .*, got 'mine'"):
+        list(decoded(header, []))
+
+
+@pytest.mark.usefixtures("no_waiting")
+def test_the_sender_and_the_source_are_kept(tmp_path: Path) -> None:
+    """Each packet is kept under its source with its sender's address, before anybody makes sense of it."""
+    datagrams, sender = osc.OscReceiver(LOOPBACK, 0), osc.OscSender(LOOPBACK, 1)
+    sender.target = datagrams.address
+    with RawWriter(tmp_path / "a.kinerec", [source_name(datagrams)]) as writer:
+        source = Source(datagrams, OscDecoder(), Recorder(writer, 0))
+        assert datagrams.sender is None
+        sender.send(b"rubbish")
+        until = time.monotonic() + PATIENCE
+        while source.take(4.5) is None and time.monotonic() < until:
+            time.sleep(0.001)
+        assert (source.counts.received, source.counts.malformed) == (1, 1)
+    host, port = sender.socket.getsockname()
+    source.close()
+    sender.close()
+    (packet,) = RawFile(tmp_path / "a.kinerec").packets()
+    assert packet == RawPacket(4.5, 0, packet.sender, (b"rubbish",))
+    assert packet.sender == f"{LOOPBACK}:{port}"
+    assert host in (LOOPBACK, "0.0.0.0")  # noqa: S104 - what an unconnected socket says of itself
+
+
+def test_silence_is_silence_again() -> None:
+    """A performer who was silent for longer than the service waits is forgotten in playback, too."""
+    library = MotionLibrary.of_clips(stick_clips())
+    positions = stick_clip("wave", seed=9, frames=100).positions
+    header = RawHeader("", ("osc here",))
+    packets = [
+        RawPacket(arrival, 0, "", (osc.encode_frame(Frame(name, 0.0, positions[index])),))
+        for index, (arrival, name) in enumerate([(0.0, "ann"), (0.1, "bob"), (5.5, "bob"), (7.0, "bob")])
+    ]
+    performers = Performers(library)
+    list(recognitions(performers, decoded(header, packets)))
+    assert performers.names == ("bob",)
+    assert performers.counts.dropped == 2
+
+
+def test_what_makes_no_sense_holds_nothing() -> None:
+    """Malformed and foreign packets are decoded to no frames, at their place."""
+    header = RawHeader("", ("osc here", "zmq there"))
+    packets = [RawPacket(1.0, 0, "", (b"x",)), RawPacket(2.0, 1, "", (b"frame/p/",)), RawPacket(3.0, 1, "", ())]
+    assert [(each.arrival, list(each.events)) for each in decoded(header, packets)] == [(1, []), (2, []), (3, [])]

@@ -1,0 +1,57 @@
+"""A performer who leaves: every sink is told once, after the silence or when the service ends."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from synthetic import STICK, stick_clip
+
+from kinespace.stream import Frame
+from kinespace.stream.outputs import Sink
+from kinespace.stream.recognizer import LiveSignature, Performers, Settings
+from kinespace.stream.service.loop import Service
+
+if TYPE_CHECKING:
+    from kinespace.library.motion_library import MotionLibrary
+
+
+class _Leavers(Sink):
+    def __init__(self) -> None:
+        self.gone: list[str] = []
+
+    def publish_gone(self, performer: str) -> None:
+        self.gone.append(performer)
+
+
+def test_who_falls_silent_is_told_gone_once(sticks: MotionLibrary) -> None:
+    """After five seconds without a frame, at the next status; not if the performer comes back in time."""
+    now = [0.0]
+    performers = Performers(sticks, Settings(signature=LiveSignature.PAPER))
+    leavers = _Leavers()
+    positions = stick_clip("bow").positions[0]
+    with Service(performers, [], [leavers], clock=lambda: now[0]) as service:
+        for name in ("ann", "bob"):
+            performers.push(Frame(name, 0.0, positions), now[0])
+        service.step(0.0)
+        now[0] = 4.0
+        performers.push(Frame("bob", 4.0, positions), now[0])
+        now[0] = 5.5
+        service.step(0.0)
+        assert leavers.gone == ["ann"]
+        now[0] = 6.6
+        service.step(0.0)
+        assert leavers.gone == ["ann"]
+        service.stop()
+        service.run()
+    assert leavers.gone == ["ann", "bob"]
+    assert len(STICK.joints) == len(positions)
+
+
+def test_who_came_back_before_it_was_told_has_not_left(sticks: MotionLibrary) -> None:
+    """A performer dropped to make room, who is back in time, is not reported as gone."""
+    performers = Performers(sticks, Settings(signature=LiveSignature.PAPER), most=1, silence=1.0)
+    positions = stick_clip("bow").positions[0]
+    for name, arrival in (("ann", 0.0), ("bob", 2.0), ("ann", 4.0)):
+        performers.push(Frame(name, arrival, positions), arrival)
+    assert performers.take_gone() == ["bob"]
+    assert performers.take_gone() == []

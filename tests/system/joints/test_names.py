@@ -1,0 +1,187 @@
+"""Recordings and feeds in other programs' names: recognised by our library, and our motions by a library of theirs."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+import skeletons
+from written import MOVES, Node, bvh_text, trc_text
+
+from kinespace.library import MotionLibrary
+from kinespace.library.naming import Naming, hdm05
+from kinespace.stream import Announcement, Frame
+from kinespace.stream.recognizer import LiveSignature, Performers, SentJoints, Settings
+from kinespace.tools.cli.main import main
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from pathlib import Path
+
+    from kinespace.library import Clip
+
+OURS = hdm05.SKELETON.joints
+CLASSES = ("squat1Reps", "rotateArmsBothBackward1Reps")
+#: Joints that a Mixamo skeleton hangs on each other, as its FBX and BVH do: each after its parent.
+MIXAMO_PARENTS = {
+    "Hips": "",
+    "Spine": "Hips",
+    "Spine1": "Spine",
+    "Spine2": "Spine1",
+    "Neck": "Spine2",
+    "Head": "Neck",
+    "HeadTop_End": "Head",
+    **{
+        f"{side}{part}": f"{side}{above}" if above in ("Arm", "ForeArm", "UpLeg", "Leg", "Foot", "ToeBase") else above
+        for side in ("Left", "Right")
+        for part, above in (
+            *(("Arm", "Spine2"), ("ForeArm", "Arm"), ("Hand", "ForeArm")),
+            *(("UpLeg", "Hips"), ("Leg", "UpLeg"), ("Foot", "Leg"), ("ToeBase", "Foot"), ("Toe_End", "ToeBase")),
+        )
+    },
+}
+
+
+@pytest.fixture(scope="module")
+def motions() -> MotionLibrary:
+    """Give two classes of the built-in library, three people's motions of each."""
+    builtin = MotionLibrary.builtin()
+    people = builtin.actors[:3]
+    kept = [clip for clip in builtin.motions if clip.class_name in CLASSES and clip.actor in people]
+    few = {(clip.class_name, clip.actor): clip for clip in kept}
+    return MotionLibrary.of_clips(few.values(), learned=builtin.learned)
+
+
+def _as_bvh(clip: Clip, parents: dict[str, str]) -> str:
+    """Write a motion as BVH whose joints move without turning: channels are positions relative to the parent."""
+    labels = tuple(parents)
+    ours = dict(zip(labels, Naming.asked("mixamo").read(labels).joints, strict=True))
+    nodes = {label: Node(f"mixamorig:{label}", (0.0, 0.0, 0.0), MOVES) for label in labels}
+    for label, above in parents.items():
+        if above:
+            nodes[above].children.append(nodes[label])
+    place = {name: clip.positions[:, clip.skeleton.joints.index(ours[name])] * 100 for name in labels}
+    order = [node.name.removeprefix("mixamorig:") for node in nodes["Hips"].all()]
+    steps = [place[name] - place[parents[name]] if parents[name] else place[name] for name in order]
+    return bvh_text(nodes["Hips"], np.concatenate(steps, axis=1).tolist(), repr(1 / clip.frame_rate))
+
+
+def _as_trc(clip: Clip, labels: Sequence[str]) -> str:
+    """Write the joints that a convention has in its names, the others somewhere that moves with the hips."""
+    joints = Naming().read(labels).joints
+    root = clip.positions[:, clip.skeleton.joints.index("root")]
+    columns = [
+        clip.positions[:, clip.skeleton.joints.index(joint)] if joint in clip.skeleton.joints else root + 0.01 * place
+        for place, joint in enumerate(joints, start=1)
+    ]
+    return trc_text(labels, np.stack(columns, axis=1) * 1000, rate=clip.frame_rate)
+
+
+def _written(folder: Path, motions: MotionLibrary, naming: str) -> Path:
+    """Write every motion in a convention's names, each in a folder of its class."""
+    for number, clip in enumerate(motions.motions):
+        place = folder / clip.class_name
+        place.mkdir(parents=True, exist_ok=True)
+        if naming == "mixamo":
+            (place / f"{clip.actor}_{number}.bvh").write_text(_as_bvh(clip, MIXAMO_PARENTS), encoding="utf-8")
+        else:
+            labels = {"mediapipe": skeletons.MEDIAPIPE, "kinect2": skeletons.KINECT_2}[naming]
+            (place / f"{clip.actor}_{number}.trc").write_text(_as_trc(clip, labels), encoding="utf-8")
+    return folder
+
+
+def _answered(library: MotionLibrary, clip: Clip, joints: Sequence[str], naming: Naming | None = None) -> str:
+    """Recognise a motion whose sender announces joints by these names; give the commonest guess of its last half."""
+    # The paper's signature has no windows to be learned, which takes seconds.
+    settings = Settings(signature=LiveSignature.PAPER)
+    performers = Performers(library, settings, joints=SentJoints(naming=naming or Naming()))
+    performers.announce(Announcement("ann", tuple(joints)), 0.0)
+    answers = []
+    for number, positions in enumerate(clip.positions):
+        answers.append(performers.push(Frame("ann", number / clip.frame_rate, positions), 0.0))
+    guesses = Counter(answer.classes[answer.best] for answer in answers[len(answers) // 2 :] if answer)
+    return guesses.most_common(1)[0][0]
+
+
+@pytest.mark.parametrize(
+    ("naming", "line"),
+    [
+        ("mixamo", "Mixamo names: 23 of 31 joints"),
+        ("mediapipe", "MediaPipe names: 19 of 31 joints"),
+        ("kinect2", "Kinect 2 names: 25 of 31 joints"),
+    ],
+)
+def test_files_of_another_naming_meet_ours(
+    tmp_path: Path, motions: MotionLibrary, capsys: pytest.CaptureFixture[str], naming: str, line: str
+) -> None:
+    """A library built of another program's files has our names, says so in a line, and recognises a feed of ours."""
+    folder, output = _written(tmp_path / naming, motions, naming), tmp_path / "theirs.npz"
+    assert main(["build", str(folder), "--actor-in", "name", "-o", str(output)]) == 0
+    assert capsys.readouterr().err.count(line) == 1
+    theirs = MotionLibrary.load(output)
+    assert sum(joint in OURS for joint in theirs.skeleton.joints) == int(line.split(": ")[1].split(maxsplit=1)[0])
+    for clip in motions.motions[::3]:
+        ours = theirs.restricted_to(OURS)
+        assert _answered(ours, clip, OURS) == clip.class_name
+
+
+@pytest.mark.parametrize("naming", ["mixamo", "mediapipe", "kinect2"])
+def test_feed_of_another_naming_meets_our_library(motions: MotionLibrary, naming: str) -> None:
+    """A sender of another convention is compared by the joints it has, and its motions are named."""
+    labels = {"mixamo": skeletons.MIXAMO, "mediapipe": skeletons.MEDIAPIPE, "kinect2": skeletons.KINECT_2}[naming]
+    joints = Naming().read(labels).joints
+    there = [place for place, joint in enumerate(joints) if joint in OURS]
+    clip = motions.motions[0]
+    order = [OURS.index(joints[place]) for place in there]
+    sent = replace(clip, skeleton=clip.skeleton.restricted_to(order), positions=clip.positions[:, order])
+    assert _answered(motions, sent, [labels[place] for place in there]) == clip.class_name
+
+
+def test_twelve_rightly_named_joints_are_used(motions: MotionLibrary) -> None:
+    """A native feed of twelve joints, whatever their capitals, is compared by the twelve."""
+    joints = [OURS[place] for place in range(0, len(OURS), 2)][:12]
+    clip = motions.motions[-1]
+    sent = clip.restricted_to(joints)
+    assert _answered(motions, sent, [joint.upper() for joint in sent.skeleton.joints]) == clip.class_name
+
+
+def test_library_of_another_naming_is_met(motions: MotionLibrary) -> None:
+    """A library built with its files' names is read in ours; a feed of the same names meets it either way."""
+    labels = skeletons.KINECT_2
+    joints = Naming().read(labels).joints
+    order = [OURS.index(joint) for joint in joints]
+    clips = [
+        replace(
+            clip,
+            skeleton=replace(clip.skeleton.restricted_to(order), joints=labels),
+            positions=clip.positions[:, order],
+        )
+        for clip in motions.motions
+    ]
+    theirs = MotionLibrary.of_clips(clips)
+    assert set(theirs.in_our_names(Naming()).skeleton.joints) == set(joints)
+    assert theirs.in_our_names(Naming(finds=False)) is theirs
+    for library in (theirs, theirs.in_our_names(Naming())):
+        assert _answered(library, clips[0], labels) == clips[0].class_name
+
+
+def test_names_can_be_left_as_they_are(tmp_path: Path, motions: MotionLibrary) -> None:
+    """As-they-are keeps a file's own names, in a library as in a conversion."""
+    folder = _written(tmp_path / "kinect2", motions, "kinect2")
+    output, numbers = tmp_path / "own.npz", tmp_path / "numbers.npz"
+    assert main(["build", str(folder), "--names", "as-they-are", "-o", str(output)]) == 0
+    assert set(MotionLibrary.load(output).skeleton.joints) == set(skeletons.KINECT_2)
+    file = next(folder.rglob("*.trc"))
+    for names, joint in (("kinect2", "root"), ("as-they-are", "SpineBase")):
+        assert main(["convert", str(file), "--names", names, "--overwrite", "-o", str(numbers)]) == 0
+        with np.load(numbers) as held:
+            assert str(held["joints"][0]) == joint
+
+
+def test_convention_that_is_not_known_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A mistyped convention ends the program with the list of conventions."""
+    assert main(["build", str(tmp_path), "--names", "klingon", "-o", str(tmp_path / "a.npz")]) == 2
+    assert "names: expected one of hdm05, acclaim-bvh" in capsys.readouterr().err

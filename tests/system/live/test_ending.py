@@ -1,0 +1,156 @@
+"""Every program ends soon when it is asked to, by any signal and whatever comes, in one line and with end events."""
+
+from __future__ import annotations
+
+import signal
+import socket
+import threading
+import time
+from typing import TYPE_CHECKING
+
+import pytest
+from programs import LOOPBACK, PATIENCE, free_udp_port, live, motion_cues, started
+
+from kinespace.stream import Performers, osc
+from kinespace.stream.feeds import builtin_preset
+from kinespace.stream.feeds.source import FeedSource
+from kinespace.stream.inputs.recording import RawFile, RawPacket, RawWriter
+from kinespace.stream.service.loop import Service
+from kinespace.stream.service.status import InputCounts
+from kinespace.tools.cli import interruption
+from kinespace.tools.feeding.feed import Pace
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from kinespace.library.motion_library import MotionLibrary
+
+pytestmark = pytest.mark.slow
+
+SIGNALS = [signal.SIGINT, signal.SIGTERM, *([signal.SIGHUP] if hasattr(signal, "SIGHUP") else [])]
+PROGRAMS: dict[str, tuple[tuple[object, ...], str]] = {
+    "replay": (("replay", "squat1Reps", "--loop", "--osc", f"{LOOPBACK}:{free_udp_port()}"), ""),
+    "listen": (("listen", f"{LOOPBACK}:0", "--seconds", 100), "listening"),
+    "demo": (("demo", "--seconds", 60), ""),
+    "latency": (("latency", "--transport", "osc", "--seconds", 100), ""),
+}
+
+
+@pytest.mark.skipif(not hasattr(signal, "SIGHUP"), reason="Windows has other signals")
+@pytest.mark.parametrize("number", SIGNALS)
+@pytest.mark.parametrize("name", PROGRAMS)
+def test_a_signal_ends_a_program_without_a_traceback(name: str, number: signal.Signals) -> None:
+    """At any moment, and with any child processes, a program prints only its report."""
+    arguments, said = PROGRAMS[name]
+    with started(*arguments) as program:
+        program.expect(said)
+        # Somewhere in its work; where does not matter.
+        time.sleep(1.0)
+        program.process.send_signal(number)
+        # On a busy machine it has not even begun, and the system ends it.
+        assert program.wait() in (0, 1, -number)
+        assert program.errors == ""
+
+
+@pytest.mark.skipif(not hasattr(signal, "SIGHUP"), reason="Windows has other signals")
+@pytest.mark.parametrize("number", SIGNALS)
+def test_every_signal_lets_live_end_what_goes_on(number: signal.Signals) -> None:
+    """The motion that is going on is ended for the listeners, and the counts are printed."""
+    with live("--plain") as stage:
+        stage.play(motion_cues("kickLFront1Reps", 2.0))
+        stage.program.expect("start: ")
+        stage.program.process.send_signal(number)
+        assert (stage.program.wait(), stage.program.errors) == (0, "")
+        heard = [packet.packet for packet in stage._listener.listen_until(time.perf_counter() + 0.2)]  # noqa: SLF001 - events too
+    events = [
+        message for packet in heard for message in osc.decode_packet(packet) if message.address.endswith("/event")
+    ]
+    assert [event.arguments[0] for event in events][-1] == "end"
+
+
+def test_an_end_asked_for_while_a_generator_is_closed_is_not_forgotten(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Python drops an interrupt that comes while an abandoned generator is closed; the next wait raises it again."""
+    # Set before the interrupt, so that the end of the test sets it back for the tests that follow in this process.
+    monkeypatch.setattr(interruption, "_asked", False)
+    with pytest.raises(KeyboardInterrupt):
+        interruption._interrupt()  # noqa: SLF001 - as the system calls it
+    with pytest.raises(KeyboardInterrupt):
+        Pace().wait_for(0.0)
+    monkeypatch.setattr(interruption, "_asked", False)
+    Pace().wait_for(0.0)
+
+
+class Endless:
+    """A source in which packets always wait, each of which takes its time."""
+
+    tended = False
+    has_put_aside = False
+    notes = ()
+    waited = 0.0
+
+    def __init__(self) -> None:
+        self.pollable, self._other_end = socket.socketpair()
+        self._other_end.send(b"!")
+        self.counts = InputCounts()
+
+    def take(self, arrival: float) -> list[object]:  # noqa: ARG002 - as a source has it
+        """Take some milliseconds."""
+        time.sleep(0.005)
+        return []
+
+    def close(self) -> None:
+        """Close the sockets."""
+        self.pollable.close()
+        self._other_end.close()
+
+
+def test_a_feed_that_goes_on_does_not_put_off_the_end(sticks: MotionLibrary) -> None:
+    """Packets that come faster than they are dealt with are left lying, where they took 40 seconds."""
+    with Service(Performers(sticks), [Endless()], []) as service:  # type: ignore[list-item]  # a fake
+        running = threading.Thread(target=service.run)
+        running.start()
+        time.sleep(0.1)
+        service.stop()
+        running.join(15.0)
+        assert not running.is_alive()
+
+
+def test_a_name_server_that_does_not_answer_stops_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    """While the sender's name is looked up, the source goes on; unsent messages are counted and sent afterwards."""
+    answered = threading.Event()
+    really = socket.getaddrinfo
+
+    def slowly(host: str, *arguments: object, **options: object) -> object:
+        if host == "mocap.example":
+            if options.get("flags"):
+                raise socket.gaierror(socket.EAI_NONAME, "not a number")
+            answered.wait(PATIENCE)
+            host = LOOPBACK
+        return really(host, *arguments, **options)  # type: ignore[arg-type]  # as they came
+
+    monkeypatch.setattr(socket, "getaddrinfo", slowly)
+    preset = builtin_preset("captury")
+    assert preset.asking
+    source = FeedSource(osc.OscReceiver(LOOPBACK, 0), preset, sender="mocap.example")
+    source.tend(1.0)
+    assert source.unasked == len(preset.asking.messages) or source.unasked > 0
+    answered.set()
+    until = time.monotonic() + PATIENCE
+    unasked, moment = -1, 1.0
+    while unasked != source.unasked and time.monotonic() < until:
+        unasked, moment = source.unasked, moment + 3600.0
+        time.sleep(0.05)
+        source.tend(moment)
+    assert unasked == source.unasked
+    source.close()
+
+
+def test_an_arrival_that_no_clock_shows_ends_a_recording(tmp_path: Path) -> None:
+    """A recording is read up to the first packet with an impossible time, and the program says so."""
+    path = tmp_path / "a.kinerec"
+    with RawWriter(path, ["osc here"]) as writer:
+        for arrival in (1.0, 1e300, 2.0):
+            writer.write(RawPacket(arrival, 0, "", (b"x",)))
+    recording = RawFile(path)
+    assert [packet.arrival for packet in recording.packets()] == [1.0]
+    assert "cut off or damaged" in recording.damage()

@@ -1,0 +1,158 @@
+"""`kinespace live --feed`: another product's packets into a real process, answers out in several layouts."""
+
+from __future__ import annotations
+
+import re
+import socket
+import time
+from contextlib import ExitStack
+from importlib import resources
+from typing import TYPE_CHECKING
+
+import pytest
+from fakeqtm import fake_qtm
+from golden import LAYOUTS, Moment
+from programs import LOOPBACK, PATIENCE, builtin_library, finished, ghost_cues, started
+
+from kinespace.library.naming.hdm05 import SKELETON
+from kinespace.stream.osc import OscReceiver
+from kinespace.stream.osc.packet import Message, decode_packet
+from kinespace.tools.programs.live.recognisers import fitted
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+pytestmark = pytest.mark.slow
+
+
+def play(layout: str, port: int, seconds: float = 2.5) -> None:
+    """Send a ghost in a product's layout at 30 Hz in real time: most feeds are timed by their arrival."""
+    cues = ghost_cues("kickLFront1Reps", seconds)[::4]
+    start = time.monotonic()
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
+        for number, cue in enumerate(cues):
+            places = dict(zip(SKELETON.joints, cue.frame.positions, strict=True))
+            time.sleep(max(0.0, start + number / 30 - time.monotonic()))
+            for packet in LAYOUTS[layout][1](Moment(places, 1.0 + number / 30, number)):
+                sender.sendto(packet, (LOOPBACK, port))
+
+
+def heard(receiver: OscReceiver, address: str) -> list[Message]:
+    """Collect messages of one address, waiting for the first."""
+    until = time.monotonic() + PATIENCE
+    messages: list[Message] = []
+    while not messages and time.monotonic() < until:
+        while (datagram := receiver.receive()) is not None:
+            messages += [message for message in decode_packet(datagram) if message.address == address]
+        time.sleep(0.01)
+    return messages
+
+
+def test_a_feed_is_recognised_and_several_hear_it() -> None:
+    """VMC in; native, TouchDesigner, VMC and a reply to the sender out; the counts of the feed at the end."""
+    with ExitStack() as stack:
+        native, touch, thru = (OscReceiver(LOOPBACK, 0) for _ in range(3))
+        for receiver in (native, touch, thru):
+            stack.callback(receiver.close)
+        outs = zip(("native", "touchdesigner", "vmc-thru"), (native, touch, thru), strict=True)
+        options = [option for name, out in outs for option in ("--out", f"{name}={LOOPBACK}:{out.address[1]}")]
+        command = ("live", "--plain", "--feed", "vmc", "--osc-in", f"{LOOPBACK}:0", *options)
+        program = stack.enter_context(started(*command))
+        port = int(program.expect(r"listening on vmc 127\.0\.0\.1:(\d+); answering to native 127")[1])
+        play("vmc", port)
+        labels = [message.arguments[0] for message in heard(native, "/motion/vmc/label")]
+        numbers = [message.arguments for message in heard(touch, "/motion/vmc/class")]
+        passed_on = [message.arguments for message in heard(thru, "/VMC/Thru/motion/class")]
+        assert program.interrupt() == 0
+        assert program.errors == ""
+        assert "kickLFront1Reps" in labels
+        assert {type(value) for values in numbers for value in values} <= {int, float}
+        assert [label for label, _ in passed_on][: len(labels)] == labels[: len(passed_on)]
+        made = re.search(r"feed vmc: (\d+) frames made \((\d+) by end\), 0 refused", program.output)
+        assert made, program.output
+        assert int(made[1]) >= 70
+        assert "malformed 0" in program.output
+        assert program.output.startswith("feed vmc: 22 of the library's 31 joints\n")
+
+
+def test_ones_own_preset_and_a_reply_to_the_sender(tmp_path: Path) -> None:
+    """A copy of a preset in a file of one's own works alike; the sender hears the answer on the port it sent from."""
+    mine = tmp_path / "mine.toml"
+    mine.write_text(
+        (resources.files("kinespace.stream.feeds") / "presets" / "wekinator.toml").read_text(encoding="utf-8"),
+        encoding="utf-8",
+    )
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
+        sender.settimeout(PATIENCE)
+        command = ("live", "--plain", "--feed", mine, "--osc-in", f"{LOOPBACK}:0", "--out", "wekinator=sender:0")
+        with started(*command) as program:
+            port = int(program.expect(r"listening on mine 127\.0\.0\.1:(\d+); answering to wekinator the sender;")[1])
+            cues = ghost_cues("kickLFront1Reps", 2.0)[::4]
+            start = time.monotonic()
+            for number, cue in enumerate(cues):
+                places = dict(zip(SKELETON.joints, cue.frame.positions, strict=True))
+                time.sleep(max(0.0, start + number / 30 - time.monotonic()))
+                (packet,) = LAYOUTS["wekinator"][1](Moment(places, 1.0, number))
+                sender.sendto(packet, (LOOPBACK, port))
+            (answer,) = decode_packet(sender.recv(2000))
+            assert answer.address == "/wek/outputs"
+            assert program.interrupt() == 0
+            assert program.errors == ""
+
+
+def test_hands_are_shaken_with_qualisys(tmp_path: Path) -> None:
+    """A sender that needs a handshake gets it, sends, is recognised, and gets the farewell."""
+    receiver = OscReceiver(LOOPBACK, 0)
+    with ExitStack() as stack:
+        stack.callback(receiver.close)
+        fake, preset = stack.enter_context(fake_qtm(tmp_path))
+        out = f"native={LOOPBACK}:{receiver.address[1]}"
+        command = ("live", "--plain", "--feed", preset, "--osc-in", f"{LOOPBACK}:0", "--out", out)
+        program = stack.enter_context(started(*command))
+        assert heard(receiver, "/motion/Jan/label")
+        assert (program.interrupt(), program.errors) == (0, "")
+        assert fake.wait_for_goodbye()
+        port = re.search(r"listening on ours 127\.0\.0\.1:(\d+)", program.output)
+        assert port
+        assert fake.told[:2] == [f"Connect {port[1]}", "StreamFrames AllFrames 3D Skeleton:global"]
+        assert fake.told[-2:] == ["StreamFrames Stop", "Disconnect"]
+        assert "asked in vain 0" in program.output
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (("--feed", "kinect"), "feed: expected a .toml file or one of captury, "),
+        (("--feed", "nowhere.toml"), "nowhere.toml: No such file or directory"),
+        (("--osc-in", f"{LOOPBACK}:0", "--out", "unity"), "--out: expected one of native, touchdesigner, max, "),
+        (
+            ("--osc-in", f"{LOOPBACK}:0", "--out", "max=there"),
+            "address: expected HOST:PORT, the port from 0 to 65535, got 'there'",
+        ),
+        (
+            ("--zmq-in", f"tcp://{LOOPBACK}:*", "--out", "max=sender"),
+            "--out: expected an OSC feed to reply to, got none",
+        ),
+    ],
+)
+def test_what_cannot_be_is_one_line(options: tuple[str, ...], said: str) -> None:
+    """A preset or an output that does not exist ends the program with one line, and no socket stays open."""
+    status, output, errors = finished("live", *options)
+    assert (status, output) == (2, "")
+    assert errors.startswith(f"kinespace: {said}")
+    assert errors.count("\n") == 1
+
+
+def test_a_joint_that_the_library_has_not_is_said(capsys: pytest.CaptureFixture[str]) -> None:
+    """A misspelt joint would be missing without a word: the line says it and the name that is nearest."""
+    library = builtin_library()
+    joints = [name for name in library.skeleton.joints if name != "head"]
+    assert len(fitted(library, "feed mine", [*joints, "haed", "tail"]).skeleton.joints) == 30
+    told = (
+        "feed mine: the library has no joint 'haed', perhaps head is meant\n"
+        "feed mine: not compared, for the library has none: haed, tail\n"
+        "feed mine: 30 of the library's 31 joints\n"
+    )
+    assert capsys.readouterr().out == told
+    fitted(library, "feed mine", [*joints, "head", "haed"])
+    assert capsys.readouterr().out == ""

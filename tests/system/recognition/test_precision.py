@@ -1,0 +1,232 @@
+"""Loss of precision: rolling sums at places where they lose digits, compared with exact sums."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import naive_windows
+import numpy as np
+import pytest
+
+from kinespace.library.distances import distance_rows
+from kinespace.library.naming.hdm05 import SKELETON
+from kinespace.library.skeleton import Skeleton
+from kinespace.stream.frame import Frame
+from kinespace.stream.recognition import Outcome
+from kinespace.stream.recognizer import LiveSignature, Recognizer, Settings
+from kinespace.stream.recognizer.windows.rolling import RollingCovariance, RollingMoments
+from kinespace.stream.recognizer.windows.sliding_window import SlidingWindow
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from kinespace.library.clip import Clip
+    from kinespace.library.motion_library import MotionLibrary
+
+
+#: Everything holds of the compiled loops and of numpy.
+pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("arithmetic")]
+
+#: Promised while a performer moves: largest error, relative to the largest entry.
+MOVING = 1e-9
+#: The same in a window that is still after motion.
+STILL = 1e-6
+#: Distances of which a covariance is taken here: as many as a basis has directions.
+EVERY = 15
+
+
+class Error(NamedTuple):
+    """How far covariances and variances are from the true ones, relative to the largest, and how many were compared."""
+
+    worst: float
+    hops: int
+    refreshes: int
+
+
+class Followed:
+    """Rows that run through a window of half a second, and the sums that follow it."""
+
+    def __init__(self, width: int, rate: float = 120.0) -> None:
+        self.rate, self.length = rate, round(rate / 2)
+        self._windows = SlidingWindow(0.5, width), SlidingWindow(0.5, width)
+        self.covariance = RollingCovariance(self._windows[0], width)
+        self.moments = RollingMoments(self._windows[1], width)
+        self._pushed = 0
+
+    def push(self, rows: np.ndarray) -> None:
+        """Take in some rows and follow them."""
+        times = (np.arange(self._pushed, self._pushed + len(rows)) / self.rate).tolist()
+        self._pushed += len(rows)
+        for window, each in zip(self._windows, (self.covariance, self.moments), strict=True):
+            window.push(times, rows)
+            each.update()
+
+    def error(self, rows: np.ndarray) -> float:
+        """Compare with the textbook's covariance and variances of the rows that should be in the window."""
+        exact = naive_windows.covariance(rows)
+        variance = self.moments.read().deviation[0] ** 2
+        largest = np.abs(exact).max()
+        error = max(np.abs(self.covariance.read() - exact).max(), np.abs(variance - exact.diagonal()).max())
+        return float(error / largest)
+
+
+def _streamed(rows: np.ndarray, *, hop: int, rate: float = 120.0, truth: np.ndarray | None = None) -> Error:
+    """Let rows run through a window, and compare after every hop.
+
+    The truth is the same rows, better known: the rows themselves when not given.
+    """
+    truth = rows if truth is None else truth
+    followed, worst, hops = Followed(rows.shape[1], rate), 0.0, 0
+    for end in range(hop, len(rows) + 1, hop):
+        followed.push(rows[end - hop : end])
+        worst = max(worst, followed.error(truth[max(0, end - followed.length) : end]))
+        hops += 1
+    return Error(worst, hops, followed.covariance.refreshes + followed.moments.refreshes)
+
+
+# --- real motion -------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("unit", ["m", "mm"])
+def test_all_motions_after_every_hop(builtin: MotionLibrary, unit: str) -> None:
+    """On each of the 288 motions, in metres and millimetres, every hop's covariance and variances are exact."""
+    factor = 1.0 if unit == "m" else 1000.0
+    for place, motion in enumerate(builtin.motions):
+        rows = distance_rows(motion.positions, SKELETON)[:, place % EVERY :: EVERY] * factor
+        error = _streamed(rows, hop=4, rate=60.0)
+        assert error.worst <= MOVING, motion.name
+        assert error.hops == motion.frames // 4
+
+
+def test_all_motions_as_one_performance(builtin: MotionLibrary) -> None:
+    """The 288 motions played without a break stay exact to the last hop, and little is computed afresh."""
+    positions = np.concatenate([motion.positions for motion in builtin.motions])
+    rows = distance_rows(positions, SKELETON)[:, ::EVERY]
+    error = _streamed(rows, hop=8, rate=60.0)
+    assert error.worst <= MOVING
+    assert error.hops == len(rows) // 8
+    assert 2 <= error.refreshes <= len(rows) / 60
+
+
+@pytest.mark.parametrize("distance", [1e3, 1e4])
+def test_far_from_the_origin(some_clips: tuple[Clip, ...], distance: float) -> None:
+    """Kilometres from the origin the covariance is the same as near it."""
+    offset = distance * np.array([1.0, -2.0, 0.5])
+    for clip in some_clips[::2]:
+        at_home, away = (
+            distance_rows(positions, SKELETON)[:, ::EVERY] for positions in (clip.positions, clip.positions + offset)
+        )
+        assert _streamed(away, hop=4, truth=at_home).worst <= MOVING
+
+
+# --- a million frames --------------------------------------------------------------------------------------------
+
+LONG = 1_000_000
+PIECE = 50_000
+HOP = 50
+
+
+def _long_motion() -> Iterator[np.ndarray]:
+    """Perform for more than two hours: eight joints swing, faster and slower, while the posture as a whole wanders."""
+    generator = np.random.default_rng(8)
+    pose = generator.normal(scale=0.6, size=(8, 3))
+    swing, lean = generator.normal(scale=0.15, size=(8, 3)), generator.normal(scale=0.3, size=(8, 3))
+    turn = generator.normal(scale=0.1, size=(8, 3))
+    body = Skeleton.of_joints([f"joint{index}" for index in range(8)])
+    for begin in range(0, LONG, PIECE):
+        time = np.arange(begin, begin + PIECE) / 120
+        phases = np.sin(7.0 * time + 3.0 * np.sin(0.05 * time)), np.sin(0.003 * time), np.cos(4.1 * time)
+        positions = pose + sum(
+            phase[:, None, None] * way for phase, way in zip(phases, (swing, lean, turn), strict=True)
+        )
+        yield distance_rows(positions, body)
+
+
+def test_a_million_frames() -> None:
+    """After a million frames of motion all sums are as exact as at first, with few refreshes on the way."""
+    followed, rows, worst, hops = Followed(28), np.empty((0, 28)), 0.0, 0
+    for piece in _long_motion():
+        rows = np.concatenate([rows[-followed.length :], piece])
+        for end in range(len(rows) - PIECE + HOP, len(rows) + 1, HOP):
+            followed.push(rows[end - HOP : end])
+            hops += 1
+            if hops % 20 == 0:
+                worst = max(worst, followed.error(rows[end - followed.length : end]))
+    assert hops == LONG // HOP
+    assert worst <= MOVING
+    assert 1 < followed.covariance.refreshes <= LONG / 2_000
+    assert 1 < followed.moments.refreshes <= LONG / 500
+
+
+# --- still after motion ------------------------------------------------------------------------------------------
+
+
+def _stop(clip: Clip, noise: float, *, frames: int = 480) -> np.ndarray:
+    """Let a performer move, then stand in the last pose, each coordinate wavering by a sensor's noise in metres."""
+    pose = np.repeat(clip.positions[-1:], frames, axis=0)
+    pose += noise * np.random.default_rng(len(clip.positions)).normal(size=pose.shape)
+    return np.concatenate([clip.positions, pose])
+
+
+@pytest.mark.parametrize("unit", [1.0, 1000.0], ids=["m", "mm"])
+@pytest.mark.parametrize("noise", [1e-3, 1e-4, 1e-5])
+def test_still_right_after_moving(some_clips: tuple[Clip, ...], noise: float, unit: float) -> None:
+    """When a performer stops, down to a hundredth of a millimetre of noise, the still window's covariance is right."""
+    for clip in some_clips[::2]:
+        rows = distance_rows(_stop(clip, noise), SKELETON)[:, ::EVERY] * unit
+        assert _streamed(rows, hop=5).worst <= STILL
+
+
+@pytest.mark.parametrize("unit", [1.0, 1000.0], ids=["m", "mm"])
+@pytest.mark.parametrize("noise", [1e-3, 1e-6, 0.0])
+@pytest.mark.parametrize("signature", LiveSignature)
+def test_who_stands_still_is_never_a_class(
+    some_clips: tuple[Clip, ...], small_library: MotionLibrary, signature: LiveSignature, noise: float, unit: float
+) -> None:
+    """When all of a second is still it is answered still, either way, at any noise down to a frozen tracker's none."""
+    for clip in some_clips[1::3]:
+        recognizer = Recognizer(small_library, Settings(signature=signature, hop=0.1))
+        answers = {}
+        for index, positions in enumerate(_stop(clip, noise, frames=240) * unit):
+            recognition = recognizer.push(Frame("p", index / 120, positions))
+            if recognition is not None:
+                answers[index] = recognition
+        still = [recognition for index, recognition in answers.items() if index >= clip.frames + 120]
+        assert len(still) >= 9
+        assert {recognition.outcome for recognition in still} == {Outcome.STILL}
+        assert {recognition.class_name for recognition in still} == {None}
+        assert all(0.0 <= recognition.movement < 0.01 for recognition in still)
+
+
+@pytest.mark.parametrize("signature", LiveSignature)
+def test_a_frozen_feed_is_never_a_class(sticks: MotionLibrary, signature: LiveSignature) -> None:
+    """Whatever the motion before, a tracker that repeats its last frame digit for digit is answered still."""
+    for seed in range(8):
+        generator = np.random.default_rng(seed)
+        pose = generator.normal(size=(6, 3))
+        recognizer = Recognizer(sticks, Settings(signature=signature, hop=0.0, plausibility=False))
+        for index in range(200):
+            if index < 60:
+                positions = pose + 10.0 ** -generator.integers(0, 4) * generator.normal(size=(6, 3))
+            recognition = recognizer.push(Frame("p", index / 120, positions))
+            # A second of distances, and a tenth that smoothing reaches back.
+            if index >= 60 + 120 + 13:
+                assert recognition is not None
+                assert recognition.outcome is Outcome.STILL
+
+
+# --- refreshes ---------------------------------------------------------------------------------------------------
+
+
+def test_refreshes_end_soon_after_a_stop(some_clips: tuple[Clip, ...]) -> None:
+    """A stop costs some refreshes while the motion leaves the window, and none once all is still."""
+    clip = some_clips[0]
+    rows = distance_rows(_stop(clip, 1e-5, frames=2000), SKELETON)[:, ::EVERY]
+    followed, counted = Followed(rows.shape[1]), dict[int, int]()
+    for end in range(1, len(rows) + 1):
+        followed.push(rows[end - 1 : end])
+        counted[end] = followed.covariance.refreshes
+    stopped, all_still = counted[clip.frames], counted[clip.frames + followed.length]
+    assert stopped <= 3
+    assert stopped < all_still <= stopped + 30
+    assert counted[len(rows)] <= all_still + 1

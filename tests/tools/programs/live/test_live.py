@@ -1,0 +1,282 @@
+"""`kinespace live`: a real process that is fed over real sockets, and stopped as a person stops it."""
+
+from __future__ import annotations
+
+import json
+import re
+import signal
+import sys
+import time
+from contextlib import ExitStack
+from typing import TYPE_CHECKING
+
+import pytest
+from programs import (
+    LOOPBACK,
+    PATIENCE,
+    Publisher,
+    builtin_library,
+    free_udp_port,
+    ghost_cues,
+    live,
+    started,
+    summary_counts,
+)
+from recorded import write_takes
+
+from kinespace.library import MotionLibrary, read_recordings
+from kinespace.stream import Announcement, LiveSignature, Settings, osc, zeromq
+from kinespace.stream.zeromq import MAX_MESSAGE, Endpoint
+from kinespace.tools.cli.main import main
+from kinespace.tools.feeding.feed import clip_cues
+from kinespace.tools.loopback.expected_answers import expected_answers
+from kinespace.tools.programs.live.program import OSC_OUT
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from pathlib import Path
+
+    from kinespace.stream.recognition import Answer
+    from kinespace.tools.feeding.feed import Cue
+
+pytestmark = pytest.mark.slow
+
+
+def expected_of(cues: Sequence[Cue], settings: Settings | None = None) -> list[str]:
+    """Give the labels that will be answered."""
+    return [each.label for each in expected_answers(cues, builtin_library(), settings or Settings())]
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_ends_it_with_the_counts(number: signal.Signals) -> None:
+    """Ctrl-C, or SIGTERM, ends it with status 0, its counts, and an empty standard error."""
+    with live("--plain") as stage:
+        stage.program.process.send_signal(number)
+        assert (stage.program.wait(), stage.program.errors) == (0, "")
+        assert set(summary_counts(stage.program.output).values()) == {0}
+
+
+def test_it_says_where_it_listens_and_answers() -> None:
+    """The first line names every address in use, ports resolved, and how to end it."""
+    endpoint = f"tcp://{LOOPBACK}:*"
+    with live("--plain", "--zmq-in", endpoint, "--zmq-out", endpoint) as stage:
+        line = stage.program.output.splitlines()[0]
+        address = r"127\.0\.0\.1:[1-9]\d*"
+        listening = rf"listening on OSC {address}, ZeroMQ tcp://{address}"
+        assert re.fullmatch(rf"{listening}; answering to native {address}, ZeroMQ tcp://{address}; Ctrl-C ends", line)
+
+
+def test_without_an_output_it_answers_to_the_usual_port() -> None:
+    """With an input alone answers go where they always go, and the line says so."""
+    with started("live", "--plain", "--osc-in", f"{LOOPBACK}:0") as program:
+        program.expect(f"answering to native {OSC_OUT}; Ctrl-C ends\n")
+        assert (program.interrupt(), program.errors) == (0, "")
+
+
+def test_every_frame_is_answered_that_is_due() -> None:
+    """Over OSC the answers equal the expected ones, one by one, and the counts at the end are exact."""
+    cues = ghost_cues("squat1Reps", 2.0)
+    expected = expected_of(cues)
+    with live("--plain") as stage:
+        stage.sender.announce(Announcement("ghost", builtin_library().skeleton.joints))
+        stage.play(cues)
+        answers = stage.answers(len(expected))
+        counts = stage.stopped()
+    assert [answer.label for answer in answers] == expected
+    assert {answer.performer for answer in answers} == {"ghost"}
+    lost = {name: 0 for name in counts if name not in ("received", "frames", "answers")}
+    assert counts == {"received": 241, "frames": 240, "answers": len(expected), **lost}
+
+
+def test_plain_prints_a_line_per_change() -> None:
+    """Of two motions one after the other every change of label is one line, with performer, score and margin."""
+    first = ghost_cues("squat1Reps", 1.5, performer="me")
+    second = ghost_cues("kickLFront1Reps", 1.5, performer="me", begin=4.0)
+    expected = expected_of([*first, *second])
+    changes = [label for before, label in zip(["", *expected], expected, strict=False) if label != before]
+    assert len(changes) >= 2
+    with live("--plain") as stage:
+        stage.play([*first, *second])
+        stage.answers(len(expected))
+        counts = stage.stopped()
+        lines = [line for line in stage.program.output.splitlines() if "  me  " in line and "  score " in line]
+    assert counts["restarts"] == 1
+    number = r"0\.\d{3}|1\.000"
+    for line, label in zip(lines, changes, strict=True):
+        assert re.fullmatch(rf" +\d+\.\d{{3}} s  me  {label}  score ({number})  margin ({number})", line)
+
+
+@pytest.mark.parametrize("options", [("--plain",), ()], ids=["plain", "table"])
+def test_no_performers_name_ends_it(options: tuple[str, ...]) -> None:
+    """Whatever performers are called, each is answered and shown, plain and in the table, and it ends as ever."""
+    names = {"[/]": "[/]", "two words": "two words", "\x1b[2J\n": "\ufffd[2J\ufffd", "舞": "舞"}
+    with live(*options, environment={"FORCE_COLOR": "1"}) as stage:
+        for name, shown in names.items():
+            cues = ghost_cues("squat1Reps", 1.2, performer=name)
+            stage.play(cues)
+            answers = stage.answers(len(expected_of(cues)))
+            assert {answer.performer for answer in answers} == {osc.address_part(name)}
+            stage.program.expect(re.escape(shown))
+        assert stage.stopped()["frames"] == 4 * 144
+
+
+@pytest.mark.parametrize("options", [("--plain",), ()], ids=["plain", "table"])
+def test_a_terminal_without_the_characters_does_not_end_it(options: tuple[str, ...]) -> None:
+    """Where standard output takes ASCII only, other names and signs become question marks, and it goes on."""
+    cues = ghost_cues("squat1Reps", 1.2, performer="Zoë 舞")
+    with live(*options, environment={"FORCE_COLOR": "1", "PYTHONIOENCODING": "ascii"}) as stage:
+        stage.play(cues)
+        assert len(stage.answers(5)) >= 5
+        stage.program.expect(r"Zo\? \?")
+        assert stage.stopped()["frames"] == len(cues)
+
+
+def test_the_table_shows_what_is_recognised() -> None:
+    """On a terminal a table is drawn that waits, then shows performer and motion; Ctrl-C ends it with the counts."""
+    cues = ghost_cues("lieDownFloor", 1.5, performer="me")
+    with live(environment={"FORCE_COLOR": "1"}) as stage:
+        stage.program.expect(r"waiting for frames \.\.\.")
+        stage.play(cues)
+        stage.program.expect(r"me .*lieDownFloor")
+        counts = stage.stopped()
+    assert counts["frames"] == 180
+
+
+def test_a_library_of_ones_own(tmp_path: Path) -> None:
+    """With --library its body is followed and its classes are answered; frames of another body are counted."""
+    clips = list(read_recordings(write_takes(tmp_path, takes=1)))
+    MotionLibrary.of_clips(clips).save(tmp_path / "mine.npz")
+    with live("--plain", "--library", tmp_path / "mine.npz") as stage:
+        stage.play(list(clip_cues(clips[:1], "me")))
+        labels = {answer.label for answer in stage.answers(10)}
+        stage.play(ghost_cues("squat1Reps", 0.1))
+        counts = stage.stopped()
+    assert labels <= {clip.class_name for clip in clips}
+    assert counts["frames"] == 180
+    assert counts["other joints"] == 12
+
+
+def test_window_and_hop_are_those_ordered() -> None:
+    """With the paper's signature, --window and --hop, answers are that window's and that far apart."""
+    settings = Settings(signature=LiveSignature.PAPER, window=0.7, hop=0.0)
+    cues = ghost_cues("squat1Reps", 1.0)
+    expected = expected_of(cues, settings)
+    assert len(expected) == len(cues) - 18
+    with live("--plain", "--signature", "paper", "--window", 0.7, "--hop", 0) as stage:
+        stage.play(cues)
+        answers = stage.answers(len(expected))
+        assert stage.stopped()["answers"] == len(expected)
+    assert [answer.label for answer in answers] == expected
+
+
+def test_performers_are_bounded() -> None:
+    """With --performers 1 the first performer is answered and every frame of the second is counted."""
+    with live("--plain", "--performers", 1) as stage:
+        stage.play(ghost_cues("squat1Reps", 1.2, performer="first"))
+        stage.play(ghost_cues("squat1Reps", 0.5, performer="second"))
+        performers = {answer.performer for answer in stage.answers(6)}
+        counts = stage.stopped()
+    assert performers == {"first"}
+    assert (counts["frames"], counts["no room"]) == (144, 60)
+
+
+def test_both_transports_at_once() -> None:
+    """One process takes a performer from OSC and one from ZeroMQ and answers both on both."""
+    first = ghost_cues("squat1Reps", 1.3, performer="by osc")
+    second = ghost_cues("throwBasketball", 1.3, performer="by zmq")
+    with ExitStack() as stack:
+        subscriber = zeromq.ZmqReceiver(Endpoint(f"tcp://{LOOPBACK}:*", bind=True))
+        stack.callback(subscriber.close)
+        publisher = Publisher()
+        stack.callback(publisher.close)
+        ends = (f">{publisher.address}", f">{subscriber.address}")
+        stage = stack.enter_context(live("--plain", "--zmq-in", ends[0], "--zmq-out", ends[1]))
+        publisher.wait_for_subscriber()
+        while True:
+            assert subscriber.socket.poll(int(PATIENCE * 1000))
+            if (subscriber.receive() or [b""])[0] == b"status/":
+                break
+        for ours, theirs in zip(first, second, strict=True):
+            stage.sender.send(stage.sender.encode(ours))
+            publisher.send(publisher.encode(theirs))
+        labels = expected_of(first), expected_of(second)
+        expected = sum(map(len, labels))
+        over_osc = stage.answers(expected)
+        over_zmq: list[Answer] = []
+        while len(over_zmq) < expected and subscriber.socket.poll(int(PATIENCE * 1000)):
+            over_zmq += [answer for answer in [zeromq.decode_answer(subscriber.receive() or [])] if answer]
+        counts = stage.stopped()
+    for heard, names in ((over_osc, ("by_osc", "by_zmq")), (over_zmq, ("by osc", "by zmq"))):
+        for name, told in zip(names, labels, strict=True):
+            assert [answer.label for answer in heard if answer.performer == name] == told
+    assert len(over_osc) == len(over_zmq) == expected == counts["answers"]
+    assert (counts["received"], counts["frames"], counts["missing"]) == (312, 312, 0)
+
+
+def test_the_status_tells_the_counts_while_it_runs() -> None:
+    """Once a second a status is published over ZeroMQ that holds every counter, and at the start the class names."""
+    with ExitStack() as stack:
+        subscriber = zeromq.ZmqReceiver(Endpoint(f"tcp://{LOOPBACK}:*", bind=True))
+        stack.callback(subscriber.close)
+        stage = stack.enter_context(live("--plain", "--zmq-out", f">{subscriber.address}"))
+        stage.play(ghost_cues("squat1Reps", 1.2))
+        stage.answers(5)
+        status: dict[str, dict[str, int]] = {}
+        until = time.monotonic() + PATIENCE
+        while status.get("inputs", {}).get("received") != 144:
+            assert time.monotonic() < until
+            assert subscriber.socket.poll(int(PATIENCE * 1000))
+            topic, encoded = subscriber.receive() or [b"", b""]
+            status = json.loads(encoded) if topic == b"status/" else {}
+        assert status["outcomes"]["recognizers"]["frames"] == 144  # type: ignore[index]
+        assert list(status["performers"]) == ["ghost"]
+
+
+@pytest.mark.parametrize("option", ["--osc-out", "--zmq-in", "--zmq-out"])
+def test_what_was_opened_before_a_failure_is_closed(option: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """When one of several addresses cannot be used, the ports opened before it are free again."""
+    receiver = osc.OscReceiver(LOOPBACK, 0)
+    host, port = receiver.address
+    receiver.close()
+    assert main(["live", "--osc-in", f"{host}:{port}", option, "nonsense"]) == 2
+    assert capsys.readouterr().err.count("\n") == 1
+    osc.OscReceiver(host, port).close()
+
+
+@pytest.mark.parametrize("heard", [LOOPBACK, "0.0.0.0"])  # noqa: S104 - who listens to all networks hears itself
+@pytest.mark.parametrize("target", ["--osc-out {0}:{1}", "--out max={0}:{1}", "--out native=sender:{1}"])
+def test_answers_to_our_own_port_are_refused(heard: str, target: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """Answers that would come in again as frames are refused, wherever they would come in."""
+    port = free_udp_port()
+    options = target.format(LOOPBACK, port).split()
+    assert main(["live", "--osc-in", f"{heard}:{port}", "--signature", "paper", *options]) == 2
+    assert f"expected another place than {heard}:{port}, where frames come in" in capsys.readouterr().err
+
+
+def test_our_own_addresses_are_known() -> None:
+    """The loopback's are ours, an address for documents is nobody's."""
+    assert osc.is_ours("127.0.0.1")
+    assert osc.is_ours("127.0.0.7") == (sys.platform == "linux")
+    assert not osc.is_ours("192.0.2.1")
+
+
+def test_an_output_alone_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
+    """With an output and no input, the error names what is missing."""
+    assert main(["live", "--osc-out", f"{LOOPBACK}:9"]) == 2
+    assert capsys.readouterr().err == "kinespace: live: expected --osc-in or --zmq-in, got neither\n"
+
+
+def test_a_message_too_large_costs_that_message_alone() -> None:
+    """A publisher's message that is too large is reported, and its further frames are recognised."""
+    cues = ghost_cues("squat1Reps", 1.0)
+    with live(transport="zmq") as stage:
+        assert isinstance(stage.sender, Publisher)
+        stage.play(cues[:10])
+        stage.sender.send([b"frame/ghost/", b"{}", bytes(2 * MAX_MESSAGE)])
+        # ZeroMQ gives such a publisher up; we come back to it.
+        stage.sender.wait_for_change(b"\x00")
+        stage.sender.wait_for_change(b"\x01")
+        stage.play(cues[10:])
+        assert stage.answers(1)
+        assert stage.stopped()["received"] == len(cues)
+        assert "connections broken 1 (a message above 256 kB, or without end?)" in stage.program.output

@@ -1,0 +1,346 @@
+"""`kinespace build`: recordings and libraries in, one motion library file out."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from programs import finished
+from recorded import JOINTS, SWINGS, TWO_ARMS, two_arms_frames, write_take, write_takes
+from synthetic import amc_text, stick_clips
+
+from kinespace.library import NOTHING, MotionLibrary, read_recordings
+from kinespace.library.naming import hdm05
+from kinespace.tools.cli.main import main
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+pytestmark = pytest.mark.slow
+
+
+def build(*arguments: object) -> int:
+    """Run `kinespace build` in this process."""
+    return main(["build", *map(str, arguments)])
+
+
+def positions_alike(first: MotionLibrary, second: MotionLibrary) -> bool:
+    """Tell whether two libraries' motions stand in the same places."""
+    pairs = zip(first.motions, second.motions, strict=True)
+    return all(np.array_equal(one.positions, another.positions) for one, another in pairs)
+
+
+# --- recordings --------------------------------------------------------------------------------------------------
+
+
+def test_a_folder_becomes_a_library(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Every recording under a folder is a motion of its class, the same as built from the clips by hand."""
+    (tmp_path / "cut").mkdir()
+    paths = write_takes(tmp_path / "cut")
+    output = tmp_path / "mine.npz"
+    assert build(tmp_path / "cut", "-o", output) == 0
+    built = MotionLibrary.load(output)
+    assert built.classes == tuple(sorted(SWINGS))
+    assert set(built.skeleton.joints) == set(JOINTS)
+    assert positions_alike(built, MotionLibrary.of_clips(read_recordings(paths)))
+    assert {motion.frame_rate for motion in built.motions} == {60.0}
+    megabytes = output.stat().st_size / 1e6
+    assert capsys.readouterr().out == f"{output}: 12 motions, 3 classes, {megabytes:.2f} MB\n"
+
+
+def test_motions_say_where_they_come_from_and_on_what_terms(tmp_path: Path) -> None:
+    """A clip named as HDM05's carries its terms, another its file's name; given terms go before HDM05's."""
+    write_takes(tmp_path, takes=1, actors=("bd",))
+    (tmp_path / "spin").mkdir()
+    (tmp_path / "ann.asf").write_text(TWO_ARMS.asf())
+    (tmp_path / "spin" / "ann_7.amc").write_text(amc_text(two_arms_frames("raiseBoth", frames=60)))
+    build(tmp_path, "-o", tmp_path / "plain.npz")
+    build(tmp_path, "-o", tmp_path / "given.npz", "--licence", "CC0", "--attribution", "A. Dancer")
+    plain, given = (MotionLibrary.load(tmp_path / name) for name in ("plain.npz", "given.npz"))
+    named = [(motion.source, motion.licence, motion.attribution) for motion in plain.motions]
+    assert named == [("HDM05", hdm05.LICENCE, hdm05.ATTRIBUTION)] * 3 + [("ann_7.amc", "", "")]
+    assert {(motion.licence, motion.attribution) for motion in given.motions} == {("CC0", "A. Dancer")}
+
+
+def test_other_names_take_their_class_from_the_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A clip whose name tells no class gets its folder's name, also in the current folder."""
+    folder = tmp_path / "spin"
+    folder.mkdir()
+    (folder / "ann.asf").write_text(TWO_ARMS.asf())
+    (folder / "ann_7.amc").write_text(amc_text(two_arms_frames("raiseBoth", frames=60)))
+    monkeypatch.chdir(folder)
+    assert build(".", "-o", tmp_path / "mine.npz") == 0
+    (motion,) = MotionLibrary.load(tmp_path / "mine.npz").motions
+    assert (motion.class_name, motion.actor, motion.take) == ("spin", "", "ann_7")
+
+
+def test_a_given_skeleton_and_rate_are_used(tmp_path: Path) -> None:
+    """With --asf no skeleton is searched, and --frame-rate overrides the recordings' rates."""
+    (tmp_path / "cut").mkdir()
+    path = write_take(tmp_path / "cut", "bd", "bendLeft", 1)
+    (tmp_path / "cut" / "HDM_bd.asf").rename(tmp_path / "other.asf")
+    assert build(path, "-o", tmp_path / "mine.npz", "--asf", tmp_path / "other.asf", "--frame-rate", "60") == 0
+    (motion,) = MotionLibrary.load(tmp_path / "mine.npz").motions
+    assert (motion.frames, motion.frame_rate, motion.duration) == (180, 60.0, 3.0)
+
+
+def test_labels_cut_recordings_into_motions(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """With labels each segment is a motion of its label's class; a bad line ends with the file and the line."""
+    path = write_take(tmp_path, "bd", "bendLeft", 1)
+    labels = tmp_path / "labels.csv"
+    labels.write_text("start_s,end_s,label\n0.5,1,down\n0,0.5,up\n")
+    assert build(path, "--labels", labels, "-o", tmp_path / "mine.npz") == 0
+    motions = MotionLibrary.load(tmp_path / "mine.npz").motions
+    assert [(motion.class_name, motion.actor, motion.duration, motion.take, motion.source) for motion in motions] == [
+        ("down", "bd", 0.5, path.stem, "HDM05"),
+        ("up", "bd", 0.5, path.stem, "HDM05"),
+    ]
+    labels.write_text("start_s,end_s,label\n0,0.5,up\n0.5,x,down\n")
+    capsys.readouterr()
+    assert build(path, "--labels", labels, "-o", tmp_path / "other.npz") == 2
+    assert capsys.readouterr().err.startswith(f"kinespace: {labels}:3: could not convert string to float: 'x'")
+
+
+def test_labels_beside_recordings_cut_them(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Labels that lie beside a take and are called like it are used, and what is odd about them is said."""
+    cut, whole = write_take(tmp_path, "bd", "bendLeft", 1), write_take(tmp_path, "bd", "bendLeft", 2)
+    cut.with_suffix(".txt").write_text("0.0\t0.75\tup\n0.75\t1.5\tdown\n1.5\t9.0\taway\n")
+    output = tmp_path / "library.npz"
+    assert main(["build", str(cut), str(whole), "-o", str(output)]) == 0
+    assert [motion.class_name for motion in MotionLibrary.load(output).motions] == ["bendLeft", "down", "up"]
+    printed = capsys.readouterr().out
+    assert "1 of 2 recordings are cut by the labels that lie beside them" in printed
+    assert "1 of 3 labels end beyond the take's 1.5 s, the last at 9 s" in printed
+    cut.with_suffix(".txt").write_text("0.0\t90\tup\n90\t180\tdown\n")
+    cut.with_suffix(".csv").write_text("start_s,end_s,label\n20,180,up\n")
+    assert main(["build", str(cut), "-o", str(tmp_path / "none.npz")]) == 2
+    error = capsys.readouterr().err
+    assert "expected segments with two frames or more" in error
+    assert "the labels end at 180, the take at 1.5 s or frame 180: frame numbers?" in error
+
+
+def test_who_performs_a_cut_take_is_told_by_its_place(tmp_path: Path) -> None:
+    """With --actor-in the motions cut from a take are its person's, as whole recordings are."""
+    (tmp_path / "ann.asf").write_text(TWO_ARMS.asf())
+    take = tmp_path / "ann_7.amc"
+    take.write_text(amc_text(two_arms_frames("raiseBoth", frames=120)))
+    labels = tmp_path / "labels.csv"
+    labels.write_text("start_s,end_s,label\n0,0.5,up\n")
+    assert build(take, "--labels", labels, "-o", tmp_path / "mine.npz", "--actor-in", "name") == 0
+    assert MotionLibrary.load(tmp_path / "mine.npz").actors == ("ann",)
+
+
+def test_uncut_takes_of_hdm05_are_cut_by_their_labels(tmp_path: Path) -> None:
+    """An uncut take beside its actor's skeleton becomes motions of this actor's, under HDM05's terms."""
+    (tmp_path / "HDM_bd.asf").write_text(TWO_ARMS.asf())
+    take = tmp_path / "HDM_bd_03-03_01_120.amc"
+    take.write_text(amc_text(two_arms_frames("raiseBoth", frames=240)))
+    labels = tmp_path / "labels.csv"
+    labels.write_text("start_s,end_s,label\n0,0.5,up\n1,2,down\n")
+    assert build(take, "--labels", labels, "-o", tmp_path / "mine.npz") == 0
+    library = MotionLibrary.load(tmp_path / "mine.npz")
+    assert [(motion.class_name, motion.actor) for motion in library.motions] == [("down", "bd"), ("up", "bd")]
+    assert library.licence == hdm05.LICENCE
+
+
+def test_motions_too_short_for_a_window_are_said_and_kept(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A motion shorter than a quarter of a second is in the library, with a line that names it; longer ones are not."""
+    (tmp_path / "cut").mkdir()
+    write_take(tmp_path / "cut", "bd", "bendLeft", 1, frames=30)
+    path = write_take(tmp_path / "cut", "bd", "bendRight", 1, frames=28)
+    assert build(tmp_path / "cut", "-o", tmp_path / "mine.npz") == 0
+    assert [motion.frames for motion in MotionLibrary.load(tmp_path / "mine.npz").motions] == [15, 14]
+    told = "1 of 2 motions are shorter than 0.25 s, too short for any window, and kept for playback alone: "
+    assert capsys.readouterr().out.splitlines()[1:] == [told + path.stem]
+
+
+def test_long_takes_without_labels_are_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A take that lasts as no motion does is taken as one all the same, with a line that says how to cut it."""
+    write_take(tmp_path, "bd", "bendLeft", 1)
+    path = write_take(tmp_path, "bd", "bendRight", 1, frames=120 * 16)
+    assert build(tmp_path, "-o", tmp_path / "mine.npz") == 0
+    told = (
+        f"1 of 2 recordings are longer than 15 s, {path.stem} (16 s) the longest; each is taken as one motion: --labels"
+    )
+    (line,) = [line for line in capsys.readouterr().out.splitlines() if "--labels" in line]
+    assert line.startswith(told)
+    labels = tmp_path / "labels.csv"
+    labels.write_text("start_s,end_s,label\n0,15.5,down\n")
+    assert build(path, "--labels", labels, "-o", tmp_path / "other.npz") == 0
+    assert "--labels" not in capsys.readouterr().out
+
+
+# --- libraries ---------------------------------------------------------------------------------------------------
+
+
+def test_libraries_and_recordings_are_put_together(tmp_path: Path) -> None:
+    """Two libraries and new recordings give one library of all motions, each once."""
+    (tmp_path / "cut").mkdir()
+    for actor in ("bd", "mm"):
+        (tmp_path / actor).mkdir()
+        write_takes(tmp_path / actor, actors=(actor,), takes=1)
+        build(tmp_path / actor, "-o", tmp_path / f"{actor}.npz")
+    write_takes(tmp_path / "cut", actors=("bd", "tr"), takes=1)
+    sources = (tmp_path / "bd.npz", tmp_path / "mm.npz", tmp_path / "cut")
+    assert build(*sources, "-o", tmp_path / "all.npz") == 0
+    assert [(motion.class_name, motion.actor) for motion in MotionLibrary.load(tmp_path / "all.npz").motions] == [
+        (class_name, actor) for class_name in sorted(SWINGS) for actor in ("bd", "mm", "tr")
+    ]
+
+
+def test_each_motion_keeps_its_own_terms(tmp_path: Path) -> None:
+    """Terms given are the recordings'; motions of a library keep theirs, and stand before the same ones recorded."""
+    (tmp_path / "cut").mkdir()
+    write_takes(tmp_path / "cut", actors=("bd",), takes=1)
+    build(tmp_path / "cut", "-o", tmp_path / "first.npz", "--licence", "CC0")
+    write_takes(tmp_path / "cut", actors=("mm",), takes=1)
+    assert build(tmp_path / "first.npz", tmp_path / "cut", "--licence", "MIT", "-o", tmp_path / "both.npz") == 0
+    both = MotionLibrary.load(tmp_path / "both.npz")
+    assert [(motion.actor, motion.licence) for motion in both.motions] == [("bd", "CC0"), ("mm", "MIT")] * 3
+    assert both.licence == "CC0 / MIT"
+
+
+def test_classes_and_persons_are_left_out_and_classes_renamed(tmp_path: Path) -> None:
+    """--without leaves out, --rename renames the other classes, each as often as it is given."""
+    MotionLibrary.builtin().save(tmp_path / "all.npz")
+    options = ("--without", "bk", "--without", "squat1Reps", "--without", "tr", "--rename", "grabHighR=grab")
+    options = (*options, "--rename", "sneak2StepsLStart=sneak", "--rename", f"throwBasketball={NOTHING}")
+    assert build(tmp_path / "all.npz", "-o", tmp_path / "some.npz", *options) == 0
+    some, every = MotionLibrary.load(tmp_path / "some.npz"), MotionLibrary.builtin()
+    assert some.actors == ("bd", "dg", "mm")
+    gone = {"squat1Reps", "grabHighR", "sneak2StepsLStart", "throwBasketball"}
+    assert set(some.classes) == (set(every.classes) - gone) | {"grab", "sneak"}
+    kept = [each for each in every.motions if each.actor in some.actors and each.class_name != "squat1Reps"]
+    assert {motion.name for motion in some.motions} == {motion.name for motion in kept}
+    assert {motion.name for motion in some.motions if motion.class_name == NOTHING} == {
+        motion.name for motion in kept if motion.class_name == "throwBasketball"
+    }
+
+
+@pytest.mark.parametrize(
+    ("options", "error"),
+    [
+        (("--without", "zz"), "--without: expected a class or a person (bow, jump, wave, aa, bb), got 'zz'"),
+        (("--without", "aa", "--without", "bb"), "motions: expected at least one, got none"),
+        (("--rename", "zz=bow"), "classes: expected some of bow, jump, wave, got 'zz'"),
+        (("--without", "bow", "--rename", "bow=bend"), "classes: expected some of jump, wave, got 'bow'"),
+        (
+            ("--rename", "bow=nothing", "--rename", "jump=nothing", "--rename", "wave=nothing"),
+            "motions: expected some of a class beside 'nothing', got none",
+        ),
+    ],
+)
+def test_changes_that_cannot_be_made_are_one_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], options: tuple[str, ...], error: str
+) -> None:
+    """A class or person that is missing, or a library without motions, ends the build with one line."""
+    MotionLibrary.of_clips(stick_clips(takes=1)).save(tmp_path / "stick.npz")
+    assert build(tmp_path / "stick.npz", "-o", tmp_path / "mine.npz", *options) == 2
+    assert capsys.readouterr().err == f"kinespace: {error}\n"
+    assert not (tmp_path / "mine.npz").exists()
+
+
+def test_a_folder_may_hold_nothing_known(tmp_path: Path) -> None:
+    """Recordings of --nothing are motions of the class `nothing`, with any names."""
+    for name in ("known", "other"):
+        (tmp_path / name).mkdir()
+    write_takes(tmp_path / "known", takes=1)
+    write_takes(tmp_path / "other", actors=("tr",), takes=1)
+    assert build(tmp_path / "known", "--nothing", tmp_path / "other", "-o", tmp_path / "mine.npz") == 0
+    library = MotionLibrary.load(tmp_path / "mine.npz")
+    assert library.classes == tuple(sorted(SWINGS))
+    assert [motion.actor for motion in library.motions if motion.class_name == NOTHING] == ["tr"] * 3
+    assert len(library) == 9
+    build(tmp_path / "known", "-o", tmp_path / "known.npz")
+    arguments = (tmp_path / "known.npz", "--nothing", tmp_path / "other", "-o", tmp_path / "again.npz")
+    assert build(*arguments) == 0
+    assert positions_alike(MotionLibrary.load(tmp_path / "again.npz"), library)
+
+
+def test_labels_without_recordings_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Labels beside libraries alone are refused before any file is read."""
+    arguments = (tmp_path / "any.npz", "--labels", tmp_path / "any.csv", "-o", tmp_path / "never.npz")
+    assert build(*arguments) == 2
+    assert capsys.readouterr().err == "kinespace: --labels: expected recordings to cut, got libraries only\n"
+
+
+def test_bodies_are_merged_over_the_joints_they_share(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Libraries of bodies with other joints are merged over their shared joints, and the lost ones are listed."""
+    whole = MotionLibrary.builtin().without(actors=("bd", "bk", "dg", "mm"))
+    whole.save(tmp_path / "whole.npz")
+    joints = hdm05.SKELETON.joints
+    whole.restricted_to(joints[3:]).renamed({"grabHighR": "grab"}).save(tmp_path / "fewer.npz")
+    assert build(tmp_path / "whole.npz", tmp_path / "fewer.npz", "-o", tmp_path / "both.npz") == 0
+    both = MotionLibrary.load(tmp_path / "both.npz")
+    assert both.skeleton.joints == joints[3:]
+    assert set(both.classes) == {*whole.classes, "grab"}
+    told = "28 joints that all sources have; without root, lhipjoint, rhipjoint"
+    assert told in capsys.readouterr().out.splitlines()
+
+
+def test_bodies_that_share_too_little_cannot_be_merged(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A library of another body among the sources ends with one line that says how many joints are shared."""
+    MotionLibrary.of_clips(stick_clips(takes=1)).save(tmp_path / "stick.npz")
+    path = write_take(tmp_path, "bd", "bendLeft", 1)
+    assert build(tmp_path / "stick.npz", path, "-o", tmp_path / "mine.npz") == 2
+    error = "joints: expected at least 5 of the library's 6 (root ... foot), got 2"
+    assert capsys.readouterr().err == f"kinespace: {error}\n"
+    assert not (tmp_path / "mine.npz").exists()
+
+
+# --- the file ----------------------------------------------------------------------------------------------------
+
+
+def test_an_existing_library_is_replaced_whole_if_ordered(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """An existing file is refused before any file is read; with --overwrite it is replaced as a whole."""
+    (tmp_path / "cut").mkdir()
+    (tmp_path / "made").mkdir()
+    output = tmp_path / "made" / "mine.npz"
+    output.write_bytes(b"something else")
+    write_takes(tmp_path / "cut", takes=1)
+    assert build(tmp_path / "nowhere", "-o", output) == 2
+    assert capsys.readouterr().err == f"kinespace: {output}: exists already; --overwrite writes over it\n"
+    assert output.read_bytes() == b"something else"
+    assert build(tmp_path / "cut", "-o", output, "--overwrite") == 0
+    assert len(MotionLibrary.load(output)) == 6
+    assert list(output.parent.iterdir()) == [output]
+
+
+def test_a_failed_build_leaves_the_old_library(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """When a recording cannot be used, the old file is unchanged, and no other file is left beside it."""
+    (tmp_path / "cut").mkdir()
+    (tmp_path / "made").mkdir()
+    output = tmp_path / "made" / "mine.npz"
+    paths = write_takes(tmp_path / "cut", takes=1)
+    build(tmp_path / "cut", "-o", output)
+    before = output.read_bytes()
+    paths[-1].write_text(paths[-1].read_text().replace("rlower", "tail"))
+    capsys.readouterr()
+    assert build(tmp_path / "cut", "-o", output, "--overwrite") == 2
+    assert output.read_bytes() == before
+    assert list(output.parent.iterdir()) == [output]
+    assert capsys.readouterr().err.startswith(f"kinespace: {paths[-1]}:")
+
+
+def test_the_command_builds_a_library_that_info_reads(tmp_path: Path) -> None:
+    """As a command of its own, build writes a file and says so, and info lists it."""
+    write_takes(tmp_path, takes=1)
+    status, output, errors = finished("build", tmp_path, "-o", tmp_path / "mine.npz")
+    assert (status, errors) == (0, "")
+    assert output.startswith(f"{tmp_path / 'mine.npz'}: 6 motions, 3 classes, ")
+    assert output.count("\n") == 1
+    status, output, errors = finished("info", tmp_path / "mine.npz")
+    assert (status, errors) == (0, "")
+    assert "motions: 6 of 3 classes, 9 s" in output
+
+
+def test_a_folder_of_real_recordings_becomes_a_library(hdm05_folder: Path, tmp_path: Path) -> None:
+    """A class's folder of HDM05 becomes a library with the same motions as the built-in one holds of that class."""
+    status, _, errors = finished("build", hdm05_folder / "squat1Reps", "-o", tmp_path / "squats.npz")
+    assert (status, errors) == (0, "")
+    builtin = MotionLibrary.builtin()
+    squats = builtin.without(classes=[name for name in builtin.classes if name != "squat1Reps"])
+    built = MotionLibrary.load(tmp_path / "squats.npz")
+    assert [motion.name for motion in built.motions] == [motion.name for motion in squats.motions]
+    assert positions_alike(built, squats)

@@ -1,0 +1,143 @@
+"""`kinespace info`: the contents of a motion library, and of folders of recordings."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from typing import TYPE_CHECKING
+
+import pytest
+from recorded import write_takes
+from synthetic import STICK, stick_clips
+
+from kinespace.library import NOTHING, MotionLibrary
+from kinespace.library.naming import hdm05
+from kinespace.tools.cli.main import main
+from kinespace.tools.terminal.console import console
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+
+@pytest.fixture(autouse=True)
+def _wide(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(console, "width", 200)
+
+
+def _row(printed: str, class_name: str) -> list[str]:
+    """Give the cells of a class's row: index, class, motions, persons, seconds, frames per second."""
+    (row,) = [line for line in printed.splitlines() if "│" in line and f" {class_name} " in line]
+    return [cell.strip() for cell in row.split("│")[1:-1]]
+
+
+def test_the_built_in_library_is_told(capsys: pytest.CaptureFixture[str]) -> None:
+    """Without a file, every class of the built-in library has its row, and all that it says of itself is said."""
+    assert main(["info"]) == 0
+    printed = capsys.readouterr().out
+    library = MotionLibrary.builtin()
+    assert printed.startswith("built-in ")
+    for index, class_name in enumerate(library.classes):
+        motions = [motion for motion in library.motions if motion.class_name == class_name]
+        seconds = sum(motion.frames / motion.frame_rate for motion in motions)
+        assert _row(printed, class_name) == [
+            *(str(index), class_name, str(len(motions)), str(len({motion.actor for motion in motions}))),
+            *(f"{seconds:.1f}", "60"),
+        ]
+    for told in (
+        "motions: 288 of 11 classes, 595 s",
+        "persons: bd, bk, dg, mm, tr",
+        f"joints: 31: {', '.join(hdm05.SKELETON.joints)}",
+        "sources: HDM05",
+        f"licence: {hdm05.LICENCE}",
+        f"attribution: {hdm05.ATTRIBUTION}",
+    ):
+        assert f"\n{told}\n" in printed
+
+
+def test_a_file_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A library file is shown under its name with its own terms, in one unbroken line each."""
+    path = tmp_path / "mine.npz"
+    terms = {"licence": "CC0", "attribution": "A. " * 80 + "Dancer"}
+    MotionLibrary.of_clips([dataclasses.replace(clip, **terms) for clip in stick_clips(takes=2)]).save(path)
+    assert main(["info", str(path)]) == 0
+    printed = capsys.readouterr().out
+    assert "mine.npz" in "".join(printed.split("\n"))
+    assert "motions: 12 of 3 classes, 12 s\n" in printed
+    assert f"joints: 6: {', '.join(STICK.joints)}\n" in printed
+    assert "licence: CC0\n" in printed
+    assert "attribution: " + "A. " * 80 + "Dancer\n" in printed
+
+
+def test_nothing_has_no_index(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The class of motions that are answered "unknown" has a row without an index; the others count on."""
+    MotionLibrary.of_clips(stick_clips()).renamed({"jump": NOTHING}).save(tmp_path / "mine.npz")
+    assert main(["info", str(tmp_path / "mine.npz")]) == 0
+    printed = capsys.readouterr().out
+    assert [_row(printed, name)[:3] for name in ("bow", NOTHING, "wave")] == [
+        ["0", "bow", "6"],
+        ["", NOTHING, "6"],
+        ["1", "wave", "6"],
+    ]
+    assert "motions: 18 of 2 classes, " in printed
+
+
+def test_what_is_not_stated_is_said_so(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A library without persons, sources, licence and attribution says that they are not known."""
+    path = tmp_path / "mine.npz"
+    MotionLibrary.of_clips(stick_clips(takes=1, actors=("",))).save(path)
+    assert main(["info", str(path)]) == 0
+    printed = capsys.readouterr().out
+    assert _row(printed, "wave")[1:4] == ["wave", "1", "?"]
+    for told in ("persons: not stated", "sources: not stated", "licence: not stated", "attribution: none"):
+        assert f"{told}\n" in printed
+
+
+def test_what_a_file_says_cannot_steer_the_terminal(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Control characters in a library's words are shown as replacement characters."""
+    clip = dataclasses.replace(stick_clips()[0], class_name="a\x1b[2Jb", actor="\x07", licence="x\ny", source="[/b]")
+    MotionLibrary.of_clips([clip]).save(tmp_path / "mine.npz")
+    assert main(["info", str(tmp_path / "mine.npz")]) == 0
+    printed = capsys.readouterr().out
+    assert not {"\x1b", "\x07"} & set(printed)
+    assert "a�[2Jb" in printed
+    assert "licence: x�y\n" in printed
+    assert "sources: [/b]\n" in printed
+
+
+def test_persons_are_summed_up_and_motions_listed(capsys: pytest.CaptureFixture[str]) -> None:
+    """Each person has a row of motions, classes and seconds; --clips lists every motion; --json holds the same."""
+    library = MotionLibrary.builtin()
+    assert main(["info", "built-in", "--clips"]) == 0
+    printed = capsys.readouterr().out
+    own = [motion for motion in library.motions if motion.actor == "tr"]
+    assert _row(printed, "tr")[:4] == ["tr", str(len(own)), "11", f"{sum(motion.duration for motion in own):.1f}"]
+    assert len([line for line in printed.splitlines() if line.startswith("squat1Reps ")]) == 52
+    assert main(["info", "--clips", "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert (told["library"], told["motions"], len(told["clips"])) == ("built-in", 288, 288)
+    assert [row["person"] for row in told["persons"]] == ["bd", "bk", "dg", "mm", "tr"]
+    assert [row["index"] for row in told["classes"]] == list(range(11))
+    assert told["classes"][9] | {"seconds": 0} == {
+        "class": "squat1Reps",
+        "motions": 52,
+        "persons": 5,
+        "seconds": 0,
+        "frame_rates": [60.0],
+        "index": 9,
+    }
+
+
+def test_a_folder_is_summed_up(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Recordings of a folder are summed up by class and person, and listed if asked for; a single one has its row."""
+    takes = write_takes(tmp_path, takes=2, frames=60)
+    assert main(["info", str(tmp_path)]) == 0
+    printed = capsys.readouterr().out
+    assert _row(printed, "bendLeft") == ["bendLeft", "4", "2", "2.0", "120"]
+    assert _row(printed, "mm") == ["mm", "6", "3", "3.0", "120"]
+    assert "recordings: 12, 6 s\n" in printed
+    assert ".amc" not in printed
+    assert main(["info", str(tmp_path), "--clips"]) == 0
+    assert capsys.readouterr().out.count(".amc") == 12
+    assert main(["info", str(takes[0]), "--json"]) == 0
+    (row,) = json.loads(capsys.readouterr().out)["clips"]
+    assert (row["name"], row["class"], row["person"], row["joints"]) == (takes[0].name, "bendLeft", "bd", 6)

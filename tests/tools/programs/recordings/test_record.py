@@ -1,0 +1,505 @@
+"""`kinespace record` and its files: replayed bit for bit, described, converted, however the recorder ended."""
+
+from __future__ import annotations
+
+import csv
+import json
+import re
+import signal
+import time
+from contextlib import contextmanager
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from golden import LAYOUTS, Moment
+from programs import LOOPBACK, PATIENCE, Publisher, ghost_cues, live, started
+from recorded import JOINTS, TWO_ARMS, two_arms_frames, write_take, write_takes
+from synthetic import amc_text
+
+from kinespace.library import read_recordings
+from kinespace.library.naming.hdm05 import SKELETON
+from kinespace.stream import Announcement, Frame, osc, zeromq
+from kinespace.stream.inputs.recording.kinerec import RawFile, RawHeader, RawPacket, encode_header, encode_packet
+from kinespace.stream.zeromq import Endpoint
+from kinespace.tools.cli.main import main
+from kinespace.tools.feeding.packets import cut
+from kinespace.tools.terminal.console import console
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+    from pathlib import Path
+
+    from programs import Program
+
+pytestmark = pytest.mark.slow
+
+
+@pytest.fixture(autouse=True)
+def _wide(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(console, "width", 200)
+
+
+@pytest.fixture
+def stage() -> Iterator[osc.OscReceiver]:
+    """Open a UDP port that hears the replayed packets."""
+    receiver = osc.OscReceiver(LOOPBACK, 0)
+    yield receiver
+    receiver.close()
+
+
+@contextmanager
+def recording(path: Path, *options: object) -> Iterator[tuple[Program, osc.OscSender]]:
+    """Run `kinespace record` on a port chosen by the system, and a sender to it."""
+    with started("record", path, "--osc-in", f"{LOOPBACK}:0", *options) as program:
+        port = int(program.expect(r"recording osc 127\.0\.0\.1:(\d+)")[1])
+        sender = osc.OscSender(LOOPBACK, port)
+        yield program, sender
+        sender.close()
+
+
+def datagrams(count: int) -> list[bytes]:
+    """Make packets that cannot be confused, some of them no OSC."""
+    positions = np.arange(18, dtype=np.float32).reshape(6, 3)
+    return [
+        b"rubbish %d" % index if index % 10 == 9 else osc.encode_frame(Frame("p", 1.0 + index / 100, positions + index))
+        for index in range(count)
+    ]
+
+
+def written(path: Path, *packets: RawPacket, sources: tuple[str, ...] = ("osc here",)) -> Path:
+    """Write a recording as a crash would leave it: never closed, which makes no difference."""
+    path.write_bytes(encode_header(RawHeader("now", sources)) + b"".join(map(encode_packet, packets)))
+    return path
+
+
+def heard(receiver: osc.OscReceiver, count: int) -> list[bytes]:
+    """Take in so many datagrams."""
+    got: list[bytes] = []
+    until = time.monotonic() + PATIENCE
+    while len(got) < count and time.monotonic() < until:
+        packet = receiver.receive()
+        if packet is None:
+            time.sleep(0.001)
+        else:
+            got.append(packet)
+    return got
+
+
+def wait_for(path: Path, packets: int) -> None:
+    """Wait until so many packets are on the disk."""
+    until = time.monotonic() + PATIENCE
+    while len(list(RawFile(path).packets())) < packets and time.monotonic() < until:
+        time.sleep(0.05)
+
+
+def replay(*arguments: object) -> int:
+    """Run `kinespace replay` in this process."""
+    return main(["replay", *map(str, arguments)])
+
+
+# --- recording ---------------------------------------------------------------------------------------------------
+
+
+def test_what_is_recorded_is_replayed_bit_for_bit(
+    tmp_path: Path, stage: osc.OscReceiver, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Every packet, also a malformed one, is kept in order and sent again unchanged, to another port and faster."""
+    path, sent = tmp_path / "a.kinerec", datagrams(200)
+    with recording(path) as (program, sender):
+        for datagram in sent:
+            sender.send(datagram)
+            time.sleep(0.001)
+        wait_for(path, 200)
+        assert program.interrupt() == 0
+        assert program.errors == ""
+        assert "200 packets" in program.output
+    packets = list(RawFile(path).packets())
+    assert [packet.parts for packet in packets] == [(datagram,) for datagram in sent]
+    assert len({packet.sender for packet in packets}) == 1
+    assert all(first.arrival <= second.arrival for first, second in pairwise(packets))
+    assert replay(path, "--osc", f"{LOOPBACK}:{stage.address[1]}", "--speed", 4, "--json") == 0
+    assert json.loads(capsys.readouterr().out) == {"sent": 200, "left_out": 0, "failed": 0, "lost_from": None}
+    assert heard(stage, 200) == sent
+
+
+def test_a_killed_recorder_loses_at_most_the_last_second(tmp_path: Path) -> None:
+    """What came more than a second (and a busy machine's pause) before it was killed is in the file, whole."""
+    path, sent = tmp_path / "a.kinerec", datagrams(50)
+    with recording(path) as (program, sender):
+        for datagram in sent:
+            sender.send(datagram)
+        wait_for(path, 50)
+        for datagram in sent[:5]:
+            sender.send(datagram)
+        program.process.send_signal(signal.SIGKILL)
+        program.wait()
+    kept = [packet.parts[0] for packet in RawFile(path).packets()]
+    assert kept[:50] == sent
+    assert kept[50:] == sent[: len(kept) - 50]
+
+
+def test_zeromq_is_recorded_beside_osc_for_some_seconds(tmp_path: Path) -> None:
+    """Messages of several parts are kept with their parts, and --seconds ends by itself."""
+    publisher = Publisher()
+    path = tmp_path / "a.kinerec"
+    try:
+        with recording(path, "--zmq-in", f">{publisher.address}", "--seconds", 3) as (program, sender):
+            publisher.wait_for_subscriber()
+            messages = [publisher.encode(cue) for cue in ghost_cues("squat1Reps", 0.1)]
+            for message in messages:
+                publisher.send(message)
+            sender.send(b"datagram")
+            assert program.wait() == 0
+            assert program.errors == ""
+    finally:
+        publisher.close()
+    kept = RawFile(path)
+    assert [source.partition(" ")[0] for source in kept.header.sources] == ["osc", "zmq"]
+    packets = list(kept.packets())
+    assert [list(packet.parts) for packet in packets if packet.source == 1] == messages
+    assert [packet.parts for packet in packets if packet.source == 0] == [(b"datagram",)]
+
+
+def test_live_keeps_what_it_hears(tmp_path: Path) -> None:
+    """With --record a running recogniser keeps every packet and says how many."""
+    path = tmp_path / "a.kinerec"
+    cues = ghost_cues("squat1Reps", 1.0)
+    with live("--record", path) as stage:
+        stage.play(cues)
+        assert stage.answers(1)
+        wait_for(path, len(cues))
+        assert stage.stopped()["received"] == len(cues)
+        assert f"{path}: {len(cues)} packets, 0 could not be written" in stage.program.output
+    assert [packet.parts[0] for packet in RawFile(path).packets()] == [osc.encode_frame(cue.frame) for cue in cues]
+
+
+@pytest.mark.parametrize("program", ["record", "live"])
+def test_an_existing_file_is_refused(tmp_path: Path, program: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """Neither program writes over a recording, unless ordered to."""
+    path = written(tmp_path / "a.kinerec")
+    before = path.read_bytes()
+    ports = ["--osc-in", f"{LOOPBACK}:0"]
+    assert main(["record", str(path), *ports] if program == "record" else ["live", *ports, "--record", str(path)]) == 2
+    assert capsys.readouterr().err == f"kinespace: {path}: exists already; --overwrite writes over it\n"
+    assert path.read_bytes() == before
+    path.write_bytes(b"something else")
+    assert main(["record", str(path), *ports, "--overwrite", "--seconds", "0.01"]) == 0
+    assert list(RawFile(path).packets()) == []
+
+
+def test_a_recording_stays_where_no_other_can_begin(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A port that cannot be opened costs no recording, even if it may be written over."""
+    path = written(tmp_path / "a.kinerec")
+    before = path.read_bytes()
+    for command in (["record", str(path)], ["live", "--record", str(path)]):
+        assert main([*command, "--overwrite", "--osc-in", "nowhere.invalid:9"]) == 2
+        assert "nowhere.invalid" in capsys.readouterr().err
+        assert path.read_bytes() == before
+
+
+def test_numbers_are_not_written_over(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Convert refuses a file that is there, before it reads, unless ordered to write over it."""
+    path, output = a_recording(tmp_path / "a.kinerec"), tmp_path / "a.csv"
+    output.write_text("mine")
+    command = ["convert", str(path), "-o", str(output), "--performer", "ann"]
+    assert main(command) == 2
+    assert capsys.readouterr().err == f"kinespace: {output}: exists already; --overwrite writes over it\n"
+    assert output.read_text() == "mine"
+    assert main([*command, "--overwrite"]) == 0
+    assert output.read_text().startswith("time,")
+
+
+# --- replaying ---------------------------------------------------------------------------------------------------
+
+
+def test_packets_are_cut_and_due_when_they_came() -> None:
+    """--from and --to count from the first packet, the end left out, and due times count from the cut."""
+    packets = [RawPacket(100.0 + index / 10, 0, "", (bytes([index]),)) for index in range(10)]
+
+    def due(begin: float, end: float | None) -> list[tuple[float, int]]:
+        return [(round(moment, 6), packet.parts[0][0]) for moment, packet in cut(iter(packets), begin, end)]
+
+    assert due(0.0, None) == [(index / 10, index) for index in range(10)]
+    assert due(0.25, 0.55) == [(0.05, 3), (0.15, 4), (0.25, 5)]
+    assert due(5.0, None) == []
+
+
+def test_a_cut_is_looped_until_interrupted(tmp_path: Path, stage: osc.OscReceiver) -> None:
+    """With --loop the cut packets come again and again."""
+    packets = [RawPacket(index / 20, 0, "", (b"packet %d" % index,)) for index in range(8)]
+    path = written(tmp_path / "a.kinerec", *packets)
+    address = f"{LOOPBACK}:{stage.address[1]}"
+    with started("replay", path, "--osc", address, "--from", 0.08, "--to", 0.22, "--loop") as program:
+        assert heard(stage, 9) == [b"packet 2", b"packet 3", b"packet 4"] * 3
+        assert program.interrupt() == 0
+        assert "packets sent" in program.output
+
+
+def test_a_cut_beyond_the_end_is_said(
+    tmp_path: Path, stage: osc.OscReceiver, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A cut or a file without packets is an error, in a loop too."""
+    path = written(tmp_path / "a.kinerec", *(RawPacket(5.0 + index / 4, 0, "", (b"x",)) for index in range(6)))
+    to = ("--osc", f"{LOOPBACK}:{stage.address[1]}")
+    for options in (("--from", 2), ("--from", 0.3, "--to", 0.4), ("--from", 2, "--loop")):
+        assert replay(path, *to, *options) == 2
+        told = f"kinespace: {path}: expected --from and --to around some of its 1.25 s\n"
+        assert capsys.readouterr() == ("", told)
+    path.write_bytes(path.read_bytes()[:-1])
+    assert replay(path, *to, "--from", 2) == 2
+    assert re.search(r"around some of its 1\.00 s; .*cut off or damaged", capsys.readouterr().err)
+    assert replay(written(tmp_path / "b.kinerec"), *to) == 2
+    assert capsys.readouterr().err == f"kinespace: {tmp_path / 'b.kinerec'}: no packets in it\n"
+    assert stage.receive() is None
+
+
+def test_messages_go_to_zeromq_and_what_has_nowhere_to_go_is_counted(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """ZeroMQ messages keep their parts; packets of a kind without an address are left out and counted."""
+    parts = (b"frame/p/", b"{}", b"\x00\x01")
+    packets = [RawPacket(0.0, 0, "", (b"datagram",)), RawPacket(0.5, 1, "", parts)]
+    path = written(tmp_path / "a.kinerec", *packets, sources=("osc here", "zmq there"))
+    receiver = zeromq.ZmqReceiver(Endpoint(f"tcp://{LOOPBACK}:*", bind=True))
+    try:
+        with started("replay", path, "--zmq", receiver.address, "--json") as program:
+            until = time.monotonic() + PATIENCE
+            message = None
+            while message is None and time.monotonic() < until:
+                # A bound SUB takes in new peers only when polled.
+                receiver.socket.poll(10)
+                message = receiver.receive()
+            assert program.wait() == 0
+            assert json.loads(program.output)["left_out"] == 1
+        assert message == list(parts)
+    finally:
+        receiver.close()
+    only_zmq = written(tmp_path / "b.kinerec", sources=("zmq there",))
+    assert replay(only_zmq) == 2
+    assert "expected --osc or --zmq, as its packets came: by zmq" in capsys.readouterr().err
+
+
+def test_a_cut_off_file_is_replayed_and_said(
+    tmp_path: Path, stage: osc.OscReceiver, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Whole records are sent, and the place where the file is cut off is reported."""
+    path = written(tmp_path / "a.kinerec", RawPacket(0.0, 0, "", (b"one",)), RawPacket(0.0, 0, "", (b"two",)))
+    path.write_bytes(path.read_bytes()[:-1])
+    assert replay(path, "--osc", f"{LOOPBACK}:{stage.address[1]}") == 0
+    assert heard(stage, 1) == [b"one"]
+    assert "cut off or damaged" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("options", [["--drop", "0.5"], ["--listen", "127.0.0.1:0"], ["--jitter-ms", "3"]])
+def test_what_would_change_packets_is_refused(
+    tmp_path: Path, options: Sequence[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Faults and listening are for clips: a raw recording is sent bit for bit."""
+    assert replay(written(tmp_path / "a.kinerec"), *options) == 2
+    assert "is sent bit for bit" in capsys.readouterr().err
+    assert replay(written(tmp_path / "b.kinerec"), tmp_path / "a.kinerec") == 2
+    assert "expected one .kinerec alone" in capsys.readouterr().err
+
+
+def test_clips_are_cut_too(tmp_path: Path, stage: osc.OscReceiver, capsys: pytest.CaptureFixture[str]) -> None:
+    """--from and --to cut each clip; beyond its end there are no frames."""
+    take = write_take(tmp_path, "bd", "bendLeft", 1)
+    options = ("--osc", f"{LOOPBACK}:{stage.address[1]}", "--json", "--speed", 8)
+    assert replay(take, *options, "--from", 0.5, "--to", 0.75) == 0
+    assert json.loads(capsys.readouterr().out)["sent"] == 30
+    assert replay(take, *options, "--from", 60) == 2
+    assert "expected --from and --to within its 1.50 s" in capsys.readouterr().err
+    assert replay(take, *options, "--from", 2, "--to", 1) == 2
+    assert "--to: expected more than --from" in capsys.readouterr().err
+
+
+# --- telling and converting --------------------------------------------------------------------------------------
+
+
+def a_recording(path: Path, *, announced: bool = True) -> Path:
+    """Write a recording of two performers, one of whom changes the order of her joints."""
+    frames = np.random.default_rng(8).normal(size=(6, 6, 3)).astype(np.float32)
+    events: list[Announcement | Frame] = [Announcement("ann", JOINTS)] if announced else []
+    events += [Frame("ann", 1.0 + index, frames[index]) for index in range(3)]
+    events += [Frame("bob", 0.0, frames[0, :4])]
+    events += [Announcement("ann", JOINTS[::-1]), Frame("ann", 4.0, frames[3, ::-1])] if announced else []
+    events += [Frame("ann", 5.0, frames[4, :5])]
+    encoded = [osc.encode_frame(e) if isinstance(e, Frame) else osc.encode_announcement(e) for e in events]
+    return written(path, *(RawPacket(index / 8, 0, "x:1", (each,)) for index, each in enumerate(encoded)))
+
+
+def test_a_recording_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Info gives length, senders with packets, performers with frames, and the place of a cut."""
+    path = a_recording(tmp_path / "a.kinerec")
+    path.write_bytes(path.read_bytes() + b"torn")
+    assert main(["info", str(path)]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0] == f"{path}: recorded now, 0.9 s"
+    assert lines[1:4] == ["osc here from x:1: 8 packets", "performer ann: 5 frames", "performer bob: 1 frames"]
+    assert "the 4 bytes from there on are not read" in lines[4]
+
+
+def test_a_recording_becomes_numbers(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Times and positions are the sent ones, in one order of joints, in .npz and in CSV."""
+    frames = np.random.default_rng(8).normal(size=(6, 6, 3)).astype(np.float32)
+    path = a_recording(tmp_path / "a.kinerec")
+    for name in ("a.npz", "a.csv"):
+        assert main(["convert", str(path), "-o", str(tmp_path / name), "--performer", "ann"]) == 0
+        assert "4 frames of 6 joints, 1 frames of other joints left out" in capsys.readouterr().out
+    with np.load(tmp_path / "a.npz", allow_pickle=False) as numbers:
+        assert numbers["time"].tolist() == [1.0, 2.0, 3.0, 4.0]
+        np.testing.assert_array_equal(numbers["positions"], frames[:4])
+        assert numbers["joints"].tolist() == list(JOINTS)
+        assert numbers["performer"] == "ann"
+    with (tmp_path / "a.csv").open(newline="", encoding="utf-8") as file:
+        heads, *rows = csv.reader(file)
+    assert heads == ["time", *(f"{joint}_{axis}" for joint in JOINTS for axis in "xyz")]
+    np.testing.assert_array_equal(np.array(rows, dtype=np.float64)[:, 0], [1, 2, 3, 4])
+    np.testing.assert_array_equal(np.array(rows, dtype=np.float64)[:, 1:].astype(np.float32), frames[:4].reshape(4, -1))
+    assert sorted(each.name for each in tmp_path.iterdir()) == ["a.csv", "a.kinerec", "a.npz"]
+
+
+def test_joints_nobody_announced_are_numbered(tmp_path: Path) -> None:
+    """Without an announcement the joints are numbered; frames of the most frequent size are kept."""
+    path = a_recording(tmp_path / "a.kinerec", announced=False)
+    assert main(["convert", str(path), "-o", str(tmp_path / "a.npz"), "--performer", "ann"]) == 0
+    with np.load(tmp_path / "a.npz") as numbers:
+        assert numbers["joints"].tolist() == [f"joint{number}" for number in range(1, 7)]
+        assert len(numbers["positions"]) == 3
+
+
+def test_a_motion_file_becomes_numbers(tmp_path: Path) -> None:
+    """A motion file is converted like a feed, its parents known."""
+    (tmp_path / "arms.asf").write_text(TWO_ARMS.asf())
+    path = tmp_path / "arms.amc"
+    path.write_text(amc_text(two_arms_frames("bendLeft", frames=7)))
+    (clip,) = read_recordings([path])
+    assert main(["convert", str(path), "-o", str(tmp_path / "a.npz")]) == 0
+    with np.load(tmp_path / "a.npz") as numbers:
+        np.testing.assert_array_equal(numbers["positions"], clip.positions)
+        np.testing.assert_array_equal(numbers["time"], clip.times)
+        assert tuple(numbers["parents"].tolist()) == clip.skeleton.parents
+
+
+def test_a_folder_is_converted_whole(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Every recording of a folder becomes a file in another, laid out alike; a file is no place for a folder."""
+    (tmp_path / "moves").mkdir()
+    takes = write_takes(tmp_path / "moves", actors=("bd",), takes=1, frames=30)
+    there = tmp_path / "numbers"
+    assert main(["convert", str(tmp_path / "moves"), "-o", str(there)]) == 0
+    written = sorted(path.relative_to(there).with_suffix("") for path in there.rglob("*.npz"))
+    assert written == sorted(path.relative_to(tmp_path / "moves").with_suffix("") for path in takes)
+    assert capsys.readouterr().out.count("30 frames of 6 joints") == len(takes)
+    assert main(["convert", str(tmp_path / "moves"), "-o", str(tmp_path / "one.npz")]) == 2
+    assert "expected a folder to write to" in capsys.readouterr().err
+    assert main(["convert", str(tmp_path / "moves"), "-o", str(there)]) == 2
+    assert main(["convert", str(tmp_path / "moves"), "-o", str(tmp_path / "tables"), "--csv"]) == 0
+    assert len(list((tmp_path / "tables").rglob("*.csv"))) == len(takes)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (["-o", "a.txt"], "expected a file that ends in .npz or .csv"),
+        (["-o", "a.csv"], "expected --performer, one of ann, bob"),
+        (["-o", "a.csv", "--performer", "eve"], "no frame of 'eve' in it"),
+    ],
+)
+def test_what_cannot_be_converted_is_said_in_one_line(
+    tmp_path: Path,
+    options: list[str],
+    message: str,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A wrong ending, several performers or none end with one line, and no file is written."""
+    monkeypatch.chdir(tmp_path)
+    path = a_recording(tmp_path / "a.kinerec")
+    assert main(["convert", str(path), *options]) == 2
+    error = capsys.readouterr().err
+    assert message in error
+    assert error.count("\n") == 1
+    assert [each.name for each in tmp_path.iterdir()] == ["a.kinerec"]
+
+
+# --- other products' packets -------------------------------------------------------------------------------------
+
+
+def an_osceleton(path: Path, *, told: str = "osc here") -> tuple[Path, np.ndarray]:
+    """Write what `kinespace record` would keep of ten of OSCeleton's frames; what was sent, (10, 31, 3), metres."""
+    cues = ghost_cues("squat1Reps", 0.5)[:40:4]
+    packets = []
+    for number, cue in enumerate(cues):
+        places = dict(zip(SKELETON.joints, cue.frame.positions, strict=True))
+        arrival = 7.0 + number / 30
+        packets += [
+            RawPacket(arrival, 0, "x:1", (each,)) for each in LAYOUTS["osceleton"][1](Moment(places, arrival, number))
+        ]
+    return written(path, *packets, sources=(told,)), np.array([cue.frame.positions for cue in cues])
+
+
+def test_a_feeds_recording_is_told_and_converted(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Read as what they are, by a preset's name or a file of one's own, packets are frames; unread they are none."""
+    path, positions = an_osceleton(tmp_path / "a.kinerec")
+    assert main(["info", str(path)]) == 0
+    assert "performer" not in capsys.readouterr().out
+    mine = tmp_path / "mine.toml"
+    assert main(["feeds", "osceleton"]) == 0
+    mine.write_text(capsys.readouterr().out, encoding="utf-8")
+    for feed in ("osceleton", str(mine)):
+        assert main(["info", str(path), "--feed", feed]) == 0
+        assert "performer 1: 10 frames" in capsys.readouterr().out
+        assert main(["convert", str(path), "--feed", feed, "-o", str(tmp_path / "a.npz"), "--overwrite"]) == 0
+        assert "10 frames of 15 joints" in capsys.readouterr().out
+        with np.load(tmp_path / "a.npz") as arrays:
+            order = [SKELETON.joints.index(joint) for joint in arrays["joints"]]
+            moved = arrays["positions"] - positions[:, order]
+            np.testing.assert_allclose(arrays["time"], 7.0 + np.arange(10) / 30)
+        # Where its camera stands is not in the messages.
+        np.testing.assert_allclose(moved, np.broadcast_to(moved[0, 0], moved.shape), atol=1e-6)
+
+
+def test_a_feeds_recording_says_what_it_is(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """What `kinespace live --feed --record` kept needs no telling; by a preset of one's own it needs the file."""
+    path, _ = an_osceleton(tmp_path / "a.kinerec", told="osc here feed osceleton")
+    assert main(["info", str(path)]) == 0
+    assert "performer 1: 10 frames" in capsys.readouterr().out
+    path, _ = an_osceleton(tmp_path / "b.kinerec", told="osc here feed mine")
+    assert main(["info", str(path)]) == 2
+    assert "feed: expected a .toml file or one of captury, " in capsys.readouterr().err
+
+
+def test_live_keeps_the_preset_it_reads_by(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A recording made with an edited copy of a preset is read by that copy, whatever it is called, and says so."""
+    assert main(["feeds", "osceleton"]) == 0
+    mine = tmp_path / "osceleton.toml"
+    mine.write_text(capsys.readouterr().out.replace('"/joint', '"/limb'), encoding="utf-8")
+    path, cues = tmp_path / "a.kinerec", ghost_cues("squat1Reps", 1.0)[::4]
+    with started("live", "--feed", mine, "--osc-in", f"{LOOPBACK}:0", "--record", path) as program:
+        sender = osc.OscSender(LOOPBACK, int(program.expect(r"listening on osceleton 127\.0\.0\.1:(\d+)")[1]))
+        for number, cue in enumerate(cues):
+            places = dict(zip(SKELETON.joints, cue.frame.positions, strict=True))
+            for datagram in LAYOUTS["osceleton"][1](Moment(places, number / 30, number)):
+                sender.send(datagram.replace(b"/joint\0\0", b"/limb\0\0\0"))
+                time.sleep(0.001)
+        wait_for(path, 15 * len(cues))
+        sender.close()
+        assert (program.interrupt(), program.errors) == (0, "")
+    assert main(["info", str(path)]) == 0
+    told = capsys.readouterr().out
+    assert "preset osceleton: kept in the recording, not as it is built in" in told
+    # On a busy machine the sender may pause within a frame, which then is two, or none.
+    found = re.search(r"performer 1: (\d+) frames", told)
+    assert found
+    assert int(found[1]) > len(cues) / 2
+    assert main(["info", str(path), "--feed", "osceleton"]) == 0
+    assert "performer" not in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("command", [["info"], ["info", "a.bvh"], ["convert", "a.bvh", "-o", "a.npz"]], ids=" ".join)
+def test_a_feed_is_for_raw_recordings(command: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    """Motion files and libraries hold no packets to be read as a feed, and that is said in a line."""
+    assert main([*command, "--feed", "vmc"]) == 2
+    assert "--feed: expected a .kinerec file with it, got" in capsys.readouterr().err

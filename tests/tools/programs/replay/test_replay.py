@@ -1,0 +1,520 @@
+"""`kinespace replay`: recordings as a fake live feed, and the score of its answers."""
+
+from __future__ import annotations
+
+import json
+import re
+import threading
+import time
+from contextlib import contextmanager
+from io import StringIO
+from types import SimpleNamespace
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+import zmq
+from programs import LOOPBACK, PATIENCE, finished, free_udp_port
+from recorded import write_take, write_takes
+from rich.console import Console
+
+from kinespace.library import MotionLibrary, Reading, find_recordings, read_recordings
+from kinespace.library.recordings import RecordingReader
+from kinespace.library.windows.index import opened
+from kinespace.stream import Announcement, Frame, Performers, Recognizer, osc, zeromq
+from kinespace.stream.inputs import OscDecoder, Source, ZmqDecoder
+from kinespace.stream.outputs import LayoutSink, NativeLayout, ZmqSink
+from kinespace.stream.service.loop import Service
+from kinespace.stream.zeromq import Endpoint
+from kinespace.stream.zeromq.keys import make_keys
+from kinespace.tools.cli.main import main
+from kinespace.tools.feeding.feed import Cue, clip_cues, piece_cues
+from kinespace.tools.programs.replay import exchange
+from kinespace.tools.programs.replay.options import Course, Faults
+from kinespace.tools.programs.replay.recordings import pieces_of
+from kinespace.tools.programs.replay.score import Score
+from kinespace.tools.terminal.console import console
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator, Sequence
+    from pathlib import Path
+
+    from kinespace.library import Clip
+
+pytestmark = pytest.mark.slow
+
+#: Fast enough that nobody waits long, slow enough that a busy machine keeps up.
+SPEED = 8.0
+KEYS = {"sent", "failed", "answers", "right"}
+
+
+@pytest.fixture(autouse=True)
+def _wide(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(console, "width", 200)
+
+
+@pytest.fixture
+def stage() -> Iterator[osc.OscReceiver]:
+    """Open a UDP port that hears the replayed packets."""
+    receiver = osc.OscReceiver(LOOPBACK, 0)
+    yield receiver
+    receiver.close()
+
+
+@pytest.fixture
+def take(tmp_path: Path) -> Path:
+    """Write one clip of a second and a half."""
+    return write_take(tmp_path, "bd", "bendLeft", 1)
+
+
+def replay(*arguments: object) -> int:
+    """Run `kinespace replay` in this process, eight times as fast as recorded unless told otherwise."""
+    return main(["replay", "--speed", str(SPEED), *map(str, arguments)])
+
+
+def target(receiver: osc.OscReceiver) -> str:
+    """Give a receiver's address as it is typed."""
+    return f"{LOOPBACK}:{receiver.address[1]}"
+
+
+def heard(receiver: osc.OscReceiver) -> list[Frame | Announcement]:
+    """Take everything that has arrived, decoded."""
+    events: list[Frame | Announcement] = []
+    while (datagram := receiver.receive()) is not None:
+        received = osc.decode(datagram, 0.0)
+        assert received.malformed == received.foreign == 0
+        events += received.events
+    return events
+
+
+def frames_in(events: Iterable[Frame | Announcement]) -> list[Frame]:
+    """Give the frames among some events."""
+    return [event for event in events if isinstance(event, Frame)]
+
+
+@contextmanager
+def recognising(library: MotionLibrary, source: object, sink: object) -> Iterator[Service]:
+    """Run a service in a thread of this process, with a library that is open before the first frame comes."""
+    performers = Performers(opened(library))
+    with Service(performers, [source], [sink]) as service:  # type: ignore[list-item]  # one of either transport
+        thread = threading.Thread(target=service.run)
+        thread.start()
+        try:
+            yield service
+        finally:
+            service.stop()
+            thread.join(PATIENCE)
+
+
+def test_a_clip_is_sent_as_live_packets(stage: osc.OscReceiver, take: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The joints are announced first; then every frame comes in order with its time and its positions as float32."""
+    assert replay(take, "--osc", target(stage), "--performer", "me") == 0
+    events = heard(stage)
+    (clip,) = read_recordings([take])
+    assert events[0] == Announcement("me", clip.skeleton.joints)
+    frames = frames_in(events)
+    assert [frame.performer for frame in frames] == ["me"] * clip.frames
+    np.testing.assert_allclose([frame.time for frame in frames], 1.0 + clip.times, rtol=1e-12)
+    np.testing.assert_array_equal([frame.positions for frame in frames], clip.positions.astype(np.float32))
+    assert capsys.readouterr().out == "180 frames sent, 0 the system would not take\n"
+
+
+def test_labels_beside_a_take_say_what_is_right_when(take: Path) -> None:
+    """Each frame of a take has the class of its label, and no class without one; all frames are sent."""
+    take.with_suffix(".csv").write_text("start_s;end_s;label\n0,25;0,5;up\n0,5;1,0;down\n")
+    pieces = list(pieces_of([take], Reading(), Course("me")))
+    classes = [cue.class_name for cue in piece_cues(pieces, "me")]
+    assert classes == [""] * 30 + ["up"] * 30 + ["down"] * 60 + [""] * 60
+    (clip,) = read_recordings([take])
+    np.testing.assert_array_equal(np.concatenate([piece.clip.positions for piece in pieces]), clip.positions)
+    late = Course("me", begin=0.4, end=0.6)
+    classes = [cue.class_name for cue in piece_cues(pieces_of([take], Reading(), late), "me")]
+    assert classes == ["up"] * 12 + ["down"] * 12
+
+
+def test_what_nobody_labelled_is_not_scored() -> None:
+    """Answers in stretches without a label are counted apart, and change no share."""
+    score = Score()
+    for performed, label in (("up", "up"), ("", "up"), ("", "down"), ("up", "down")):
+        score.add(performed, label)
+    assert (score.share(), score.heard, score.unlabelled) == (0.5, 4, 2)
+    assert score.table().row_count == 3
+
+
+def test_the_terminal_shows_which_recording_is_sent(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The name of the recording, its number and how many there are stand beside the bar."""
+    terminal = Console(file=StringIO(), force_terminal=True, width=100)
+    monkeypatch.setattr(exchange, "progress_console", terminal)
+    cues = [Cue(0.0, Frame("me", 1.0, np.zeros((6, 3))), n, "a", n // 2, ("bow [1]", "wave")[n // 2]) for n in range(4)]
+    assert list(exchange.shown(cues, 2)) == cues
+    assert isinstance(terminal.file, StringIO)
+    assert "Sending 2 of 2: wave" in terminal.file.getvalue()
+
+
+def test_the_joints_are_announced_every_second(
+    stage: osc.OscReceiver, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A feed of two and a half seconds announces its joints at 0, 1 and 2 seconds, always alike."""
+    monkeypatch.setattr(
+        "kinespace.tools.feeding.feed.time", SimpleNamespace(perf_counter=time.perf_counter, sleep=lambda _: None)
+    )
+    path = write_take(tmp_path, "bd", "bendLeft", 1, frames=300)
+    assert main(["replay", str(path), "--osc", target(stage)]) == 0
+    events = heard(stage)
+    places = [index for index, event in enumerate(events) if isinstance(event, Announcement)]
+    assert places == [0, 121, 242]
+    assert len({event for event in events if isinstance(event, Announcement)}) == 1
+
+
+def test_a_feed_takes_its_recordings_time(stage: osc.OscReceiver, take: Path) -> None:
+    """A feed ends no sooner than its last frame is due."""
+    begun = time.perf_counter()
+    assert main(["replay", str(take), "--osc", target(stage), "--speed", "4"]) == 0
+    assert time.perf_counter() - begun >= 179 / 120 / 4
+
+
+def test_folders_are_replayed_clip_by_clip(stage: osc.OscReceiver, tmp_path: Path) -> None:
+    """All clips under a folder are sent one after the other with the pause ordered between them."""
+    paths = write_takes(tmp_path, actors=("bd",), takes=1, frames=30)
+    assert replay(tmp_path, "--osc", target(stage), "--pause", "0.25") == 0
+    frames = frames_in(heard(stage))
+    assert len(frames) == 30 * len(paths)
+    steps = np.diff([frame.time for frame in frames])
+    assert np.flatnonzero(steps > 0.1).tolist() == [29, 59]
+    assert steps[29] == pytest.approx(0.25 + 1 / 120)
+
+
+def test_recordings_are_read_while_others_play(
+    stage: osc.OscReceiver, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The first recording is sent before the fourth is read; one that is read too late moves the rest, unhurried."""
+    paths = find_recordings(write_takes(tmp_path, actors=("bd",), takes=2, frames=30))
+    clips, sent_before = list(read_recordings(paths)), list[int]()
+
+    def slowly(_: RecordingReader, path: Path) -> Iterator[Clip]:
+        if path == paths[3]:
+            time.sleep(1.0)
+        sent_before.append(len(frames_in(heard(stage))))
+        yield clips[paths.index(path)]
+
+    monkeypatch.setattr(RecordingReader, "pieces", slowly)
+    begun = time.perf_counter()
+    assert replay(tmp_path, "--osc", target(stage), "--pause", 0) == 0
+    assert time.perf_counter() - begun >= 1.0 + (3 * 30 - 1) / 120 / SPEED
+    assert sent_before[0] == 0
+    # Two are kept ready or being read while one plays.
+    assert sum(sent_before[:4]) > 0
+    assert sum(sent_before) + len(frames_in(heard(stage))) == 6 * 30
+    assert re.search(r"180 frames sent, .*\nthe feed stood still for [01]\.\d s", capsys.readouterr().out)
+
+
+def test_a_recording_that_cannot_be_read_ends_the_feed(
+    stage: osc.OscReceiver, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Frames before the mistake are sent and counted; then one line names the mistake, and the status is 2."""
+    paths = write_takes(tmp_path, actors=("bd",), takes=1, frames=30)
+    paths[-1].write_text("no motion", encoding="utf-8")
+    assert replay(tmp_path, "--osc", target(stage), "--json") == 2
+    printed = capsys.readouterr()
+    assert json.loads(printed.out)["sent"] == len(frames_in(heard(stage))) == 60
+    assert printed.err.startswith(f"kinespace: {paths[-1]}")
+    assert printed.err.count("\n") == 1
+
+
+@pytest.mark.parametrize("cut", [(), ("--from", 0.3, "--to", 1.1)])
+def test_a_long_take_is_sent_in_pieces_as_if_whole(
+    stage: osc.OscReceiver, take: Path, monkeypatch: pytest.MonkeyPatch, cut: tuple[object, ...]
+) -> None:
+    """Read some frames at a time or all at once, cut or not, the same frames go out."""
+    assert replay(take, "--osc", target(stage), *cut) == 0
+    expected = frames_in(heard(stage))
+    monkeypatch.setattr("kinespace.library.recordings.formats.acclaim._BLOCK_BYTES", 4000)
+    assert replay(take, "--osc", target(stage), *cut) == 0
+    frames = frames_in(heard(stage))
+    assert [frame.time for frame in frames] == [frame.time for frame in expected]
+    np.testing.assert_array_equal([each.positions for each in frames], [each.positions for each in expected])
+    assert len(frames) == (96 if cut else 180)
+
+
+def test_a_take_is_sent_before_all_of_it_is_read(
+    stage: osc.OscReceiver, take: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Frames before a mistake in a long take are sent; frames after --to are not even read."""
+    monkeypatch.setattr("kinespace.library.recordings.formats.acclaim._BLOCK_BYTES", 4000)
+    take.write_text(take.read_text() + "nonsense\n")
+    assert replay(take, "--osc", target(stage)) == 2
+    assert "nonsense" in capsys.readouterr().err
+    assert 100 < len(frames_in(heard(stage))) <= 180
+    assert replay(take, "--osc", target(stage), "--to", 1) == 0
+    assert len(frames_in(heard(stage))) == 120
+
+
+def test_a_given_skeleton_is_used(stage: osc.OscReceiver, take: Path) -> None:
+    """With --asf no skeleton is looked for by name."""
+    (take.parents[1] / "HDM_bd.asf").rename(take.parents[1] / "other.asf")
+    assert replay(take, "--osc", target(stage)) == 2
+    assert replay(take, "--osc", target(stage), "--asf", take.parents[1] / "other.asf") == 0
+    assert len(frames_in(heard(stage))) == 180
+
+
+def test_without_a_recording_the_built_in_motions_are_played(
+    stage: osc.OscReceiver, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """All motions of the built-in library are sent in its order, at their own rate, with the pause between."""
+    library = small_library(monkeypatch)
+    assert replay("--osc", target(stage), "--pause", 0.25, "--json") == 0
+    frames = frames_in(heard(stage))
+    assert (
+        len(frames) == sum(motion.frames for motion in library.motions) == json.loads(capsys.readouterr().out)["sent"]
+    )
+    expected = [cue.frame.time for cue in clip_cues(library.motions, "replay", pause=0.25)]
+    assert [frame.time for frame in frames] == expected
+    sent = np.concatenate([motion.positions for motion in library.motions]).astype(np.float32)
+    np.testing.assert_array_equal([frame.positions for frame in frames], sent)
+
+
+def small_library(monkeypatch: pytest.MonkeyPatch) -> MotionLibrary:
+    """Let the built-in library be the shortest motions of two classes."""
+    whole = MotionLibrary.builtin()
+    kept = sorted(whole.motions, key=lambda motion: motion.duration)
+    chosen = [*[each for each in kept if each.class_name == "squat1Reps"][:2], *kept[:1]]
+    library = MotionLibrary(whole.skeleton, tuple(chosen))
+    assert len(library.classes) == 2
+    monkeypatch.setattr(MotionLibrary, "builtin", lambda: library)
+    return library
+
+
+def test_a_class_of_the_built_in_library_can_be_named(
+    stage: osc.OscReceiver, take: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """A class's name plays that class, beside other classes, cut as a recording is; a path of that name goes before."""
+    library = small_library(monkeypatch)
+    squats = [motion for motion in library.motions if motion.class_name == "squat1Reps"]
+    assert replay("squat1Reps", "--osc", target(stage)) == 0
+    assert len(frames_in(heard(stage))) == sum(motion.frames for motion in squats)
+    assert replay("squat1Reps", "--osc", target(stage), "--from", 0.2, "--to", 0.5) == 0
+    frames = frames_in(heard(stage))
+    np.testing.assert_array_equal(frames[0].positions, squats[0].positions[12].astype(np.float32))
+    assert len(frames) == 18 * len(squats)
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "squat1Reps").mkdir()
+    take.rename(tmp_path / "squat1Reps" / take.name)
+    assert replay("squat1Reps", "--osc", target(stage), "--asf", tmp_path / "HDM_bd.asf") == 0
+    assert len(frames_in(heard(stage))) == 180
+
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        (("squat",), "squat: no such file or folder"),
+        (
+            ("squat1Reps", "--unit", "cm"),
+            "replay: expected recordings with --asf, --frame-rate, --unit, --joints, --names",
+        ),
+        (("--frame-rate", "30"), "replay: expected recordings with --asf, --frame-rate, --unit, --joints, --names"),
+    ],
+)
+def test_what_does_not_fit_the_built_in_motions_is_refused(
+    arguments: tuple[str, ...], told: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A place that is neither file nor class, and useless options for reading: one line, status 2."""
+    assert replay(*arguments, "--osc", f"{LOOPBACK}:9") == 2
+    errors = capsys.readouterr().err
+    assert errors.startswith(f"kinespace: {told}")
+    assert errors.count("\n") == 1
+
+
+def test_faults_are_those_ordered(stage: osc.OscReceiver, take: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Frames are lost and swapped by the seed, and `sent` counts the frames really sent."""
+    (clip,) = read_recordings([take])
+    faults = Faults(drop=0.2, jitter=0.01, reorder=0.2, seed=5)
+    expected = [cue.frame.time for cue in faults.applied(clip_cues([clip], "replay", speed=SPEED))]
+    order = ("--drop", 0.2, "--jitter-ms", 10, "--reorder", 0.2)
+    assert replay(take, "--osc", target(stage), *order, "--seed", 5, "--json") == 0
+    times = [frame.time for frame in frames_in(heard(stage))]
+    assert times == expected
+    assert 100 < len(times) < 180
+    assert times != sorted(times)
+    described = json.loads(capsys.readouterr().out)
+    assert described == {"sent": len(times), "failed": 0, "answers": 0, "right": None}
+    replay(take, "--osc", target(stage), *order, "--seed", 6)
+    assert [frame.time for frame in frames_in(heard(stage))] != times
+
+
+def test_no_faults_change_nothing() -> None:
+    """Without faults the feed is unchanged, with any seed."""
+    cues = [Cue(index / 120, Frame("me", 1.0, np.zeros((6, 3))), index) for index in range(50)]
+    assert list(Faults(seed=3).applied(iter(cues))) == cues
+
+
+@pytest.mark.parametrize("performer", ["me", "my dancer", "[/]", "søren"])
+def test_osc_answers_to_any_performer_are_counted(
+    performer: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """With --listen every answer is heard and compared with the class performed, whatever the performer is called."""
+    take = write_take(tmp_path, "bd", "bendLeft", 1)
+    clips = list(read_recordings(write_takes(tmp_path, takes=1)))
+    library = MotionLibrary.of_clips(clips)
+    source = Source(osc.OscReceiver(LOOPBACK, 0), OscDecoder())
+    port = free_udp_port()
+    sink = LayoutSink(NativeLayout(), osc.OscSender(LOOPBACK, port))
+    to = target(source.receiver)
+    with recognising(library, source, sink):
+        arguments = (take, "--osc", to, "--listen", f"{LOOPBACK}:{port}", "--performer", performer, "--json")
+        assert replay(*arguments, "--speed", "2") == 0
+    described = json.loads(capsys.readouterr().out)
+    assert set(described) == KEYS
+    assert (described["sent"], described["failed"]) == (180, 0)
+    answers, share = _expected_answers(library, clips[:1])
+    assert described["answers"] == answers > 20
+    assert described["right"] == round(share, 4)
+
+
+def test_zmq_answers_are_counted(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Over ZeroMQ, with keys, the answers are heard as well; the table has a row for each class performed."""
+    takes = write_takes(tmp_path, actors=("bd",), takes=1, frames=120)
+    clips = list(read_recordings(takes))
+    library = MotionLibrary.of_clips(clips)
+    anywhere = Endpoint(f"tcp://{LOOPBACK}:*", bind=True)
+    make_keys(tmp_path / "keys", "stage")
+    keyring = zeromq.Keyring(tmp_path / "keys")
+    source = Source(zeromq.ZmqReceiver(anywhere, keyring=keyring), ZmqDecoder())
+    sink = ZmqSink(zeromq.ZmqSender(anywhere, keyring))
+    arguments = (*takes, "--zmq", source.receiver.address, "--listen", sink.sender.address, "--keys", tmp_path / "keys")
+    with keyring, recognising(library, source, sink):
+        # Pauses of a second and a half, so that on a busy machine too an answer comes while its class is performed.
+        assert replay(*arguments, "--speed", "2", "--pause", "3") == 0
+    printed = capsys.readouterr().out
+    assert "360 frames sent, 0 the system would not take" in printed
+    rows = [[cell.strip() for cell in line.split("│")[1:-1]] for line in printed.splitlines() if "│" in line]
+    assert [row[0] for row in rows] == ["bendLeft", "bendRight", "raiseBoth", "all"]
+    # Which share is right depends on how soon answers come; a busy machine may give one while the next class is sent.
+    answers, _ = _expected_answers(library, clips)
+    assert sum(int(row[1]) for row in rows[:3]) == int(rows[3][1]) == answers
+
+
+def _expected_answers(library: MotionLibrary, clips: Sequence[Clip]) -> tuple[int, float]:
+    """Give how many answers there are to some clips, and which share of them is right."""
+    recognizer = Recognizer(library)
+    answers = [(cue.class_name, recognizer.push(cue.frame)) for cue in clip_cues(clips, "me")]
+    right = [answer.label == performed for performed, answer in answers if answer is not None]
+    return len(right), sum(right) / len(right)
+
+
+def test_silence_is_explained(stage: osc.OscReceiver, take: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Without answers the program says what to check instead of printing a table, and the status is 1."""
+    assert replay(take, "--osc", target(stage), "--listen", f"{LOOPBACK}:0") == 1
+    assert "no answers heard: is a recogniser running" in capsys.readouterr().out
+
+
+def test_answers_to_somebody_else_are_not_ours(
+    stage: osc.OscReceiver, take: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Answers that name another performer, and packets that are none, are not counted."""
+    port = free_udp_port()
+    bundle = osc.encode_recognition(_recognition("you"))
+    listening = threading.Event()
+    sender = osc.OscSender(LOOPBACK, port)
+
+    def disturb() -> None:
+        while not listening.wait(0.01):
+            sender.send(bundle)
+            sender.send(b"rubbish")
+
+    thread = threading.Thread(target=disturb)
+    thread.start()
+    try:
+        assert replay(take, "--osc", target(stage), "--listen", f"{LOOPBACK}:{port}", "--json") == 1
+        assert json.loads(capsys.readouterr().out)["answers"] == 0
+        assert replay(take, "--osc", target(stage), "--listen", f"{LOOPBACK}:{port}", "--performer", "[me]") == 1
+    finally:
+        listening.set()
+        thread.join(PATIENCE)
+        sender.close()
+    assert re.search(r"no answers about '\[me\]' heard, but \d+ other packets", capsys.readouterr().out)
+
+
+def _recognition(performer: str) -> object:
+    library = MotionLibrary.builtin()
+    recognizer = Recognizer(library)
+    answers = [recognizer.push(cue.frame) for cue in clip_cues(library.motions[:1], performer)]
+    return next(answer for answer in answers if answer is not None)
+
+
+def test_a_published_feed_is_numbered(take: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Over ZeroMQ with @ the feed is published where it is bound: numbered without gap, the joints with the first."""
+    context = zmq.Context.instance()
+    subscriber = context.socket(zmq.SUB)
+    received: list[zeromq.NumberedFrame] = []
+    try:
+        subscriber.linger = 0
+        subscriber.subscribe(b"frame/me/")
+        port = subscriber.bind_to_random_port(f"tcp://{LOOPBACK}")
+        subscriber.unbind(f"tcp://{LOOPBACK}:{port}")
+        subscriber.connect(f"tcp://{LOOPBACK}:{port}")
+        assert replay(take, "--zmq", f"@tcp://{LOOPBACK}:{port}", "--performer", "me", "--json") == 0
+        while subscriber.poll(500):
+            received.append(zeromq.decode(subscriber.recv_multipart(), 0.0))
+    finally:
+        subscriber.close()
+    assert [each.seq for each in received] == list(range(180))
+    announced = [each.announcement is not None for each in received]
+    assert announced[0]
+    assert json.loads(capsys.readouterr().out)["sent"] == 180
+
+
+def test_ctrl_c_ends_the_feed_and_reports(
+    stage: osc.OscReceiver, take: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """An endless feed goes through the clip again and again; Ctrl-C ends it with the report, alone, and status 0."""
+    now = [0.0]
+
+    def sleep(seconds: float) -> None:
+        now[0] += seconds
+        if now[0] > 8.0:
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr("kinespace.tools.feeding.feed.time", SimpleNamespace(perf_counter=lambda: now[0], sleep=sleep))
+    assert main(["replay", str(take), "--osc", target(stage), "--loop", "--json"]) == 0
+    printed = capsys.readouterr().out
+    described = json.loads(printed)
+    assert set(described) == KEYS
+    frames = frames_in(heard(stage))
+    assert len(frames) == described["sent"] > 400
+    times = [frame.time for frame in frames]
+    assert times == sorted(times)
+    assert times[180] == pytest.approx(1.0 + 1.5 + 1.0)
+
+
+def test_the_score_is_kept_by_class() -> None:
+    """Answers are counted by the class performed; the share is over all of them, and None without any."""
+    score = Score()
+    assert score.share() is None
+    for performed, label in (("bow", "bow"), ("bow", "wave"), ("wave", "wave"), ("wave", "wave")):
+        score.add(performed, label)
+    assert score.answers == {"bow": 2, "wave": 2}
+    assert score.right == {"bow": 1, "wave": 2}
+    assert score.share() == 0.75
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [("--osc", "nowhere"), ("--zmq", "nowhere"), ("--listen", "nowhere"), ("--listen", "tcp://"), ("--performer", "")],
+)
+def test_a_wrong_address_leaves_no_socket(
+    arguments: tuple[str, str], take: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """With any wrong address or name, open sockets are closed again, and the port is free."""
+    port = free_udp_port()
+    listen = () if "--listen" in arguments else ("--listen", f"{LOOPBACK}:{port}")
+    assert replay(take, *listen, *arguments) == 2
+    assert capsys.readouterr().err.count("\n") == 1
+    osc.OscReceiver(LOOPBACK, port).close()
+
+
+def test_the_command_replays(stage: osc.OscReceiver, take: Path) -> None:
+    """As a command of its own, replay sends the clip and prints exactly one JSON object."""
+    status, output, errors = finished("replay", take, "--osc", target(stage), "--speed", SPEED, "--json")
+    assert (status, errors) == (0, "")
+    assert json.loads(output) == {"sent": 180, "failed": 0, "answers": 0, "right": None}
+    assert len(frames_in(heard(stage))) == 180

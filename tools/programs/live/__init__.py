@@ -1,0 +1,1 @@
+"""`kinespace live`: recognises a feed until Ctrl-C."""

@@ -1,0 +1,113 @@
+"""The command line of `kinespace live`: its arguments, and the run that they ask for."""
+
+from __future__ import annotations
+
+from contextlib import nullcontext
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from kinespace.library.naming import Naming
+from kinespace.stream.outputs import LAYOUTS
+from kinespace.stream.zeromq import Keyring
+from kinespace.tools.cli.arguments import (
+    OSC_IN,
+    add_inputs,
+    add_keys,
+    add_library,
+    add_names,
+    add_overwrite,
+    add_sender,
+    add_settings,
+    names,
+    settings_of,
+)
+from kinespace.tools.programs.live.options import Addresses, Feed, Guard, Teaching
+from kinespace.tools.programs.live.session import recognise
+
+if TYPE_CHECKING:
+    import argparse
+
+#: Where answers go by default: a port that no usual receiver uses.
+OSC_OUT = "127.0.0.1:9311"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the program's options."""
+    parser.description = (
+        f"Recognises frames and publishes answers until Ctrl-C. Unless told otherwise: OSC in on {OSC_IN}, out to "
+        f"{OSC_OUT}. A ZeroMQ endpoint is bound; put > before it to connect instead."
+    )
+    add_inputs(parser)
+    parser.add_argument("--osc-out", metavar="HOST:PORT", help="send OSC answers there")
+    parser.add_argument("--zmq-out", metavar="ENDPOINT", help="publish ZeroMQ answers")
+    parser.add_argument(
+        "--feed", metavar="NAME", help="read the feed of this product, see kinespace feeds; or FILE.toml"
+    )
+    add_sender(parser)
+    parser.add_argument(
+        "--out",
+        action="append",
+        default=[],
+        metavar="NAME[=HOST:PORT]",
+        help="answer as these programs hear it, several at once: " + ", ".join(LAYOUTS) + "; sender:PORT replies",
+    )
+    parser.add_argument(
+        "--joints",
+        metavar="A,B,...",
+        help="the joints of frames whose sender never names them, in order: the library's names, or a preset that "
+        "lists them, like kinectv2, or FILE.toml (default: the library's joints)",
+    )
+    add_names(parser, "senders")
+    add_library(parser)
+    add_settings(parser)
+    parser.add_argument("--allow", type=names, default=(), metavar="A,B,...", help="recognise these performers only")
+    parser.add_argument(
+        "--allow-from",
+        type=names,
+        default=(),
+        metavar="NETWORK,...",
+        help="let in these networks alone: their packets are read, and they may teach and, as this machine may, hear "
+        "the answers by ZeroMQ",
+    )
+    add_keys(parser)
+    parser.add_argument("--merge", action="store_true", help="let several senders send frames of one performer")
+    parser.add_argument("--performers", type=int, default=32, help="how many performers at most (default %(default)s)")
+    parser.add_argument("--record", type=Path, metavar="FILE", help="keep every packet that comes in, for replay")
+    add_overwrite(parser)
+    parser.add_argument(
+        "--teach", type=Path, metavar="FILE", help="let people teach motions by showing them, and keep them there"
+    )
+    parser.add_argument(
+        "--control",
+        action="append",
+        default=[],
+        metavar="wekinator|ENDPOINT",
+        help="also obey Wekinator's control messages (=HOST:PORT; 6448), or ZeroMQ requests, like tcp://127.0.0.1:9330",
+    )
+    parser.add_argument("--plain", action="store_true", help="print a line per change instead of a table")
+
+
+def run(options: argparse.Namespace) -> int:
+    """Run the program with these options; return the exit status."""
+    none_given = not any((options.osc_in, options.osc_out, options.zmq_in, options.zmq_out))
+    usual_out = not (options.osc_out or options.zmq_out or options.out)
+    usual_in = none_given and not options.feed
+    addresses = Addresses(
+        osc_in=OSC_IN if usual_in else options.osc_in,
+        osc_out=OSC_OUT if usual_out else options.osc_out,
+        zmq_in=options.zmq_in,
+        zmq_out=options.zmq_out,
+    )
+    with Keyring(options.keys) if options.keys else nullcontext() as keyring:
+        return recognise(
+            addresses,
+            library=options.library,
+            settings=settings_of(options),
+            most=options.performers,
+            plain=options.plain,
+            record=options.record,
+            overwrite=options.overwrite,
+            feed=Feed(options.feed, options.sender, tuple(options.out), options.joints, Naming.asked(options.naming)),
+            guard=Guard(options.allow, options.allow_from, options.merge, keyring),
+            teaching=Teaching(options.teach, tuple(options.control)),
+        )

@@ -1,0 +1,113 @@
+"""The recognisers of `kinespace live`: the library cut to the feed's joints, and the desk where people may teach."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from difflib import get_close_matches
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from kinespace.library.naming import Naming
+from kinespace.stream.recognizer import Performers, Recognizer, SentJoints
+from kinespace.stream.service.background_opener import background_restricter, background_windows
+from kinespace.tools.cli.arguments import library_at
+from kinespace.tools.feeding.joint_sets import joints_in_order
+from kinespace.tools.teaching.desk import Start, as_performers, open_desk
+from kinespace.tools.terminal.console import console
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from kinespace.library import MotionLibrary
+    from kinespace.library.windows.index import WindowIndex
+    from kinespace.stream.feeds import Preset
+    from kinespace.stream.recognizer import Settings
+    from kinespace.tools.programs.live.options import Feed, Teaching
+    from kinespace.tools.teaching.desk import Desk
+
+#: In place of a library: only taught motions are known.
+_NO_LIBRARY = Path("none")
+
+
+def recognisers(
+    library: Path | None,
+    preset: Preset | None,
+    feed: Feed,
+    *,
+    teaching: Teaching,
+    settings: Settings,
+    most: int,
+) -> tuple[Performers, Desk | None]:
+    """Make the recognisers, and the desk in front of them if people may teach."""
+    nothing = library == _NO_LIBRARY
+    if nothing and not teaching.file:
+        raise ValueError("--library none: expected --teach with it")
+    joints = _assumed_joints(feed)
+    motions = library_at(None if nothing else library)
+    if feed.naming.convention or feed.naming.finds:
+        motions = motions.in_our_names(Naming())
+    if nothing:
+        joints = joints or (preset.joints if preset else ())
+    elif preset:
+        motions = fitted(motions, f"feed {preset.name}", preset.joints)
+    elif joints:
+        motions = fitted(motions, "--joints", joints)
+    sent = SentJoints(joints, feed.naming, background_restricter(settings))
+    if teaching.file:
+        desk = _desk(teaching, None if nothing else motions, sent, settings, most)
+        return as_performers(desk), desk
+    _require_room_for(motions, settings)
+    return Performers(motions, settings, most=most, joints=sent, opener=background_windows()), None
+
+
+def _assumed_joints(feed: Feed) -> tuple[str, ...]:
+    if feed.joints and feed.preset:
+        raise ValueError("--joints: expected no --feed with it; a preset says which joints there are")
+    return feed.naming.read(joints_in_order(feed.joints)).joints if feed.joints else ()
+
+
+def fitted(motions: MotionLibrary, whose: str, joints: Sequence[str]) -> MotionLibrary:
+    """Restrict a library to the joints a feed has, and print which.
+
+    Raises
+    ------
+    SkeletonMismatchError
+        Library and feed share fewer than five joints.
+    """
+    shared = motions.restricted_to(joints)
+    if shared is not motions:
+        for name in joints:
+            near = [] if name in motions.skeleton.joints else get_close_matches(name, motions.skeleton.joints, n=1)
+            if near and near[0] not in joints:
+                console.print(f"{whose}: the library has no joint {name!r}, perhaps {near[0]} is meant", soft_wrap=True)
+        further = [name for name in joints if name not in motions.skeleton.joints]
+        if further:
+            console.print(f"{whose}: not compared, for the library has none: {', '.join(further)}", soft_wrap=True)
+        console.print(
+            f"{whose}: {len(shared.skeleton.joints)} of the library's {len(motions.skeleton.joints)} joints",
+            soft_wrap=True,
+        )
+    return shared
+
+
+def _desk(teaching: Teaching, motions: MotionLibrary | None, sent: SentJoints, settings: Settings, most: int) -> Desk:
+    """Open the taught library."""
+    assert teaching.file is not None  # noqa: S101 - told to mypy
+
+    def performers(index: WindowIndex, classes: Sequence[str]) -> Performers:
+        covers = set(index.library.skeleton.joints) <= set(sent.assumed)
+        joints = sent if covers else replace(sent, assumed=())
+        opener = background_windows()
+        return Performers(index, settings, most=most, joints=joints, opener=opener, classes=classes)
+
+    return open_desk(Start(teaching.file, motions, sent.assumed), performers)
+
+
+def _require_room_for(motions: MotionLibrary, settings: Settings) -> None:
+    """Refuse a window that this machine has no memory for now, not at the first performer's first frame."""
+    try:
+        Recognizer(motions, settings)
+    except MemoryError as error:
+        if settings.window is None:
+            raise
+        raise ValueError(f"--window: expected seconds that memory has room for, got {settings.window:g}") from error

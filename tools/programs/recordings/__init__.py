@@ -1,0 +1,1 @@
+"""Programs on recordings: record a feed; convert, cut and describe recordings; build a library of them."""

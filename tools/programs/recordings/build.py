@@ -1,0 +1,276 @@
+"""`kinespace build`: makes one motion library file of recordings and libraries."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from functools import reduce
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from kinespace.library import NOTHING, Clip, MotionLibrary, find_recordings
+from kinespace.library.naming import hdm05
+from kinespace.library.recordings import RecordingReader, is_recording, labelled, performed
+from kinespace.library.recordings.formats.labels import LabelError, cut, labels_beside, oddities, read_labels
+from kinespace.tools.cli.arguments import (
+    BUILT_IN,
+    add_actor_in,
+    add_changes,
+    add_labels,
+    add_overwrite,
+    add_reading,
+    add_recorded_feed,
+    library_at,
+    reading_of,
+)
+from kinespace.tools.terminal.console import console, progress
+from kinespace.tools.terminal.named_joints import NameTeller
+from kinespace.tools.terminal.output_path import require_place_for
+
+if TYPE_CHECKING:
+    import argparse
+    from collections.abc import Iterable, Iterator, Mapping, Sequence
+
+    from kinespace.library import Reading
+
+#: Seconds: a longer recording hardly is one motion; HDM05's longest cut clip has eight.
+_MAX_SECONDS = 15.0
+#: Seconds of the shortest window by which motions are compared.
+_MIN_WINDOW = 0.25
+
+
+@dataclass(frozen=True, slots=True)
+class Changes:
+    """Changes to the motions of all sources together.
+
+    Attributes
+    ----------
+    without
+        Classes and persons to leave out.
+    names
+        New names of classes, by their old names; classes that are left out are not renamed.
+    """
+
+    without: Sequence[str] = ()
+    names: Mapping[str, str] = field(default_factory=dict)
+
+    def made_in(self, library: MotionLibrary) -> MotionLibrary:
+        """Leave out and rename; ValueError names a class or person that the library lacks."""
+        classes, actors = {motion.class_name for motion in library.motions}, library.actors
+        for name in self.without:
+            if name not in classes and name not in actors:
+                raise ValueError(
+                    f"--without: expected a class or a person ({', '.join((*sorted(classes), *actors))}), got {name!r}"
+                )
+        left = library.without(
+            classes=[name for name in self.without if name in classes],
+            actors=[name for name in self.without if name in actors],
+        )
+        return left.renamed(self.names)
+
+
+@dataclass(frozen=True, slots=True)
+class Terms:
+    """The terms of motions, and the authors to name; by default HDM05's for files named like HDM05's."""
+
+    licence: str | None = None
+    attribution: str | None = None
+
+    def put_on(self, clip: Clip, path: Path) -> Clip:
+        """Set a clip's source and terms."""
+        usual = (hdm05.SOURCE, hdm05.LICENCE, hdm05.ATTRIBUTION) if hdm05.read_clip_name(path) else (path.name, "", "")
+        source, licence, attribution = usual
+        return replace(
+            clip, source=source, licence=self.licence or licence, attribution=self.attribution or attribution
+        )
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the program's options."""
+    parser.description = (
+        "Puts the motions of recordings and library files together, over the joints that all of them have. A "
+        "recording's class is in its name (HDM05) or is its folder's name. A file of labels beside a take, called like "
+        "it and ending in .csv, .tsv or .txt, cuts it into motions."
+    )
+    parser.add_argument(
+        "sources", nargs="+", type=Path, metavar="SOURCE", help=f"folders, recordings, libraries, or {BUILT_IN}"
+    )
+    parser.add_argument("-o", "--output", type=Path, required=True, metavar="FILE", help="the library to write")
+    add_overwrite(parser)
+    add_changes(parser)
+    add_labels(
+        parser, "for each recording, in order: cut it into these motions (default: the file beside it, if there is one)"
+    )
+    add_recorded_feed(parser)
+    add_reading(parser)
+    add_actor_in(parser)
+    parser.add_argument("--licence", help="terms of the recordings (default: HDM05's, if they are named like HDM05's)")
+    parser.add_argument("--attribution", help="the authors to name (default: HDM05's, if they are named like HDM05's)")
+
+
+def run(options: argparse.Namespace) -> int:
+    """Run the program with these options; return the exit status."""
+    return build(
+        options.sources,
+        options.output,
+        nothing=options.nothing,
+        labels=options.labels,
+        reading=reading_of(options),
+        terms=Terms(options.licence, options.attribution),
+        changes=Changes(options.without, dict(options.rename)),
+        overwrite=options.overwrite,
+    )
+
+
+def build(
+    sources: Sequence[Path],
+    output: Path,
+    *,
+    nothing: Sequence[Path],
+    labels: Sequence[Path],
+    reading: Reading,
+    terms: Terms,
+    changes: Changes,
+    overwrite: bool,
+) -> int:
+    """Build a library from recordings and libraries, save it, and print its contents.
+
+    Parameters
+    ----------
+    sources
+        Folders, recordings and library files.
+    output
+        The file to write.
+    nothing
+        Folders and recordings whose motions are to be answered "unknown".
+    labels
+        For each recording among the sources, in their order, a file of labels: its segments become the motions. None:
+        the files beside the recordings; a recording without one is one motion.
+    reading
+        How to read recordings.
+    terms
+        The terms of the recordings' motions; a library's motions keep their own.
+    changes
+        Changes to all motions together.
+    overwrite
+        Whether a file that is there may be written over.
+    """
+    files = [each for each in sources if each == BUILT_IN or (each.suffix == ".npz" and not is_recording(each))]
+    places = [source for source in sources if source not in files]
+    if labels and not places:
+        raise ValueError("--labels: expected recordings to cut, got libraries only")
+    require_place_for(output, overwrite=overwrite)
+    libraries = [library_at(file) for file in files]
+    read = _Recordings(reading, terms)
+    clips = list(read.motions(places, labels)) if places else []
+    if nothing:
+        clips += (replace(clip, class_name=NOTHING) for clip in _Recordings(reading, terms).motions(nothing))
+    if not (clips or libraries):
+        told = f" ({'; '.join(read.told)})" if read.told else ""
+        raise ValueError(f"labels: expected segments with two frames or more of their takes, got none{told}")
+    if clips:
+        libraries.append(MotionLibrary.of_clips(clips))
+    merged = changes.made_in(reduce(MotionLibrary.merged_with, libraries))
+    if not merged.classes:
+        raise ValueError(f"motions: expected some of a class beside {NOTHING!r}, got none")
+    merged.save(output)
+    console.print(
+        f"{output}: {len(merged)} motions, {len(merged.classes)} classes, {output.stat().st_size / 1e6:.2f} MB",
+        soft_wrap=True,
+    )
+    for line in (*read.told, *_unshared(libraries, merged), *_filled(clips), *_short(merged), *_long(read.uncut)):
+        console.print(line, soft_wrap=True)
+    return 0
+
+
+class _Recordings:
+    """Reads recordings: each is one motion, or labels cut it into several motions of these classes.
+
+    Attributes
+    ----------
+    uncut
+        Recordings that are one motion each.
+    told
+        Notes on the labels for a person, a line each.
+    """
+
+    def __init__(self, reading: Reading, terms: Terms) -> None:
+        self._reading, self._terms = reading, terms
+        self.uncut: list[Clip] = []
+        self.told: list[str] = []
+
+    def motions(self, places: Sequence[Path], labels: Sequence[Path] = ()) -> Iterator[Clip]:
+        """Give the motions of recordings, by the given labels or the labels beside the recordings."""
+        paths = find_recordings(places)
+        if labels and len(labels) != len(paths):
+            raise ValueError(f"--labels: expected one for each of {len(paths)} recordings, got {len(labels)}")
+        beside = list[Path | None](labels) or [labels_beside(path) for path in paths]
+        tell, found = NameTeller(), sum(each is not None for each in beside)
+        if found and not labels:
+            self.told.append(f"{found} of {len(paths)} recordings are cut by the labels that lie beside them")
+        with RecordingReader(self._reading) as reader:
+            for path, file in zip(progress(paths, "Reading", len(paths)), beside, strict=True):
+                clips = [self._terms.put_on(tell(clip), path) for clip in reader.clips(path)]
+                yield from self._motions_of(clips, path, file)
+
+    def _motions_of(self, clips: Sequence[Clip], path: Path, labels: Path | None) -> Iterator[Clip]:
+        """Give the motions of one recording, a clip for each performer."""
+        if labels is None:
+            whole = [labelled(clip, path, self._reading.actor_in) for clip in clips]
+            self.uncut += whole
+            yield from whole
+        else:
+            yield from self._cut([performed(clip, path, self._reading.actor_in) for clip in clips], labels)
+
+    def _cut(self, takes: Sequence[Clip], file: Path) -> Iterator[Clip]:
+        """Cut the takes of one recording: with several performers each label names its performer."""
+        segments = read_labels(file)
+        performers = {take.actor for take in takes}
+        for segment in segments:
+            if len(takes) > 1 and segment.performer not in performers:
+                told = repr(segment.performer) if segment.performer else "none"
+                raise LabelError(f"{file}: expected a performer of {', '.join(sorted(performers))}, got {told}")
+        for take in takes:
+            own = [each for each in segments if not (take.actor and each.performer) or each.performer == take.actor]
+            self.told += oddities(take, own)
+            yield from cut(take, own)
+
+
+def _unshared(libraries: Sequence[MotionLibrary], merged: MotionLibrary) -> Iterator[str]:
+    """List the joints that were lost because some sources lack them."""
+    every = dict.fromkeys(name for library in libraries for name in library.skeleton.joints)
+    lost = [name for name in every if name not in merged.skeleton.joints]
+    if lost:
+        yield f"{len(merged.skeleton.joints)} joints that all sources have; without {', '.join(lost)}"
+
+
+def _filled(clips: Sequence[Clip]) -> Iterator[str]:
+    filled = sum(clip.filled for clip in clips)
+    if filled:
+        every = sum(clip.frames * len(clip.skeleton.joints) for clip in clips)
+        yield f"{filled} of {every} joint positions were missing and stand on straight lines"
+
+
+def _short(library: MotionLibrary) -> Iterator[str]:
+    """List the motions that are too short to be compared with."""
+    short = [motion for motion in library.motions if motion.duration < _MIN_WINDOW]
+    if short:
+        yield (
+            f"{len(short)} of {len(library)} motions are shorter than {_MIN_WINDOW:g} s, too short for any "
+            f"window, and kept for playback alone: {_listed(motion.name for motion in short)}"
+        )
+
+
+def _long(clips: Sequence[Clip]) -> Iterator[str]:
+    """Say that long recordings, which may have several motions, were taken as one motion each."""
+    long = [clip for clip in clips if clip.duration > _MAX_SECONDS]
+    if long:
+        longest = max(long, key=lambda clip: clip.duration)
+        yield (
+            f"{len(long)} of {len(clips)} recordings are longer than {_MAX_SECONDS:g} s, {longest.name} "
+            f"({longest.duration:.0f} s) the longest; each is taken as one motion: --labels cuts takes into theirs"
+        )
+
+
+def _listed(names: Iterable[str]) -> str:
+    every = list(names)
+    return f"{', '.join(every[:5])}{' ...' if len(every) > 5 else ''}"

@@ -1,0 +1,319 @@
+"""`kinespace info`: describes a motion library, or recordings."""
+
+from __future__ import annotations
+
+import json
+from collections import Counter
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from rich.table import Table
+
+from kinespace.library import distance_rows, find_recordings
+from kinespace.library.kernels import compiled
+from kinespace.library.recordings import is_recording, labelled
+from kinespace.stream.feeds import builtin_names, builtin_preset
+from kinespace.stream.frame import Frame
+from kinespace.stream.inputs.recording import decoded
+from kinespace.stream.inputs.recording.kinerec import ENDING, RawFile
+from kinespace.tools.cli.arguments import (
+    BUILT_IN,
+    add_actor_in,
+    add_json,
+    add_reading,
+    add_recorded_feed,
+    library_at,
+    reading_of,
+)
+from kinespace.tools.programs.feeds import preset_named
+from kinespace.tools.terminal.console import console, printable, progress
+from kinespace.tools.terminal.named_joints import read_and_tell
+from kinespace.tools.terminal.tables import add_names, narrow_table
+
+#: Characters of the columns beside names of recordings, and of classes and persons.
+_BESIDE_RECORDINGS, _BESIDE_CLASSES = 34, 52
+
+if TYPE_CHECKING:
+    import argparse
+    from collections.abc import Callable, Iterator, Mapping, Sequence
+
+    from kinespace.library import Clip, Reading
+    from kinespace.stream.feeds import Preset
+    from kinespace.stream.inputs.recording.kinerec import RawPacket
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the program's options."""
+    parser.description = (
+        "Sums up by class and by person what a library or the recordings of a folder hold; says of one recording, or "
+        f"of a {ENDING}, what is in it."
+    )
+    parser.add_argument(
+        "file",
+        nargs="?",
+        type=Path,
+        metavar="FILE",
+        help=f"a library, a recording or a folder of recordings (default: {BUILT_IN})",
+    )
+    parser.add_argument("--clips", action="store_true", help="list every motion or recording too")
+    add_json(parser)
+    add_recorded_feed(parser)
+    add_reading(parser)
+    add_actor_in(parser)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Run the program with these options; return the exit status."""
+    return describe(options.file, reading_of(options), feed=options.feed, clips=options.clips, as_json=options.json)
+
+
+def describe(
+    file: Path | None, reading: Reading, *, feed: str | None = None, clips: bool = False, as_json: bool = False
+) -> int:
+    """Describe a library or recordings.
+
+    Parameters
+    ----------
+    file
+        A library, a recording or a folder; None for the built-in library.
+    reading
+        How to read motion files.
+    feed
+        Name or file of the preset for a raw recording's packets; None for the preset that the recording names.
+    clips
+        List every motion or recording too.
+    as_json
+        Print one JSON object and nothing else.
+    """
+    if feed and not (file and file.suffix.lower() == ENDING):
+        raise ValueError(f"--feed: expected a {ENDING} file with it, got {file or 'none'}")
+    show: Callable[[Mapping[str, Any]], None]
+    if file and file.suffix.lower() == ENDING:
+        told, show = _raw(file, preset_named(feed) if feed else None), _show_raw
+    elif file and (is_recording(file) or (file.is_dir() and file.suffix != ".npz")):
+        told, show = _recordings(file, reading, clips=clips), _show_recordings
+    else:
+        told, show = _library(file, clips=clips), _show_library
+    if as_json:
+        print(json.dumps(told))
+    else:
+        show(told)
+    return 0
+
+
+# --- raw recordings ---
+
+
+def _raw(file: Path, preset: Preset | None) -> dict[str, Any]:
+    """Look through a raw recording: its senders with packets, its performers with frames, and whether it is cut off."""
+    recording = RawFile(file)
+    senders, performers = Counter[str](), Counter[str]()
+    arrivals = list[float]()
+
+    def noting() -> Iterator[RawPacket]:
+        for packet in progress(recording.packets(), "Reading", None):
+            senders[f"{recording.header.sources[packet.source]} from {packet.sender or 'unnamed senders'}"] += 1
+            # The first and the last.
+            arrivals[1 if arrivals else 0 :] = [packet.arrival]
+            yield packet
+
+    for each in decoded(recording.header, noting(), preset):
+        performers.update(event.performer for event in each.events if isinstance(event, Frame))
+    return {
+        "file": str(file),
+        "recorded": recording.header.began,
+        "seconds": arrivals[-1] - arrivals[0] if arrivals else 0.0,
+        "packets": senders,
+        "presets": {
+            name: name in builtin_names() and text == builtin_preset(name).text
+            for name, text in recording.header.presets.items()
+        },
+        "frames": performers,
+        "damage": recording.damage() or None,
+    }
+
+
+def _show_raw(told: Mapping[str, Any]) -> None:
+    console.print(f"{told['file']}: recorded {told['recorded']}, {told['seconds']:.1f} s")
+    for sender, count in told["packets"].items():
+        console.print(f"{printable(sender)}: {count} packets", soft_wrap=True)
+    for name, same in told["presets"].items():
+        console.print(
+            f"preset {printable(name)}: kept in the recording, {'as' if same else 'not as'} it is built in",
+            soft_wrap=True,
+        )
+    for performer, count in told["frames"].items():
+        console.print(f"performer {printable(performer)}: {count} frames", soft_wrap=True)
+    if told["damage"]:
+        console.print(told["damage"], soft_wrap=True)
+
+
+# --- libraries and folders ---
+
+
+class _Motion(NamedTuple):
+    """One motion of a library, or one recording, without its positions."""
+
+    name: str
+    class_name: str
+    person: str
+    take: str
+    seconds: float
+    frame_rate: float
+
+    @classmethod
+    def of(cls, clip: Clip, name: str) -> _Motion:
+        """Make it from a clip."""
+        return cls(name, clip.class_name, clip.actor, clip.take, round(clip.duration, 3), clip.frame_rate)
+
+    def listed(self) -> dict[str, Any]:
+        """Give its row for JSON."""
+        row = self._asdict()
+        return {"name": row.pop("name"), "class": row.pop("class_name"), **row}
+
+
+def _sums(motions: Sequence[_Motion], what: str, others: str) -> list[dict[str, Any]]:
+    """Sum up motions by class or by person: number, number of the other names, seconds, frame rates."""
+    groups: dict[str, list[_Motion]] = {}
+    for motion in motions:
+        groups.setdefault(motion.class_name if what == "class" else motion.person, []).append(motion)
+    return [
+        {
+            what: name,
+            "motions": len(group),
+            others: len({each.person if what == "class" else each.class_name for each in group} - {""}),
+            "seconds": round(sum(each.seconds for each in group), 3),
+            "frame_rates": sorted({each.frame_rate for each in group}),
+        }
+        for name, group in sorted(groups.items())
+    ]
+
+
+def _summed_up(motions: Sequence[_Motion]) -> dict[str, Any]:
+    return {
+        "motions": len(motions),
+        "seconds": round(sum(each.seconds for each in motions), 3),
+        "classes": _sums(motions, "class", "persons"),
+        "persons": _sums(motions, "person", "classes"),
+    }
+
+
+def _show_sums(title: str, rows: Sequence[Mapping[str, Any]], what: str, others: str) -> None:
+    """Print a table of classes or of persons."""
+    table = Table(title=title, title_justify="left")
+    indexed = any("index" in row for row in rows)
+    if indexed:
+        table.add_column("index", justify="right")
+    add_names(table, what, [printable(row[what]) or "?" for row in rows], beside=_BESIDE_CLASSES)
+    for heading in ("motions", others, "seconds", "Hz"):
+        table.add_column(heading, justify="right")
+    for row in rows:
+        # The class `nothing` has no index.
+        index = ["" if row["index"] is None else str(row["index"])] if indexed else []
+        table.add_row(
+            *index,
+            printable(row[what]) or "?",
+            str(row["motions"]),
+            str(row[others] or "?"),
+            f"{row['seconds']:.1f}",
+            ", ".join(f"{rate:g}" for rate in row["frame_rates"]),
+        )
+    console.print(table)
+
+
+def _recordings(place: Path, reading: Reading, *, clips: bool) -> dict[str, Any]:
+    """Read recordings and sum them up; list them if there is one, or if asked for."""
+    paths = find_recordings([place])
+    names = [str(path.relative_to(place)) if place.is_dir() else path.name for path in paths]
+    motions, listed = list[_Motion](), list[dict[str, Any]]()
+    joints = dict[str, None]()
+    for name, path, read in zip(names, paths, read_and_tell(paths, reading), strict=True):
+        clip = labelled(read, path, reading.actor_in)
+        joints |= dict.fromkeys(clip.skeleton.joints)
+        motions.append(_Motion.of(clip, name))
+        if clips or len(paths) == 1:
+            across = float(np.median(distance_rows(clip.positions, clip.skeleton).max(axis=1)))
+            measured = {
+                "joints": len(clip.skeleton.joints),
+                "metres_across": round(across, 3),
+                "filled": round(clip.filled / (clip.frames * len(clip.skeleton.joints)), 4),
+            }
+            listed.append(motions[-1].listed() | measured)
+    told = {"place": str(place), **_summed_up(motions), "joints": list(joints)}
+    return told | ({"clips": listed} if listed else {})
+
+
+def _show_recordings(told: Mapping[str, Any]) -> None:
+    """Print recordings: a single one as a row with its joints; of several the sums, and their rows if asked for."""
+    if "clips" in told:
+        table = narrow_table(told["place"])
+        table.padding = 0
+        add_names(table, "recording", [printable(each["name"]) for each in told["clips"]], beside=_BESIDE_RECORDINGS)
+        for heading in ("seconds", "Hz", "joints", "metres across", "filled in"):
+            table.add_column(heading, justify="right")
+        for each in told["clips"]:
+            table.add_row(
+                printable(each["name"]),
+                f"{each['seconds']:.1f}",
+                f"{each['frame_rate']:g}",
+                str(each["joints"]),
+                f"{each['metres_across']:.2f}",
+                f"{each['filled']:.1%}",
+            )
+        console.print(table)
+    if told["motions"] > 1:
+        _show_sums(told["place"], told["classes"], "class", "persons")
+        _show_sums("", told["persons"], "person", "classes")
+        _tell({"recordings": f"{told['motions']}, {told['seconds']:.0f} s"})
+    _tell({"joints": f"{len(told['joints'])}: {', '.join(told['joints'])}"})
+
+
+def _library(file: Path | None, *, clips: bool) -> dict[str, Any]:
+    """Sum up a library's motions; give its joints, licence and attribution."""
+    library = library_at(file)
+    motions = [_Motion.of(clip, f"{clip.class_name} {clip.actor} {clip.take}".strip()) for clip in library.motions]
+    indices = {name: index for index, name in enumerate(library.classes)}
+    told = {"library": str(file or BUILT_IN), **_summed_up(motions)}
+    told["classes"] = [{**row, "index": indices.get(row["class"])} for row in told["classes"]]
+    told |= {
+        "joints": list(library.skeleton.joints),
+        "sources": list(dict.fromkeys(each.source for each in library.motions if each.source)),
+        "arithmetic": compiled.kind(),
+        "licence": library.licence,
+        "attribution": library.attribution,
+    }
+    return told | ({"clips": [each.listed() for each in motions]} if clips else {})
+
+
+def _show_library(told: Mapping[str, Any]) -> None:
+    """Print a library's classes with their indices, its persons, joints, licence and attribution."""
+    if "clips" in told:
+        table = narrow_table(told["library"])
+        names = [(printable(each["class"]), printable(each["person"]) or "?") for each in told["clips"]]
+        add_names(table, "class", [name for name, _ in names], beside=_BESIDE_RECORDINGS)
+        for heading in ("person", "take", "seconds", "Hz"):
+            table.add_column(heading, overflow="fold")
+        for (name, person), each in zip(names, told["clips"], strict=True):
+            table.add_row(name, person, printable(each["take"]), f"{each['seconds']:.1f}", f"{each['frame_rate']:g}")
+        console.print(table)
+    _show_sums(told["library"], told["classes"], "class", "persons")
+    _show_sums("", told["persons"], "person", "classes")
+    classes = sum(row["index"] is not None for row in told["classes"])
+    persons = [row["person"] for row in told["persons"] if row["person"]]
+    _tell(
+        {
+            "motions": f"{told['motions']} of {classes} classes, {told['seconds']:.0f} s",
+            "persons": ", ".join(persons) or "not stated",
+            "joints": f"{len(told['joints'])}: {', '.join(told['joints'])}",
+            "sources": ", ".join(told["sources"]) or "not stated",
+            "arithmetic": told["arithmetic"],
+            "licence": told["licence"] or "not stated",
+            "attribution": told["attribution"] or "none",
+        }
+    )
+
+
+def _tell(lines: Mapping[str, str]) -> None:
+    for heading, text in lines.items():
+        console.print(f"{heading}: {printable(text)}", soft_wrap=True)

@@ -1,0 +1,129 @@
+"""A feed that is sent and the answers that are heard meanwhile, and what is shown of both."""
+
+from __future__ import annotations
+
+import json
+import time
+from typing import TYPE_CHECKING
+
+from rich.markup import escape
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+from kinespace.stream import osc
+from kinespace.tools.feeding.feed import ANNOUNCE_EVERY, Pace
+from kinespace.tools.loopback.answer_listener import answer_in
+from kinespace.tools.programs.replay.score import Score
+from kinespace.tools.terminal.console import console, printable, progress_console
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator, Sequence
+
+    from kinespace.stream.frame import Announcement
+    from kinespace.tools.feeding.feed import Cue, FrameSender, Piece
+    from kinespace.tools.feeding.prefetch import ReadAhead
+    from kinespace.tools.loopback.answer_listener import Heard, Listener
+
+#: Seconds without an answer after which no more are expected, and seconds to wait after the last frame, at most.
+_LINGER, _MAX_LINGER = 0.3, 3.0
+#: Seconds for which a feed may stand still without a note.
+_NOTICED = 0.05
+
+
+class Exchange:
+    """One feed with its answers."""
+
+    def __init__(self, sender: FrameSender, listener: Listener | None, announcement: Announcement) -> None:
+        self._sender = sender
+        self._listener = listener
+        self._announcement = announcement
+        # OSC answers name the performer in their address, which cannot hold every character.
+        self._names = {announcement.performer, osc.address_part(announcement.performer)}
+        self._score = Score()
+        self._sent = self._heard = 0
+        self._stood_still = 0.0
+        self._performed = ""
+
+    def play(self, cues: Iterable[Cue], pieces: ReadAhead[Piece]) -> None:
+        """Send every frame when it is due, the skeleton before the first and every second.
+
+        When a recording is not read in time the feed stands still, and then goes on at its own pace: frames sent all at
+        once to catch up would be no feed.
+        """
+        pace, next_announcement, waited = Pace(), 0.0, pieces.waited
+        for cue in cues:
+            if pieces.waited > waited:
+                late = min(time.perf_counter() - pace.moment(cue.due), pieces.waited - waited)
+                waited = pieces.waited
+                self._stood_still += pace.put_off(max(late, 0.0))
+            if cue.due >= next_announcement:
+                self._sender.announce(self._announcement)
+                next_announcement = cue.due + ANNOUNCE_EVERY
+            packet = self._sender.encode(cue)
+            self._wait(pace, cue.due)
+            self._sender.send(packet)
+            self._sent += 1
+            self._performed = cue.class_name
+        end = time.perf_counter() + _MAX_LINGER
+        while self._listener and time.perf_counter() < end:
+            if not self._hear(self._listener.listen_until(time.perf_counter() + _LINGER)):
+                break
+
+    def _wait(self, pace: Pace, due: float) -> None:
+        if self._listener:
+            self._hear(self._listener.listen_until(pace.moment(due)))
+        else:
+            pace.wait_for(due)
+
+    def _hear(self, heard: Sequence[Heard]) -> bool:
+        """Count the answers that came; say whether one about our performer was among them."""
+        self._heard += len(heard)
+        before = self._score.heard
+        for each in heard:
+            answer = answer_in(each.packet)
+            if answer and answer.performer in self._names:
+                self._score.add(self._performed, answer.label)
+        return self._score.heard > before
+
+    @property
+    def answered(self) -> bool:
+        """Whether any answer was heard."""
+        return bool(self._score.heard)
+
+    def _silence(self) -> str:
+        """Say that no answer came, and what to check."""
+        if self._heard:
+            return (
+                f"no answers about {self._announcement.performer!r} heard, but {self._heard} other packets: do the "
+                "frames reach the recogniser, and can it use their joints? It counts and shows both"
+            )
+        return "no answers heard: is a recogniser running, and does it send its answers here?"
+
+    def report(self, *, as_json: bool) -> None:
+        """Print the counts and, when listening, the share of right answers."""
+        score = self._score
+        if as_json:
+            share = score.share()
+            figures = {"sent": self._sent, "failed": self._sender.failed, "answers": score.answers.total()}
+            figures |= {"unlabelled": score.unlabelled} if score.unlabelled else {}
+            print(json.dumps({**figures, "right": None if share is None else round(share, 4)}))
+            return
+        console.print(f"{self._sent} frames sent, {self._sender.failed} the system would not take")
+        if self._stood_still > _NOTICED:
+            console.print(f"the feed stood still for {self._stood_still:.1f} s: a recording took longer to be read")
+        if self._listener and not score.heard:
+            console.print(self._silence(), soft_wrap=True)
+        elif self._listener:
+            console.print(score.table())
+
+
+def shown(cues: Iterable[Cue], recordings: int | None) -> Iterator[Cue]:
+    """Pass cues through and show on a terminal which recording is sent, and of how many (None: endless)."""
+    columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
+    with Progress(*columns, console=progress_console, transient=True, disable=not progress_console.is_terminal) as bar:
+        task, shown = bar.add_task("Sending", total=recordings), -1
+        for cue in cues:
+            if cue.recording != shown:
+                shown = cue.recording
+                told = f"{shown + 1} of {recordings}" if recordings else f"{shown + 1}"
+                bar.update(task, completed=shown, description=f"Sending {told}: {escape(printable(cue.name))}")
+            yield cue

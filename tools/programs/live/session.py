@@ -41,7 +41,7 @@ if TYPE_CHECKING:
 
 #: Times a second the table is drawn.
 _REDRAWS = 5
-#: Seconds for which a thread may keep Python's lock while another waits. Drawing takes longer than a frame may wait.
+#: Seconds for which a thread may keep Python's lock while another waits.
 _SWITCH_INTERVAL = 0.0005
 #: Files and connections that may be open at once, as far as the system allows.
 MAX_CONNECTIONS = 16_384
@@ -73,6 +73,8 @@ def recognise(
     `answers`.
     """
     _allow_many_connections()
+    # A library that is prepared in a thread, and the table that is drawn, must not hold a frame up.
+    sys.setswitchinterval(_SWITCH_INTERVAL)
     teaching.require_file(settings)
     if record:
         require_place_for(record, overwrite=overwrite)
@@ -158,7 +160,6 @@ def _warn_of_strangers(places: Sequence[str | None]) -> None:
 
 def _run_with_table(service: Service, shown: LiveTable) -> None:
     """Draw in a second thread, so that the feed waits at most for the lock, never for a picture."""
-    sys.setswitchinterval(_SWITCH_INTERVAL)
     loop = threading.Thread(target=service.run, name="kinespace service")
     loop.start()
     try:

@@ -24,6 +24,7 @@ PROGRAMS: Programs = {
     "demo": ("programs.demo", "the whole loop on this machine, with nothing but the built-in library"),
     "live": ("programs.live.program", "recognise a feed"),
     "replay": ("programs.replay.program", "send recordings, or the built-in library's motions, as a fake live feed"),
+    "page": ("programs.page", "show a recogniser's bodies and answers in the browser, and teach from there"),
     "record": ("programs.recordings.record", "keep a feed's packets as they come, to replay them"),
     "convert": ("programs.recordings.convert", "a raw recording or a motion file as plain numbers"),
     "latency": ("programs.latency", "measure frame sent to answer received, beside a bare echo"),

@@ -233,7 +233,6 @@ def test_a_full_disk_costs_nothing_once_there_is_room_again(tmp_path: Path) -> N
     assert list(RawFile(path).packets()) == PACKETS
 
 
-<<<<<<< HEAD
 def test_a_disk_that_becomes_read_only_costs_nothing_once_it_can_be_written(tmp_path: Path) -> None:
     """It takes a part, and refuses the rest and to take the part away again; then all of it is written."""
     path = tmp_path / "a.kinerec"
@@ -255,12 +254,8 @@ def test_a_disk_that_becomes_read_only_costs_nothing_once_it_can_be_written(tmp_
     assert list(RawFile(path).packets()) == PACKETS
 
 
-def test_what_cannot_be_written_is_counted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """On a full disk packets beyond the memory's limit are lost first; they are counted, without an error."""
-=======
 def test_packets_that_cannot_be_written_are_counted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """On a full disk the writer first loses packets beyond the memory's limit; it counts them and raises no error."""
->>>>>>> main
     monkeypatch.setattr(kinerec, "MAX_WAITING", 100)
     path = tmp_path / "a.kinerec"
     with RawWriter(path, SOURCES) as writer:

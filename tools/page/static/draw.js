@@ -89,6 +89,8 @@ class Stage {
     // HDM05 calls a joint by the bone that ends there: these are the shoulders and the hips.
     const trunk = ["lclavicle", "rclavicle", "rhipjoint", "lhipjoint"].map((name) => names.indexOf(name));
     this.trunk = trunk.includes(-1) ? [] : trunk;
+    const within = /^(lower|upper)back$|^thorax$|^[lr](clavicle|hipjoint)$/;
+    if (this.trunk.length) this.bones = this.bones.filter(([, joint]) => !within.test(names[joint]));
     this.feet = names.map((name, joint) => (/foot|toe|ankle/i.test(name) ? joint : -1)).filter((joint) => joint >= 0);
   }
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 import os
 import shutil
+import signal
 from collections import defaultdict
 from contextlib import nullcontext
 from pathlib import Path
@@ -42,6 +43,12 @@ settings.load_profile("kinespace")
 _MEMORY = Path("/dev/shm")  # noqa: S108 - pytest makes a folder of its own there
 if os.access(_MEMORY, os.W_OK) and shutil.disk_usage(_MEMORY).free > 2e9:
     os.environ.setdefault("PYTEST_DEBUG_TEMPROOT", str(_MEMORY))
+
+# A shell starts a program in the background with SIGINT ignored, and nohup starts one with SIGHUP ignored. The programs
+# that tests start and end would inherit that.
+for _number, _usual in ((signal.SIGINT, signal.default_int_handler), (getattr(signal, "SIGHUP", 0), signal.SIG_DFL)):
+    if _number and signal.getsignal(_number) is signal.SIG_IGN:
+        signal.signal(_number, _usual)
 
 #: Set to 1 where no test may be skipped for want of recordings or of others' programs.
 COMPLETE = "KINESPACE_COMPLETE"

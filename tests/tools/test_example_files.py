@@ -196,8 +196,8 @@ def test_max_patch_is_whole() -> None:
 
 
 @pytest.mark.parametrize("file", ["processing/processing.pde", "p5/sketch.js", "Kinespace.cs", "touchdesigner.py"])
-def test_what_cannot_run_here_speaks_the_same(file: str) -> None:
-    """Programs that are not tried here name the messages and the ports that we have."""
+def test_untested_examples_use_our_messages_and_ports(file: str) -> None:
+    """Programs that are not run here name the messages and the ports that kinespace has."""
     text = (EXAMPLES / file).read_text(encoding="utf-8")
     if "p5" in file:
         text += (EXAMPLES / "p5" / "bridge.mjs").read_text(encoding="utf-8")

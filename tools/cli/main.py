@@ -71,6 +71,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
             status: int = options.run(options)
     except KeyboardInterrupt:
         return 1
+    except RuntimeError as error:
+        # Python 3.11 wraps an interrupt that comes while a class is made, as on import.
+        if isinstance(error.__cause__, KeyboardInterrupt):
+            return 1
+        raise
     except BrokenPipeError:
         # The reader of our output has closed it: print nothing more, not even at the interpreter's end.
         sys.stderr.close()

@@ -126,7 +126,7 @@ def test_other_joint_of_our_name_does_not_pass_for_ours() -> None:
     assert named.joints == ("upperneck", "SMPL head", "lhipjoint")
 
 
-def test_bvh_of_acclaim_is_told_from_ends() -> None:
+def test_beginnings_and_ends_of_bones_are_told_apart() -> None:
     """The same names mean the beginnings of bones in one kind of file, and their ends in the other."""
     bvh = [joint for joint in OURS if joint not in ("lhipjoint", "rhipjoint", "lowerback", "lclavicle", "rclavicle")]
     bvh += ["head_end", "ltoes_end", "rtoes_end", "lfingers_end", "rfingers_end", "lthumb_end", "rthumb_end"]

@@ -51,7 +51,7 @@ def test_kept_numbers_are_the_learned_ones(
 
 
 @BOTH
-def test_the_built_in_file_keeps_what_its_motions_teach(builtin: MotionLibrary, weighing: Weighing) -> None:
+def test_the_built_in_file_keeps_its_metrics(builtin: MotionLibrary, weighing: Weighing) -> None:
     """Its windows are as far from each other as in metrics learned here; processors round differently."""
     kept = WindowIndex.of(builtin, builtin, weighing)
     assert kept_of(builtin, weighing) is not None
@@ -93,7 +93,7 @@ def test_other_motions_teach_anew(keeping: MotionLibrary) -> None:
     assert kept_of(replace(keeping, learned=None), across) is None
 
 
-def test_derived_libraries_drop_what_does_not_hold_for_them(keeping: MotionLibrary) -> None:
+def test_derived_libraries_drop_numbers_of_other_motions(keeping: MotionLibrary) -> None:
     """Numbers that hold for other motions too stay; the file of a derived library is not made larger for nothing."""
     library = _with(keeping, "more", np.ones(1))
     assert library.learned is not None

@@ -52,8 +52,8 @@ def test_rokoko_names_actors_and_joints() -> None:
         b'{"scene": ' + b"[" * 5000,
     ],
 )
-def test_what_is_no_rokoko_is_one_error(packet: bytes) -> None:
-    """Cut, compressed, of another shape, too large or too deep: an error that the feed counts."""
+def test_broken_rokoko_packets_raise_one_error(packet: bytes) -> None:
+    """Packets that are cut, compressed, of another shape, too large or too deep raise an error that the feed counts."""
     with pytest.raises(PacketError, match="packet: expected"):
         unpack_rokoko(packet)
     decoder = FeedDecoder(builtin_preset("rokoko"))

@@ -134,7 +134,7 @@ def test_a_clock_that_is_set_is_followed() -> None:
     assert admission.counts.odd_times == 0
 
 
-def test_only_those_allowed_are_let_in() -> None:
+def test_only_allowed_performers_are_let_in() -> None:
     """With a list of names, frames of other names are counted and not recognised."""
     admission = Admission(allowed=["ann"])
     assert admission.admit([frame(1.0, "bob"), Announcement("bob", ("a",)), frame(1.0)], 1.0, ANN) == [frame_like(1.0)]

@@ -149,7 +149,7 @@ def test_a_verdict_changes_when_it_is_given_twice() -> None:
 
 
 @pytest.mark.parametrize("kind", CLOCKS)
-def test_answers_come_whatever_the_clock(kind: str, sticks: MotionLibrary) -> None:
+def test_answers_come_with_any_clock(kind: str, sticks: MotionLibrary) -> None:
     """Two seconds of a performer with any clock are answered some twenty times a second after the first second."""
     admission, performers = Admission(), Performers(sticks)
     positions = stick_clip("wave", seed=3, frames=240).positions

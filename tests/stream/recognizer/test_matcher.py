@@ -200,7 +200,7 @@ def paper_score(reading: Reading) -> float:
     ("stillness", "smallest_gap", "outcome"),
     [(0.0, 0.0, Outcome.NAMED), (0.0, 1.1, Outcome.AMBIGUOUS), (1e9, 1.1, Outcome.STILL)],
 )
-def test_why_the_papers_signature_names_none(
+def test_reasons_why_the_papers_signature_names_no_class(
     paper: PaperIndex, stranger: dict[str, Clip], stillness: float, smallest_gap: float, outcome: Outcome
 ) -> None:
     """Nearly equal eigenvalues make the eigenvector arbitrary, and a still body has none."""

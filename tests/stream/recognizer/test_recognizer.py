@@ -102,7 +102,7 @@ def test_hop_0_answers_every_frame(library: MotionLibrary) -> None:
     assert [answer.time for answer in answers] == [frame.time for frame in frames[18:]]
 
 
-def test_an_answer_says_who_and_when(library: MotionLibrary) -> None:
+def test_an_answer_has_performer_and_time(library: MotionLibrary) -> None:
     """The answer has the performer and the time of the frame that was just pushed."""
     recognizer = Recognizer(library)
     for frame in _frames("bow"):
@@ -218,7 +218,7 @@ def test_no_gap_is_longer_than_the_longest_window(library: MotionLibrary) -> Non
 
 
 @pytest.mark.parametrize(("behind", "restarts"), [(1.5, 0), (2.5, 1)])
-def test_what_is_older_than_every_window_is_a_new_beginning(
+def test_a_frame_older_than_every_window_is_a_new_beginning(
     library: MotionLibrary, behind: float, restarts: int
 ) -> None:
     """A frame behind by less than the longest of several windows is late; behind by more it begins a new feed."""

@@ -209,7 +209,7 @@ def test_one_busy_source_does_not_silence_the_others(library: MotionLibrary, ope
     assert bench.service.status().outcomes.recognizers.frames == 1200
 
 
-def test_classes_and_status_are_told_on_time(bench: Bench) -> None:
+def test_classes_and_status_are_sent_on_time(bench: Bench) -> None:
     """Both are sent at the start, then the status every second and the classes every five."""
     bench.step()
     assert (len(bench.sink.classes), len(bench.sink.statuses)) == (1, 1)
@@ -259,7 +259,7 @@ def test_the_status_counts_everything(bench: Bench) -> None:
     assert status.lost == 4
 
 
-def test_rates_are_those_of_the_last_second(bench: Bench) -> None:
+def test_rates_count_the_last_second(bench: Bench) -> None:
     """A performer's rate is counted anew each second, and is 0 without frames."""
     (source,) = bench.sources
     bench.step()
@@ -270,7 +270,7 @@ def test_rates_are_those_of_the_last_second(bench: Bench) -> None:
     assert [status.performers for status in bench.sink.statuses] == [{}, {"p": pytest.approx(30 / 1.1)}, {"p": 0.0}]
 
 
-def test_who_falls_silent_is_dropped(library: MotionLibrary, source: FakeSource) -> None:
+def test_a_silent_performer_is_dropped(library: MotionLibrary, source: FakeSource) -> None:
     """After the silence a performer is no longer in the status, and the number of frames stays."""
     bench = Bench(Performers(library, silence=3.0), source)
     source.waiting.extend([frame] for frame in _frames("jump", frames=30))
@@ -281,7 +281,7 @@ def test_who_falls_silent_is_dropped(library: MotionLibrary, source: FakeSource)
     assert bench.sink.statuses[-1].outcomes.recognizers.frames == 30
 
 
-def test_stopped_it_ends_what_goes_on(bench: Bench) -> None:
+def test_a_stopped_service_ends_every_motion(bench: Bench) -> None:
     """A motion that goes on when the service is stopped ends for every sink, after its last answer."""
     (source,) = bench.sources
     source.waiting.extend([frame] for frame in _frames("jump", frames=240))
@@ -315,10 +315,10 @@ def test_leaving_closes_everything(library: MotionLibrary) -> None:
     assert sink.closed
 
 
-def test_stopped_it_answers_what_has_arrived(
+def test_a_stopped_service_answers_the_waiting_packets(
     bench: Bench, library: MotionLibrary, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Stopped before or while it runs, it returns after it has answered all waiting packets."""
+    """A service stopped before or while it runs returns after it has answered all waiting packets."""
     monkeypatch.setattr(service_module, "MAX_ENDING", PATIENCE)
     frames = _frames("bow", frames=3000)
     bench.sources[0].waiting.extend([frame] for frame in frames)
@@ -562,7 +562,7 @@ def test_answers_that_cannot_be_sent_are_counted(library: MotionLibrary, opened:
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="only Linux tells when a datagram arrived")
-def test_what_waited_for_more_than_a_second_is_not_answered_as_if_it_were_now(
+def test_packets_older_than_a_second_are_not_answered_as_present(
     library: MotionLibrary, opened: ExitStack, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """After a stop the backlog's newest answer is sent, older ones are counted; latency counts from the arrival."""

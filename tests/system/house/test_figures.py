@@ -70,7 +70,7 @@ def test_a_figure_falls_one_way(direction: str, got: float | None, *, holds: boo
     assert Figure(0.8, 0.02, direction).holds(got) is holds
 
 
-def test_what_has_fallen_is_named() -> None:
+def test_figures_that_fell_are_named() -> None:
     """The failure lists evaluation, figure, expectation and new value, only for figures that fell."""
     entries = {name: Figure(0.8, 0.02, "higher") for name in ("one", "two", "three")}
     assert figures.fallen("run", entries, {"one": 0.7, "two": 0.8}) == [

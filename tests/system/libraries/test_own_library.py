@@ -102,7 +102,7 @@ def test_motions_too_short_alone_are_refused(signature: LiveSignature) -> None:
 
 
 @BOTH
-def test_what_is_nothing_is_unknown(signature: LiveSignature) -> None:
+def test_motions_of_the_class_nothing_are_unknown(signature: LiveSignature) -> None:
     """A class renamed to `nothing` competes, has no score of its own, and is answered unknown with a best guess."""
     library = MotionLibrary.of_clips(stick_clips()).renamed({"wave": NOTHING})
     assert library.classes == ("bow", "jump")

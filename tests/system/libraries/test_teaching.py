@@ -123,7 +123,7 @@ def test_three_gestures_are_taught_and_recognised(tmp_path: Path, liblo_tools: L
 
 
 @pytest.mark.timeout(400)
-def test_what_cannot_be_is_refused_and_nothing_is_lost(tmp_path: Path, liblo_tools: LibloTools) -> None:
+def test_impossible_commands_are_refused_and_nothing_is_lost(tmp_path: Path, liblo_tools: LibloTools) -> None:
     """Names, numbers and performers that cannot be, two at once, still throughout: a refusal each; then it works."""
     port, file = free_udp_port(), tmp_path / "mine.npz"
     with (

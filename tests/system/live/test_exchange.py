@@ -135,7 +135,7 @@ def test_a_motion_that_goes_on_goes_on(small_index: WindowIndex, taught: WindowI
     )
 
 
-def test_a_motion_whose_class_is_gone_ends(small_index: WindowIndex, frames: list[Frame]) -> None:
+def test_removing_a_class_ends_its_motion(small_index: WindowIndex, frames: list[Frame]) -> None:
     """The exchange gives its end, at the time of the newest frame, and the end comes once."""
     without = WindowIndex.of(small_index.library.without(classes=["kickLFront1Reps"]))
     _, after, ended = _exchanged(frames, small_index, without, 130)

@@ -109,7 +109,7 @@ def test_recordings_are_answered_across_processes(transport: Transport, recordin
 
 
 @pytest.mark.parametrize("transport", TRANSPORTS)
-def test_what_goes_wrong_on_order_is_what_is_counted(transport: Transport, recordings: list[tuple[Path, Clip]]) -> None:
+def test_ordered_faults_are_counted_exactly(transport: Transport, recordings: list[tuple[Path, Clip]]) -> None:
     """Of a feed with drops, jitter and swaps, the recogniser counts exactly the frames that came late or never."""
     path, clip = recordings[-1]
     faults = Faults(drop=0.1, jitter=0.02, reorder=0.1, seed=11)

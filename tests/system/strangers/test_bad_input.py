@@ -541,7 +541,7 @@ def _counted(bad: Bad, used: int, answers: int, name: str) -> dict[str, int]:
     [case for case in CASES if case[1] != "an unknown joint"],
     ids=[f"{transport}: {name}" for transport, name, _ in CASES if name != "an unknown joint"],
 )
-def test_a_running_recogniser_counts_what_is_bad_and_goes_on(transport: Transport, name: str, bad: Bad) -> None:
+def test_a_running_recogniser_counts_bad_packets_and_goes_on(transport: Transport, name: str, bad: Bad) -> None:
     """Between valid frames comes something bad: it is counted, exactly, and every valid frame is used and answered."""
     before, after = _feed(bad.begin)
     expected = _labels(bad.begin)
@@ -566,8 +566,8 @@ def test_a_running_recogniser_counts_what_is_bad_and_goes_on(transport: Transpor
     [case for case in CASES if case[1] in IN_THE_PROGRAM],
     ids=[f"{transport}: {name}" for transport, name, _ in CASES if name in IN_THE_PROGRAM],
 )
-def test_the_program_counts_what_is_bad_and_goes_on(transport: Transport, name: str, bad: Bad) -> None:
-    """The same, of the program as a person starts it."""
+def test_the_program_counts_bad_packets_and_goes_on(transport: Transport, name: str, bad: Bad) -> None:
+    """The same with the program as a person starts it."""
     before, after = _feed(None)
     expected = _labels(None)
     with live("--plain", transport=transport) as stage:
@@ -583,7 +583,7 @@ def test_the_program_counts_what_is_bad_and_goes_on(transport: Transport, name: 
     assert counts == _counted(bad, len(before) + len(after), sum(map(len, expected)), name)
 
 
-def test_a_host_that_nobody_knows_is_named(capsys: pytest.CaptureFixture[str]) -> None:
+def test_an_unknown_host_is_named(capsys: pytest.CaptureFixture[str]) -> None:
     """A host name that cannot be resolved is in the error, with its port."""
     assert one_line(capsys, "live", "--osc-in", "nohost.invalid:9000").startswith("nohost.invalid:9000: ")
 
@@ -625,7 +625,7 @@ def test_an_arrival_that_is_no_time_ends_a_recording(
     assert recording.damage()
 
 
-def test_what_would_steer_a_terminal_is_shown_as_a_mark(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_control_characters_are_shown_as_marks(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Class names, licences and a raw recording's header reach the terminal without control characters."""
     library, recording = tmp_path / "red.npz", tmp_path / "red.kinerec"
     stained = [

@@ -109,7 +109,7 @@ def test_every_preset_has_golden_packets() -> None:
 
 
 @pytest.mark.parametrize("name", PACKETS)
-def test_a_packet_written_out_by_hand_says_what_it_says(name: str) -> None:
+def test_a_packet_written_by_hand_is_read_as_published(name: str) -> None:
     """Joint, performer and position are read as published, in metres, y up, from the bytes themselves."""
     golden = PACKETS[name]
     preset = builtin_preset(name)

@@ -117,7 +117,7 @@ def same(printed: Dumped, packet: bytes) -> bool:
     return True
 
 
-def test_oscdump_prints_what_we_answer(liblo_tools: LibloTools, recognition: Recognition) -> None:
+def test_oscdump_prints_our_answers(liblo_tools: LibloTools, recognition: Recognition) -> None:
     """A recognition's bundle comes apart into class, label and scores; event, classes and status come whole."""
     with liblo_tools.dumping() as dump:
         with closing(LayoutSink(NativeLayout(), osc.OscSender(LOOPBACK, dump.port))) as sink:

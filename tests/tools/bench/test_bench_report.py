@@ -74,7 +74,7 @@ def made_up(signature: LiveSignature = LiveSignature.PAPER) -> Report:
     )
 
 
-def test_the_standard_figures_are_those_of_the_results() -> None:
+def test_the_standard_figures_come_from_the_results() -> None:
     """Every figure stands under its name, taken from its part, and is valid JSON."""
     figures = made_up().figures()
     assert tuple(sorted(figures)) == tuple(sorted(KEYS))
@@ -114,7 +114,7 @@ def test_the_figures_tell_of_the_signature_asked_for() -> None:
     assert figures["accuracy"] == 0.9
 
 
-def test_what_was_not_run_is_null() -> None:
+def test_parts_that_did_not_run_are_null() -> None:
     """Every name is always there; without any part every figure is null, and there is no table."""
     report = Report(LiveSignature.PAPER)
     assert report.figures() == dict.fromkeys(KEYS)

@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     import pytest
 
 
-def test_a_teacher_who_performs_nothing_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
+def test_an_unknown_teacher_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
     """One line says who performs, and nothing is measured."""
     assert main(["evaluate", "teach", "--teachers", "bd", "nobody"]) == 2
     assert capsys.readouterr().err == "kinespace: --teachers: expected some of bd, bk, dg, mm, tr, got 'nobody'\n"

@@ -129,7 +129,7 @@ def test_learn_keeps_its_numbers_in_the_library(
     assert all(each["unknown_named"] <= each["rate"] + 1e-9 for each in told)
 
 
-def test_learn_needs_takes_in_which_nothing_known_happens(
+def test_learn_needs_takes_without_known_motions(
     small_file: Path, takes_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Without them nothing can be learned, and one line says so."""

@@ -83,7 +83,7 @@ def test_every_packet_is_heard_in_order_with_its_moment(opened: ExitStack) -> No
     assert before <= arrivals[0] <= arrivals[-1] <= after
 
 
-def test_what_waits_is_heard_even_when_it_is_late(opened: ExitStack) -> None:
+def test_waiting_packets_are_heard_even_when_late(opened: ExitStack) -> None:
     """Listening until a past moment still takes waiting packets, and does not wait for more."""
     receiver, sender = osc_pair(opened)
     listener = Listener(receiver)

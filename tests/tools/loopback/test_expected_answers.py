@@ -42,7 +42,7 @@ def answer(label: str, score: float) -> Answer:
     "settings",
     [Settings(), Settings(signature=LiveSignature.PAPER, window=0.4, hop=0.0), Settings(hop=0.1)],
 )
-def test_what_is_expected_is_what_is_answered(transported: object, settings: Settings) -> None:
+def test_answers_equal_the_expected_ones(transported: object, settings: Settings) -> None:
     """A recogniser behind either transport answers exactly the frames, labels and scores that were expected."""
     assert callable(transported)
     library = builtin_library()

@@ -46,7 +46,7 @@ def write(path: Path, packets: Sequence[RawPacket] = PACKETS) -> Path:
     return path
 
 
-def test_what_is_written_is_read(tmp_path: Path) -> None:
+def test_recorded_packets_are_read_back(tmp_path: Path) -> None:
     """Arrivals, senders, sources and parts come back exactly, in order, every time the file is gone through."""
     recording = RawFile(write(tmp_path / "a.kinerec"))
     assert recording.header.sources == SOURCES
@@ -132,8 +132,8 @@ def test_a_changed_byte_costs_one_record(tmp_path: Path) -> None:
         assert recording.lost == len(encode_packet(PACKETS[torn]))
 
 
-def test_what_follows_a_torn_record_is_read(tmp_path: Path) -> None:
-    """Recorders of before went on behind a record that a full disk had torn, wherever it was."""
+def test_records_after_a_torn_record_are_read(tmp_path: Path) -> None:
+    """Older recorders went on behind a record that a full disk had torn, at any place."""
     path = write(tmp_path / "a.kinerec")
     whole, torn = path.read_bytes(), encode_packet(RawPacket(0.0, 0, "", (bytes([1]) * 5000,)))
     for kept in (1, 7, 8, 9, 100, len(torn) - 1):
@@ -233,8 +233,8 @@ def test_a_full_disk_costs_nothing_once_there_is_room_again(tmp_path: Path) -> N
     assert list(RawFile(path).packets()) == PACKETS
 
 
-def test_what_cannot_be_written_is_counted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """On a full disk packets beyond the memory's limit are lost first; they are counted, without an error."""
+def test_packets_that_cannot_be_written_are_counted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """On a full disk the writer first loses packets beyond the memory's limit; it counts them and raises no error."""
     monkeypatch.setattr(kinerec, "MAX_WAITING", 100)
     path = tmp_path / "a.kinerec"
     with RawWriter(path, SOURCES) as writer:

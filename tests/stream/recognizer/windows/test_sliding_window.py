@@ -59,10 +59,10 @@ def _push(window: SlidingWindow, times: Iterable[float]) -> None:
     taken_every=st.integers(1, MAX_PENDING),
 )
 @settings(max_examples=60)
-def test_always_what_a_plain_list_holds(
+def test_the_window_equals_a_plain_list(
     seed: int, ticks: int, largest_step: int, fastest: float, taken_every: int
 ) -> None:
-    """At random times, over many moves of the memory, rows, times and changes are a plain list's after every push."""
+    """At random times, over many moves of the memory, rows, times and changes equal a plain list's after every push."""
     generator = np.random.default_rng(seed)
     window = SlidingWindow(ticks / TICKS, 2, fastest)
     twin = NaiveWindow(ticks, max(2, int(np.ceil(ticks / TICKS * fastest))))

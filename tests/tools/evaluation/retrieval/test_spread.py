@@ -36,7 +36,7 @@ def _random(seed: int, motions: int = 12, pairs: int = 20) -> tuple[np.ndarray, 
 # --- the spread --------------------------------------------------------------------------------------------------
 
 
-def test_spreads_are_those_of_the_loops(some_motions: tuple[Clip, ...]) -> None:
+def test_spreads_equal_the_loops(some_motions: tuple[Clip, ...]) -> None:
     """A motion's spread is the logarithm of each deviation over the body's size, plus the floor, less their mean."""
     for clip, spread in zip(some_motions, motion_spreads(some_motions), strict=True):
         columns = distance_rows(clip.positions, clip.skeleton).T.tolist()

@@ -46,7 +46,7 @@ def test_starts_heard_are_the_recognisers(everything: WindowIndex, settings: Set
     assert started
 
 
-def test_what_is_doubted_is_not_heard(everything: WindowIndex) -> None:
+def test_doubted_motions_are_left_out(everything: WindowIndex) -> None:
     """A motion in which the whole body jumps is left to a recogniser of its own."""
     clip = FEW.motions[0]
     positions = np.array(clip.positions)

@@ -130,7 +130,7 @@ def test_a_take_twice_has_the_figures_of_once() -> None:
 # --- what figures rest on ----------------------------------------------------------------------------------------
 
 
-def test_figures_say_what_they_rest_on() -> None:
+def test_figures_carry_seconds_segments_and_persons() -> None:
     """Seconds, segments and persons of known and unknown motions are counted; an unknown person counts as none."""
     named = replace(_course(), person="ann")
     score = score_courses([named, replace(named, name="other", person="ben")], CLASSES, 1.0)
@@ -150,7 +150,7 @@ def test_a_take_asked_of_two_libraries_counts_once() -> None:
     assert score.classes["bow"].seconds == pytest.approx(16 / 64 * SECONDS)
 
 
-def test_a_segment_half_of_which_is_right_is_not_mostly_right() -> None:
+def test_half_a_segment_is_no_majority() -> None:
     """The majority is more than half of a segment's frames."""
     course = _course()
     for frames, expected in ((8, 0.0), (9, 1 / 3)):
@@ -193,7 +193,7 @@ def test_every_figure_has_an_interval_around_it() -> None:
     assert score_courses(courses, CLASSES, 0.5).intervals == {}
 
 
-def test_intervals_are_those_of_segments_drawn_again() -> None:
+def test_intervals_come_from_segments_drawn_again() -> None:
     """An interval is that of shares over segments drawn with replacement, each with all answers to it."""
     generator = np.random.default_rng(6)
     one, other = (_random_course(generator, 300) for _ in range(2))
@@ -210,7 +210,7 @@ def test_intervals_are_those_of_segments_drawn_again() -> None:
     assert score.intervals["frame_accuracy"] == pytest.approx(naive_score.middle(shares))
 
 
-def test_it_is_known_of_every_figure_which_way_is_better() -> None:
+def test_every_figure_has_a_better_direction() -> None:
     """All names in `LOWER_IS_BETTER` are names of figures."""
     assert set(KNOWN_ANSWERS) > LOWER_IS_BETTER
     assert "true_changes_per_minute" not in LOWER_IS_BETTER
@@ -475,7 +475,7 @@ def test_a_take_without_labels_has_no_segment() -> None:
     assert set(course.published[8:]) == {BOW}
 
 
-def test_what_the_library_does_not_know_is_unknown() -> None:
+def test_classes_that_the_library_lacks_are_unknown() -> None:
     """A class of another take's library that this one's does not know is unknown here, and labelled all the same."""
     course = course_of("take", TIMES, SEGMENTS, classes=CLASSES, known=("bow", "wave"), recognitions=[], events=[])
     assert set(course.truth[course.segment == 1]) == {NONE}

@@ -73,11 +73,12 @@ def test_without_an_output_it_answers_to_the_usual_port() -> None:
         assert (program.interrupt(), program.errors) == (0, "")
 
 
-def test_every_frame_is_answered_that_is_due() -> None:
+@pytest.mark.parametrize("options", [(), ("--workers", 2)])
+def test_every_frame_is_answered_that_is_due(options: tuple[object, ...]) -> None:
     """Over OSC the answers equal the expected ones, one by one, and the counts at the end are exact."""
     cues = ghost_cues("squat1Reps", 2.0)
     expected = expected_of(cues)
-    with live("--plain") as stage:
+    with live("--plain", *options) as stage:
         stage.sender.announce(Announcement("ghost", builtin_library().skeleton.joints))
         stage.play(cues)
         answers = stage.answers(len(expected))
@@ -131,7 +132,7 @@ def test_a_terminal_without_the_characters_does_not_end_it(options: tuple[str, .
         assert stage.stopped()["frames"] == len(cues)
 
 
-def test_the_table_shows_what_is_recognised() -> None:
+def test_the_table_shows_the_recognised_motion() -> None:
     """On a terminal a table is drawn that waits, then shows performer and motion; Ctrl-C ends it with the counts."""
     cues = ghost_cues("lieDownFloor", 1.5, performer="me")
     with live(environment={"FORCE_COLOR": "1"}) as stage:
@@ -156,7 +157,7 @@ def test_a_library_of_ones_own(tmp_path: Path) -> None:
     assert counts["other joints"] == 12
 
 
-def test_window_and_hop_are_those_ordered() -> None:
+def test_window_and_hop_follow_the_options() -> None:
     """With the paper's signature, --window and --hop, answers are that window's and that far apart."""
     settings = Settings(signature=LiveSignature.PAPER, window=0.7, hop=0.0)
     cues = ghost_cues("squat1Reps", 1.0)
@@ -233,7 +234,7 @@ def test_the_status_tells_the_counts_while_it_runs() -> None:
 
 
 @pytest.mark.parametrize("option", ["--osc-out", "--zmq-in", "--zmq-out"])
-def test_what_was_opened_before_a_failure_is_closed(option: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_failure_closes_the_ports_opened_before(option: str, capsys: pytest.CaptureFixture[str]) -> None:
     """When one of several addresses cannot be used, the ports opened before it are free again."""
     receiver = osc.OscReceiver(LOOPBACK, 0)
     host, port = receiver.address
@@ -279,4 +280,4 @@ def test_a_message_too_large_costs_that_message_alone() -> None:
         stage.play(cues[10:])
         assert stage.answers(1)
         assert stage.stopped()["received"] == len(cues)
-        assert "connections broken 1 (a message above 256 kB?)" in stage.program.output
+        assert "connections broken 1 (a message above 256 kB, or without end?)" in stage.program.output

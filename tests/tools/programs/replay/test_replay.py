@@ -119,7 +119,7 @@ def test_a_clip_is_sent_as_live_packets(stage: osc.OscReceiver, take: Path, caps
     assert capsys.readouterr().out == "180 frames sent, 0 the system would not take\n"
 
 
-def test_labels_beside_a_take_say_what_is_right_when(take: Path) -> None:
+def test_labels_beside_a_take_give_the_right_class_of_each_moment(take: Path) -> None:
     """Each frame of a take has the class of its label, and no class without one; all frames are sent."""
     take.with_suffix(".csv").write_text("start_s;end_s;label\n0,25;0,5;up\n0,5;1,0;down\n")
     pieces = list(pieces_of([take], Reading(), Course("me")))
@@ -132,7 +132,7 @@ def test_labels_beside_a_take_say_what_is_right_when(take: Path) -> None:
     assert classes == ["up"] * 12 + ["down"] * 12
 
 
-def test_what_nobody_labelled_is_not_scored() -> None:
+def test_unlabelled_stretches_are_not_scored() -> None:
     """Answers in stretches without a label are counted apart, and change no share."""
     score = Score()
     for performed, label in (("up", "up"), ("", "up"), ("", "down"), ("up", "down")):
@@ -141,7 +141,7 @@ def test_what_nobody_labelled_is_not_scored() -> None:
     assert score.table().row_count == 3
 
 
-def test_the_terminal_shows_which_recording_is_sent(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_terminal_shows_the_recording_being_sent(monkeypatch: pytest.MonkeyPatch) -> None:
     """The name of the recording, its number and how many there are stand beside the bar."""
     terminal = Console(file=StringIO(), force_terminal=True, width=100)
     monkeypatch.setattr(exchange, "progress_console", terminal)
@@ -314,7 +314,7 @@ def test_a_class_of_the_built_in_library_can_be_named(
         (("--frame-rate", "30"), "replay: expected recordings with --asf, --frame-rate, --unit, --joints, --names"),
     ],
 )
-def test_what_does_not_fit_the_built_in_motions_is_refused(
+def test_places_and_options_that_do_not_fit_are_refused(
     arguments: tuple[str, ...], told: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """A place that is neither file nor class, and useless options for reading: one line, status 2."""
@@ -324,7 +324,7 @@ def test_what_does_not_fit_the_built_in_motions_is_refused(
     assert errors.count("\n") == 1
 
 
-def test_faults_are_those_ordered(stage: osc.OscReceiver, take: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_faults_follow_the_options(stage: osc.OscReceiver, take: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Frames are lost and swapped by the seed, and `sent` counts the frames really sent."""
     (clip,) = read_recordings([take])
     faults = Faults(drop=0.2, jitter=0.01, reorder=0.2, seed=5)

@@ -142,13 +142,15 @@ def test_a_performers_prefix_is_left_out_and_two_are_refused(
 
 
 @FORMATS
-def test_a_file_named_like_hdm05s_says_who_does_what(tmp_path: Path, write: Write, read: Read, ending: str) -> None:
-    """Class, actor and take are in the name, whatever the format."""
+def test_a_file_named_like_hdm05s_has_class_actor_and_take(
+    tmp_path: Path, write: Write, read: Read, ending: str
+) -> None:
+    """The reader takes class, actor and take from the name, in any format."""
     clip = read(write(tmp_path / f"HDM_bd_walk_003_100.{ending}", walk()))
     assert (clip.class_name, clip.actor, clip.take) == ("walk", "bd", "003")
 
 
-def test_results_that_are_no_places_are_passed_over(tmp_path: Path) -> None:
+def test_results_that_are_no_positions_are_passed_over(tmp_path: Path) -> None:
     """Angles that the file lists as such and unlabelled markers are left out, unless they are named one by one."""
     positions = np.concatenate([walk(), walk()[:, :2]], axis=1)
     labels = (*LABELS, "*12", "hipAngles")
@@ -159,15 +161,15 @@ def test_results_that_are_no_places_are_passed_over(tmp_path: Path) -> None:
     assert c3d.read_clip(path, joints=("hipAngles", "knee")).skeleton.joints == ("knee", "hipAngles")
 
 
-def test_a_c3d_without_a_unit_is_told_by_size(tmp_path: Path) -> None:
+def test_the_size_of_the_body_gives_the_unit_of_a_c3d(tmp_path: Path) -> None:
     """Where POINT:UNITS is empty the body's size tells millimetres from metres."""
     for scale in (1.0, 0.001):
         path = written_c3d(tmp_path / "walk.c3d", walk() * scale, unit="")
         np.testing.assert_allclose(c3d.read_clip(path).positions, walk() / 1000, rtol=1e-5)
 
 
-def test_a_missing_reader_says_what_to_install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Without ezc3d a C3D is refused with the command that helps."""
+def test_the_error_without_ezc3d_names_the_package_to_install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Without ezc3d a C3D is refused with the command that installs it."""
     path = written_c3d(tmp_path / "walk.c3d", walk())
     monkeypatch.setitem(__import__("sys").modules, "ezc3d", None)
     with pytest.raises(C3dError, match=r"reading C3D needs ezc3d: pip install 'kinespace\[c3d\]'"):
@@ -424,8 +426,8 @@ def test_units_are_known_by_name_and_by_number() -> None:
     ]
 
 
-def test_what_is_not_missing_is_not_touched() -> None:
-    """Filling changes missing places alone, and gives the very array where there are none."""
+def test_filling_changes_missing_places_alone() -> None:
+    """Filling returns the very same array where nothing is missing."""
     positions = walk(20)
     missing = np.zeros((20, 3), dtype=bool)
     assert with_missing_joints(positions, missing, LABELS, RATE) is positions

@@ -218,7 +218,7 @@ class Stage {
       context.beginPath();
       for (let step = 0; step <= 48; step += 1) {
         const angle = 2 * Math.PI * (from + (to - from) * step / 48) - Math.PI / 2;
-        const point = this._project({ x: this.at.x + 0.42 * this.size * Math.cos(angle), y: this.floor, z: this.at.z + 0.42 * this.size * Math.sin(angle) });
+        const point = this._project({ x: this.at.x + 0.36 * this.size * Math.cos(angle), y: this.floor, z: this.at.z + 0.36 * this.size * Math.sin(angle) });
         context.lineTo(point.x, point.y);
       }
       context.stroke();

@@ -242,10 +242,10 @@ class Performers:
     def carried(self, name: str) -> Carried | None:
         """Say which joints carry the last answer to a performer; None without an answer."""
         performer = self._performers.get(name)
-        weights = performer.recognizer.pair_weights() if performer else None
-        if performer is None or weights is None:
+        given = performer.recognizer.pair_contributions() if performer else None
+        if performer is None or given is None:
             return None
-        return carried_by(weights, performer.library.skeleton.pairs, performer.order, len(performer.joints))
+        return carried_by(given, performer.library.skeleton.pairs, performer.order, len(performer.joints))
 
     def _told(self, performer: _Performer) -> str:
         used, wanted = len(performer.library.skeleton.joints), len(self.library.skeleton.joints)

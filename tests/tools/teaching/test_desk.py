@@ -101,7 +101,7 @@ def _show(desk: Desk, begin: float, class_name: str, take: int = 0) -> list[str]
 
 
 def _teach(desk: Desk, begin: float, name: str, class_name: str) -> None:
-    # On a busy machine the last frames may be long ago: who is taught must be there.
+    # On a busy machine the last frames may be old: the performer who is taught must be present.
     stand = MotionLibrary.builtin().motions[0].positions[0]
     desk.push_all([Frame("ann", begin - 1 + place / 60, stand) for place in range(10)], time.monotonic())
     desk.command(commands.Teach("ann", name, 1, 0.0))

@@ -87,7 +87,7 @@ def test_a_take_is_a_recording(tmp_path: Path) -> None:
 
 
 def test_the_joints_are_kinects() -> None:
-    """The body is that of the joint set `kinect20`, one tree from the hips, left and right hanging alike."""
+    """The body has the joints of the set `kinect20`: one tree from the hips, left and right hanging alike."""
     skeleton = utkinect.SKELETON
     assert skeleton.joints == joints_of("kinect20")
     parents = {name: skeleton.joints[parent] for name, parent in zip(skeleton.joints, skeleton.parents, strict=True)}

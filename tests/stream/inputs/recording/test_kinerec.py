@@ -201,7 +201,7 @@ class _Disk:
         self.room = room
 
     def write(self, written: memoryview) -> int:
-        """Take what there is room for."""
+        """Take the bytes that there is room for."""
         if not self.room:
             raise OSError(errno.ENOSPC, "No space left on device")
         taken = written[: self.room]

@@ -1,4 +1,4 @@
-"""`kinespace record` and its files: replayed bit for bit, described, converted, however the recorder ended."""
+"""`kinespace record` and its files: replayed bit for bit, described, converted, after any end of the recorder."""
 
 from __future__ import annotations
 
@@ -125,7 +125,7 @@ def test_recorded_packets_are_replayed_bit_for_bit(
 
 
 def test_a_killed_recorder_loses_at_most_the_last_second(tmp_path: Path) -> None:
-    """What came more than a second (and a busy machine's pause) before it was killed is in the file, whole."""
+    """Packets from more than a second (and a busy machine's pause) before the kill are in the file, whole."""
     path, sent = tmp_path / "a.kinerec", datagrams(50)
     with recording(path) as (program, sender):
         for datagram in sent:
@@ -426,7 +426,7 @@ def test_impossible_conversions_end_in_one_line(
 
 
 def an_osceleton(path: Path, *, told: str = "osc here") -> tuple[Path, np.ndarray]:
-    """Write what `kinespace record` would keep of ten of OSCeleton's frames; what was sent, (10, 31, 3), metres."""
+    """Write ten of OSCeleton's frames as `kinespace record` would; give the sent positions, (10, 31, 3), metres."""
     cues = ghost_cues("squat1Reps", 0.5)[:40:4]
     packets = []
     for number, cue in enumerate(cues):
@@ -439,7 +439,7 @@ def an_osceleton(path: Path, *, told: str = "osc here") -> tuple[Path, np.ndarra
 
 
 def test_a_feeds_recording_is_described_and_converted(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Read as what they are, by a preset's name or a file of one's own, packets are frames; unread they are none."""
+    """A preset's name, or a file of one's own, turns the packets into frames; without it there are none."""
     path, positions = an_osceleton(tmp_path / "a.kinerec")
     assert main(["info", str(path)]) == 0
     assert "performer" not in capsys.readouterr().out
@@ -460,7 +460,7 @@ def test_a_feeds_recording_is_described_and_converted(tmp_path: Path, capsys: py
 
 
 def test_a_feeds_recording_holds_its_preset(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """What `kinespace live --feed --record` kept needs no telling; by a preset of one's own it needs the file."""
+    """A file of `kinespace live --feed --record` needs no --feed; an edited preset needs its file."""
     path, _ = an_osceleton(tmp_path / "a.kinerec", told="osc here feed osceleton")
     assert main(["info", str(path)]) == 0
     assert "performer 1: 10 frames" in capsys.readouterr().out
@@ -469,8 +469,8 @@ def test_a_feeds_recording_holds_its_preset(tmp_path: Path, capsys: pytest.Captu
     assert "feed: expected a .toml file or one of captury, " in capsys.readouterr().err
 
 
-def test_live_keeps_the_preset_it_reads_by(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """A recording made with an edited copy of a preset is read by that copy, whatever it is called, and says so."""
+def test_live_records_the_preset_in_use(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A recording made with an edited copy of a preset, of any name, is read by that copy, and says so."""
     assert main(["feeds", "osceleton"]) == 0
     mine = tmp_path / "osceleton.toml"
     mine.write_text(capsys.readouterr().out.replace('"/joint', '"/limb'), encoding="utf-8")

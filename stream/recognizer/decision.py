@@ -68,6 +68,11 @@ class Decision:
         self._judgement.exchange(self._threshold(index))
         self._compare_with(index)
 
+    def set_sensitivity(self, share: float, index: WindowIndex) -> None:
+        """Go on with another sensitivity and the windows of the same library."""
+        self._sensitivity = share
+        self._judgement.exchange(self._threshold(index))
+
     def clear(self) -> None:
         """Forget everything, as at the start."""
         self._hysteresis.clear()

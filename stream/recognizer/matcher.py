@@ -101,6 +101,9 @@ class Matcher(Protocol):
     def exchange(self, library: MotionLibrary | WindowIndex) -> None:
         """Compare the same windows with another library of the same joints from now on."""
 
+    def pair_weights(self) -> NDArray[np.float64] | None:
+        """Give each joint pair's number in the leading eigenvector read last, shape (pairs,); None before."""
+
 
 def library_of(library: MotionLibrary | WindowIndex) -> MotionLibrary:
     """Give the motions of a library, opened or not."""
@@ -160,6 +163,16 @@ class WindowMatcher:
         self._feed = _Feed()
         self._progress = ProgressFollower(phase_table(index)) if progress else None
         self._index, self.classes = index, index.classes
+        self._leading: NDArray[np.float64] | None = None
+
+    def set_sensitivity(self, share: float) -> None:
+        """Judge by another sensitivity from the next reading on."""
+        self._sensitivity = share
+        self._decision.set_sensitivity(share, self._index)
+
+    def pair_weights(self) -> NDArray[np.float64] | None:
+        """Give each joint pair's number in the leading eigenvector read last."""
+        return _pair_weights(self._index, self._leading)
 
     def exchange(self, library: MotionLibrary | WindowIndex) -> None:
         """Compare the same windows with another library of the same joints from now on."""
@@ -168,7 +181,7 @@ class WindowMatcher:
         self._decision.exchange(index)
         if self._progress:
             self._progress.exchange(phase_table(index))
-        self._index, self.classes = index, index.classes
+        self._index, self.classes, self._leading = index, index.classes, None
 
     def clear(self) -> None:
         """Forget all rows."""
@@ -201,6 +214,7 @@ class WindowMatcher:
         if not self._feed.ready:
             return None
         signature = self._windows.read()
+        self._leading = signature.eigenvector
         logs = self._index.log_distances(signature.numbers)
         decided = self._decision.push(logs, signature.movement, noise, self._feed.elapsed())
         scores = self._index.eigenvector_scores(signature.eigenvector)
@@ -239,7 +253,12 @@ class PaperMatcher:
 
     def _compare_with(self, index: PaperIndex) -> None:
         self._index, self.classes = index, index.classes
+        self._leading: NDArray[np.float64] | None = None
         self._nothing = index.classes.index(NOTHING) if NOTHING in index.classes else -1
+
+    def pair_weights(self) -> NDArray[np.float64] | None:
+        """Give each joint pair's number in the leading eigenvector read last."""
+        return _pair_weights(self._index, self._leading)
 
     def exchange(self, library: MotionLibrary | WindowIndex) -> None:
         """Compare the same window with another library of the same joints from now on."""
@@ -269,6 +288,7 @@ class PaperMatcher:
         if not self._feed.ready:
             return None
         leading, moved = self._window.read()
+        self._leading = leading.eigenvector
         scores = self._index.scores(leading.eigenvector)
         distances = np.log1p(_NEAREST - np.square(np.minimum(scores, 1.0)))
         guess, lead = followed(self._hysteresis, distances, self._feed.elapsed())
@@ -289,3 +309,13 @@ class PaperMatcher:
             share=leading.share,
             gap=leading.gap,
         )
+
+
+def _pair_weights(
+    index: WindowIndex | PaperIndex, eigenvector: NDArray[np.float64] | None
+) -> NDArray[np.float64] | None:
+    """Bring an eigenvector from the directions of the basis back to the joint pairs."""
+    if eigenvector is None:
+        return None
+    weights: NDArray[np.float64] = index.basis.directions @ eigenvector
+    return weights

@@ -197,12 +197,12 @@ class Service:
             sleep = min(sleep, _TENDING)
             self._tend()
         aside = any(source.has_put_aside for source in self.sources)
-        came = self._poller.poll(0 if aside else round(sleep * 1000))
+        for sink in self.sinks:
+            sink.watch()
+        self._poller.poll(0 if aside else round(sleep * 1000))
         self._notice_a_stop()
-        if not came and not aside:
-            self._publish_held()
-            return
-        # Every source is asked: one poll is cheaper than finding out which source it was.
+        # Every source is asked, even when nothing came: one poll is cheaper than finding out which source it was, and a
+        # receiver looks after its connections.
         for source in self.sources:
             left = _MAX_IN_TURN
             while left and not self._is_over() and (taken := self._deal_with_waiting(source, left)):
@@ -332,7 +332,8 @@ class Service:
 
     def status(self) -> Status:
         """Give the counters as they are now."""
-        notes = dict.fromkeys(note for source in self.sources for note in source.notes)
+        notes = [note for source in self.sources for note in source.notes]
+        notes += [note for sink in self.sinks for note in sink.notes]
         return Status(
             inputs=sum((source.counts for source in self.sources), start=InputCounts()),
             outcomes=self.performers.counts,
@@ -346,7 +347,7 @@ class Service:
             compared=self.performers.compared,
             admission=replace(self._admission.counts),
             clocks={name: told for name, told in self._admission.clocks.items() if name in self.performers.names},
-            notes=(*notes, *self._admission.notes(self._clock())),
+            notes=(*dict.fromkeys(notes), *self._admission.notes(self._clock())),
         )
 
     def _from(self, performer: str) -> str:

@@ -16,7 +16,7 @@ from kinespace.library.teaching.movement import MIN_SECONDS, STILLNESS, Movement
 from kinespace.stream.teaching import commands
 from kinespace.stream.teaching.lesson import Lesson, Recorded
 from kinespace.stream.teaching.memory import Memory
-from kinespace.stream.teaching.notices import Changed, Notice, Running, Saving, State, Step, Taught
+from kinespace.stream.teaching.notices import Changed, Notice, Running, Saving, Sensed, State, Step, Taught
 
 if TYPE_CHECKING:
     from collections.abc import Collection
@@ -123,6 +123,10 @@ class Teacher:
                 return [Saving()]
             case commands.Run(on):
                 return [Running(on), State("", Step.DONE, 0.0, "running" if on else "not running")]
+            case commands.Sensitivity(share):
+                return [Sensed(share), State("", Step.DONE, 0.0, f"sensitivity {share:g}")]
+            case commands.List():
+                return []
 
     def checked(self, number: int, check: Check | None, would_have_started: int) -> list[Notice]:
         """Report the check of an example that is in the library now."""
@@ -167,7 +171,8 @@ class Teacher:
         if len(self.roster.examples) >= MAX_EXAMPLES:
             return [_refused(performer, f"{MAX_EXAMPLES} examples are there already")]
         memory = self._memories[performer]
-        whole = Stretch(memory.newest - asked.seconds, memory.newest)
+        end = memory.newest - asked.ago
+        whole = Stretch(end - asked.seconds, end)
         clip = memory.between(*whole)
         if clip is None or clip.gaps:
             return [_refused(performer, f"{asked.seconds:g} s have not been seen")]

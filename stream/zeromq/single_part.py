@@ -24,14 +24,14 @@ if TYPE_CHECKING:
 _MAPS = frozenset([*(bytes([0x80 + fields]) for fields in range(16)), b"\xde", b"\xdf"])
 
 
-class _Packed(Header, kw_only=True):
+class Packed(Header, kw_only=True):
     """A header with the performer and the positions."""
 
     performer: str
     data: bytes
 
 
-_unpack = msgspec.msgpack.Decoder(_Packed).decode
+_unpack = msgspec.msgpack.Decoder(Packed).decode
 
 
 def is_osc(payload: bytes) -> bool:

@@ -21,6 +21,8 @@ if TYPE_CHECKING:
 _DEFAULTS = Settings()
 #: Where frames come in unless the user says otherwise: a port that none of the usual senders uses.
 OSC_IN = "127.0.0.1:9310"
+#: Where the page is unless the user says otherwise.
+PAGE = "127.0.0.1:8010"
 #: The name of the built-in library wherever a library may be named.
 BUILT_IN = Path("built-in")
 
@@ -67,6 +69,13 @@ def add_keys(parser: argparse.ArgumentParser) -> None:
         type=Path,
         metavar="DIR",
         help="ZeroMQ with keys, made by kinespace keys: let in only keys whose .key file is there",
+    )
+
+
+def add_page(parser: argparse.ArgumentParser) -> None:
+    """Add the option for a page in the browser."""
+    parser.add_argument(
+        "--page", nargs="?", const=PAGE, metavar="[HOST:]PORT", help=f"show a page in the browser (default {PAGE})"
     )
 
 

@@ -24,6 +24,7 @@ PROGRAMS: Programs = {
     "demo": ("programs.demo", "the whole loop on this machine, with nothing but the built-in library"),
     "live": ("programs.live.program", "recognise a feed"),
     "replay": ("programs.replay.program", "send recordings, or the built-in library's motions, as a fake live feed"),
+    "page": ("programs.page", "show a recogniser's bodies and answers in the browser, and teach from there"),
     "record": ("programs.recordings.record", "keep a feed's packets as they come, to replay them"),
     "convert": ("programs.recordings.convert", "a raw recording or a motion file as plain numbers"),
     "latency": ("programs.latency", "measure frame sent to answer received, beside a bare echo"),
@@ -70,6 +71,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
             status: int = options.run(options)
     except KeyboardInterrupt:
         return 1
+    except RuntimeError as error:
+        # Python 3.11 wraps an interrupt that comes while a class is made, as on import.
+        if isinstance(error.__cause__, KeyboardInterrupt):
+            return 1
+        raise
     except BrokenPipeError:
         # The reader of our output has closed it: print nothing more, not even at the interpreter's end.
         sys.stderr.close()

@@ -25,7 +25,7 @@ from kinespace.stream.frame import Frame
 from kinespace.stream.recognition import EventKind
 from kinespace.stream.recognizer import Performers, Recognizer, Settings
 from kinespace.stream.teaching import Changed, State, Step, Teacher
-from kinespace.stream.teaching.notices import Running, Saving
+from kinespace.stream.teaching.notices import Running, Saving, Sensed
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     from kinespace.stream.frame import Input
     from kinespace.stream.outputs.sink import Sink
     from kinespace.stream.recognition import Event, Recognition
+    from kinespace.stream.recognizer.joints.carried import Carried
     from kinespace.stream.recognizer.performers import PerformerCounts
     from kinespace.stream.teaching import Command, Notice
 
@@ -157,6 +158,14 @@ class Desk:
         """Performers with joints that cannot be believed, and the reason."""
         return self._performers.doubted
 
+    def skeleton_of(self, name: str) -> Skeleton | None:
+        """Give the joints of a performer's frames."""
+        return self._performers.skeleton_of(name)
+
+    def carried(self, name: str) -> Carried | None:
+        """Say which joints carry the last answer to a performer."""
+        return self._performers.carried(name)
+
     @property
     def silence(self) -> float:
         """Seconds without a frame after which a performer is dropped."""
@@ -202,6 +211,16 @@ class Desk:
             return replace(notice, reason="not all of the library's joints are there: teach with --library none")
         return notice
 
+    def described(self) -> dict[str, object]:
+        """Describe the classes and the settings, for a reply: `taught` counts the examples of each taught class."""
+        roster = self._teacher.roster
+        return {
+            "classes": list(self.classes),
+            "taught": {name: len(roster.of(name)) for name in roster.classes},
+            "off": sorted(roster.disabled),
+            "sensitivity": self._performers.sensitivity,
+        }
+
     def ask(self, command: Command) -> None:
         """Carry out, at the next turn, a command from another thread."""
         self._asked.put(command)
@@ -235,6 +254,8 @@ class Desk:
                     self._jobs.put(_Job(self._teacher.roster))
                 case Running(on):
                     self._running = on
+                case Sensed(share):
+                    self._performers.set_sensitivity(share)
                 case _:
                     for sink in self.sinks:
                         sink.publish_notice(notice)

@@ -210,7 +210,7 @@ class RequestDoor:
             return None
         self._counts.received += 1
         told = [wire.as_json(notice) for notice in self._answered(request)]
-        reply = {"states": [each for each in told if each], "classes": list(self._desk.classes)}
+        reply = {"states": [each for each in told if each], **self._desk.described()}
         try:
             self._socket.send(json.dumps(reply).encode(), zmq.NOBLOCK)
         except zmq.ZMQError:

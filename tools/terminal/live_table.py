@@ -234,7 +234,7 @@ def counts(status: Status) -> str:
         f"{f', odd times {status.admission.odd_times}' if status.admission.odd_times else ''}"
         f"{f', incomplete {inputs.incomplete}' if inputs.incomplete else ''}"
         f"{f', thrown away of senders served last {inputs.thrown_away}' if inputs.thrown_away else ''}"
-        f"{f', connections broken {inputs.broken} (a message above 256 kB?)' if inputs.broken else ''}"
+        f"{f', connections broken {inputs.broken} (a message above 256 kB, or without end?)' if inputs.broken else ''}"
     )
 
 

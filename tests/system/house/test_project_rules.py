@@ -24,6 +24,7 @@ BELOW = {"library": set[str](), "stream": {"library"}, "tools": {"library", "str
 CORE = ("library", "stream/recognizer", "stream/frame.py", "stream/recognition.py")
 CORE += ("stream/osc/packet.py", "stream/osc/frames.py", "stream/osc/answers.py", "stream/outputs/layouts.py")
 CORE += ("stream/zeromq/frames.py", "stream/zeromq/answers.py", "stream/zeromq/single_part.py")
+CORE += tuple(f"stream/workers/{name}.py" for name in ("partition", "wire", "ledger", "worker", "spread"))
 CORE += ("stream/inputs/decoder.py", "stream/inputs/receiver.py", "stream/inputs/recording/playback.py")
 CORE += tuple(
     f"stream/feeds/{name}.py"

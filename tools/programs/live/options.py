@@ -95,3 +95,22 @@ class Teaching:
             raise ValueError("--control: expected --teach with it")
         if self.file and settings.signature is LiveSignature.PAPER:
             raise ValueError("--teach: expected --signature windows with it, got paper")
+
+
+@dataclass(frozen=True, slots=True)
+class Watched:
+    """Who sees the bodies, as typed.
+
+    Attributes
+    ----------
+    page
+        HOST:PORT of our own page in the browser; None for none.
+    bodies
+        Whether bodies are published beside the ZeroMQ answers.
+    keys
+        The folder of the keys of all ZeroMQ; None for none.
+    """
+
+    page: str | None = None
+    bodies: bool = False
+    keys: Path | None = None

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
-from contextlib import nullcontext
+import os
+from contextlib import ExitStack
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from kinespace.library import MotionLibrary
 from kinespace.library.naming import Naming
 from kinespace.stream.outputs import LAYOUTS
+from kinespace.stream.recognizer import LiveSignature
 from kinespace.stream.zeromq import Keyring
 from kinespace.tools.cli.arguments import (
     OSC_IN,
@@ -16,16 +20,24 @@ from kinespace.tools.cli.arguments import (
     add_library,
     add_names,
     add_overwrite,
+    add_page,
     add_sender,
     add_settings,
+    count,
     names,
     settings_of,
 )
-from kinespace.tools.programs.live.options import Addresses, Feed, Guard, Teaching
+from kinespace.tools.programs.live.options import Addresses, Feed, Guard, Teaching, Watched
+from kinespace.tools.programs.live.recognisers import in_this_process
 from kinespace.tools.programs.live.session import recognise
 
 if TYPE_CHECKING:
     import argparse
+    from collections.abc import Sequence
+
+    from kinespace.library.windows.index import WindowIndex
+    from kinespace.stream.recognizer import Performers, SentJoints, Settings
+    from kinespace.stream.workers.crew import WorkerSource
 
 #: Where answers go by default: a port that no usual receiver uses.
 OSC_OUT = "127.0.0.1:9311"
@@ -72,6 +84,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_keys(parser)
     parser.add_argument("--merge", action="store_true", help="let several senders send frames of one performer")
     parser.add_argument("--performers", type=int, default=32, help="how many performers at most (default %(default)s)")
+    parser.add_argument(
+        "--workers", type=workers, default=0, metavar="N|auto", help="spread performers over processes (default: none)"
+    )
     parser.add_argument("--record", type=Path, metavar="FILE", help="keep every packet that comes in, for replay")
     add_overwrite(parser)
     parser.add_argument(
@@ -84,6 +99,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="wekinator|ENDPOINT",
         help="also obey Wekinator's control messages (=HOST:PORT; 6448), or ZeroMQ requests, like tcp://127.0.0.1:9330",
     )
+    parser.add_argument(
+        "--bodies", action="store_true", help="publish bodies on --zmq-out, for kinespace page elsewhere"
+    )
+    add_page(parser)
     parser.add_argument("--plain", action="store_true", help="print a line per change instead of a table")
 
 
@@ -98,7 +117,11 @@ def run(options: argparse.Namespace) -> int:
         zmq_in=options.zmq_in,
         zmq_out=options.zmq_out,
     )
-    with Keyring(options.keys) if options.keys else nullcontext() as keyring:
+    answers: list[WorkerSource] = []
+    with ExitStack() as opened:
+        keyring = opened.enter_context(Keyring(options.keys)) if options.keys else None
+        make = partial(in_workers, options.workers, answers) if options.workers else in_this_process
+        opened.callback(_close, answers)
         return recognise(
             addresses,
             library=options.library,
@@ -110,4 +133,39 @@ def run(options: argparse.Namespace) -> int:
             feed=Feed(options.feed, options.sender, tuple(options.out), options.joints, Naming.asked(options.naming)),
             guard=Guard(options.allow, options.allow_from, options.merge, keyring),
             teaching=Teaching(options.teach, tuple(options.control)),
+            watched=Watched(options.page, options.bodies, options.keys),
+            make=make,
+            answers=answers,
         )
+
+
+def _close(answers: Sequence[WorkerSource]) -> None:
+    for each in answers:
+        each.close()
+
+
+def workers(text: str) -> int:
+    """Read a number of workers; `auto`: one for each core but one, which receives."""
+    return max((os.cpu_count() or 1) - 1, 1) if text == "auto" else count(text)
+
+
+def in_workers(
+    number: int,
+    answers: list[WorkerSource],
+    library: MotionLibrary | WindowIndex,
+    settings: Settings,
+    *,
+    most: int,
+    joints: SentJoints,
+    classes: Sequence[str] = (),
+) -> Performers:
+    """Make recognisers in processes of their own; append the sources of their answers to `answers`."""
+    from kinespace.library.windows.index import opened  # noqa: PLC0415 - only where there are workers
+    from kinespace.stream.workers.crew import Crew  # noqa: PLC0415 - as above
+    from kinespace.stream.workers.spread import as_performers  # noqa: PLC0415 - as above
+
+    if isinstance(library, MotionLibrary) and settings.signature is LiveSignature.WINDOWS:
+        library = opened(library)
+    crew = Crew(number, library, settings, most=most, joints=joints, classes=classes)
+    answers += crew.sources
+    return as_performers(crew)

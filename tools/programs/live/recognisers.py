@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from dataclasses import replace
 from difflib import get_close_matches
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 from kinespace.library.naming import Naming
 from kinespace.stream.recognizer import Performers, Recognizer, SentJoints
@@ -16,7 +17,7 @@ from kinespace.tools.teaching.desk import Start, as_performers, open_desk
 from kinespace.tools.terminal.console import console
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
     from kinespace.library import MotionLibrary
     from kinespace.library.windows.index import WindowIndex
@@ -29,6 +30,33 @@ if TYPE_CHECKING:
 _NO_LIBRARY = Path("none")
 
 
+class Making(Protocol):
+    """Makes the recognisers of a service, in this process or elsewhere; parameters as `Performers` has them."""
+
+    def __call__(
+        self,
+        library: MotionLibrary | WindowIndex,
+        settings: Settings,
+        *,
+        most: int,
+        joints: SentJoints,
+        classes: Sequence[str] = (),
+    ) -> Performers:
+        """Make them."""
+
+
+def in_this_process(
+    library: MotionLibrary | WindowIndex,
+    settings: Settings,
+    *,
+    most: int,
+    joints: SentJoints,
+    classes: Sequence[str] = (),
+) -> Performers:
+    """Make recognisers that the service's own loop calls."""
+    return Performers(library, settings, most=most, joints=joints, opener=background_windows(), classes=classes)
+
+
 def recognisers(
     library: Path | None,
     preset: Preset | None,
@@ -37,6 +65,7 @@ def recognisers(
     teaching: Teaching,
     settings: Settings,
     most: int,
+    make: Making = in_this_process,
 ) -> tuple[Performers, Desk | None]:
     """Make the recognisers, and the desk in front of them if people may teach."""
     nothing = library == _NO_LIBRARY
@@ -54,10 +83,10 @@ def recognisers(
         motions = fitted(motions, "--joints", joints)
     sent = SentJoints(joints, feed.naming, background_restricter(settings))
     if teaching.file:
-        desk = _desk(teaching, None if nothing else motions, sent, settings, most)
+        desk = _desk(teaching, None if nothing else motions, sent, partial(make, settings=settings, most=most))
         return as_performers(desk), desk
     _require_room_for(motions, settings)
-    return Performers(motions, settings, most=most, joints=sent, opener=background_windows()), None
+    return make(motions, settings, most=most, joints=sent), None
 
 
 def _assumed_joints(feed: Feed) -> tuple[str, ...]:
@@ -90,15 +119,14 @@ def fitted(motions: MotionLibrary, whose: str, joints: Sequence[str]) -> MotionL
     return shared
 
 
-def _desk(teaching: Teaching, motions: MotionLibrary | None, sent: SentJoints, settings: Settings, most: int) -> Desk:
+def _desk(teaching: Teaching, motions: MotionLibrary | None, sent: SentJoints, make: Callable[..., Performers]) -> Desk:
     """Open the taught library."""
     assert teaching.file is not None  # noqa: S101 - told to mypy
 
     def performers(index: WindowIndex, classes: Sequence[str]) -> Performers:
         covers = set(index.library.skeleton.joints) <= set(sent.assumed)
         joints = sent if covers else replace(sent, assumed=())
-        opener = background_windows()
-        return Performers(index, settings, most=most, joints=joints, opener=opener, classes=classes)
+        return make(index, joints=joints, classes=classes)
 
     return open_desk(Start(teaching.file, motions, sent.assumed), performers)
 

@@ -14,13 +14,16 @@ from rich.live import Live
 
 from kinespace.stream.feeds.source import FeedSource
 from kinespace.stream.inputs import Admission
+from kinespace.stream.outputs import ZmqSink
+from kinespace.stream.outputs.body_sink import BodySink
 from kinespace.stream.service.loop import Service
 from kinespace.stream.zeromq import Endpoint
 from kinespace.tools.cli.interruption import stop_on_signals
+from kinespace.tools.page.attach import NO_ENDS, ends_for_page
 from kinespace.tools.programs.feeds import preset_named
 from kinespace.tools.programs.live.endpoints import open_doors, open_ends
-from kinespace.tools.programs.live.options import Feed, Guard, Teaching
-from kinespace.tools.programs.live.recognisers import recognisers
+from kinespace.tools.programs.live.options import Feed, Guard, Teaching, Watched
+from kinespace.tools.programs.live.recognisers import in_this_process, recognisers
 from kinespace.tools.teaching.keys import Keys
 from kinespace.tools.terminal.console import console
 from kinespace.tools.terminal.live_table import LiveTable, PlainLines, summary
@@ -32,17 +35,20 @@ if TYPE_CHECKING:
 
     from kinespace.stream.outputs import Sink
     from kinespace.stream.recognizer import Settings
+    from kinespace.stream.service.loop import Source as AnswerSource
     from kinespace.tools.programs.live.options import Addresses
+    from kinespace.tools.programs.live.recognisers import Making
 
 #: Times a second the table is drawn.
 _REDRAWS = 5
-#: Seconds for which a thread may keep Python's lock while another waits. Drawing takes longer than a frame may wait.
+#: Seconds for which a thread may keep Python's lock while another waits.
 _SWITCH_INTERVAL = 0.0005
 #: Files and connections that may be open at once, as far as the system allows.
 MAX_CONNECTIONS = 16_384
 _NO_FEED = Feed()
 _NO_GUARD = Guard()
 _NO_TEACHING = Teaching()
+_UNWATCHED = Watched()
 
 
 def recognise(
@@ -57,31 +63,53 @@ def recognise(
     feed: Feed = _NO_FEED,
     guard: Guard = _NO_GUARD,
     teaching: Teaching = _NO_TEACHING,
+    watched: Watched = _UNWATCHED,
+    make: Making = in_this_process,
+    answers: Sequence[AnswerSource] = (),
 ) -> int:
-    """Open the addresses, recognise until interrupted, print the counts."""
+    """Open the addresses, recognise until interrupted, print the counts.
+
+    `make` makes the recognisers; where these are not in this process, it appends the sources of their answers to
+    `answers`.
+    """
     _allow_many_connections()
+    # A library that is prepared in a thread, and the table that is drawn, must not hold a frame up.
+    sys.setswitchinterval(_SWITCH_INTERVAL)
     teaching.require_file(settings)
     if record:
         require_place_for(record, overwrite=overwrite)
     preset = preset_named(feed.preset) if feed.preset else None
-    performers, desk = recognisers(library, preset, feed, teaching=teaching, settings=settings, most=most)
+    performers, desk = recognisers(library, preset, feed, teaching=teaching, settings=settings, most=most, make=make)
     shown: PlainLines | LiveTable = PlainLines() if plain or not console.is_terminal else LiveTable(performers.classes)
     admission = Admission(silence=performers.silence, merge=guard.merge, allowed=guard.performers)
     networks = [ipaddress.ip_network(each, strict=False) for each in guard.networks]
+    # Before the sockets are open: no packet is to wait until the page runs.
+    ends = (
+        ends_for_page(watched.page, performers, desk, keyring=guard.keyring, keys=watched.keys)
+        if watched.page
+        else NO_ENDS
+    )
     sources, sinks, kept = open_ends(
         addresses, feed, preset, record, networks=networks, keyring=guard.keyring, admission=admission
     )
     feeds = [source for source in sources if isinstance(source, FeedSource)]
     doors = open_doors(teaching, desk, sources, networks, guard.keyring) if desk else []
+    if watched.bodies:
+        sinks += [BodySink(sink.sender, performers) for sink in sinks if isinstance(sink, ZmqSink)]
     with (
         kept or nullcontext(),
-        Service(performers, [*sources, *doors], [*sinks, shown], admission=admission) as service,
+        Service(
+            performers, [*sources, *doors, *ends.doors, *answers], [*sinks, shown, *ends.sinks], admission=admission
+        ) as service,
+        ends.page or nullcontext() as page,
     ):
         if desk:
             desk.sinks = service.sinks
         # Before anybody can know that the program runs.
         stop_on_signals(service.stop)
         _announce([*sources, *doors], sinks)
+        if page:
+            console.print(f"page: {page.address}", soft_wrap=True)
         if not guard.keyring:
             _warn_of_strangers([addresses.zmq_in, addresses.zmq_out, *teaching.controls])
         # All objects so far live as long as the program: the collector need not look at them again.
@@ -132,7 +160,6 @@ def _warn_of_strangers(places: Sequence[str | None]) -> None:
 
 def _run_with_table(service: Service, shown: LiveTable) -> None:
     """Draw in a second thread, so that the feed waits at most for the lock, never for a picture."""
-    sys.setswitchinterval(_SWITCH_INTERVAL)
     loop = threading.Thread(target=service.run, name="kinespace service")
     loop.start()
     try:

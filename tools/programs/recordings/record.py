@@ -86,7 +86,7 @@ def record(
     console.print(
         f"{output}: {writer.written} packets, {output.stat().st_size / 1e6:.2f} MB; "
         f"{writer.failed} could not be written, {lost} were lost by the system before they came here"
-        + (f", {recording.broken} connections broke (a message above 256 kB?)" if recording.broken else ""),
+        + (f", {recording.broken} connections broke (messages too large or too many?)" if recording.broken else ""),
         soft_wrap=True,
     )
     return 0

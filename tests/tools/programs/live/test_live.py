@@ -73,11 +73,12 @@ def test_without_an_output_it_answers_to_the_usual_port() -> None:
         assert (program.interrupt(), program.errors) == (0, "")
 
 
-def test_every_frame_is_answered_that_is_due() -> None:
+@pytest.mark.parametrize("options", [(), ("--workers", 2)])
+def test_every_frame_is_answered_that_is_due(options: tuple[object, ...]) -> None:
     """Over OSC the answers equal the expected ones, one by one, and the counts at the end are exact."""
     cues = ghost_cues("squat1Reps", 2.0)
     expected = expected_of(cues)
-    with live("--plain") as stage:
+    with live("--plain", *options) as stage:
         stage.sender.announce(Announcement("ghost", builtin_library().skeleton.joints))
         stage.play(cues)
         answers = stage.answers(len(expected))
@@ -279,4 +280,4 @@ def test_a_message_too_large_costs_that_message_alone() -> None:
         stage.play(cues[10:])
         assert stage.answers(1)
         assert stage.stopped()["received"] == len(cues)
-        assert "connections broken 1 (a message above 256 kB?)" in stage.program.output
+        assert "connections broken 1 (a message above 256 kB, or without end?)" in stage.program.output

@@ -1,0 +1,409 @@
+"""Worker processes of one machine: frames go to them by their partitions; a killed or hung one is replaced.
+
+The performers of a worker that ended go to the other workers at once, with the frames of the last seconds, and come
+back when the new process is ready.
+"""
+
+from __future__ import annotations
+
+import itertools
+import multiprocessing
+import queue
+import socket
+import threading
+import time
+from collections import deque
+from contextlib import suppress
+from typing import TYPE_CHECKING, cast
+
+import msgspec
+
+from kinespace.stream.recognition import Recognition
+from kinespace.stream.recognizer.matcher import library_of
+from kinespace.stream.service.status import InputCounts
+from kinespace.stream.workers import process as child
+from kinespace.stream.workers.channel import Channel
+from kinespace.stream.workers.ledger import Ledger
+from kinespace.stream.workers.partition import PARTITIONS, owners
+from kinespace.stream.workers.spread import Spread, together
+from kinespace.stream.workers.wire import decode_answers, encode_entries, encode_frames
+from kinespace.stream.zeromq.frames import MAX_SEQ, FormatError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from kinespace.library.motion_library import MotionLibrary
+    from kinespace.library.windows.index import WindowIndex
+    from kinespace.stream.frame import Admitted
+    from kinespace.stream.recognition import Event
+    from kinespace.stream.recognizer import SentJoints, Settings
+    from kinespace.stream.workers.wire import SentFrame
+
+#: Seconds without a report after which a worker counts as hung, and in which a new one must be ready.
+MAX_SILENT, MAX_START = 1.0, 60.0
+#: Seconds between two starts of a worker that ends soon after it was started.
+_PAUSE = 1.0
+#: Seconds between two looks at the workers, above which this process itself was stopped for a while.
+_STOPPED = 0.5
+#: Seconds in which the last frames are answered at the end.
+_MAX_ENDING = 0.5
+
+
+class _Process:
+    """One process, from its start to its end."""
+
+    def __init__(self, name: str, library: bytes, start: child.Start, now: float) -> None:
+        self.name, self.begun, self.heard, self.ready = name, now, now, False
+        context = multiprocessing.get_context("spawn")
+        ours, theirs = socket.socketpair()
+        reading, self._writing = context.Pipe(duplex=False)
+        self.channel = Channel(ours)
+        self._process = context.Process(target=child.run, args=(theirs, reading, start), name=name, daemon=True)
+        self._process.start()
+        # Only the child keeps these ends, so that its death is noticed at once.
+        theirs.close()
+        reading.close()
+        self._libraries: queue.SimpleQueue[bytes | None] = queue.SimpleQueue()
+        threading.Thread(target=self._hand_over, name=f"kinespace library of {name}", daemon=True).start()
+        self.exchange(library)
+
+    @property
+    def process_id(self) -> int | None:
+        return self._process.pid
+
+    def exchange(self, library: bytes) -> None:
+        self._libraries.put(library)
+
+    def _hand_over(self) -> None:
+        """Write libraries in a thread, because a pipe takes them only as fast as the child reads."""
+        with suppress(OSError), self._writing:
+            while (library := self._libraries.get()) is not None:
+                self._writing.send_bytes(library)
+
+    def end(self, *, kill: bool) -> None:
+        self.channel.close()
+        self._libraries.put(None)
+        if kill:
+            self._process.kill()
+        self._process.join(None if kill else child.REPORT_EVERY * 8)
+        if self._process.is_alive():
+            self._process.kill()
+            self._process.join()
+
+
+class WorkerSource:
+    """The answers of one worker, whichever process it has at the moment: a source for the service.
+
+    Attributes
+    ----------
+    waited
+        Seconds since the frame of the last answer came.
+    """
+
+    tended = True
+
+    def __init__(self, crew: Crew, place: int) -> None:
+        self._crew, self._place = crew, place
+        self.waited = 0.0
+        self.process: _Process | None = None
+        self.starts = 0
+        self.start_at = 0.0
+        self._answers = deque[tuple[Recognition, float]]()
+        #: Polled while there is no process: nothing ever comes.
+        self._idle = socket.socketpair()
+
+    def fileno(self) -> int:
+        """Give the number of the socket on which answers come now."""
+        return self.process.channel.fileno() if self.process else self._idle[0].fileno()
+
+    @property
+    def pollable(self) -> object:
+        """The source itself, because the socket changes with the process."""
+        return self
+
+    @property
+    def has_put_aside(self) -> bool:
+        """Whether answers were read and not taken yet."""
+        return bool(self._answers)
+
+    @property
+    def counts(self) -> InputCounts:
+        """Nothing: answers are not what comes in."""
+        return InputCounts()
+
+    @property
+    def notes(self) -> list[str]:
+        """Notes for a person, a line each."""
+        return self._crew.notes if self._place == 0 else []
+
+    def take(self, arrival: float) -> Sequence[Admitted] | None:
+        """Give the next answer as an event, which `Crew.push_all` gives back; None when none has come."""
+        if not self._answers:
+            self.read(arrival)
+        if not self._answers:
+            return None
+        recognition, at = self._answers.popleft()
+        self.waited = max(arrival - at, 0.0)
+        return (cast("Admitted", recognition),)
+
+    def read(self, now: float) -> None:
+        """Read the answers that have come."""
+        if self.process:
+            messages = self.process.channel.receive()
+            if messages is None:
+                self._crew.replace(self, now, "ended")
+                return
+            for message in messages:
+                self._answers += self._crew.read(self, message, now)
+
+    def drain(self) -> list[Recognition]:
+        """Give all answers that were read."""
+        drained = [recognition for recognition, _ in self._answers]
+        self._answers.clear()
+        return drained
+
+    def tend(self, now: float) -> Sequence[Admitted]:
+        """Look after the worker."""
+        self._crew.tend(self, now)
+        return ()
+
+    def close(self) -> None:
+        """End the process."""
+        process, self.process = self.process, None
+        if process:
+            process.end(kill=False)
+        for end in self._idle:
+            end.close()
+
+
+class Crew(Spread):
+    """Worker processes in the place of `Performers`.
+
+    Parameters
+    ----------
+    count
+        How many.
+    library, settings, most, silence, joints, classes
+        As `Performers` has them; an opened library is not opened again by every worker.
+    clock
+        Seconds, the service's own.
+
+    Attributes
+    ----------
+    sources
+        Where answers come back: sources for the service, which closes them.
+
+    Raises
+    ------
+    ChildProcessError
+        A worker ended before it was ready.
+    TimeoutError
+        A worker was not ready within a minute.
+    """
+
+    def __init__(  # noqa: PLR0913 - what there may be of performers
+        self,
+        count: int,
+        library: MotionLibrary | WindowIndex,
+        settings: Settings,
+        *,
+        most: int,
+        joints: SentJoints,
+        silence: float = 5.0,
+        classes: Sequence[str] = (),
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        if count < 1:
+            raise ValueError(f"count: expected at least 1 worker, got {count}")
+        motions = library_of(library)
+        ledger = Ledger(most=most, silence=silence, keeps_frames=True)
+        super().__init__(motions.skeleton, classes or motions.classes, settings, joints, ledger)
+        self._start = child.Start(settings, joints.assumed, joints.naming, most, silence)
+        self._library = child.packed(library, tuple(classes), 0)
+        self._clock = clock
+        self._owners: tuple[WorkerSource | None, ...] = (None,) * PARTITIONS
+        #: Workers that still answer for partitions that another worker is taking over, and these moves by question.
+        self._former: dict[int, WorkerSource] = {}
+        self._moves: dict[int, tuple[WorkerSource, Sequence[int]]] = {}
+        self._replaced: list[str] = []
+        self._looked = clock()
+        self.sources = [WorkerSource(self, place) for place in range(count)]
+        try:
+            for source in self.sources:
+                self._begin(source, clock())
+            self._wait_until_ready()
+        except BaseException:
+            for source in self.sources:
+                source.close()
+            raise
+
+    def _begin(self, source: WorkerSource, now: float) -> None:
+        source.starts += 1
+        name = f"worker {self.sources.index(source) + 1}"
+        source.process = _Process(name, self._library, self._start, now)
+
+    def _wait_until_ready(self) -> None:
+        until = self._clock() + MAX_START
+        while not all(source.process and source.process.ready for source in self.sources):
+            if self._replaced:
+                raise ChildProcessError(f"{self._replaced[0]} before it was ready")
+            if self._clock() > until:
+                raise TimeoutError(f"the workers were not ready within {MAX_START:g} s")
+            time.sleep(0.01)
+            for source in self.sources:
+                source.read(self._clock())
+
+    @property
+    def process_ids(self) -> list[int | None]:
+        """The number of each worker's process; None while it has none."""
+        return [source.process.process_id if source.process else None for source in self.sources]
+
+    @property
+    def notes(self) -> list[str]:
+        """Notes for a person, a line each: workers that were replaced, frames that were dropped."""
+        dropped = [source.process.channel.dropped for source in self.sources if source.process]
+        self_told = [f"{told}, {len(self._replaced)} replaced so far" for told in self._replaced[-1:]]
+        late = [f"{sum(dropped)} frames dropped because their worker was busy"] if sum(dropped) else []
+        return [*super().notes, *self_told, *late]
+
+    def _send(self, frames: dict[int, list[SentFrame]]) -> None:
+        for_source: dict[WorkerSource, list[SentFrame]] = {}
+        for partition, each in frames.items():
+            takers = [self._owners[partition], self._former.get(partition)]
+            ready = [taker for taker in takers if taker and taker.process]
+            for taker in ready:
+                for_source.setdefault(taker, []).extend(each)
+            self.unsent += 0 if ready else len(each)
+        for source, each in for_source.items():
+            self._tell(source, child.FRAMES + encode_frames(each), len(each))
+
+    @staticmethod
+    def _tell(source: WorkerSource, message: bytes, frames: int = 0) -> None:
+        if source.process:
+            source.process.channel.send(message, frames)
+
+    def read(self, source: WorkerSource, message: bytes, now: float) -> list[tuple[Recognition, float]]:
+        """Read a worker's message; give its answers that are news."""
+        process = source.process
+        if process is None:
+            return []
+        try:
+            answers = decode_answers(message)
+        except FormatError:
+            self.unread += 1
+            return []
+        process.heard = now
+        news = self.take_back(process.name, answers)
+        if not process.ready:
+            process.ready = True
+            self._assign()
+        if answers.report and self._moves:
+            for question in [each for each, (taker, _) in self._moves.items() if taker is source]:
+                if answers.report.last >= question:
+                    self._cut(question)
+        return news
+
+    def tend(self, source: WorkerSource, now: float) -> None:
+        """Send what waits; replace a worker that says nothing; start one that is due."""
+        if now - self._looked > _STOPPED:
+            # This process was stopped: the workers had nobody to report to.
+            for each in self.sources:
+                if each.process:
+                    each.process.heard = max(each.process.heard, now - MAX_SILENT / 2)
+        self._looked = now
+        process = source.process
+        if process is None:
+            if now >= source.start_at:
+                self._begin(source, now)
+            return
+        process.channel.flush()
+        if now - process.heard > (MAX_SILENT if process.ready else MAX_START):
+            # What it wrote before it hung is read first.
+            source.read(now)
+            if source.process is process and now - process.heard > MAX_SILENT:
+                self.replace(source, now, "hung and was killed")
+
+    def replace(self, source: WorkerSource, now: float, what: str) -> None:
+        """Give the performers of a worker that has ended to the others, and start it again."""
+        process, source.process = source.process, None
+        if process is None:
+            return
+        process.end(kill=True)
+        self.unsent += process.channel.dropped
+        self._retire(process.name)
+        self._replaced.append(f"{process.name} {what}")
+        # A worker that ends at its start is not started without pause.
+        source.start_at = now if process.ready and now - process.begun > _PAUSE else now + _PAUSE
+        for question, (taker, partitions) in [*self._moves.items()]:
+            if taker is source or any(self._former.get(each) is source for each in partitions):
+                self._cut(question)
+        self._assign()
+
+    def _assign(self) -> None:
+        """Give each partition to its owner among the workers that are ready; hand over what moves."""
+        ready = {f"{place}": each for place, each in enumerate(self.sources) if each.process and each.process.ready}
+        before = self._owners
+        self._owners = tuple(ready[name] for name in owners(ready)) or (None,) * PARTITIONS
+        moved: dict[tuple[WorkerSource, bool], list[int]] = {}
+        for partition, (old, new) in enumerate(zip(before, self._owners, strict=True)):
+            if new and new is not old:
+                goes_on = bool(self.names) and old in ready.values()
+                moved.setdefault((new, goes_on), []).append(partition)
+                if old and goes_on:
+                    self._former[partition] = old
+        for (source, goes_on), partitions in moved.items():
+            self._hand_over(source, partitions, mute=goes_on)
+
+    def _hand_over(self, source: WorkerSource, partitions: Sequence[int], *, mute: bool) -> None:
+        """Send performers and their last frames to a worker; `mute` it while the former worker goes on."""
+        entries, frames = self._ledger.entries(partitions), self._ledger.recent(partitions)
+        if mute:
+            entries = [msgspec.structs.replace(each, answered=MAX_SEQ) for each in entries]
+        self._tell(source, child.TAKE_OVER + encode_entries(entries))
+        for each in together(frames):
+            self._tell(source, child.FRAMES + encode_frames(each))
+        if mute:
+            question = next(_questions)
+            self._moves[question] = source, partitions
+            self._ask(source, question)
+
+    def _cut(self, question: int) -> None:
+        """Let a worker that has caught up answer, and the former worker stop."""
+        source, partitions = self._moves.pop(question)
+        for partition in partitions:
+            self._former.pop(partition, None)
+        self._tell(source, child.UNMUTE + encode_entries(self._ledger.entries(partitions)))
+
+    def _ask(self, source: WorkerSource, question: int) -> None:
+        self._tell(source, child.ASK + msgspec.msgpack.encode(question))
+
+    def exchange(self, library: MotionLibrary | WindowIndex, order: Sequence[str] = ()) -> list[Event]:
+        """Compare all performers with another library from now on; give the ends of motions whose class is gone."""
+        self._books.append(tuple(order) or library_of(library).classes)
+        self._library = child.packed(library, tuple(order), len(self._books) - 1)
+        for source in self.sources:
+            if source.process:
+                source.process.exchange(self._library)
+        return self._ledger.end_others(self.classes)
+
+    def end(self) -> list[Event]:
+        """Give the last events, and the ends of all motions going on, because nothing more will come."""
+        question = next(_questions)
+        for source in self.sources:
+            self._ask(source, question)
+        until = self._clock() + _MAX_ENDING
+        while self._clock() < until and not self._are_done(question):
+            time.sleep(0.001)
+            for source in self.sources:
+                if source.process:
+                    source.process.channel.flush()
+                    source.read(self._clock())
+        last = [event for source in self.sources for each in source.drain() for event in each.events]
+        return [*last, *super().end()]
+
+    def _are_done(self, question: int) -> bool:
+        asked = [source.process.name for source in self.sources if source.process and source.process.ready]
+        return all(name in self._reports and self._reports[name].last >= question for name in asked)
+
+
+_questions = itertools.count(1)

@@ -1,0 +1,203 @@
+"""What the receiving process keeps of each performer: enough for another worker to take over without a gap."""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
+
+from kinespace.stream.recognition import Event, EventKind
+from kinespace.stream.workers.partition import partition_of
+from kinespace.stream.workers.wire import Entry, SentFrame, sent_frame
+from kinespace.stream.workers.worker import HISTORY
+
+if TYPE_CHECKING:
+    from collections.abc import Collection
+
+    from kinespace.stream.frame import Announcement, Frame
+    from kinespace.stream.workers.wire import Answered
+
+#: Seconds after which the joints are sent again, so that they are among the frames of the last seconds.
+_JOINTS_EVERY = 1.0
+#: For each performer that there may be, performers whose joints are remembered.
+_MAX_REMEMBERED = 4
+#: Seconds after which a performer that was never answered makes room for another.
+_STEADY_SECONDS = 1.0
+
+
+@dataclass(slots=True)
+class _Performer:
+    partition: int
+    begun: float
+    heard: float
+    #: Time of the last frame on the sender's clock, seconds.
+    time: float = 0.0
+    #: The numbers of the last frame sent and of the last frame answered.
+    sent: int = 0
+    answered: int = 0
+    #: The start of the motion that listeners believe to go on.
+    going_on: Event | None = None
+    #: When the joints were last sent.
+    told_joints: float = 0.0
+    anew: bool = True
+    #: The frames of the last seconds, where the ledger keeps them.
+    recent: deque[SentFrame] = field(default_factory=deque)
+
+
+class Ledger:
+    """Numbers frames, notes answers, and remembers.
+
+    Parameters
+    ----------
+    most, silence
+        As `Performers` has them.
+    keeps_frames
+        Whether to keep the frames of the last seconds; not where the transport keeps them.
+
+    Attributes
+    ----------
+    no_room, dropped
+        Frames of performers for whom there was no room, and performers dropped after silence.
+    """
+
+    def __init__(self, *, most: int, silence: float, keeps_frames: bool) -> None:
+        self.most, self.silence = most, silence
+        self.no_room = self.dropped = 0
+        self._keeps_frames = keeps_frames
+        self._performers: dict[str, _Performer] = {}
+        self._joints: dict[str, tuple[str, ...]] = {}
+        self._gone: list[str] = []
+        self._ended: list[Event] = []
+        #: Numbers are never used twice, so that a performer who comes again is not taken for the former one.
+        self._seq = 0
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The performers now followed, in the order of their first frames."""
+        return tuple(self._performers)
+
+    def joints_of(self, performer: str) -> tuple[str, ...] | None:
+        """Give the joints that a performer's sender announced; None without an announcement."""
+        return self._joints.get(performer)
+
+    def announce(self, announcement: Announcement) -> None:
+        """Note the joints of a performer; they travel with the next frame."""
+        name = announcement.performer
+        if self._joints.get(name) == announcement.joints:
+            return
+        if name not in self._joints and len(self._joints) >= _MAX_REMEMBERED * self.most:
+            del self._joints[next(iter(self._joints))]
+        self._joints[name] = announcement.joints
+        if performer := self._performers.get(name):
+            performer.told_joints = -1.0
+
+    def change_sender(self, performer: str) -> None:
+        """Forget what another sender of a performer has sent."""
+        self._joints.pop(performer, None)
+        self._forget(performer)
+
+    def send(self, frame: Frame, now: float) -> tuple[int, SentFrame] | None:
+        """Give the partition of a frame that came now, and what is sent of it; None when there is no room."""
+        performer = self._performers.get(frame.performer) or self._begin(frame.performer, now)
+        if performer is None:
+            self.no_room += 1
+            return None
+        joints = self._joints.get(frame.performer)
+        if joints is not None and not performer.anew and 0 <= now - performer.told_joints < _JOINTS_EVERY:
+            joints = None
+        elif joints is not None:
+            performer.told_joints = now
+        self._seq += 1
+        sent = sent_frame(frame, self._seq, now, joints, anew=performer.anew)
+        performer.anew = False
+        performer.heard, performer.time, performer.sent = now, frame.time, self._seq
+        if self._keeps_frames:
+            recent = performer.recent
+            recent.append(sent)
+            while recent[0].at < now - HISTORY:
+                recent.popleft()
+        return performer.partition, sent
+
+    def _begin(self, name: str, now: float) -> _Performer | None:
+        if len(self._performers) >= self.most:
+            self._ended = self.drop_silent(now)
+        if len(self._performers) >= self.most:
+            # A name without a body behind it is never answered.
+            others = self._performers.items()
+            idle = (other for other, each in others if not each.answered and now - each.begun > _STEADY_SECONDS)
+            if (other := next(idle, None)) is None:
+                return None
+            self._forget(other)
+        performer = self._performers[name] = _Performer(partition_of(name), now, now)
+        self._gone = [each for each in self._gone if each != name]
+        return performer
+
+    def note(self, answer: Answered) -> tuple[Event, ...] | None:
+        """Note an answer; give its events so that each motion starts and ends once.
+
+        Returns
+        -------
+        None for an answer that is no news: of a performer who has left, or to a frame that was answered before.
+        """
+        performer = self._performers.get(answer.performer)
+        if performer is None or not performer.answered < answer.seq <= performer.sent:
+            return None
+        performer.answered = answer.seq
+        told: list[Event] = []
+        for event in answer.events:
+            going_on = performer.going_on
+            same = going_on is not None and going_on.label == event.label
+            if event.kind is EventKind.END:
+                told += [event] if same else []
+                performer.going_on = None if same else going_on
+            elif not same:
+                told += [replace(going_on, kind=EventKind.END, time=event.time), event] if going_on else [event]
+                performer.going_on = event
+        return tuple(told)
+
+    def entries(self, partitions: Collection[int]) -> list[Entry]:
+        """Give what a worker must know of some partitions' performers."""
+        return [
+            Entry(name, each.answered, each.going_on, self._joints.get(name))
+            for name, each in self._performers.items()
+            if each.partition in partitions
+        ]
+
+    def recent(self, partitions: Collection[int]) -> list[SentFrame]:
+        """Give the last frames of some partitions' performers, each performer's in order."""
+        taken = (each for each in self._performers.values() if each.partition in partitions)
+        return [frame for each in taken for frame in each.recent]
+
+    def end_others(self, classes: Collection[str]) -> list[Event]:
+        """Give the ends of motions whose class is none of these."""
+        others = [each for each in self._performers.values() if each.going_on and each.going_on.label not in classes]
+        return [event for each in others if (event := _end(each))]
+
+    def _forget(self, name: str) -> None:
+        if performer := self._performers.pop(name, None):
+            self.dropped += 1
+            if ended := _end(performer):
+                self._ended.append(ended)
+
+    def drop_silent(self, now: float) -> list[Event]:
+        """Forget performers that sent nothing for `silence` seconds; give the ends of their motions."""
+        for name in [name for name, each in self._performers.items() if now - each.heard > self.silence]:
+            self._forget(name)
+            self._gone = [*self._gone[-_MAX_REMEMBERED * self.most :], name]
+        ended, self._ended = self._ended, []
+        return ended
+
+    def take_gone(self) -> list[str]:
+        """Give the performers who were dropped since the last call."""
+        gone, self._gone = self._gone, []
+        return gone
+
+    def end(self) -> list[Event]:
+        """Give the ends of all motions going on, because nothing more will come."""
+        ended, self._ended = self._ended, []
+        return [*ended, *(event for each in self._performers.values() if (event := _end(each)))]
+
+
+def _end(performer: _Performer) -> Event | None:
+    going_on, performer.going_on = performer.going_on, None
+    return replace(going_on, kind=EventKind.END, time=performer.time) if going_on else None

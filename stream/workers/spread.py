@@ -1,0 +1,191 @@
+"""In the place of `Performers`: frames go out to workers, and their answers come back as events of a source."""
+
+from __future__ import annotations
+
+from dataclasses import fields, replace
+from typing import TYPE_CHECKING, cast
+
+from kinespace.stream.frame import Announcement, Frame, NewSender
+from kinespace.stream.recognizer.performers import PerformerCounts
+from kinespace.stream.recognizer.recognizer import RecognizerCounts
+from kinespace.stream.workers.wire import MAX_TOGETHER
+from kinespace.stream.zeromq.frames import FormatError
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from kinespace.library.skeleton import Skeleton
+    from kinespace.stream.frame import Admitted
+    from kinespace.stream.recognition import Event, Recognition
+    from kinespace.stream.recognizer import Performers, Settings
+    from kinespace.stream.recognizer.joints.fewer_joints import SentJoints
+    from kinespace.stream.workers.ledger import Ledger
+    from kinespace.stream.workers.wire import Answers, Report, SentFrame
+
+
+class Spread:
+    """Spreads performers over workers; a subclass knows how to reach them.
+
+    Parameters
+    ----------
+    skeleton, classes, settings, joints
+        The library's skeleton and classes, the settings of the recognisers, and what is known of senders' joints.
+    ledger
+        Keeps what is known of each performer.
+
+    Attributes
+    ----------
+    former
+        Answers that were not passed on: of a former owner, or of a performer who has left.
+    unread
+        Messages of workers that could not be read.
+    unsent
+        Frames that were dropped because no worker took them in time.
+    """
+
+    def __init__(
+        self, skeleton: Skeleton, classes: Sequence[str], settings: Settings, joints: SentJoints, ledger: Ledger
+    ) -> None:
+        self.settings = settings
+        self.former = self.unread = self.unsent = 0
+        self._skeleton, self._joints, self._ledger = skeleton, joints, ledger
+        #: The lists of classes so far; an answer names the number of its own.
+        self._books = [tuple(classes)]
+        self._reports: dict[str, Report] = {}
+        #: The counts of workers that have ended.
+        self._past = RecognizerCounts()
+        self._past_joints = 0
+
+    @property
+    def classes(self) -> tuple[str, ...]:
+        """The classes that are answered; an answer's index counts in this list."""
+        return self._books[-1]
+
+    @property
+    def silence(self) -> float:
+        """Seconds without a frame after which a performer is dropped."""
+        return self._ledger.silence
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The performers now followed, in the order of their first frames."""
+        return self._ledger.names
+
+    @property
+    def counts(self) -> PerformerCounts:
+        """Counts of what happened to all frames so far, as far as workers have reported it."""
+        total, other_joints = replace(self._past), self._past_joints
+        for report in self._reports.values():
+            _add(total, report.counts.recognizers)
+            other_joints += report.counts.other_joints
+        return PerformerCounts(self._ledger.no_room, other_joints, self._ledger.dropped, total)
+
+    @property
+    def refused(self) -> dict[str, str]:
+        """Performers whose frames are refused for their joints, with the reason."""
+        return {name: why for report in self._reports.values() for name, why in report.refused.items()}
+
+    @property
+    def doubted(self) -> dict[str, str]:
+        """Performers with joints that cannot be believed, and the reason."""
+        return {name: why for report in self._reports.values() for name, why in report.doubted.items()}
+
+    @property
+    def compared(self) -> dict[str, str]:
+        """The joints by which performers are compared, if these are not all."""
+        return {name: told for report in self._reports.values() for name, told in report.compared.items()}
+
+    @property
+    def notes(self) -> list[str]:
+        """Notes for a person, a line each."""
+        told = {"frames that no worker took": self.unsent, "messages of workers that cannot be read": self.unread}
+        return [f"{count} {what}" for what, count in told.items() if count]
+
+    def push_all(self, events: Sequence[Admitted], arrival: float) -> list[Recognition | None]:
+        """Send frames to their workers, in order; give the recognitions that came back among the events."""
+        answers: list[Recognition | None] = [None] * len(events)
+        frames: dict[int, list[SentFrame]] = {}
+        for place, event in enumerate(events):
+            match event:
+                case Frame():
+                    if numbered := self._ledger.send(event, arrival):
+                        partition, sent = numbered
+                        frames.setdefault(partition, []).append(sent)
+                case Announcement():
+                    self._ledger.announce(event)
+                case NewSender():
+                    self._ledger.change_sender(event.performer)
+                case _:
+                    # An answer: `take_back` has given it to the service as if it were a frame.
+                    answers[place] = cast("Recognition", event)
+        if frames:
+            self._send(frames)
+        return answers
+
+    def _send(self, frames: dict[int, list[SentFrame]]) -> None:
+        """Send frames, by partition, to the workers that own the partitions."""
+        raise NotImplementedError
+
+    def ordered(self, frame: Frame) -> Frame | None:
+        """Give a frame in the order of the library's joints; None where it has not all of them."""
+        wanted = self._skeleton.joints
+        announced = self._ledger.joints_of(frame.performer) or self._joints.assumed or wanted
+        joints = self._joints.naming.met(announced, wanted).joints
+        if len(frame.positions) != len(joints) or not set(joints) >= set(wanted):
+            return None
+        if joints == wanted:
+            return frame
+        return replace(frame, positions=frame.positions[self._skeleton.order_from(joints)])
+
+    def drop_silent(self, now: float) -> list[Event]:
+        """Forget performers that sent nothing for `silence` seconds; give the ends of their motions."""
+        return self._ledger.drop_silent(now)
+
+    def take_gone(self) -> list[str]:
+        """Give the performers who were dropped since the last call."""
+        return self._ledger.take_gone()
+
+    def end(self) -> list[Event]:
+        """Give the ends of all motions going on, because nothing more will come."""
+        return self._ledger.end()
+
+    def take_back(self, worker: str, answers: Answers) -> list[tuple[Recognition, float]]:
+        """Give a worker's answers that are news, each with the arrival of its frame; keep its report."""
+        news = []
+        for answer in answers.answered:
+            try:
+                classes = self._books[answer.book] if 0 <= answer.book < len(self._books) else ()
+                recognition = answer.recognition(classes)
+            except FormatError:
+                self.unread += 1
+                continue
+            events = self._ledger.note(answer)
+            if events is None:
+                self.former += 1
+            else:
+                as_told = recognition if events == recognition.events else replace(recognition, events=events)
+                news.append((as_told, answer.at))
+        if answers.report:
+            self._reports[worker] = answers.report
+        return news
+
+    def _retire(self, worker: str) -> None:
+        """Keep the counts of a worker that has ended."""
+        if report := self._reports.pop(worker, None):
+            _add(self._past, report.counts.recognizers)
+            self._past_joints += report.counts.other_joints
+
+
+def together(frames: Sequence[SentFrame]) -> list[list[SentFrame]]:
+    """Divide frames into messages."""
+    return [list(frames[first : first + MAX_TOGETHER]) for first in range(0, len(frames), MAX_TOGETHER)]
+
+
+def as_performers(spread: Spread) -> Performers:
+    """Give the workers as the performers that a service needs."""
+    return cast("Performers", spread)
+
+
+def _add(total: RecognizerCounts, counts: RecognizerCounts) -> None:
+    for each in fields(RecognizerCounts):
+        setattr(total, each.name, getattr(total, each.name) + getattr(counts, each.name))

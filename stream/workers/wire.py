@@ -1,0 +1,242 @@
+"""The messages between a receiving process and its workers, in msgpack: bytes in, checked values out, and back.
+
+A frame is our ZeroMQ message of one part (`kinespace.stream.zeromq.single_part`) with two further fields, and several
+frames travel together as a list. Times named `at` are seconds on the receiving process's clock.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated, Any
+
+import msgspec
+import numpy as np
+
+from kinespace.stream.frame import MAX_PERFORMER_LENGTH, Announcement
+from kinespace.stream.recognition import Event, Outcome, Progress, Recognition
+from kinespace.stream.recognizer.performers import PerformerCounts  # noqa: TC001 - msgspec reads annotations
+from kinespace.stream.zeromq.frames import MAX_SEQ, VERSION, FormatError, NumberedFrame, numbered
+from kinespace.stream.zeromq.single_part import Packed
+
+if TYPE_CHECKING:
+    from kinespace.stream.frame import Frame
+
+#: Frames in a message, at most.
+MAX_TOGETHER = 256
+_Seq = Annotated[int, msgspec.Meta(ge=0, le=MAX_SEQ)]
+_Name = Annotated[str, msgspec.Meta(min_length=1, max_length=MAX_PERFORMER_LENGTH)]
+_Index = Annotated[int, msgspec.Meta(ge=-1)]
+
+
+class SentFrame(Packed, kw_only=True, omit_defaults=True):
+    """A frame on its way to a worker.
+
+    Attributes
+    ----------
+    at
+        When its packet came.
+    anew
+        Whether the performer begins anew: what the worker knows of an earlier performer of this name is void.
+    """
+
+    at: float = 0.0
+    anew: bool = False
+
+
+class Entry(msgspec.Struct, array_like=True, frozen=True):
+    """What a worker must know of a performer whom it takes over.
+
+    Attributes
+    ----------
+    performer
+        The performer's name.
+    answered
+        The number of the last frame that was answered; answers up to it are not sent again.
+    going_on
+        The start of the motion that listeners believe to go on.
+    joints
+        The joints that the sender announced.
+    """
+
+    performer: _Name
+    answered: _Seq
+    going_on: Event | None
+    joints: tuple[str, ...] | None
+
+
+class Answered(msgspec.Struct, array_like=True, frozen=True):
+    """A recognition, with the number and the arrival of its frame, and the number of the list of classes."""
+
+    performer: _Name
+    seq: _Seq
+    at: float
+    book: int
+    time: float
+    outcome: Outcome
+    scores: bytes
+    movement: float
+    lead: float
+    eigenvector_class: str | None
+    eigenvector_score: float
+    share: float
+    gap: float
+    guess: _Index | None
+    progress: Progress | None
+    events: tuple[Event, ...]
+    doubted: tuple[str, ...]
+
+    def recognition(self, classes: tuple[str, ...]) -> Recognition:
+        """Give the recognition; FormatError where it does not fit the classes."""
+        scores = np.frombuffer(self.scores, "<f8") if len(self.scores) == 8 * len(classes) else np.zeros(0)
+        indices = [self.guess or 0, *(event.index for event in self.events)]
+        if not len(scores) or not all(0 <= index < len(classes) for index in indices):
+            raise FormatError(f"answer: expected scores of {len(classes)} classes, got {len(self.scores)} bytes")
+        return Recognition(
+            self.performer,
+            self.time,
+            self.outcome,
+            classes,
+            scores,
+            self.movement,
+            self.lead,
+            self.eigenvector_class,
+            self.eigenvector_score,
+            self.share,
+            self.gap,
+            self.guess,
+            None,
+            self.progress,
+            self.events,
+            self.doubted,
+        )
+
+
+class Report(msgspec.Struct, array_like=True, frozen=True):
+    """A worker's counters; it also shows that the worker is alive.
+
+    Attributes
+    ----------
+    counts
+        What happened to its frames, those of warming up left out.
+    refused, doubted, compared
+        As `Performers` has them.
+    performers
+        How many performers it follows.
+    last
+        The highest number of a question (`ask`) that it had read.
+    """
+
+    counts: PerformerCounts
+    refused: dict[str, str]
+    doubted: dict[str, str]
+    compared: dict[str, str]
+    performers: int = 0
+    last: int = 0
+
+
+class Answers(msgspec.Struct, array_like=True, frozen=True):
+    """What a worker sends back at once."""
+
+    answered: list[Answered]
+    report: Report | None = None
+
+
+_encode = msgspec.msgpack.Encoder().encode
+_read_frames = msgspec.msgpack.Decoder(Annotated[list[SentFrame], msgspec.Meta(max_length=MAX_TOGETHER)]).decode
+_read_entries = msgspec.msgpack.Decoder(list[Entry]).decode
+_read_answers = msgspec.msgpack.Decoder(Answers).decode
+
+
+def sent_frame(frame: Frame, seq: int, at: float, joints: tuple[str, ...] | None = None, *, anew: bool) -> SentFrame:
+    """Make what is sent of a frame; positions keep their precision."""
+    positions = frame.positions
+    dtype = "<f8" if positions.dtype.itemsize == 8 else "<f4"
+    return SentFrame(
+        v=VERSION,
+        shape=(len(positions), 3),
+        dtype=dtype,
+        seq=seq,
+        t=frame.time,
+        joints=None if joints is None else list(joints),
+        performer=frame.performer,
+        data=positions.astype(dtype, copy=False).tobytes(),
+        at=at,
+        anew=anew,
+    )
+
+
+def encode_frames(frames: list[SentFrame]) -> bytes:
+    """Encode frames that travel together, in order."""
+    return _encode(frames)
+
+
+def decode_frames(message: bytes) -> list[tuple[SentFrame, NumberedFrame]]:
+    """Decode frames; FormatError for a message that is not ours."""
+    frames = _read(_read_frames, message)
+    try:
+        return [(each, _numbered(each)) for each in frames]
+    except ValueError as error:
+        raise FormatError(str(error)) from error
+
+
+def _numbered(sent: SentFrame) -> NumberedFrame:
+    if sent.seq is None:
+        raise FormatError("seq: expected a number, got none")
+    # The receiving process has converted the time: 0 means 0.
+    return numbered(sent.performer, sent, sent.data, 0.0)
+
+
+def encode_entries(entries: list[Entry]) -> bytes:
+    """Encode what a worker must know of the performers whom it takes over."""
+    return _encode(entries)
+
+
+def decode_entries(message: bytes) -> list[Entry]:
+    """Decode what a worker must know; FormatError for a message that is not ours."""
+    entries: list[Entry] = _read(_read_entries, message)
+    return entries
+
+
+def announcement(entry: Entry) -> Announcement | None:
+    """Give the announcement of the joints of a performer who is taken over."""
+    return Announcement(entry.performer, entry.joints) if entry.joints else None
+
+
+def answered(recognition: Recognition, seq: int, at: float, book: int, events: tuple[Event, ...]) -> Answered:
+    """Make what is sent of a recognition; its evidence stays behind."""
+    return Answered(
+        recognition.performer,
+        seq,
+        at,
+        book,
+        float(recognition.time),
+        recognition.outcome,
+        recognition.scores.astype("<f8", copy=False).tobytes(),
+        float(recognition.movement),
+        float(recognition.lead),
+        recognition.eigenvector_class,
+        float(recognition.eigenvector_score),
+        float(recognition.share),
+        float(recognition.gap),
+        recognition.guess,
+        recognition.progress,
+        events,
+        recognition.doubted,
+    )
+
+
+def encode_answers(answers: Answers) -> bytes:
+    """Encode what a worker sends back at once."""
+    return _encode(answers)
+
+
+def decode_answers(message: bytes) -> Answers:
+    """Decode what a worker sent back; FormatError for a message that is not ours."""
+    answers: Answers = _read(_read_answers, message)
+    return answers
+
+
+def _read(decode: Any, message: bytes) -> Any:  # noqa: ANN401 - any of our messages
+    try:
+        return decode(message)
+    except (ValueError, RecursionError) as error:
+        raise FormatError(f"msgpack: {error}") from error

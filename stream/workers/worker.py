@@ -1,0 +1,175 @@
+"""A worker: frames in, recognitions out, for the performers of its partitions. No socket, clock, thread or process.
+
+A performer whom it takes over comes with the frames of the last seconds. The recogniser sees them first, so that its
+windows and averages are where the former worker's were; answers that were sent already are muted.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields, replace
+from typing import TYPE_CHECKING
+
+from kinespace.stream.frame import NewSender
+from kinespace.stream.recognition import EventKind
+from kinespace.stream.recognizer.recognizer import RecognizerCounts
+from kinespace.stream.workers.wire import Answered, Entry, Report, announcement, answered
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from kinespace.library.motion_library import MotionLibrary
+    from kinespace.library.windows.index import WindowIndex
+    from kinespace.stream.frame import Frame
+    from kinespace.stream.recognition import Event, Recognition
+    from kinespace.stream.recognizer import Performers
+    from kinespace.stream.workers.wire import SentFrame
+    from kinespace.stream.zeromq.frames import NumberedFrame
+
+#: Seconds of frames with which a performer is taken over: the longest window, and the averages around it.
+HISTORY = 2.5
+#: Seconds without the motion that listeners believe to go on, after which a worker that took over ends it.
+_OVER_AFTER = 0.8
+
+
+@dataclass(slots=True)
+class _TakenOver:
+    """The motion that listeners believe in, and the motion that the new recogniser follows, until both agree.
+
+    Attributes
+    ----------
+    answered
+        The number of the last frame that the former worker answered.
+    told, found
+        The start of the motion that listeners were told of, and that the recogniser found.
+    seen
+        When the motion that was told was last named, seconds on the sender's clock.
+    """
+
+    answered: int
+    told: Event | None
+    found: Event | None = None
+    seen: float | None = None
+
+    def mute(self, recognition: Recognition) -> None:
+        """Take in an answer that was sent before."""
+        for event in recognition.events:
+            self.found = event if event.kind is EventKind.START else None
+
+    def mend(self, recognition: Recognition) -> tuple[Event, ...]:
+        """Give the events that listeners must hear with an answer, so that each motion starts and ends once."""
+        if self.agrees:
+            self.mute(recognition)
+            self.told = self.found
+            return recognition.events
+        self.mute(recognition)
+        told, found = self.told, self.found
+        if told and found and told.label == found.label:
+            return ()
+        if told and not found and not self._is_over(recognition, told):
+            return ()
+        self.told = found
+        end = [replace(told, kind=EventKind.END, time=recognition.time)] if told else []
+        return (*end, found) if found else tuple(end)
+
+    def _is_over(self, recognition: Recognition, told: Event) -> bool:
+        """Say whether a motion that the recogniser does not follow is over."""
+        if self.seen is None or recognition.class_name == told.label:
+            self.seen = recognition.time
+        return recognition.time - self.seen >= _OVER_AFTER
+
+    @property
+    def agrees(self) -> bool:
+        """Whether listeners believe what the recogniser found."""
+        return (self.told and self.told.label) == (self.found and self.found.label)
+
+
+class Worker:
+    """Recognises the performers that it is sent.
+
+    Parameters
+    ----------
+    performers
+        The recognisers.
+    """
+
+    def __init__(self, performers: Performers) -> None:
+        self.performers = performers
+        #: The number of the list of classes with which it answers.
+        self.book = 0
+        self._newest: dict[str, int] = {}
+        self._taken_over: dict[str, _TakenOver] = {}
+        #: Counts of warming up, which the former worker has counted.
+        self._warmed = RecognizerCounts()
+
+    def take_over(self, entries: Sequence[Entry], now: float) -> None:
+        """Begin with performers whose last frames, which come next, another worker has seen."""
+        for entry in entries:
+            self._begin(entry.performer)
+            if entry.answered:
+                self._taken_over[entry.performer] = _TakenOver(entry.answered, entry.going_on)
+            if announced := announcement(entry):
+                self.performers.announce(announced, now)
+
+    def unmute(self, entries: Sequence[Entry]) -> None:
+        """Answer from now on for performers who were taken over while their former worker went on."""
+        for entry in entries:
+            if over := self._taken_over.get(entry.performer):
+                over.answered, over.told = entry.answered, entry.going_on
+
+    def _begin(self, performer: str) -> None:
+        self.performers.push_all([NewSender(performer)], 0.0)
+        self._newest.pop(performer, None)
+        self._taken_over.pop(performer, None)
+
+    def push(self, frames: Sequence[tuple[SentFrame, NumberedFrame]], now: float) -> list[Answered]:
+        """Take in frames in their order; give the answers to them. A frame that came before is passed over."""
+        answers = []
+        for sent, (frame, number, announced) in frames:
+            name, seq = frame.performer, number or 0
+            over = self._taken_over.get(name)
+            known = over is not None and seq <= over.answered
+            if sent.anew and not known:
+                self._begin(name)
+                over = None
+            if seq <= self._newest.get(name, -1):
+                continue
+            self._newest[name] = seq
+            if announced:
+                self.performers.announce(announced, now)
+            if over and known:
+                self._warm_up(over, frame, now)
+                continue
+            if recognition := self.performers.push(frame, now):
+                events = self._events(over, recognition) if over else recognition.events
+                answers.append(answered(recognition, seq, sent.at, self.book, events))
+        return answers
+
+    def _warm_up(self, over: _TakenOver, frame: Frame, now: float) -> None:
+        if recognition := self.performers.push(frame, now):
+            self._warmed.hops += 1
+            over.mute(recognition)
+        self._warmed.frames += 1
+
+    def _events(self, over: _TakenOver, recognition: Recognition) -> tuple[Event, ...]:
+        events = over.mend(recognition)
+        if over.agrees:
+            del self._taken_over[recognition.performer]
+        return events
+
+    def exchange(self, library: MotionLibrary | WindowIndex, order: Sequence[str], book: int) -> None:
+        """Compare with another library from now on. The receiving process ends motions whose class is gone."""
+        self.performers.exchange(library, order)
+        self.book = book
+
+    def report(self, now: float, last: int) -> Report:
+        """Forget silent performers, and give the counters."""
+        performers = self.performers
+        performers.drop_silent(now)
+        for name in performers.take_gone():
+            self._newest.pop(name, None)
+            self._taken_over.pop(name, None)
+        counts = performers.counts
+        for each in fields(RecognizerCounts):
+            warmed = getattr(self._warmed, each.name)
+            setattr(counts.recognizers, each.name, getattr(counts.recognizers, each.name) - warmed)
+        return Report(counts, performers.refused, performers.doubted, performers.compared, len(performers), last)

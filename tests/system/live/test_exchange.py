@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 #: Everything holds of the compiled loops and of numpy.
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("arithmetic")]
 
-#: The largest difference of a log distance from the twin's, and of a score from a recogniser that always had the library.
+#: The largest difference of a log distance from the twin's, and of a score from a recogniser made with the library.
 SAME, SAME_SCORE = 1e-3, 1e-5
 #: Seconds after which guess and judgement have forgotten everything.
 FORGOTTEN = 1.5

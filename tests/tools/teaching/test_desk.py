@@ -149,7 +149,7 @@ def test_a_full_disk_loses_nothing(desk: Desk, monkeypatch: pytest.MonkeyPatch) 
     _teach(desk, 10, "my squat", "squat1Reps")
     heard = _until(desk, lambda heard: {Step.DONE, Step.REFUSED} <= set(heard.steps()))
     told = [each.reason for each in heard.notices if isinstance(each, State) and each.step is Step.REFUSED]
-    assert told == ["mine.npz was not saved: No space left on device; what was taught is still known"]
+    assert told == ["mine.npz was not saved: No space left on device; the taught motions are still in memory"]
     assert _show(desk, 20, "squat1Reps", 1)[:1] == ["my squat"]
 
 

@@ -245,7 +245,7 @@ def test_a_part_beyond_the_end_is_an_error(
     to = ("--osc", f"{LOOPBACK}:{stage.address[1]}")
     for options in (("--from", 2), ("--from", 0.3, "--to", 0.4), ("--from", 2, "--loop")):
         assert replay(path, *to, *options) == 2
-        told = f"kinespace: {path}: expected --from and --to around some of its 1.25 s\n"
+        told = f"kinespace: {path}: expected --from and --to within its 1.25 s\n"
         assert capsys.readouterr() == ("", told)
     path.write_bytes(path.read_bytes()[:-1])
     assert replay(path, *to, "--from", 2) == 2
@@ -276,7 +276,7 @@ def test_packets_without_an_address_are_counted(tmp_path: Path, capsys: pytest.C
         receiver.close()
     only_zmq = written(tmp_path / "b.kinerec", sources=("zmq there",))
     assert replay(only_zmq) == 2
-    assert "expected --osc or --zmq, as its packets came: by zmq" in capsys.readouterr().err
+    assert "expected --osc or --zmq, because its packets came by zmq" in capsys.readouterr().err
 
 
 def test_a_cut_off_file_is_replayed_and_said(
@@ -487,7 +487,7 @@ def test_live_records_the_preset_in_use(tmp_path: Path, capsys: pytest.CaptureFi
         assert (program.interrupt(), program.errors) == (0, "")
     assert main(["info", str(path)]) == 0
     told = capsys.readouterr().out
-    assert "preset osceleton: kept in the recording, not as it is built in" in told
+    assert "preset osceleton: kept in the recording, other than the built-in one" in told
     # On a busy machine the sender may pause within a frame, which then is two, or none.
     found = re.search(r"performer 1: (\d+) frames", told)
     assert found

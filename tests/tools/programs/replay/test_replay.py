@@ -116,7 +116,7 @@ def test_a_clip_is_sent_as_live_packets(stage: osc.OscReceiver, take: Path, caps
     assert [frame.performer for frame in frames] == ["me"] * clip.frames
     np.testing.assert_allclose([frame.time for frame in frames], 1.0 + clip.times, rtol=1e-12)
     np.testing.assert_array_equal([frame.positions for frame in frames], clip.positions.astype(np.float32))
-    assert capsys.readouterr().out == "180 frames sent, 0 the system would not take\n"
+    assert capsys.readouterr().out == "180 frames sent, 0 refused by the system\n"
 
 
 def test_labels_beside_a_take_give_the_right_class_of_each_moment(take: Path) -> None:
@@ -385,7 +385,7 @@ def test_zmq_answers_are_counted(tmp_path: Path, capsys: pytest.CaptureFixture[s
         # Pauses of a second and a half, so that on a busy machine too an answer comes while its class is performed.
         assert replay(*arguments, "--speed", "2", "--pause", "3") == 0
     printed = capsys.readouterr().out
-    assert "360 frames sent, 0 the system would not take" in printed
+    assert "360 frames sent, 0 refused by the system" in printed
     rows = [[cell.strip() for cell in line.split("│")[1:-1]] for line in printed.splitlines() if "│" in line]
     assert [row[0] for row in rows] == ["bendLeft", "bendRight", "raiseBoth", "all"]
     # Which share is right depends on how soon answers come; a busy machine may give one while the next class is sent.

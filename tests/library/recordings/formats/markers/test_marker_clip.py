@@ -269,9 +269,9 @@ def test_a_c3d_cut_off_anywhere_is_refused(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        (b"UNITS\x08\x00", b"UNITS\x02\x00", "a parameter that leads out of the parameters"),
+        (b"UNITS\x08\x00", b"UNITS\x02\x00", "a parameter that ends outside the parameters"),
         (b"UNITS\x08\x00", b"UNITS\xff\x7f", "the parameters have no end"),
-        (b"LABELS\x13\x00\xff", b"LABELS\x13\x00\x07", "a parameter that leads out of the parameters"),
+        (b"LABELS\x13\x00\xff", b"LABELS\x13\x00\x07", "a parameter that ends outside the parameters"),
         (b"\x04\x01USED\x07\x00\x02\x00\x03\x00", b"\x04\x01USED\x07\x00\x02\x00\x03\x80", "USED is below 0"),
         (b"\x06\xffPOINT"[1:], b"\x80POINT", "parameters of groups that are not there"),
     ],

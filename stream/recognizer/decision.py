@@ -26,7 +26,7 @@ _MAX_PACE = 3.0
 
 
 class Decided(NamedTuple):
-    """What was decided; the fields are as in `stream.recognizer.matcher.Reading`."""
+    """The decision; the fields are as in `stream.recognizer.matcher.Reading`."""
 
     outcome: Outcome
     distances: NDArray[np.float64]

@@ -38,7 +38,7 @@ _NEAREST = 1e-3
 
 
 class Reading(NamedTuple):
-    """What a matcher reads off the windows that end now.
+    """A matcher's view of the windows that end now.
 
     Attributes
     ----------

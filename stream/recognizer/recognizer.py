@@ -102,7 +102,7 @@ class Recognizer:
     Attributes
     ----------
     counts
-        Counts of what happened to the frames.
+        Counts of the frames, by their fate.
     """
 
     def __init__(

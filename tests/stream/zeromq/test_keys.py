@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
     from zmq import Socket
 
-#: Milliseconds in which a stranger, who must not be let in, is surely refused: what is tested does not hang on it.
+#: Milliseconds in which a stranger, who must not be let in, is surely refused; the result does not depend on it.
 A_MOMENT = 150
 
 
@@ -80,8 +80,8 @@ def test_a_folder_that_makes_no_sense_is_refused(tmp_path: Path) -> None:
         Keyring(tmp_path)
 
 
-def test_whom_to_connect_to_is_one_key(tmp_path: Path) -> None:
-    """With several keys beside its own a socket does not know whom to connect to; and says so."""
+def test_several_keys_of_others_are_refused_for_connecting(tmp_path: Path) -> None:
+    """With several keys beside its own a socket cannot know which one to connect to, and says so."""
     stage, *_ = folders(tmp_path, "stage", "ann", "ben")
     with Keyring(stage) as keyring, pytest.raises(ValueError, match="to connect to, got ann, ben"):
         ZmqSender(Endpoint(f"tcp://{LOOPBACK}:1", bind=False), keyring)

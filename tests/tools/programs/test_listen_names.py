@@ -1,4 +1,4 @@
-"""What `kinespace listen` says of a sender of our own messages: its joints, its clock, its mistakes."""
+"""The report of `kinespace listen` on a sender of our own messages: its joints, its clock, its mistakes."""
 
 from __future__ import annotations
 

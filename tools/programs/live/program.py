@@ -61,7 +61,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         metavar="NAME[=HOST:PORT]",
-        help="answer as these programs hear it, several at once: " + ", ".join(LAYOUTS) + "; sender:PORT replies",
+        help="answer in the layouts of these programs, several at once: "
+        + ", ".join(LAYOUTS)
+        + "; sender:PORT replies",
     )
     parser.add_argument(
         "--joints",
@@ -78,8 +80,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=names,
         default=(),
         metavar="NETWORK,...",
-        help="let in these networks alone: their packets are read, and they may teach and, as this machine may, hear "
-        "the answers by ZeroMQ",
+        help="read packets from these networks alone; let them teach; let them and this machine hear the answers by "
+        "ZeroMQ",
     )
     add_keys(parser)
     parser.add_argument("--merge", action="store_true", help="let several senders send frames of one performer")

@@ -131,7 +131,7 @@ def recognise(
 
 
 def _allow_many_connections() -> None:
-    """Let strangers who connect and say nothing leave room for others until ZeroMQ has ended their connections."""
+    """Raise the limit of open files: silent connections of strangers must leave room until ZeroMQ has ended them."""
     if sys.platform == "win32":
         return
     import resource  # noqa: PLC0415 - there is none on Windows
@@ -152,7 +152,7 @@ def _warn_of_strangers(places: Sequence[str | None]) -> None:
     endpoints = [Endpoint.parse(place, bind=True) for place in places if place and "://" in place]
     if reached := [endpoint.address for endpoint in endpoints if endpoint.is_open_to_others]:
         console.print(
-            f"no --keys: whoever is at the other end of {', '.join(reached)} is believed and hears the answers",
+            f"no --keys: any program at the other end of {', '.join(reached)} can send frames and hear the answers",
             soft_wrap=True,
             markup=False,
         )
@@ -175,13 +175,13 @@ def _run_with_table(service: Service, shown: LiveTable) -> None:
 
 
 def frames_made(source: FeedSource) -> str:
-    """Describe what happened to a feed's joints, and which were missing in refused frames."""
+    """Count a feed's frames and joints by their fate, and name the joints missing in refused frames."""
     counts = source.decoder.assembler.counts
     closed = ", ".join(f"{count} by {closing}" for closing, count in counts.closed_by.most_common())
     line = (
         f"feed {source.preset.name}: {counts.frames} frames made ({closed or 'none closed'}), "
         f"{counts.incomplete} refused, joints held {counts.held}, late {counts.late}, unsure {counts.unsure}, "
-        f"beyond any stage {counts.absurd}, no room {counts.no_room}, asked in vain {source.unasked}"
+        f"beyond any stage {counts.absurd}, no room {counts.no_room}, requests not sent {source.unasked}"
     )
     absent = ", ".join(name for name, _ in counts.absent.most_common(5))
     return f"{line}; absent: {absent}" if absent else line

@@ -91,6 +91,24 @@ class Skeleton:
         names = tuple(self.joints[joint] for joint in kept)
         return Skeleton(names, tuple(parents) if self.parents else ())
 
+    def linked(self, joints: Sequence[str]) -> Skeleton:
+        """Give a skeleton of joints in any order: the parent of each is the nearest of them above it in this skeleton.
+
+        Parameters
+        ----------
+        joints
+            Names; a joint that this skeleton lacks has no parent.
+        """
+        places = {name: place for place, name in enumerate(joints)}
+        above = dict(zip(self.joints, (self.joints[each] if each >= 0 else "" for each in self.parents), strict=False))
+        parents = []
+        for name in joints:
+            parent = above.get(name, "")
+            while parent and parent not in places:
+                parent = above[parent]
+            parents.append(places.get(parent, -1))
+        return Skeleton(tuple(joints), tuple(parents))
+
     def places_of(self, fewer: Skeleton) -> NDArray[np.intp]:
         """Give the index, among these pairs, of each pair of a skeleton with some of these joints in the same order."""
         places = {(int(first), int(second)): place for place, (first, second) in enumerate(self.pairs)}

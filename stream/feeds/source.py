@@ -32,8 +32,8 @@ class FeedSource(Source):
         The host that gets the messages, for presets that have any.
     recorder
         Keeps every packet; None for no recording.
-    Admits frames or refuses them; None admits all.
-        Lets frames in or not; None for all.
+    admission
+        Admits frames or refuses them; None admits all.
 
     Attributes
     ----------

@@ -16,14 +16,18 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from kinespace.stream.frame import MAX_PERFORMER_LENGTH, Announcement, Frame
-from kinespace.stream.osc.packet import Message, PacketError, decode_packet, encode_message, padded
+from kinespace.stream.osc.packet import Message, PacketError, decode_messages, encode_message, padded, split_packet
 
 if TYPE_CHECKING:
     from kinespace.stream.frame import Input
 
 _FRAME = "/motion/frame"
 SKELETON = "/motion/skeleton"
-_FRAME_START = b"/motion/frame\0\0\0,sd"
+_FRAME_ADDRESS = b"/motion/frame\0"
+_FRAME_START = _FRAME_ADDRESS + b"\0\0,sd"
+#: Frames in one packet, at most: each is recognised before the next packet is looked at. So many performers can share a
+#: packet.
+MAX_FRAMES = 32
 _DOUBLE = struct.Struct(">d")
 #: Made once: numpy needs as long to look up a type's name as to read the positions.
 _FLOATS = np.dtype(np.float32)
@@ -49,7 +53,7 @@ class Received:
     events: list[Input]
     malformed: int = 0
     foreign: int = 0
-    #: Why the last malformed message is malformed, and what the last foreign message is.
+    #: The reason why the last malformed message is malformed, and the last foreign message.
     why_malformed: str = field(default="", compare=False)
     why_foreign: str = field(default="", compare=False)
 
@@ -68,11 +72,19 @@ def decode(datagram: bytes, arrival: float) -> Received:
     if frame is not None:
         return Received([frame])
     try:
-        messages = decode_packet(datagram)
+        parts = split_packet(datagram)
+        if sum(part.startswith(_FRAME_ADDRESS) for part in parts) > MAX_FRAMES:
+            raise PacketError(f"more than {MAX_FRAMES} frames in one packet")  # noqa: TRY301 - as the decoder raises it
+        plain = [_decode_plain_frame(part, arrival) for part in parts]
+        messages = iter(decode_messages(part for part, frame in zip(parts, plain, strict=True) if frame is None))
     except PacketError as error:
         return Received([], malformed=1, why_malformed=str(error))
     received = Received([])
-    for message in messages:
+    for frame in plain:
+        if frame is not None:
+            received.events.append(frame)
+            continue
+        message = next(messages)
         try:
             event = _understood(message, arrival)
         except (TypeError, ValueError, OverflowError) as error:

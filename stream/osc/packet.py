@@ -1,4 +1,4 @@
-"""OSC 1.0 packets: bytes to addresses and arguments, and back. What messages mean is not known here.
+"""OSC 1.0 packets: bytes to addresses and arguments, and back. This module does not know the meaning of messages.
 
 The tests compare this module with python-osc and liblo. Frames are not read by python-osc, because it is much slower,
 its dispatcher sleeps on time tags in the future, and it raises several kinds of errors for packets that are no OSC.
@@ -8,7 +8,10 @@ Here time tags are ignored and there is one error.
 from __future__ import annotations
 
 import struct
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
 
 #: Levels of bundles in bundles. No sender needs as many; a hostile packet with more would exhaust the stack.
 MAX_BUNDLE_DEPTH = 16
@@ -75,13 +78,35 @@ def decode_packet(packet: bytes) -> list[Message]:
     PacketError
         The bytes are not an OSC packet.
     """
-    messages = list[Message]()
+    return decode_messages(split_packet(packet))
+
+
+def split_packet(packet: bytes) -> list[bytes]:
+    """Give the bytes of each message of a packet, before any message is read.
+
+    Raises
+    ------
+    PacketError
+        The bytes are neither a message nor a bundle, or the bundle has too many messages.
+    """
+    return [packet[begin:end] for begin, end in _message_places(packet, 0, len(packet), 0)]
+
+
+def decode_messages(messages: Iterable[bytes]) -> list[Message]:
+    """Decode the messages of one packet.
+
+    Raises
+    ------
+    PacketError
+        One of them is not an OSC message, or together they have too many values.
+    """
+    decoded = list[Message]()
     left = MAX_VALUES
-    for begin, end in _message_places(packet, 0, len(packet), 0):
-        message, values = _decode_message(packet[begin:end], left)
+    for each in messages:
+        message, values = _decode_message(each, left)
         left -= values
-        messages.append(message)
-    return messages
+        decoded.append(message)
+    return decoded
 
 
 def _message_places(packet: bytes, begin: int, end: int, depth: int) -> list[tuple[int, int]]:

@@ -18,6 +18,11 @@ class Sink:
 
     #: Answers that could not be sent.
     failed = 0
+    #: Notes for a person, a line each.
+    notes: Sequence[str] = ()
+
+    def watch(self) -> None:
+        """Look at the listeners; called some ten times a second, or more often."""
 
     def publish(self, recognition: Recognition) -> None:
         """Pass on one recognition."""

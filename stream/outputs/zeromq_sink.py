@@ -41,6 +41,16 @@ class ZmqSink(Sink):
         """Answers that ZeroMQ would not take."""
         return self.sender.failed
 
+    @property
+    def notes(self) -> list[str]:  # type: ignore[override]  # the sender counts
+        """Note the connections that were ended."""
+        shut = self.sender.shut
+        return [f"{self.sender}: {shut} connections ended, because they asked for too much"] if shut else []
+
+    def watch(self) -> None:
+        """End connections that subscribe to too much."""
+        self.sender.watch()
+
     def publish(self, recognition: Recognition) -> None:
         """Send one recognition."""
         self.sender.send(answers.encode_recognition(recognition))

@@ -26,7 +26,7 @@ _MAX_PACE = 3.0
 
 
 class Decided(NamedTuple):
-    """What was decided; the fields are as in `stream.recognizer.matcher.Reading`."""
+    """The decision; the fields are as in `stream.recognizer.matcher.Reading`."""
 
     outcome: Outcome
     distances: NDArray[np.float64]
@@ -67,6 +67,11 @@ class Decision:
         self._hysteresis.exchange(index.comparison.weighing.lead, places_in(self._classes, index.classes))
         self._judgement.exchange(self._threshold(index))
         self._compare_with(index)
+
+    def set_sensitivity(self, share: float, index: WindowIndex) -> None:
+        """Go on with another sensitivity and the windows of the same library."""
+        self._sensitivity = share
+        self._judgement.exchange(self._threshold(index))
 
     def clear(self) -> None:
         """Forget everything, as at the start."""

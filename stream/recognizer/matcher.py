@@ -38,7 +38,7 @@ _NEAREST = 1e-3
 
 
 class Reading(NamedTuple):
-    """What a matcher reads off the windows that end now.
+    """A matcher's view of the windows that end now.
 
     Attributes
     ----------
@@ -101,6 +101,9 @@ class Matcher(Protocol):
     def exchange(self, library: MotionLibrary | WindowIndex) -> None:
         """Compare the same windows with another library of the same joints from now on."""
 
+    def pair_contributions(self) -> NDArray[np.float64] | None:
+        """Say what each joint pair gives to the variance along the leading eigenvector read last; None before."""
+
 
 def library_of(library: MotionLibrary | WindowIndex) -> MotionLibrary:
     """Give the motions of a library, opened or not."""
@@ -160,6 +163,16 @@ class WindowMatcher:
         self._feed = _Feed()
         self._progress = ProgressFollower(phase_table(index)) if progress else None
         self._index, self.classes = index, index.classes
+        self._leading: NDArray[np.float64] | None = None
+
+    def set_sensitivity(self, share: float) -> None:
+        """Judge by another sensitivity from the next reading on."""
+        self._sensitivity = share
+        self._decision.set_sensitivity(share, self._index)
+
+    def pair_contributions(self) -> NDArray[np.float64] | None:
+        """Say what each joint pair gives to the variance along the leading eigenvector read last."""
+        return None if self._leading is None else self._windows.contributions(self._leading)
 
     def exchange(self, library: MotionLibrary | WindowIndex) -> None:
         """Compare the same windows with another library of the same joints from now on."""
@@ -168,7 +181,7 @@ class WindowMatcher:
         self._decision.exchange(index)
         if self._progress:
             self._progress.exchange(phase_table(index))
-        self._index, self.classes = index, index.classes
+        self._index, self.classes, self._leading = index, index.classes, None
 
     def clear(self) -> None:
         """Forget all rows."""
@@ -201,6 +214,7 @@ class WindowMatcher:
         if not self._feed.ready:
             return None
         signature = self._windows.read()
+        self._leading = signature.eigenvector
         logs = self._index.log_distances(signature.numbers)
         decided = self._decision.push(logs, signature.movement, noise, self._feed.elapsed())
         scores = self._index.eigenvector_scores(signature.eigenvector)
@@ -239,7 +253,12 @@ class PaperMatcher:
 
     def _compare_with(self, index: PaperIndex) -> None:
         self._index, self.classes = index, index.classes
+        self._leading: NDArray[np.float64] | None = None
         self._nothing = index.classes.index(NOTHING) if NOTHING in index.classes else -1
+
+    def pair_contributions(self) -> NDArray[np.float64] | None:
+        """Say what each joint pair gives to the variance along the leading eigenvector read last."""
+        return None if self._leading is None else self._window.contributions(self._leading)
 
     def exchange(self, library: MotionLibrary | WindowIndex) -> None:
         """Compare the same window with another library of the same joints from now on."""
@@ -269,6 +288,7 @@ class PaperMatcher:
         if not self._feed.ready:
             return None
         leading, moved = self._window.read()
+        self._leading = leading.eigenvector
         scores = self._index.scores(leading.eigenvector)
         distances = np.log1p(_NEAREST - np.square(np.minimum(scores, 1.0)))
         guess, lead = followed(self._hysteresis, distances, self._feed.elapsed())

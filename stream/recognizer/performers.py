@@ -7,11 +7,13 @@ from dataclasses import dataclass, field, fields, replace
 from typing import TYPE_CHECKING
 
 from kinespace.library.motion_library import MIN_JOINTS
+from kinespace.library.naming import hdm05
 from kinespace.stream.frame import Announcement, NewSender
+from kinespace.stream.recognizer.joints.carried import carried_by
 from kinespace.stream.recognizer.joints.fewer_joints import SentJoints
 from kinespace.stream.recognizer.matcher import library_of
 from kinespace.stream.recognizer.recognizer import Recognizer, RecognizerCounts
-from kinespace.stream.recognizer.settings import Settings
+from kinespace.stream.recognizer.settings import SENSITIVITY_LEARNED, SENSITIVITY_OWN, Settings
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -20,9 +22,11 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from kinespace.library.motion_library import MotionLibrary
+    from kinespace.library.skeleton import Skeleton
     from kinespace.library.windows.index import WindowIndex
     from kinespace.stream.frame import Admitted, Frame
     from kinespace.stream.recognition import Event, Recognition
+    from kinespace.stream.recognizer.joints.carried import Carried
     from kinespace.stream.recognizer.joints.fewer_joints import Opener
 
 
@@ -38,7 +42,7 @@ _STEADY_FRAMES = 12
 
 @dataclass(slots=True)
 class PerformerCounts:
-    """Counts of what happened to the frames of all performers."""
+    """Counts of the frames of all performers, by their fate."""
 
     #: Frames of a performer for whom there was no room.
     no_room: int = 0
@@ -87,7 +91,7 @@ class Performers:
     silence
         Seconds without a frame after which a performer is dropped.
     joints
-        What is known of senders' joints; by default they are the library's.
+        The joints that senders are known to have; by default the library's.
     opener
         Gives each recogniser the windows of the joints that can be believed.
     classes
@@ -101,7 +105,7 @@ class Performers:
         An assumed joint is missing: one of the library's joints is not among them.
     """
 
-    def __init__(  # noqa: PLR0913 - what there may be of performers
+    def __init__(  # noqa: PLR0913 - all by keyword
         self,
         library: MotionLibrary | WindowIndex,
         settings: Settings | None = None,
@@ -175,6 +179,18 @@ class Performers:
         ended, self._ended = self._ended, []
         return ended
 
+    @property
+    def sensitivity(self) -> float:
+        """The sensitivity of all recognisers."""
+        usual = SENSITIVITY_LEARNED if self.library.learned else SENSITIVITY_OWN
+        return usual if self.settings.sensitivity is None else self.settings.sensitivity
+
+    def set_sensitivity(self, share: float) -> None:
+        """Recognise all performers with another sensitivity from the next hop on; WINDOWS only."""
+        self.settings = replace(self.settings, sensitivity=share)
+        for performer in self._performers.values():
+            performer.recognizer.set_sensitivity(share)
+
     def _exchange_for(self, performer: _Performer, library: MotionLibrary | WindowIndex) -> None:
         """Compare a performer with another library over the same joints."""
         performer.library = library_of(library)
@@ -191,7 +207,7 @@ class Performers:
 
     @property
     def counts(self) -> PerformerCounts:
-        """Counts of what happened to all frames so far; a copy."""
+        """Counts of all frames so far, by their fate; a copy."""
         total = replace(self._counts.recognizers)
         for performer in self._performers.values():
             _add(total, performer.recognizer.counts)
@@ -211,6 +227,25 @@ class Performers:
     def compared(self) -> dict[str, str]:
         """Performers with other joints than the library's: the convention of their names, and how many are compared."""
         return {name: each for name, performer in self._performers.items() if (each := self._told(performer))}
+
+    def skeleton_of(self, name: str) -> Skeleton | None:
+        """Give the joints of a performer's frames, by our names where they are known; None for a stranger.
+
+        A joint's parent is the nearest one above it in the library's skeleton, or in HDM05's if the library has none.
+        """
+        performer = self._performers.get(name)
+        if performer is None:
+            return None
+        own = self.library.skeleton if self.library.skeleton.parents else hdm05.SKELETON
+        return own.linked(self._naming.met(performer.joints, self.library.skeleton.joints).joints)
+
+    def carried(self, name: str) -> Carried | None:
+        """Say which joints carry the last answer to a performer; None without an answer."""
+        performer = self._performers.get(name)
+        given = performer.recognizer.pair_contributions() if performer else None
+        if performer is None or given is None:
+            return None
+        return carried_by(given, performer.library.skeleton.pairs, performer.order, len(performer.joints))
 
     def _told(self, performer: _Performer) -> str:
         used, wanted = len(performer.library.skeleton.joints), len(self.library.skeleton.joints)

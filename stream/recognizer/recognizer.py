@@ -28,6 +28,8 @@ from kinespace.stream.recognizer.windows.smoothing import RowSmoother
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
+    from numpy.typing import NDArray
+
     from kinespace.library.motion_library import MotionLibrary
     from kinespace.library.windows.index import WindowIndex
     from kinespace.stream.frame import Frame
@@ -100,7 +102,7 @@ class Recognizer:
     Attributes
     ----------
     counts
-        Counts of what happened to the frames.
+        Counts of the frames, by their fate.
     """
 
     def __init__(
@@ -180,6 +182,17 @@ class Recognizer:
     def doubt(self) -> str:
         """A note on joints that could not be believed, in words; empty while all is well."""
         return self._doubts.told
+
+    def set_sensitivity(self, share: float) -> None:
+        """Recognise with another sensitivity from the next hop on; the paper's signature has none."""
+        if isinstance(self._matcher, WindowMatcher):
+            self.settings = replace(self.settings, sensitivity=share)
+            self._matcher.set_sensitivity(share)
+            self._doubts.exchange(self.library)
+
+    def pair_contributions(self) -> NDArray[np.float64] | None:
+        """Say what each joint pair gave to the variance along the last leading eigenvector, (pairs,); None before."""
+        return self._matcher.pair_contributions()
 
     def reset(self) -> None:
         """Forget the windows, as at the beginning of the feed; counts and a motion that goes on stay."""

@@ -28,8 +28,8 @@ CLASSES_EVERY = 5.0
 #: no newer answer follows. A stopped process finds seconds of feed waiting, and listeners would take it for the
 #: present.
 MAX_AGE = 1.0
-#: Seconds within which ZeroMQ, which keeps reading in threads of its own, hands over what came while the process was
-#: stopped.
+#: Seconds within which ZeroMQ, which keeps reading in threads of its own, hands over the messages that came while the
+#: process was stopped.
 CATCH_UP = 1.0
 #: Performers whose clocks are followed, at most.
 _MAX_LAGS = 4096
@@ -81,7 +81,7 @@ class Source(Protocol):
         """Take in one packet; give its frames in order, or None when no packet waits. Never raises."""
 
     def tend(self, now: float) -> Sequence[Admitted]:
-        """Do what is due by the clock; give the frames that it completed, in order. Never raises."""
+        """Do the work that is due by the clock; give the frames that it completed, in order. Never raises."""
 
     def close(self) -> None:
         """Close sockets."""
@@ -96,7 +96,7 @@ class _Begun(NamedTuple):
 
 
 class Service:
-    """Recognises what comes from some sources and tells some sinks.
+    """Recognises the frames of some sources and tells some sinks.
 
     Parameters
     ----------
@@ -197,12 +197,12 @@ class Service:
             sleep = min(sleep, _TENDING)
             self._tend()
         aside = any(source.has_put_aside for source in self.sources)
-        came = self._poller.poll(0 if aside else round(sleep * 1000))
+        for sink in self.sinks:
+            sink.watch()
+        self._poller.poll(0 if aside else round(sleep * 1000))
         self._notice_a_stop()
-        if not came and not aside:
-            self._publish_held()
-            return
-        # Every source is asked: one poll is cheaper than finding out which source it was.
+        # Every source is asked, even when nothing came: one poll is cheaper than finding out which source it was, and a
+        # receiver looks after its connections.
         for source in self.sources:
             left = _MAX_IN_TURN
             while left and not self._is_over() and (taken := self._deal_with_waiting(source, left)):
@@ -288,7 +288,7 @@ class Service:
             sink.publish(recognition)
 
     def _hold(self, recognition: Recognition, until: float) -> None:
-        """Keep an answer that is too old in case it is the performer's newest; events are sent however old they are."""
+        """Keep an answer that is too old in case it is the performer's newest; events are sent at any age."""
         self._superseded(recognition.performer)
         self._held[recognition.performer] = recognition, until
 
@@ -332,7 +332,8 @@ class Service:
 
     def status(self) -> Status:
         """Give the counters as they are now."""
-        notes = dict.fromkeys(note for source in self.sources for note in source.notes)
+        notes = [note for source in self.sources for note in source.notes]
+        notes += [note for sink in self.sinks for note in sink.notes]
         return Status(
             inputs=sum((source.counts for source in self.sources), start=InputCounts()),
             outcomes=self.performers.counts,
@@ -346,7 +347,7 @@ class Service:
             compared=self.performers.compared,
             admission=replace(self._admission.counts),
             clocks={name: told for name, told in self._admission.clocks.items() if name in self.performers.names},
-            notes=(*notes, *self._admission.notes(self._clock())),
+            notes=(*dict.fromkeys(notes), *self._admission.notes(self._clock())),
         )
 
     def _from(self, performer: str) -> str:

@@ -10,12 +10,14 @@ MAX_NAME = 64
 MAX_REPETITIONS = 50
 #: Seconds of a countdown, and of the time before now that an example may be cut from, at most.
 MAX_COUNTDOWN, MAX_LAST = 60.0, 15.0
+#: Seconds by which that time may lie back.
+MAX_AGO = 240.0
 #: Labels of answers that are no classes.
 _RESERVED = frozenset({"unknown", "still", "ambiguous"})
 
 
 class CommandError(ValueError):
-    """A command cannot be read; the message names the argument, the expectation and what was got."""
+    """A command cannot be read; the message names the argument, the expectation and the value found."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,7 +57,7 @@ class Teach:
 
 @dataclass(frozen=True, slots=True)
 class Last:
-    """Take the performer's last movement as an example.
+    """Take the performer's last movement as an example, or the movement that ended some seconds ago.
 
     Raises
     ------
@@ -66,10 +68,13 @@ class Last:
     performer: str
     seconds: float
     class_name: str
+    ago: float = 0.0
 
     def __post_init__(self) -> None:
         _require_performer(self.performer)
         require_class(self.class_name)
+        if not (math.isfinite(self.ago) and 0 <= self.ago <= MAX_AGO):
+            raise CommandError(f"ago: expected 0 to {MAX_AGO:g} s, got {self.ago:g}")
         if not (math.isfinite(self.seconds) and 0 < self.seconds <= MAX_LAST):
             raise CommandError(f"seconds: expected up to {MAX_LAST:g}, got {self.seconds:g}")
 
@@ -134,12 +139,28 @@ class Save:
 
 @dataclass(frozen=True, slots=True)
 class Run:
-    """Answer all performers, or answer nobody for a while."""
+    """Answer all performers, or none for a while."""
 
     on: bool
 
 
-Command = Teach | Last | Rename | Forget | Enable | Trim | Stop | Cancel | Undo | Redo | Save | Run
+@dataclass(frozen=True, slots=True)
+class Sensitivity:
+    """Recognise all performers with another sensitivity (`stream.recognizer.settings`); CommandError beyond 0 to 1."""
+
+    share: float
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.share <= 1:
+            raise CommandError(f"share: expected 0 to 1, got {self.share:g}")
+
+
+@dataclass(frozen=True, slots=True)
+class List:
+    """Change nothing; the reply tells classes and settings, as every reply does."""
+
+
+Command = Teach | Last | Rename | Forget | Enable | Trim | Stop | Cancel | Undo | Redo | Save | Run | Sensitivity | List
 
 
 def require_class(name: str) -> None:

@@ -96,4 +96,11 @@ class Running:
     on: bool
 
 
-Notice = State | Taught | Changed | Saving | Running
+@dataclass(frozen=True, slots=True)
+class Sensed:
+    """A request for another sensitivity."""
+
+    share: float
+
+
+Notice = State | Taught | Changed | Saving | Running | Sensed

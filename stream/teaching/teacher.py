@@ -16,7 +16,7 @@ from kinespace.library.teaching.movement import MIN_SECONDS, STILLNESS, Movement
 from kinespace.stream.teaching import commands
 from kinespace.stream.teaching.lesson import Lesson, Recorded
 from kinespace.stream.teaching.memory import Memory
-from kinespace.stream.teaching.notices import Changed, Notice, Running, Saving, State, Step, Taught
+from kinespace.stream.teaching.notices import Changed, Notice, Running, Saving, Sensed, State, Step, Taught
 
 if TYPE_CHECKING:
     from collections.abc import Collection
@@ -84,7 +84,7 @@ class Teacher:
         return self._went(lesson, lesson.push(frame.time, movement))
 
     def tick(self, now: float) -> list[Notice]:
-        """Do what is due by the clock; call it some times a second."""
+        """Do the work that is due by the clock; call it some times a second."""
         lesson = self._lesson
         if lesson is None:
             return []
@@ -123,6 +123,10 @@ class Teacher:
                 return [Saving()]
             case commands.Run(on):
                 return [Running(on), State("", Step.DONE, 0.0, "running" if on else "not running")]
+            case commands.Sensitivity(share):
+                return [Sensed(share), State("", Step.DONE, 0.0, f"sensitivity {share:g}")]
+            case commands.List():
+                return []
 
     def checked(self, number: int, check: Check | None, would_have_started: int) -> list[Notice]:
         """Report the check of an example that is in the library now."""
@@ -167,13 +171,14 @@ class Teacher:
         if len(self.roster.examples) >= MAX_EXAMPLES:
             return [_refused(performer, f"{MAX_EXAMPLES} examples are there already")]
         memory = self._memories[performer]
-        whole = Stretch(memory.newest - asked.seconds, memory.newest)
+        end = memory.newest - asked.ago
+        whole = Stretch(end - asked.seconds, end)
         clip = memory.between(*whole)
         if clip is None or clip.gaps:
             return [_refused(performer, f"{asked.seconds:g} s have not been seen")]
         kept = _moving(clip, self._stillness)
         if kept is None:
-            return [_refused(performer, f"expected {MIN_SECONDS:g} s of movement at least")]
+            return [_refused(performer, f"expected {MIN_SECONDS:g} s or more of movement")]
         return self._add(performer, asked.class_name, clip, whole, kept)
 
     def _went(self, lesson: Lesson, told: State | Recorded | None) -> list[Notice]:
@@ -189,7 +194,7 @@ class Teacher:
             self._lesson = None
         if clip is None or clip.gaps:
             self._lesson = None
-            return [_refused(lesson.performer, "frames are missing in what was recorded")]
+            return [_refused(lesson.performer, "frames are missing in the recording")]
         begin = max(told.kept.start - told.whole.start, 0.0)
         kept = Stretch(begin, min(told.kept.end - told.whole.start, clip.duration))
         notices = self._add(lesson.performer, lesson.class_name, clip, told.whole, kept)
@@ -237,7 +242,7 @@ class Teacher:
         last = max(self.roster.examples, key=lambda each: each.number)
         kept = _moving(last.recording, self._stillness) if on else Stretch(0.0, last.recording.duration)
         if kept is None:
-            return [_refused("", f"expected {MIN_SECONDS:g} s of movement at least")]
+            return [_refused("", f"expected {MIN_SECONDS:g} s or more of movement")]
         changed = replace(last, begin=kept.start, end=kept.end)
         return self._change(self.roster.with_example(changed), f"{kept.duration:.2f} s kept")
 
@@ -293,5 +298,5 @@ def _refused(performer: str, reason: str) -> State:
 
 
 def _unknown(name: str) -> State:
-    told = "what is known already cannot be changed" if name == NOTHING else "not a class that was taught"
+    told = "built-in classes cannot be changed" if name == NOTHING else "not a taught class"
     return _refused("", f"{name[: commands.MAX_NAME]!a}: {told}")

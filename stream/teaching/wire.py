@@ -1,7 +1,8 @@
 """Commands and notices on the wire: OSC, Wekinator's OSC, and JSON for ZeroMQ. Pure encode and decode.
 
 `/motion/teach s performer s class [i repetitions f countdown]`; `/motion/teach/stop`, `/cancel`, `/undo`, `/redo`,
-`/save`; `/rename s s`, `/forget [s]`, `/enable s i`, `/trim i`, `/last s f s`. JSON has the same words: `{"do":
+`/save`; `/rename s s`, `/forget [s]`, `/enable s i`, `/trim i`, `/last s f s [f]`,
+`/sensitivity f`, `/list`. JSON has the same words: `{"do":
 "teach", "performer": "ann", "class": "wave"}`.
 """
 
@@ -32,6 +33,7 @@ _PLAIN: dict[str, Callable[[], Command]] = {
     "undo": commands.Undo,
     "redo": commands.Redo,
     "save": commands.Save,
+    "list": commands.List,
 }
 #: The arguments of each further command, by its name: names in JSON, types in OSC, and how many are needed.
 _ARGUMENTS: dict[str, tuple[Callable[..., Command], tuple[tuple[str, type], ...], int]] = {
@@ -40,11 +42,12 @@ _ARGUMENTS: dict[str, tuple[Callable[..., Command], tuple[tuple[str, type], ...]
         (("performer", str), ("class", str), ("repetitions", int), ("countdown", float)),
         2,
     ),
-    "last": (commands.Last, (("performer", str), ("seconds", float), ("class", str)), 3),
+    "last": (commands.Last, (("performer", str), ("seconds", float), ("class", str), ("ago", float)), 3),
     "rename": (commands.Rename, (("class", str), ("to", str)), 2),
     "forget": (commands.Forget, (("class", str),), 1),
     "enable": (commands.Enable, (("class", str), ("on", bool)), 2),
     "trim": (commands.Trim, (("on", bool),), 1),
+    "sensitivity": (commands.Sensitivity, (("share", float),), 1),
     "run": (commands.Run, (("on", bool),), 1),
 }
 

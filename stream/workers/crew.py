@@ -198,7 +198,7 @@ class Crew(Spread):
         A worker was not ready within a minute.
     """
 
-    def __init__(  # noqa: PLR0913 - what there may be of performers
+    def __init__(  # noqa: PLR0913 - all by keyword
         self,
         count: int,
         library: MotionLibrary | WindowIndex,

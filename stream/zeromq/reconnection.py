@@ -7,21 +7,19 @@ refused message for another protocol, and gives the connection up.
 
 from __future__ import annotations
 
-import struct
 import time
 from contextlib import suppress
 from typing import TYPE_CHECKING
 
 import zmq
 
+from kinespace.stream.zeromq.peers import UNREAD, Peers
+
 if TYPE_CHECKING:
     from kinespace.stream.zeromq.address import Endpoint
 
 #: Seconds after which ZeroMQ, which tries again after a tenth of a second, has certainly tried again.
 _A_WHILE = 0.5
-#: The beginning of a monitor's message. pyzmq's own reader loads asyncio, which takes long.
-_EVENT = struct.Struct("=H")
-_WATCHED = zmq.EVENT_ACCEPTED | zmq.EVENT_CONNECTED | zmq.EVENT_CONNECT_RETRIED | zmq.EVENT_DISCONNECTED
 
 
 class Connections:
@@ -36,46 +34,50 @@ class Connections:
 
     Attributes
     ----------
-    broken
-        Connections that broke while the sender was still there: by a message above the size limit, a network that
-        failed for a moment, or a sender that began again within a second.
+    peers
+        The connections that there are now.
     """
 
     def __init__(self, socket: zmq.Socket[bytes], endpoint: Endpoint) -> None:
-        self.broken = 0
+        self._broken = 0
         self._socket = socket
         self._endpoint = endpoint
-        self._events = socket.get_monitor_socket(_WATCHED)
+        self.peers = Peers(socket, UNREAD)
         #: Connections that ended since the last call, and since the call before: a sender, or ZeroMQ, may take that
         #: long to come back.
         self._gone = self._gone_before = 0
         self._looked = time.monotonic()
 
-    def look(self) -> int:
-        """Note what has happened, about once a second; give the number of broken connections so far."""
-        if self._socket.closed:
-            return self.broken
+    @property
+    def broken(self) -> int:
+        """Count the connections that broke while the sender was still there, and those that were shut down.
+
+        They break by a message above the size limit, by a network that fails for a moment, or when a sender begins
+        again within a second.
+        """
+        return self._broken + self.peers.shut
+
+    def look(self) -> None:
+        """Note the changes of connections; call it every `LOOK_EVERY` seconds."""
         now = time.monotonic()
         if now >= self._looked + _A_WHILE:
             self._looked, self._gone_before, self._gone = now, self._gone, 0
-        while self._events.poll(0):
-            told, *_ = self._events.recv_multipart()
-            self._note(_EVENT.unpack_from(told)[0])
+        for event in self.peers.look():
+            self._note(event)
         if not self._endpoint.bind and self._gone_before:
             # ZeroMQ would have tried again by now. Its own attempts are not counted as losses: the sender had gone.
-            self.broken += 1
+            self._broken += 1
             self._gone_before = 0
             with suppress(zmq.ZMQError):
                 self._socket.disconnect(self._endpoint.address)
             self._socket.connect(self._endpoint.address)
-        return self.broken
 
     def _note(self, event: int) -> None:
         if event == zmq.EVENT_DISCONNECTED:
             self._gone += 1
         elif self._endpoint.bind:
             if event == zmq.EVENT_ACCEPTED and self._gone + self._gone_before:
-                self.broken += 1
+                self._broken += 1
                 self._forget_one()
         elif event in (zmq.EVENT_CONNECTED, zmq.EVENT_CONNECT_RETRIED):
             self._gone = self._gone_before = 0
@@ -88,6 +90,4 @@ class Connections:
 
     def close(self) -> None:
         """Stop watching; before the socket is closed."""
-        if not self._socket.closed:
-            self._socket.disable_monitor()
-        self._events.close()
+        self.peers.close()

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import os
 import socket
+import time
 from contextlib import suppress
 from typing import TYPE_CHECKING
 
 import zmq
 
 from kinespace.stream.inputs.receiver import KEYED
+from kinespace.stream.zeromq.peers import LOOK_EVERY, SUBSCRIBED, Peers
 from kinespace.stream.zeromq.reconnection import Connections
 
 if TYPE_CHECKING:
@@ -59,7 +61,9 @@ class ZmqReceiver:
         self.socket = endpoint.open(zmq.SUB, networks, keyring)
         self.socket.subscribe(topic)
         self._connections = Connections(self.socket, endpoint)
-        self._passing = False
+        #: The connection of a message whose further parts are dropped.
+        self._passing: int | None = None
+        self._looks = 0.0
         self._keyring = keyring
         self.sender: Sender = None
         #: Senders by connection, until the next look, because connections' numbers are used again.
@@ -79,41 +83,53 @@ class ZmqReceiver:
         return str(self.socket.getsockopt_string(zmq.LAST_ENDPOINT))
 
     def broken(self) -> int:
-        """Count the connections that broke while the sender was there; call it about once a second."""
-        self._senders.clear()
-        return self._connections.look()
+        """Count the connections that broke while the sender was there, or were shut down."""
+        self._look_if_due()
+        return self._connections.broken
 
     def receive(self) -> list[bytes] | None:
         """Take the next message; None when no message waits.
 
         Of a message with more than `MAX_PARTS` parts only the first are given, which no decoder reads.
         """
+        self._look_if_due()
         # The parts come together. Each says whether it is the last, which is quicker than asking the socket.
         parts = list[bytes]()
         try:
-            if self._passing and not self._pass_over():
+            if self._passing is not None and not self._pass_over(self._passing):
                 return None
             while len(parts) < MAX_PARTS:
                 part = self.socket.recv(_NOW, copy=False)
                 parts.append(part.bytes)
                 if not part.more:
-                    self.sender = self._sender_of(part)
+                    self._note_sender(part, parts)
                     return parts
         except zmq.Again:
+            self._connections.peers.drained()
             return None
-        self._passing = True
-        self.sender = self._sender_of(part)
+        self._passing = self._note_sender(part, parts)
         return parts
 
-    def _sender_of(self, part: zmq.Frame) -> Sender:
+    def _look_if_due(self) -> None:
+        now = time.monotonic()
+        if now >= self._looks:
+            self._looks = now + LOOK_EVERY
+            self._senders.clear()
+            self._connections.look()
+
+    def _note_sender(self, part: zmq.Frame, parts: Sequence[bytes]) -> int:
+        """Note the sender of some parts; give the number of its connection, -1 for none."""
         try:
             connection: int = part.get(_CONNECTION)
         except zmq.ZMQError:
             # Within a process there are no connections.
-            return None
+            self.sender = None
+            return -1
         if connection not in self._senders:
             self._senders[connection] = self._named(connection, part)
-        return self._senders[connection]
+        self.sender = self._senders[connection]
+        self._connections.peers.read(connection, len(parts), sum(map(len, parts)))
+        return connection
 
     def _named(self, connection: int, part: zmq.Frame) -> Sender:
         """Name the other end of a connection; None for an end in this machine without an address."""
@@ -128,11 +144,13 @@ class ZmqReceiver:
                 return f"{KEYED}{self._keyring.name_of(str(part.get(_USER)))}", port
         return host, port
 
-    def _pass_over(self) -> bool:
+    def _pass_over(self, connection: int) -> bool:
         """Drop some parts of a message that has too many; say whether the last part was among them."""
         for _ in range(_MAX_PASSED):
-            if not self.socket.recv(_NOW, copy=False).more:
-                self._passing = False
+            part = self.socket.recv(_NOW, copy=False)
+            self._connections.peers.read(connection, 1, len(part))
+            if not part.more:
+                self._passing = None
                 return True
         return False
 
@@ -152,11 +170,13 @@ class ZmqSender:
     keyring
         Keys that the other end must know; None for none.
     networks
-        Where bound, those whose listeners are let in; empty for all.
+        Where bound, networks whose listeners are let in; empty for all.
     """
 
     def __init__(self, endpoint: Endpoint, keyring: Keyring | None = None, networks: Networks = ()) -> None:
         self.socket = endpoint.open(zmq.PUB, networks, keyring)
+        self._peers = Peers(self.socket, SUBSCRIBED)
+        self._looks = 0.0
         self.failed = 0
 
     def __str__(self) -> str:
@@ -177,6 +197,18 @@ class ZmqSender:
         except zmq.ZMQError:
             self.failed += 1
 
+    def watch(self) -> None:
+        """End connections that subscribe to too much; call it some ten times a second."""
+        if time.monotonic() >= self._looks:
+            self._looks = time.monotonic() + LOOK_EVERY
+            self._peers.look()
+
+    @property
+    def shut(self) -> int:
+        """Count the connections that were ended because they subscribed to too much."""
+        return self._peers.shut
+
     def close(self) -> None:
         """Close the socket."""
+        self._peers.close()
         self.socket.close()

@@ -20,8 +20,8 @@ def test_a_clip_measures_its_time_from_its_first_frame(frames: int, rate: float)
     assert clip.times.tolist() == pytest.approx([index / rate for index in range(frames)])
 
 
-def test_a_moved_clip_keeps_what_is_said_of_it() -> None:
-    """Other positions make a new clip with the same labels and do not change the old one."""
+def test_a_moved_clip_keeps_its_labels() -> None:
+    """Other positions make a new clip with the same labels; the old clip does not change."""
     clip = stick_clip("wave", seed=4, actor="bb")
     before = clip.positions.copy()
     moved = clip.moved_to(clip.positions + 1.0)

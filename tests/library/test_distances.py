@@ -29,7 +29,7 @@ def _positions(seed: int, frames: int = 20) -> np.ndarray:
     return np.random.default_rng(seed).normal(scale=0.5, size=(frames, 31, 3))
 
 
-def test_real_distances_are_those_of_three_loops(some_clips: tuple[Clip, ...]) -> None:
+def test_real_distances_equal_three_loops(some_clips: tuple[Clip, ...]) -> None:
     """On real motion every distance equals one computed pair by pair, coordinate by coordinate."""
     for clip in some_clips:
         positions = clip.positions[::60]
@@ -38,8 +38,8 @@ def test_real_distances_are_those_of_three_loops(some_clips: tuple[Clip, ...]) -
 
 
 @given(st.integers(2, 12), st.integers(0, 2**32 - 1), st.sampled_from([1e-3, 1.0, 1e3]))
-def test_distances_are_those_of_three_loops(joints: int, seed: int, scale: float) -> None:
-    """For any number of joints and any size every distance equals one computed by three loops."""
+def test_distances_equal_three_loops(joints: int, seed: int, scale: float) -> None:
+    """The distances equal those from three plain loops, for any number of frames measured side by side."""
     skeleton = Skeleton.of_joints([f"joint{index}" for index in range(joints)])
     positions = np.random.default_rng(seed).normal(scale=scale, size=(3, joints, 3))
     expected = naive.distance_rows(positions, naive.pairs(joints))
@@ -82,8 +82,8 @@ def test_distances_scale_with_the_body(scale: float, tolerance: float) -> None:
     np.testing.assert_allclose(distance_rows(scale * positions, BODY), expected, rtol=tolerance, atol=0.0)
 
 
-def test_one_frame_is_bit_for_bit_what_it_is_among_many(builtin: MotionLibrary) -> None:
-    """A frame measured alone, as live, gives the bits it gives in a batch, as at rest."""
+def test_a_frame_has_the_same_bits_alone_and_in_a_batch(builtin: MotionLibrary) -> None:
+    """A frame measured alone, as live, gives the same bits as in a batch, as at rest."""
     for clip in builtin.motions[::9]:
         rows = distance_rows(clip.positions, BODY)
         for frame in range(0, clip.frames, 7):

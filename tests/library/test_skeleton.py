@@ -62,8 +62,8 @@ def test_many_missing_joints_are_cut_short() -> None:
         Skeleton(MANY).order_from([])
 
 
-def test_same_skeleton_is_accepted_whatever_its_parents() -> None:
-    """A feed that announces names alone is the same body: parents do not enter a distance."""
+def test_the_same_joints_with_other_parents_are_accepted() -> None:
+    """A feed that announces joint names alone is the same body: parents do not enter a distance."""
     Skeleton(JOINTS, PARENTS).require_same(Skeleton.of_joints(JOINTS))
 
 

@@ -18,6 +18,7 @@ from kinespace.library import MotionLibrary
 from kinespace.stream import osc, zeromq
 from kinespace.stream.inputs import OscDecoder, Source, ZmqDecoder
 from kinespace.stream.outputs import LayoutSink, NativeLayout, ZmqSink
+from kinespace.stream.outputs.body_sink import BodySink
 from kinespace.stream.recognizer import Performers, Recognizer, Settings
 from kinespace.stream.service.loop import Service
 from kinespace.stream.zeromq import Endpoint, Keyring
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
     from multiprocessing.connection import Connection
     from pathlib import Path
 
+    from kinespace.stream.outputs import Sink
     from kinespace.stream.service.status import Status
     from kinespace.tools.feeding.feed import FrameSender, Packet
     from kinespace.tools.loopback.answer_listener import Receiver
@@ -66,6 +68,7 @@ class _Request:
     stand_in: StandIn | None
     performers: int
     keys: Path | None
+    watched: bool
 
 
 class BackgroundService:
@@ -87,11 +90,15 @@ class BackgroundService:
         The number of performers at once, at most.
     keys
         Folder of the keys that both ends of ZeroMQ use; None for none.
+    watched
+        Whether answers and bodies are also published on an endpoint of their own, `watched_at`, for a page.
 
     Attributes
     ----------
     status
         The service's counters when it was stopped; None before, and for a stand-in.
+    watched_at
+        The ZeroMQ endpoint for a page, once it runs; empty unless `watched`.
     """
 
     def __init__(
@@ -103,16 +110,18 @@ class BackgroundService:
         stand_in: StandIn | None = None,
         performers: int = 32,
         keys: Path | None = None,
+        watched: bool = False,
     ) -> None:
         self._keyring = Keyring(keys) if keys else None
         self.status: Status | None = None
+        self.watched_at = ""
         self._stand_in = stand_in
         self._receiver: osc.OscReceiver | None = osc.OscReceiver(LOOPBACK, 0) if transport == "osc" else None
         port = self._receiver.address[1] if self._receiver else 0
         # A fresh interpreter, so that the child has none of the parent's sockets and threads.
         context = multiprocessing.get_context("spawn")
         self._connection, self._theirs = context.Pipe()
-        request = _Request(transport, library, settings or Settings(), port, stand_in, performers, keys)
+        request = _Request(transport, library, settings or Settings(), port, stand_in, performers, keys, watched)
         self._process = context.Process(target=_serve, args=(self._theirs, request), daemon=True)
 
     def __enter__(self) -> Self:
@@ -120,7 +129,7 @@ class BackgroundService:
             self._process.start()
             # Only the child keeps its end, so that its death is noticed at once.
             self._theirs.close()
-            self._frames_to, self._answers_at = self._started()
+            self._frames_to, self._answers_at, self.watched_at = self._started()
         except BaseException:
             if self._process.pid is not None:
                 self._process.kill()
@@ -128,7 +137,7 @@ class BackgroundService:
             raise
         return self
 
-    def _started(self) -> tuple[Any, Any]:
+    def _started(self) -> tuple[Any, Any, str]:
         if not self._connection.poll(_MAX_START):
             raise TimeoutError("the recogniser's process did not start")
         try:
@@ -137,8 +146,8 @@ class BackgroundService:
             raise ChildProcessError("the recogniser's process ended before it began") from None
         if isinstance(answer, Exception):
             raise answer
-        frames_to, answers_at = answer
-        return frames_to, answers_at
+        frames_to, answers_at, watched_at = answer
+        return frames_to, answers_at, watched_at
 
     def __exit__(self, *_: object) -> None:
         # A child that died tells nothing; its answers have stopped already.
@@ -213,16 +222,17 @@ def _serve_parent(connection: Connection, request: _Request) -> None:
     try:
         source, sink, addresses = _osc_ends(request) if request.transport == "osc" else _zmq_ends(request)
         performers = None if request.stand_in else _performers(request)
+        sinks, watched_at = _watched(request, performers)
     except (OSError, ValueError) as error:
         connection.send(error)
         return
-    connection.send(addresses)
+    connection.send((*addresses, watched_at))
     if performers is None:
         _stand_in(connection, source, sink, request.stand_in or Echo())
         connection.send(None)
         return
     gc.freeze()
-    with Service(performers, [source], [sink]) as service:
+    with Service(performers, [source], [sink, *sinks]) as service:
         _when_told(connection, service.stop)
         service.run()
         connection.send(service.status())
@@ -233,6 +243,14 @@ def _performers(request: _Request) -> Performers:
     # The first recogniser computes the library's windows; the first performer's first frame must not wait for them.
     Recognizer(library, request.settings)
     return Performers(library, request.settings, most=request.performers)
+
+
+def _watched(request: _Request, performers: Performers | None) -> tuple[list[Sink], str]:
+    """Open the endpoint for a page; give its sinks and its address."""
+    if not request.watched or performers is None:
+        return [], ""
+    sender = zeromq.ZmqSender(ANY_ENDPOINT)
+    return [ZmqSink(sender), BodySink(sender, performers)], sender.address
 
 
 def _when_told(connection: Connection, stop: Callable[[], None]) -> None:

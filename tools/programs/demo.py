@@ -11,7 +11,7 @@ import json
 import math
 import time
 from collections import Counter
-from contextlib import closing
+from contextlib import ExitStack, closing
 from dataclasses import dataclass, field
 from io import StringIO
 from pathlib import Path
@@ -25,11 +25,12 @@ from rich.text import Text
 from kinespace.library import MotionLibrary
 from kinespace.stream.frame import Announcement
 from kinespace.stream.recognizer import Settings
-from kinespace.tools.cli.arguments import add_json, positive
+from kinespace.tools.cli.arguments import add_json, add_page, positive
 from kinespace.tools.feeding.feed import Pace, clip_cues
 from kinespace.tools.loopback.answer_listener import Listener, answer_in
 from kinespace.tools.loopback.expected_answers import AnswerMatcher, expected_answers
 from kinespace.tools.loopback.service_process import BackgroundService
+from kinespace.tools.page.process import PagePlan, PageProcess
 from kinespace.tools.terminal.console import console
 from kinespace.tools.terminal.live_table import score_shown
 from kinespace.tools.terminal.output_path import require_place_for
@@ -53,6 +54,8 @@ MIN_SECONDS = 1.0
 #: Seconds between two motions: longer than the recogniser's longest gap, so that its window starts anew.
 _PAUSE = 0.7
 _LINGER = 0.3
+#: Seconds in which a person opens the page before the first motion.
+_OPENING = 4.0
 _PICTURE_WIDTH = 112
 #: Characters of a full score bar, and of a terminal that has room for it.
 _BAR, _WIDE = 20, 110
@@ -78,20 +81,29 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.description = (
         "Plays a recorded motion of every class of the built-in library over loopback into a recogniser in another "
         "process, and shows what it answers. The recogniser's library holds none of the motions played. Exit status: "
-        "0 every motion named, 1 one not, 2 could not be done."
+        "0 every motion named, 1 a motion not named, 2 could not be done."
     )
     parser.add_argument("--seconds", type=positive, default=30.0, help="how long in all, at most (default %(default)s)")
     parser.add_argument("--transport", choices=("osc", "zmq"), default="osc")
+    add_page(parser)
     parser.add_argument("--picture", type=Path, metavar="SVG", help="write the final table as a picture")
     add_json(parser)
 
 
 def run(options: argparse.Namespace) -> int:
     """Run the program with these options; return the exit status."""
-    return demonstrate(options.transport, seconds=options.seconds, picture=options.picture, as_json=options.json)
+    return demonstrate(
+        options.transport,
+        seconds=options.seconds,
+        picture=options.picture,
+        page=options.page,
+        as_json=options.json,
+    )
 
 
-def demonstrate(transport: Transport, *, seconds: float, picture: Path | None, as_json: bool) -> int:
+def demonstrate(
+    transport: Transport, *, seconds: float, picture: Path | None, as_json: bool, page: str | None = None
+) -> int:
     """Play a motion of every class and show the answers.
 
     Raises
@@ -108,7 +120,15 @@ def demonstrate(transport: Transport, *, seconds: float, picture: Path | None, a
     library = whole.without(motions=motions)
     cues = list(clip_cues(motions, PERFORMER, pause=_PAUSE))
     matcher = AnswerMatcher(expected_answers(cues, library, settings))
-    with BackgroundService(transport, library=library, settings=settings) as service:
+    with ExitStack() as opened:
+        watched = page is not None
+        service = opened.enter_context(
+            BackgroundService(transport, library=library, settings=settings, watched=watched)
+        )
+        if page:
+            shown = opened.enter_context(PageProcess(PagePlan(service.watched_at, page)))
+            console.print(f"page: {shown.address}", soft_wrap=True)
+            time.sleep(_OPENING)
         sender, receiver = service.connect()
         show = _Show([_Played(motion.class_name) for motion in motions], matcher, transport)
         with closing(sender), closing(Listener(receiver)) as listener:

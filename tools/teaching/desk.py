@@ -25,7 +25,7 @@ from kinespace.stream.frame import Frame
 from kinespace.stream.recognition import EventKind
 from kinespace.stream.recognizer import Performers, Recognizer, Settings
 from kinespace.stream.teaching import Changed, State, Step, Teacher
-from kinespace.stream.teaching.notices import Running, Saving
+from kinespace.stream.teaching.notices import Running, Saving, Sensed
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     from kinespace.stream.frame import Input
     from kinespace.stream.outputs.sink import Sink
     from kinespace.stream.recognition import Event, Recognition
+    from kinespace.stream.recognizer.joints.carried import Carried
     from kinespace.stream.recognizer.performers import PerformerCounts
     from kinespace.stream.teaching import Command, Notice
 
@@ -139,7 +140,7 @@ class Desk:
 
     @property
     def counts(self) -> PerformerCounts:
-        """Counts of what happened to all frames so far."""
+        """Counts of all frames so far, by their fate."""
         return self._performers.counts
 
     @property
@@ -156,6 +157,14 @@ class Desk:
     def doubted(self) -> dict[str, str]:
         """Performers with joints that cannot be believed, and the reason."""
         return self._performers.doubted
+
+    def skeleton_of(self, name: str) -> Skeleton | None:
+        """Give the joints of a performer's frames."""
+        return self._performers.skeleton_of(name)
+
+    def carried(self, name: str) -> Carried | None:
+        """Say which joints carry the last answer to a performer."""
+        return self._performers.carried(name)
 
     @property
     def silence(self) -> float:
@@ -197,10 +206,20 @@ class Desk:
         return [notice for notice in notices if isinstance(notice, State)]
 
     def _explained(self, notice: Notice) -> Notice:
-        """Say of a performer who cannot be taught for lack of joints that this is the reason."""
+        """Explain to a performer why too few joints prevent teaching."""
         if isinstance(notice, State) and notice.step is Step.REFUSED and notice.performer in self._other_joints:
             return replace(notice, reason="not all of the library's joints are there: teach with --library none")
         return notice
+
+    def described(self) -> dict[str, object]:
+        """Describe the classes and the settings, for a reply: `taught` counts the examples of each taught class."""
+        roster = self._teacher.roster
+        return {
+            "classes": list(self.classes),
+            "taught": {name: len(roster.of(name)) for name in roster.classes},
+            "off": sorted(roster.disabled),
+            "sensitivity": self._performers.sensitivity,
+        }
 
     def ask(self, command: Command) -> None:
         """Carry out, at the next turn, a command from another thread."""
@@ -213,7 +232,7 @@ class Desk:
         return told
 
     def tend(self, now: float) -> None:
-        """Do what is due by the clock, and take the worker's results."""
+        """Do the work that is due by the clock, and take the worker's results."""
         self._deal_with(self._teacher.tick(now))
         while not self._asked.empty():
             self.command(self._asked.get())
@@ -235,6 +254,8 @@ class Desk:
                     self._jobs.put(_Job(self._teacher.roster))
                 case Running(on):
                     self._running = on
+                case Sensed(share):
+                    self._performers.set_sensitivity(share)
                 case _:
                     for sink in self.sinks:
                         sink.publish_notice(notice)
@@ -286,7 +307,9 @@ class Desk:
                 library.save(self._file)
         except (OSError, ValueError) as error:
             told = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
-            self._results.put(_Failed(0, f"{self._file.name} was not saved: {told}; what was taught is still known"))
+            self._results.put(
+                _Failed(0, f"{self._file.name} was not saved: {told}; the taught motions are still in memory")
+            )
 
     def _starts(self, job: _Job, index: WindowIndex) -> int:
         """Count how often the new class would have started in the performer's last minutes."""
@@ -401,7 +424,7 @@ def open_desk(start: Start, performers: Callable[[WindowIndex, Sequence[str]], P
 
 
 def _any_motion(joints: Sequence[str]) -> MotionLibrary:
-    """Make a library of joints that nobody has taught yet: recognisers need one, but are not asked with it."""
+    """Make a library of joints without taught motions: recognisers need a library, but are not asked with this one."""
     generator = np.random.default_rng(0)
     positions = np.cumsum(generator.normal(0, 0.05, (60, len(joints), 3)), axis=0)
     return MotionLibrary.of_clips([Clip(Skeleton(tuple(joints)), positions, 30.0, class_name="motion")])

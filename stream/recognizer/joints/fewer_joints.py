@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 
+from kinespace.library.kernels.aligned import give_back_memory
 from kinespace.library.motion_library import MotionLibrary
 from kinespace.library.naming import Naming
 from kinespace.library.windows.index import WindowIndex
@@ -29,14 +30,26 @@ def restricted(library: MotionLibrary, joints: tuple[str, ...]) -> MotionLibrary
 def opened_anew(library: MotionLibrary, joints: tuple[str, ...]) -> WindowIndex:
     """Open a library as a body of some of its joints shows it; takes a second where the library is large.
 
+    Its motions have no frames any more, only their classes and persons.
+
     Raises
     ------
     ValueError
         No motion of the library is long enough for a window.
     """
     index = WindowIndex.of(library.restricted_to(joints))
-    _ = index.rejection  # learned at the first use, which must not be while a frame waits
+    index = replace(index, library=_without_frames(index.library))
+    # Both are otherwise done at the first use, and a frame must not wait for that.
+    _ = index.rejection
+    index.prepare()
+    give_back_memory()
     return index
+
+
+def _without_frames(library: MotionLibrary) -> MotionLibrary:
+    """Give a library with the shortest motions there may be: its windows are cut, and frames take most of its room."""
+    motions = (replace(motion, positions=motion.positions[:2].copy()) for motion in library.motions)
+    return replace(library, motions=tuple(motions))
 
 
 opened_restricted = lru_cache(maxsize=MAX_RESTRICTED)(opened_anew)

@@ -92,8 +92,8 @@ def _covariances(clip: Clip) -> np.ndarray:
 # --- each loop ---------------------------------------------------------------------------------------------------
 
 
-def test_as_many_kinds_are_tried_as_the_processor_has(loops: compiled.Loops) -> None:
-    """The loops in use are the loops asked for; unknown ones are refused by name."""
+def test_every_kind_of_loops_that_the_processor_has_is_tested(loops: compiled.Loops) -> None:
+    """The loops in use are the kind that the test asked for; an unknown kind is refused by name."""
     kind = loops.kind()
     assert kind in KINDS
     assert compiled.kind() == f"compiled loops ({kind})"
@@ -103,8 +103,8 @@ def test_as_many_kinds_are_tried_as_the_processor_has(loops: compiled.Loops) -> 
 
 
 @pytest.mark.parametrize("frames", [1, 2, 3, 4, 5, 7, 16])
-def test_distances_are_those_of_three_loops(loops: compiled.Loops, frames: int) -> None:
-    """However many frames are measured side by side, each has the distances that three loops give."""
+def test_distances_equal_three_loops(loops: compiled.Loops, frames: int) -> None:
+    """The distances equal those from three plain loops, for any number of frames measured side by side."""
     for clip in CLIPS:
         positions = np.ascontiguousarray(clip.positions[20 : 20 + frames])
         rows = _with_room(np.zeros((frames, len(PAIRS))))
@@ -160,8 +160,8 @@ def test_products_follow_points(loops: compiled.Loops, entered: int, left: int, 
 
 @BODIES
 @pytest.mark.parametrize("parents", [True, False], ids=["segments", "no segments"])
-def test_parts_are_numpys(loops: compiled.Loops, every: int, parents: bool) -> None:  # noqa: FBT001 - a parameter
-    """Of real windows spread, posture, trend, movement and size are as numpy reads them off the moments."""
+def test_parts_equal_numpys_parts(loops: compiled.Loops, every: int, parents: bool) -> None:  # noqa: FBT001 - a parameter
+    """Spread, posture, trend, movement and size of real windows equal the values that numpy reads off the moments."""
     library = _library(every)
     for clip in library.motions[::29]:
         body = Body.of(clip.skeleton if parents else type(clip.skeleton)(clip.skeleton.joints))
@@ -197,8 +197,8 @@ def test_a_body_in_one_point_has_numbers(loops: compiled.Loops) -> None:
     assert not parts[1:].any()
 
 
-def test_eigenpairs_are_lapacks(loops: compiled.Loops) -> None:
-    """Of windows of every length, of two frames on, values and vectors are as LAPACK finds them."""
+def test_eigenpairs_equal_lapacks(loops: compiled.Loops) -> None:
+    """Values and vectors of windows of every length, from two frames on, equal LAPACK's."""
     for clip in CLIPS:
         covariances = _covariances(clip)
         values, vectors = np.empty((len(covariances), 4)), np.empty((len(covariances), 4, 32))
@@ -215,7 +215,7 @@ def test_eigenpairs_are_lapacks(loops: compiled.Loops) -> None:
 
 @pytest.mark.parametrize("size", [1, 2, 3, 5, 31, 32])
 def test_eigenpairs_of_any_size(loops: compiled.Loops, size: int) -> None:
-    """Of many directions and few, all alike, one alone, or none, vectors are orthonormal and values the largest."""
+    """Vectors are orthonormal and values the largest: of many directions, of few, of equal ones, of one, of none."""
     most = min(4, size)
     generator = np.random.default_rng(size)
     one, several = generator.normal(size=(size, size)), generator.normal(size=(size, 2))
@@ -231,8 +231,8 @@ def test_eigenpairs_of_any_size(loops: compiled.Loops, size: int) -> None:
     np.testing.assert_allclose(vectors @ matrices, values[:, :, None] * vectors, atol=1e-10 * size)
 
 
-def test_what_is_no_number_has_no_eigenpairs(loops: compiled.Loops) -> None:
-    """A covariance with NaN or infinity is reported, and does not hang."""
+def test_a_covariance_without_numbers_has_no_eigenpairs(loops: compiled.Loops) -> None:
+    """The loop reports a covariance with NaN or infinity, and does not hang."""
     matrices = np.full((1, 8, 8), np.nan)
     assert not loops.eigenpairs(matrices, np.empty((1, 4)), np.empty((1, 4, 8)))
 
@@ -269,8 +269,8 @@ def index(request: pytest.FixtureRequest) -> WindowIndex:
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("loops")
-def test_windows_are_as_far_as_numpy_finds_them(index: WindowIndex) -> None:
-    """At every hop of some motions log distances and scores are numpy's, whatever is compared."""
+def test_distances_to_windows_equal_numpys(index: WindowIndex) -> None:
+    """At every hop of some motions log distances and scores equal numpy's, for every weighing."""
     for clip in index.library.motions[::41]:
         live = LiveWindows(index.body, index.basis)
         rows = distance_rows(clip.positions, clip.skeleton)
@@ -285,8 +285,8 @@ def test_windows_are_as_far_as_numpy_finds_them(index: WindowIndex) -> None:
 
 
 @pytest.mark.usefixtures("loops")
-def test_what_is_no_number_is_as_far_as_can_be() -> None:
-    """Numbers beyond count, or none at all, do not come out as near."""
+def test_nan_and_infinity_are_never_near() -> None:
+    """Infinite numbers and NaN get no small distance."""
     index = opened(BUILTIN)
     live = LiveWindows(index.body, index.basis)
     rows = distance_rows(CLIPS[0].positions[:20], CLIPS[0].skeleton)
@@ -304,7 +304,7 @@ def test_what_is_no_number_is_as_far_as_can_be() -> None:
 
 
 @pytest.mark.usefixtures("loops")
-def test_more_views_than_there_is_room_for_are_left_to_numpy() -> None:
+def test_numpy_compares_views_that_the_loops_have_no_room_for() -> None:
     """A weighing with eight views, and each group alone, is not refused."""
     views = (ACROSS_LABORATORIES.views[0],) * 8
     weighing = type(ACROSS_LABORATORIES)(ACROSS_LABORATORIES.groups, views, first=0.5, lead=0.6)
@@ -416,8 +416,8 @@ def test_a_recogniser_is_copied_in_full(signature: LiveSignature) -> None:
 
 
 @pytest.mark.usefixtures("loops")
-def test_they_can_be_left_aside_for_a_while() -> None:
-    """While they are left aside numpy does the arithmetic; afterwards, even after an error, they are back."""
+def test_the_loops_can_be_switched_off_for_a_while() -> None:
+    """Inside the block numpy does the arithmetic; after it, even after an error, the compiled loops do."""
     before, meanwhile = compiled.loops, list[str]()
 
     def fail() -> None:
@@ -431,8 +431,8 @@ def test_they_can_be_left_aside_for_a_while() -> None:
     assert compiled.loops is before is not None
 
 
-def test_what_was_built_from_older_sources_is_left_aside() -> None:
-    """A module that lacks one of the loops is as good as none."""
+def test_a_module_built_from_older_sources_is_not_used() -> None:
+    """Numpy does the arithmetic if the compiled module lacks one of the loops."""
     lacking = (
         "import sys, types; old = types.ModuleType('kinespace.library.kernels._compiled'); old.follow = None; "
         "sys.modules['kinespace.library.kernels._compiled'] = old; "
@@ -443,7 +443,7 @@ def test_what_was_built_from_older_sources_is_left_aside() -> None:
     assert told.stdout == "numpy\n"
 
 
-def test_they_can_be_left_aside() -> None:
+def test_an_environment_variable_switches_the_loops_off() -> None:
     """With KINESPACE_COMPILED=0 numpy does the arithmetic."""
     asked = [sys.executable, "-c", "from kinespace.library.kernels import compiled; print(compiled.kind())"]
     environment = os.environ | {"KINESPACE_COMPILED": "0"}
@@ -451,7 +451,7 @@ def test_they_can_be_left_aside() -> None:
     assert told.stdout == "numpy\n"
 
 
-# --- what is refused ---------------------------------------------------------------------------------------------
+# --- refused arrays ---------------------------------------------------------------------------------------------
 
 _F, _H = np.float32, np.float16
 _ONE = np.array([0])
@@ -700,7 +700,7 @@ _REFUSED: dict[str, tuple[Callable[[compiled.Loops], object], str]] = {
 
 @pytest.mark.parametrize("name", _REFUSED)
 def test_arrays_that_do_not_fit_are_refused(loops: compiled.Loops, name: str) -> None:
-    """An array of another shape or type raises ValueError with its name, the expectation and what was got."""
+    """An array of another shape or type raises ValueError with its name, the expectation and the value found."""
     call, told = _REFUSED[name]
     with pytest.raises(ValueError, match=told):
         call(loops)
@@ -726,16 +726,16 @@ def test_too_few_arguments_are_refused(loops: compiled.Loops, function: str) -> 
         getattr(loops, function)(np.zeros(3))
 
 
-def test_of_two_numbers_that_are_none_the_first_is_told(loops: compiled.Loops) -> None:
-    """What is no number raises TypeError before the next, which may be a fraction, is asked for."""
+def test_the_error_names_the_first_of_two_bad_numbers(loops: compiled.Loops) -> None:
+    """An argument that is no number raises TypeError before the loop asks for the next one, which may be a fraction."""
     none, fraction = cast("Any", "2"), cast("Any", Fraction(1, 2))
     arrays = np.ones((4, 5)), np.zeros(3)
     with pytest.raises(TypeError, match="must be real number, not str"):
         loops.read_parts(*arrays, none, np.ones(5), _ONE, np.ones((1, 5)), fraction, 0.5, np.zeros((3, 5)))
 
 
-def test_what_must_be_written_to_may_not_be_read_only(loops: compiled.Loops) -> None:
-    """Rows that may not be written to are refused before anything is written."""
+def test_read_only_rows_are_refused_before_anything_is_written(loops: compiled.Loops) -> None:
+    """The loop refuses rows that it may not write to, and writes nothing."""
     rows = np.zeros((1, 465))
     rows.flags.writeable = False
     with pytest.raises(ValueError, match="read-only"):

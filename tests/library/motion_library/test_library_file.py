@@ -1,4 +1,4 @@
-"""The library's file: written whole or not at all, and refused by one line whatever has become of it."""
+"""The library's file: written whole or not at all; a damaged file is refused in one line."""
 
 from __future__ import annotations
 
@@ -84,7 +84,7 @@ def _packed(header: object, arrays: dict[str, NDArray[Any]]) -> bytes:
     return file.getvalue()
 
 
-# --- what is in it -----------------------------------------------------------------------------------------------
+# --- content of the file -----------------------------------------------------------------------------------------
 
 
 def test_the_file_is_an_npz_without_pickle(content: bytes, small_library: MotionLibrary) -> None:
@@ -107,7 +107,7 @@ def test_the_file_is_an_npz_without_pickle(content: bytes, small_library: Motion
     assert end == summed.shape[2]
 
 
-def test_what_was_loaded_is_saved_as_it_was(content: bytes, small_library: MotionLibrary, tmp_path: Path) -> None:
+def test_a_loaded_library_is_saved_unchanged(content: bytes, small_library: MotionLibrary, tmp_path: Path) -> None:
     """A library that was loaded and saved again is equal: nothing is lost or rounded."""
     first, second = tmp_path / "first.npz", tmp_path / "second.npz"
     first.write_bytes(content)
@@ -136,7 +136,7 @@ def test_places_far_from_the_origin_are_kept_in_16_bits(tmp_path: Path) -> None:
     assert _are_equal(MotionLibrary.load(tmp_path / "far.npz"), library)
 
 
-def test_what_no_file_may_hold_is_not_written(tmp_path: Path, small_library: MotionLibrary) -> None:
+def test_a_library_too_large_for_a_file_is_not_written(tmp_path: Path, small_library: MotionLibrary) -> None:
     """A library too large for a file is refused when it is saved, and no file is left behind."""
     motion = small_library.motions[0]
     several = dataclasses.replace(small_library, motions=(motion,) * (library_file.MAX_MOTIONS + 1))
@@ -154,12 +154,12 @@ def test_what_no_file_may_hold_is_not_written(tmp_path: Path, small_library: Mot
 # --- saving is atomic --------------------------------------------------------------------------------------------
 
 
-def _broken_savez(file: Any, **_arrays: object) -> None:  # noqa: ANN401 - what numpy takes
+def _broken_savez(file: Any, **_arrays: object) -> None:  # noqa: ANN401 - numpy takes any
     file.write(b"PK\x03\x04 half of a file")
     raise OSError(28, "No space left on device")
 
 
-def _interrupted_savez(file: Any, **_arrays: object) -> None:  # noqa: ANN401 - what numpy takes
+def _interrupted_savez(file: Any, **_arrays: object) -> None:  # noqa: ANN401 - numpy takes any
     file.write(b"PK\x03\x04 half of a file")
     raise KeyboardInterrupt
 
@@ -178,7 +178,7 @@ FAILURES = [
 
 @pytest.mark.parametrize(("owner", "name", "failing", "error"), FAILURES)
 @pytest.mark.parametrize("exists", [True, False])
-def test_a_failure_in_the_middle_leaves_all_as_it_was(  # noqa: PLR0913, PLR0917 - a failure takes four words to say
+def test_a_failure_while_saving_changes_nothing(  # noqa: PLR0913, PLR0917 - a failure takes four words to say
     monkeypatch: pytest.MonkeyPatch,
     tmp_path: Path,
     owner: object,
@@ -189,7 +189,7 @@ def test_a_failure_in_the_middle_leaves_all_as_it_was(  # noqa: PLR0913, PLR0917
     *,
     exists: bool,
 ) -> None:
-    """When saving fails the old file is untouched, or still absent, and nothing else is left in the folder."""
+    """When saving fails, the old file is untouched, or still absent, and nothing else is left in the folder."""
     path = tmp_path / "library.npz"
     if exists:
         path.write_bytes(content)
@@ -201,7 +201,7 @@ def test_a_failure_in_the_middle_leaves_all_as_it_was(  # noqa: PLR0913, PLR0917
     assert not exists or path.read_bytes() == content
 
 
-def test_until_the_new_file_is_whole_the_old_one_is_read(
+def test_readers_see_the_old_file_until_the_new_one_is_whole(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, content: bytes, small_library: MotionLibrary
 ) -> None:
     """A reader during the writing of a library sees the old file; a later reader sees the new one."""
@@ -388,7 +388,7 @@ def _header(text: str) -> np.ndarray:
     ],
 )
 def test_a_foreign_file_is_refused(tmp_path: Path, foreign: bytes) -> None:
-    """A file of another kind, however near, is refused by name."""
+    """A file of another kind, even a similar one, is refused by name."""
     _assert_refused(tmp_path / "foreign.npz", foreign)
 
 
@@ -419,8 +419,8 @@ def test_a_file_that_is_not_there_is_an_os_error(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("version", [1, 2])
-def test_an_old_library_says_how_to_build_it_anew(content: bytes, tmp_path: Path, version: int) -> None:
-    """A file of before, with whatever arrays, is refused in one line that holds the command to be given."""
+def test_the_error_for_an_old_library_holds_the_command(content: bytes, tmp_path: Path, version: int) -> None:
+    """A file of an older version, with any arrays, is refused in one line that holds the command to build it again."""
     header, _ = _unpacked(content)
     old = _packed({**header, "version": version}, {"means": np.zeros((18, 15), np.float32), "digest": np.zeros(32)})
     path = tmp_path / "library.npz"
@@ -622,15 +622,15 @@ def huge() -> bytes:
 
 
 @pytest.mark.parametrize("name", ["header.npy", "positions.npy", "starts.npy", "learned_weights.npy", "further.npy"])
-def test_what_would_unpack_to_gigabytes_is_not_unpacked(content: bytes, huge: bytes, tmp_path: Path, name: str) -> None:
-    """An array's file that the zip says is larger than it must be is refused before memory is taken for it."""
+def test_an_array_that_claims_gigabytes_is_not_unpacked(content: bytes, huge: bytes, tmp_path: Path, name: str) -> None:
+    """An array larger in the zip than the header allows is refused before memory is taken."""
     bomb = _with_member(content, name, huge)
     assert len(bomb) < 1_000_000
     _assert_refused(tmp_path / "bomb.npz", bomb)
 
 
-def test_what_unpacks_to_more_than_the_zip_says_is_not_unpacked(content: bytes, huge: bytes, tmp_path: Path) -> None:
-    """A zip that says an array's file is small, and packs a large one, takes no memory for it either."""
+def test_an_array_larger_than_the_zip_says_is_not_unpacked(content: bytes, huge: bytes, tmp_path: Path) -> None:
+    """A zip that claims a small file for an array, and packs a large one, takes no memory for it either."""
     bomb = _with_member(content, "positions.npy", huge)
     said = HUGE.to_bytes(4, "little")
     assert bomb.count(said) == 2
@@ -649,8 +649,8 @@ def test_an_arrays_header_that_asks_for_gigabytes_is_refused(content: bytes, tmp
 @pytest.mark.parametrize(
     "header", ["{" * 500, "(" * 5000, "'", "{'descr': '<i2'", "\n" * 9000, "\\", "[1" * 3000, "\x00"]
 )
-def test_an_arrays_header_that_is_none_is_refused(content: bytes, tmp_path: Path, header: str) -> None:
-    """Whatever stands where an array's header should be, reading it ends in the one line."""
+def test_a_broken_array_header_is_refused(content: bytes, tmp_path: Path, header: str) -> None:
+    """Any bytes in place of an array's header end in one line of error."""
     member = b"\x93NUMPY\x01\x00" + len(header).to_bytes(2, "little") + header.encode() + bytes(64)
     for name in ("header", "positions"):
         _assert_refused(tmp_path / "odd.npz", _with_member(content, f"{name}.npy", member))

@@ -229,7 +229,7 @@ def test_parts_that_do_not_fit_are_refused(library: MotionLibrary) -> None:
 
 
 @pytest.mark.parametrize("skeleton", [STICK, Skeleton(STICK.joints)])
-def test_a_library_comes_back_from_its_file_as_it_was(tmp_path: Path, skeleton: Skeleton) -> None:
+def test_a_library_comes_back_from_its_file_unchanged(tmp_path: Path, skeleton: Skeleton) -> None:
     """Saved and loaded, a library has the same words and numbers."""
     clips = [
         dataclasses.replace(
@@ -297,10 +297,10 @@ def test_classes_persons_and_motions_are_left_out(library: MotionLibrary) -> Non
         (lambda library: library.renamed({"bow": ""}), "expected a class name, got none"),
     ],
 )
-def test_changes_of_what_is_not_there_are_refused(
+def test_changes_of_absent_classes_are_refused(
     library: MotionLibrary, change: Callable[[MotionLibrary], MotionLibrary], message: str
 ) -> None:
-    """Leaving out or renaming what is not in the library is refused, and so is leaving out everything."""
+    """Leaving out or renaming a class that the library lacks is refused, and so is leaving out everything."""
     with pytest.raises(ValueError, match=message):
         change(library)
 
@@ -406,7 +406,7 @@ def test_libraries_that_share_too_few_joints_are_not_merged(library: MotionLibra
             one.merged_with(another)
 
 
-def test_what_one_of_both_learned_is_kept(library: MotionLibrary) -> None:
+def test_learned_numbers_survive_a_merge(library: MotionLibrary) -> None:
     """The first library's learned numbers go before the second's, which go before none."""
     first, second = (dataclasses.replace(library, learned=Learned.of_arrays({"a": np.zeros(1)})) for _ in range(2))
     assert first.merged_with(second).learned is first.learned
@@ -417,7 +417,7 @@ def test_what_one_of_both_learned_is_kept(library: MotionLibrary) -> None:
 # --- the built-in library ----------------------------------------------------------------------------------------
 
 
-def test_the_built_in_library_says_what_it_is(builtin: MotionLibrary) -> None:
+def test_the_built_in_library_describes_itself(builtin: MotionLibrary) -> None:
     """The library in the package has HDM05's 288 motions of 11 classes by 5 persons, its licence and its authors."""
     assert (len(builtin), len(builtin.classes), builtin.actors) == (288, 11, ("bd", "bk", "dg", "mm", "tr"))
     assert builtin.skeleton == hdm05.SKELETON

@@ -60,7 +60,7 @@ def test_users_file(tmp_path: Path) -> None:
         ('prefixes = "rig"\n[joints]\na = "root"\nb = "head"', "prefixes: expected a list of texts"),
     ],
 )
-def test_mistakes_are_told(text: str, message: str) -> None:
+def test_mistakes_are_reported(text: str, message: str) -> None:
     """A mistake is reported in one line that names the file and the mistake."""
     with pytest.raises(ConventionError, match="mine.toml: .*" + message.replace("[", r"\[")):
         parse_convention(text, "mine.toml")

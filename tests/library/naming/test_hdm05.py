@@ -36,8 +36,8 @@ TORN = "HDM_dg_lieDownFloor_014_120"
         ("HDM_tr_05-01_02_120.c3d", ("tr", "", "05-01_02", 120.0)),
     ],
 )
-def test_a_name_says_who_does_what(name: str, expected: tuple[str, str, str, float]) -> None:
-    """Actor, class, take and frame rate are read off a cut clip's name; an uncut take's says no class."""
+def test_a_file_name_holds_actor_class_and_take(name: str, expected: tuple[str, str, str, float]) -> None:
+    """Actor, class, take and frame rate are read off a cut clip's name; the name of an uncut take holds no class."""
     assert hdm05.read_clip_name(Path(name)) == expected
 
 
@@ -95,7 +95,7 @@ def test_all_288_clips_are_read(hdm05_clips: tuple[Clip, ...]) -> None:
 
 
 def test_clips_lie_in_their_classes_folder(hdm05_folder: Path, hdm05_clips: tuple[Clip, ...]) -> None:
-    """As many clips of each class are read as there are files in the folder of its name, whatever their ending."""
+    """As many clips of each class are read as there are files in its folder, with any ending."""
     files = Counter(path.parent.name for path in hdm05_folder.glob("*/*") if path.suffix.lower() == ".amc")
     assert Counter(clip.class_name for clip in hdm05_clips) == files
 

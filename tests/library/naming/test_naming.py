@@ -96,7 +96,7 @@ def test_spelling_says_nothing(spelled: Callable[[str], str]) -> None:
 
 @pytest.mark.parametrize("front", ["mixamorig:", "mixamorig", "mixamorig5:", "mixamorig_", "Armature|", "Char 1_", ""])
 def test_prefixes_are_left_out(front: str) -> None:
-    """However Mixamo's names come out of a program, they are Mixamo's."""
+    """Mixamo's names are recognised with every prefix that programs put before them."""
     labels = [name.replace("mixamorig:", front) for name in skeletons.MIXAMO]
     named = Naming().read(labels)
     assert [joint for joint in named.joints if joint in OURS] == [
@@ -110,7 +110,7 @@ def test_left_arm_alone_keeps_its_side() -> None:
     assert Naming().read(labels).joints == ("lhipjoint", "lfemur", "ltibia", "lclavicle", "lhumerus", "lradius")
 
 
-def test_convention_that_is_asked_for() -> None:
+def test_a_given_convention_is_used() -> None:
     """A given convention renames the joints it knows, however few; as-they-are renames none."""
     labels = ("head", "spine1", "prop")
     assert Naming.asked("smpl").read(labels).joints == ("upperneck", "lowerback", "prop")
@@ -126,7 +126,7 @@ def test_other_joint_of_our_name_does_not_pass_for_ours() -> None:
     assert named.joints == ("upperneck", "SMPL head", "lhipjoint")
 
 
-def test_bvh_of_acclaim_is_told_from_ends() -> None:
+def test_beginnings_and_ends_of_bones_are_told_apart() -> None:
     """The same names mean the beginnings of bones in one kind of file, and their ends in the other."""
     bvh = [joint for joint in OURS if joint not in ("lhipjoint", "rhipjoint", "lowerback", "lclavicle", "rclavicle")]
     bvh += ["head_end", "ltoes_end", "rtoes_end", "lfingers_end", "rfingers_end", "lthumb_end", "rthumb_end"]

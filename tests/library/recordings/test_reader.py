@@ -47,7 +47,7 @@ def test_recordings_are_found_at_any_depth(tmp_path: Path) -> None:
     assert find_recordings([tmp_path]) == sorted(tmp_path / name for name in wanted)
 
 
-def test_a_folder_named_like_a_recording_is_none(tmp_path: Path) -> None:
+def test_a_folder_named_like_a_recording_is_searched(tmp_path: Path) -> None:
     """A folder whose name ends in .amc is searched, not read."""
     _touch(tmp_path, "walks.amc/one.amc")
     assert find_recordings([tmp_path]) == [tmp_path / "walks.amc" / "one.amc"]
@@ -94,7 +94,7 @@ def test_clips_come_in_the_order_of_the_paths(tmp_path: Path) -> None:
 
 
 def test_each_skeleton_is_read_once(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    """However many motions share a skeleton its file is read once, and each folder's motions get its own."""
+    """A skeleton's file is read once for all its motions, and each folder's motions get their own skeleton."""
     paths = [*_write_arm(tmp_path / "one", "arm_1.amc", "arm_2.amc"), *_write_arm(tmp_path / "two", "arm_3.amc")]
     read: list[Path] = []
 
@@ -108,8 +108,8 @@ def test_each_skeleton_is_read_once(monkeypatch: pytest.MonkeyPatch, tmp_path: P
     assert read == [tmp_path / "one" / "arm.asf", tmp_path / "two" / "arm.asf"]
 
 
-def test_a_given_skeleton_goes_before_the_one_beside(tmp_path: Path) -> None:
-    """A skeleton given by hand stands every motion, also one that has its own or none beside it."""
+def test_a_given_skeleton_is_used_before_a_found_one(tmp_path: Path) -> None:
+    """A skeleton given by hand is used for every motion, with or without a skeleton of its own."""
     (path,) = _write_arm(tmp_path, "arm_1.amc")
     longer = TinyBody(tuple(TinyBone(bone.name, bone.parent, length=9.0, dof=bone.dof) for bone in ARM.bones))
     given = tmp_path / "longer.asf"
@@ -148,8 +148,8 @@ def test_a_file_of_another_kind_is_refused(tmp_path: Path, name: str, got: str) 
         list(read_recordings([tmp_path / name]))
 
 
-def test_what_was_valid_before_a_bad_file_is_not_lost(tmp_path: Path) -> None:
-    """Clips before a bad file have been given when it is refused, and the message names it alone."""
+def test_clips_before_a_bad_file_are_not_lost(tmp_path: Path) -> None:
+    """The reader gives the clips before a bad file, then refuses it; the message names the bad file alone."""
     paths = _write_arm(tmp_path, "arm_1.amc", "arm_2.amc", "arm_3.amc")
     paths[1].write_text(":DEGREES\n1\nroot 0 0\n")
     clips = read_recordings(paths)
@@ -207,7 +207,7 @@ def pieces_and_whole(path: Path) -> Clip:
     return whole
 
 
-#: What is done to an AMC's frames, each of which is a number and five lines.
+#: Changes to an AMC's frames; each frame is a number and five lines.
 AMC_CHANGES: dict[str, Callable[[list[list[str]]], list[list[str]]]] = {
     "as it is": lambda frames: frames,
     # Within a piece, and where two meet.
@@ -228,10 +228,10 @@ AMC_CHANGES: dict[str, Callable[[list[list[str]]], list[list[str]]]] = {
 
 @pytest.mark.parametrize("changed", AMC_CHANGES)
 @pytest.mark.parametrize("block", [700, 1500])
-def test_an_amc_in_pieces_is_the_whole(
+def test_the_pieces_of_an_amc_are_the_whole(
     changed: str, block: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """However its frames are written and wherever it is parted, the pieces are together the clip."""
+    """The pieces together are the clip, for every way to write the frames and every place to part them."""
     monkeypatch.setattr(acclaim, "_BLOCK_BYTES", block)
     monkeypatch.setattr(acclaim, "_BLOCK_FRAMES", block // 70)
     path = write_take(tmp_path, "bd", "bendLeft", 1)
@@ -269,7 +269,7 @@ def test_a_bvh_in_pieces_is_the_whole(unit: float, tmp_path: Path, monkeypatch: 
     assert pieces_and_whole(still).frames == pieces_and_whole(moving).frames == 100
 
 
-def test_what_is_wrong_with_a_piece_is_told_when_it_is_reached(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_error_of_a_bad_piece_comes_when_the_piece_is_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Pieces come until the mistake; the error is the same as for the whole file."""
     monkeypatch.setattr(acclaim, "_BLOCK_BYTES", 700)
     path = write_take(tmp_path, "bd", "bendLeft", 1)
@@ -289,7 +289,7 @@ def test_what_is_wrong_with_a_piece_is_told_when_it_is_reached(tmp_path: Path, m
             with pytest.raises(RecordingError, match=told) as parted:
                 got.extend(reader.pieces(path))
         assert str(parted.value) == str(whole.value)
-        # What a list takes in before the mistake it keeps.
+        # A list keeps the clips before the mistake.
         assert sum(piece.frames for piece in got) > 100
 
 

@@ -70,7 +70,7 @@ def test_trimming_cuts_the_motion() -> None:
     assert example.whole.seconds == motion.duration
 
 
-def test_windows_are_those_of_a_library_made_anew() -> None:
+def test_changed_windows_equal_the_windows_of_a_new_library() -> None:
     """Examples added, taken back and added again are compared as if they had all been there at once."""
     windows = TaughtWindows(_base(), beside=True)
     first = _roster(("my squat", "squat1Reps", 0))
@@ -95,7 +95,7 @@ def test_disabled_classes_have_no_windows() -> None:
     assert {"squat1Reps", "my squat"}.isdisjoint(index.classes)
 
 
-def test_nothing_taught_beside_nothing_is_none() -> None:
+def test_without_library_and_examples_there_is_no_index() -> None:
     """Without a library and without examples there is no index."""
     windows = TaughtWindows(_base(), beside=False)
     assert windows.index_of(Roster()) is None
@@ -106,7 +106,7 @@ def test_nothing_taught_beside_nothing_is_none() -> None:
     assert windows.index_of(Roster()) is None
 
 
-def test_a_check_tells_what_resembles() -> None:
+def test_a_check_names_the_class_that_an_example_resembles() -> None:
     """A squat taught under another name cannot be told from squats; taught twice, from the other name's."""
     windows = TaughtWindows(_base(), beside=True)
     roster = _roster(("mine", "squat1Reps", 0))

@@ -37,7 +37,7 @@ def test_motions_between_stillnesses_are_found(noise: float) -> None:
         assert stretch.duration > 0.6 * motion.duration
 
 
-def test_nobody_is_found_moving_who_stands_still() -> None:
+def test_a_still_body_is_never_found_moving() -> None:
     """A body that stands still is never found moving."""
     take, _ = _take(1.0)
     standing = replace(take, positions=np.repeat(take.positions[:1], 300, axis=0))

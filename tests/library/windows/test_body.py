@@ -23,7 +23,7 @@ def rows(builtin: MotionLibrary) -> NDArray[np.float64]:
     return distance_rows(builtin.motions[0].positions[:40], builtin.skeleton)
 
 
-def test_a_body_is_as_large_as_its_segments_are_on_average() -> None:
+def test_the_size_of_a_body_is_its_mean_segment_length() -> None:
     """Segments of 1, 2 and 6 metres make a body of 3 metres."""
     positions = np.array([[0.0, 0, 0], [1, 0, 0], [1, 2, 0], [0, 0, 6]])
     assert Body.of(FORK).size(distance_rows(positions, FORK)) == pytest.approx(3.0)

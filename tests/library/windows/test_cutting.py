@@ -58,7 +58,7 @@ def test_the_shortest_motion_with_a_window(clip: Clip, frames: int, windows: int
     assert len(window_ends(cut, 0.4)) == windows
 
 
-def test_two_frames_are_a_window_and_one_is_none(clip: Clip) -> None:
+def test_a_window_needs_two_frames(clip: Clip) -> None:
     """At three frames a second one frame lasts long enough, but one frame has no movement."""
     slow = replace(clip, frame_rate=3.0)
     assert not len(window_ends(slow.moved_to(slow.positions[:1]), 0.4))

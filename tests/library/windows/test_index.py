@@ -103,7 +103,7 @@ def test_log_distances_by_brute_force(index: WindowIndex, asking: tuple[Clip, ..
 
 
 def test_eigenvector_scores_by_brute_force(index: WindowIndex, asking: tuple[Clip, ...], arithmetic: str) -> None:
-    """They are each class's largest |inner product|, whatever the eigenvector's sign."""
+    """A class's score is its largest |inner product|, for either sign of the eigenvector."""
     for clip in asking:
         cut = CutWindows([clip], [window_ends(clip, 0.4)], index.body, index.basis)
         vector = cut.eigenpairs[2.0].vectors[-1, 0].copy()
@@ -132,7 +132,7 @@ def test_a_class_without_windows_left_is_infinitely_far(small_index: WindowIndex
     assert np.isinf(small_index.own_distances(0, left_out)).any(axis=0).tolist() == [False, False, True]
 
 
-def test_people_do_what_others_do(index: WindowIndex, asking: tuple[Clip, ...]) -> None:
+def test_motions_of_new_people_are_nearest_to_their_class(index: WindowIndex, asking: tuple[Clip, ...]) -> None:
     """Motions of a person whom the library does not know are nearest to their own class, if it has the class."""
     known = [clip for clip in asking if clip.class_name in index.classes]
     assert len(known) >= 2
@@ -170,7 +170,7 @@ def test_motions_added_are_as_if_opened_with_them(small_library: MotionLibrary, 
         assert np.array_equal(one, other)
 
 
-def test_motions_are_added_to_what_was_learned(small_index: WindowIndex, asking: tuple[Clip, ...]) -> None:
+def test_added_motions_use_the_learned_numbers(small_index: WindowIndex, asking: tuple[Clip, ...]) -> None:
     """A library that teaches itself keeps basis, metrics and rejection, and a new motion is nearest to itself."""
     taught = replace(asking[0], class_name="taught", actor="new")
     index = small_index.with_motions([taught])
@@ -313,8 +313,10 @@ def test_nothing_but_motions_too_short(sticks: MotionLibrary) -> None:
         WindowIndex.of(replace(sticks, motions=short))
 
 
-def test_who_teaches(builtin: MotionLibrary, small_library: MotionLibrary, sticks: MotionLibrary) -> None:
-    """Three persons who share classes teach their library, else the built-in persons do, if they have its joints."""
+def test_the_persons_who_teach_a_library(
+    builtin: MotionLibrary, small_library: MotionLibrary, sticks: MotionLibrary
+) -> None:
+    """Three persons who share classes teach their library; else the built-in persons do, if they have its joints."""
     assert teacher_of(small_library) is small_library
     alone = small_library.without(actors=("dg", "mm"))
     assert teacher_of(alone).actors == builtin.actors
@@ -325,8 +327,8 @@ def test_who_teaches(builtin: MotionLibrary, small_library: MotionLibrary, stick
     assert taught.skeleton.joints == alone.restricted_to(joints).skeleton.joints
 
 
-def test_three_people_who_share_no_class_do_not_teach(builtin: MotionLibrary, small_library: MotionLibrary) -> None:
-    """Without a shared class nobody shows how people differ who perform the same."""
+def test_people_who_share_no_class_do_not_teach(builtin: MotionLibrary, small_library: MotionLibrary) -> None:
+    """Without a shared class nobody shows how people differ in the same motion."""
     only = zip(small_library.classes, small_library.actors, strict=True)
     wanted = set(only)
     motions = tuple(clip for clip in small_library.motions if (clip.class_name, clip.actor) in wanted)

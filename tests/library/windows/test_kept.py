@@ -23,7 +23,7 @@ BOTH = pytest.mark.parametrize("weighing", WEIGHINGS.values(), ids=WEIGHINGS)
 
 @pytest.fixture(scope="module")
 def keeping(small_library: MotionLibrary) -> MotionLibrary:
-    """Give a small library that keeps what its motions teach."""
+    """Give a small library that keeps the numbers learned from its motions."""
     return keeping_lessons(small_library)
 
 
@@ -51,7 +51,7 @@ def test_kept_numbers_are_the_learned_ones(
 
 
 @BOTH
-def test_the_built_in_file_keeps_what_its_motions_teach(builtin: MotionLibrary, weighing: Weighing) -> None:
+def test_the_built_in_file_keeps_its_metrics(builtin: MotionLibrary, weighing: Weighing) -> None:
     """Its windows are as far from each other as in metrics learned here; processors round differently."""
     kept = WindowIndex.of(builtin, builtin, weighing)
     assert kept_of(builtin, weighing) is not None
@@ -63,8 +63,8 @@ def test_the_built_in_file_keeps_what_its_motions_teach(builtin: MotionLibrary, 
         )
 
 
-def test_a_file_keeps_them(keeping: MotionLibrary, tmp_path: Path) -> None:
-    """Written and read again, a library opens by what it kept."""
+def test_a_file_keeps_the_numbers(keeping: MotionLibrary, tmp_path: Path) -> None:
+    """Written and read again, a library opens with the numbers in its file."""
     keeping.save(tmp_path / "kept.npz")
     again = MotionLibrary.load(tmp_path / "kept.npz")
     for weighing in WEIGHINGS.values():
@@ -93,7 +93,7 @@ def test_other_motions_teach_anew(keeping: MotionLibrary) -> None:
     assert kept_of(replace(keeping, learned=None), across) is None
 
 
-def test_derived_libraries_drop_what_does_not_hold_for_them(keeping: MotionLibrary) -> None:
+def test_derived_libraries_drop_numbers_of_other_motions(keeping: MotionLibrary) -> None:
     """Numbers that hold for other motions too stay; the file of a derived library is not made larger for nothing."""
     library = _with(keeping, "more", np.ones(1))
     assert library.learned is not None
@@ -116,6 +116,6 @@ def test_derived_libraries_drop_what_does_not_hold_for_them(keeping: MotionLibra
 def test_arrays_that_do_not_fit_are_refused(
     keeping: MotionLibrary, name: str, array: np.ndarray | None, said: str
 ) -> None:
-    """The message names the array."""
+    """An array of another shape or type raises ValueError with its name, the expectation and the value found."""
     with pytest.raises(ValueError, match=said):
         kept_of(_with(keeping, name, array), WEIGHINGS["across"])

@@ -31,14 +31,14 @@ def _mean_square_between_people(vectors: np.ndarray, lessons: Lessons) -> float:
 
 
 @pytest.mark.parametrize("shrinkage", [0.2, 1.0])
-def test_people_who_do_the_same_are_at_a_mean_squared_distance_of_1(shrinkage: float) -> None:
+def test_the_same_motion_by_two_people_has_mean_squared_distance_1(shrinkage: float) -> None:
     """Distances of different parts can then be added up."""
     numbers, lessons = _windows()
     vectors = learned_metric(numbers, lessons, shrinkage=shrinkage, kept=6).place(numbers)
     assert _mean_square_between_people(vectors, lessons) == pytest.approx(1.0, rel=0.01)
 
 
-def test_what_differs_between_people_counts_less() -> None:
+def test_differences_between_people_count_less() -> None:
     """Shrunk little, the metric tells classes apart better than a metric without scatter."""
     numbers, lessons = _windows()
     ratios = []

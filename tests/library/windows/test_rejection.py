@@ -150,7 +150,7 @@ def test_the_rate_is_kept_on_the_librarys_own_motions(learning: WindowIndex) -> 
     assert named == pytest.approx([0.05, 0.2, 0.4], abs=0.08)
 
 
-def test_what_a_library_learns(learning: WindowIndex) -> None:
+def test_thresholds_fall_with_the_rate(learning: WindowIndex) -> None:
     """No lead speaks against a guess, and thresholds fall with the rate."""
     rejection = learned_rejection(learning)
     groups = len(learning.comparison.weighing.groups)

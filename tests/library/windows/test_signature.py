@@ -37,7 +37,7 @@ def test_the_signature_is_the_leading_eigenvector(frames: int, numbers: int, see
     assert axis @ naive.covariance(rows) @ axis == pytest.approx(value)
 
 
-def test_real_signatures_are_those_of_the_paper(motions: tuple[Clip, ...]) -> None:
+def test_real_signatures_equal_the_papers(motions: tuple[Clip, ...]) -> None:
     """On real motions the axis is the first of the SVD of the centred distances."""
     assert len(motions) == 11
     for motion in motions:
@@ -62,7 +62,7 @@ def test_a_statue_has_some_unit_vector(frames: int) -> None:
 
 
 @pytest.mark.parametrize("shape", [(0, 8), (1, 8), (8,), (2, 3, 4)])
-def test_rows_that_are_no_motion_are_refused(shape: tuple[int, ...]) -> None:
+def test_rows_without_a_motion_are_refused(shape: tuple[int, ...]) -> None:
     """Without two frames, or in another shape, there is no signature."""
     with pytest.raises(ValueError, match=r"rows: expected \(frames, pairs\) with at least two frames, got \("):
         signature_of(np.zeros(shape))

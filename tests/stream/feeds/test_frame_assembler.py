@@ -95,7 +95,7 @@ def values(frame: Frame) -> list[float]:
     return frame.positions[:, 0].tolist()
 
 
-# --- what closes a frame -----------------------------------------------------------------------------------------
+# --- closing a frame ---------------------------------------------------------------------------------------------
 
 
 def test_an_end_message_closes_a_frame() -> None:
@@ -147,8 +147,8 @@ def test_a_frame_split_over_bundles_is_one_frame() -> None:
 
 @pytest.mark.parametrize("rate", [15, 30, 120, 240])
 @pytest.mark.parametrize("close", [("bundle",), ("complete", "repeat"), ("repeat",)], ids="-".join)
-def test_who_begins_in_the_middle_of_a_frame_finds_the_next(close: tuple[str, ...], rate: int) -> None:
-    """Started between two joints, or after a lost packet, frames are soon no longer mixed."""
+def test_a_start_between_two_joints_finds_the_next_frame(close: tuple[str, ...], rate: int) -> None:
+    """Started between two joints, or after a lost packet, the assembler soon mixes no frames."""
     target = assembler(*close, "timeout")
     made: list[Frame] = []
     for number in range(200):
@@ -205,7 +205,7 @@ def test_another_time_begins_another_frame() -> None:
     assert (values(second), second.time) == ([2.0] * 4, 1.03)
 
 
-def test_a_sender_whose_clock_began_again_is_followed() -> None:
+def test_a_clock_that_began_again_is_followed() -> None:
     """A time far below the last is a sender that began anew, not a late joint."""
     target = assembler("repeat", top='clock = "sender"')
     packets = [
@@ -272,7 +272,7 @@ def test_one_lost_joint_of_many_costs_no_frame() -> None:
     assert target.counts.incomplete == 1
 
 
-def test_what_hangs_on_a_lost_bone_is_lost() -> None:
+def test_bones_below_a_lost_bone_are_lost() -> None:
     """Of VMC's bones a hand that does not come any more is NaN, with its fingers; without a spine there is no frame."""
     preset = builtin_preset("vmc")
     bones = [bone.name for bone in preset.bones]
@@ -301,8 +301,8 @@ def test_a_joint_that_comes_back_is_taken() -> None:
     assert values(frame) == [5.0] * 4
 
 
-def test_what_is_not_sure_is_absent() -> None:
-    """A joint below the confidence floor, or not a number, or none at all, is held like an absent one; words count."""
+def test_an_uncertain_joint_is_absent() -> None:
+    """A joint below the confidence floor, a NaN or a missing joint is held as absent; words are counted."""
     target = assembler("end", frame="confidence = 0.3\nwords = { Tracked = 1.0, Lost = 0.0 }")
     pushed(target, [*whole(0.0), message("/end")], 0.0)
     unsure = [
@@ -349,7 +349,7 @@ def test_two_senders_of_one_performer_are_two_performers() -> None:
     assert (first.performer, values(first)) == ("p", [1.0] * 4)
 
 
-def test_who_is_silent_is_forgotten() -> None:
+def test_a_silent_performer_is_forgotten() -> None:
     """After some seconds of silence a performer's joints are not held any more, and are announced anew."""
     target = assembler("end")
     pushed(target, [*whole(1.0), message("/end")], 0.0)
@@ -373,8 +373,8 @@ def test_there_is_room_for_so_many() -> None:
         assembler("end", most=0)
 
 
-def test_who_leaves_is_not_held() -> None:
-    """When the sender says that a performer is gone, the last frame is given out and nothing is held after."""
+def test_the_joints_of_a_performer_who_leaves_are_not_held() -> None:
+    """When the sender says that a performer is gone, the last frame is given out and nothing is held afterwards."""
     target = assembler("end")
     pushed(target, whole(1.0), 0.0)
     (frame,) = pushed(target, [message("/gone", "si", "p", 0)], 0.01)
@@ -397,13 +397,13 @@ def test_the_senders_clock_bridges_a_lost_time() -> None:
 
 
 def test_without_the_senders_clock_the_arrival_counts() -> None:
-    """By default a frame's time is when its first joint came, whatever the sender says."""
+    """By default a frame's time is the arrival of its first joint; the sender's clock does not count."""
     target = assembler("end")
     (frame,) = pushed(target, [message("/time", "d", 100.0), *whole(1.0), message("/end")], 5.0)
     assert frame.time == 5.0
 
 
-def test_what_makes_no_sense_is_counted() -> None:
+def test_senseless_messages_are_counted() -> None:
     """Wrong arguments, unknown addresses and impossible joints are counted, each in its own count."""
     target = assembler("end")
     pushed(
@@ -419,8 +419,8 @@ def test_what_makes_no_sense_is_counted() -> None:
 @given(
     st.lists(st.sampled_from(["a", "b", "c", "d", "e", "z", "end", "begin", "gone", "time"]), max_size=60), st.data()
 )
-def test_whatever_the_order_nothing_is_made_up(words: list[str], data: st.DataObject) -> None:
-    """Messages in any order give frames whose joints were sent, none older than the hold, times ascending."""
+def test_no_order_of_messages_invents_joints(words: list[str], data: st.DataObject) -> None:
+    """Messages in any order give frames of joints that were sent, none older than the hold, with ascending times."""
     target = assembler(
         *data.draw(st.lists(st.sampled_from(["end", "bundle", "repeat", "complete", "timeout"]), min_size=1))
     )

@@ -72,8 +72,8 @@ def test_the_handshake_is_repeated_only_while_nothing_comes() -> None:
     assert is_due(asking, 200.0, 100.0, 200.0 - 1.1 * SILENCE)
 
 
-def test_who_need_not_be_asked_is_not() -> None:
-    """Presets without [ask] send nothing."""
+def test_presets_without_ask_send_nothing() -> None:
+    """The handshake sends nothing for presets without [ask]."""
     assert (questions(builtin_preset("vmc"), 1), farewells(builtin_preset("vmc"), 1)) == ([], [])
 
 
@@ -108,8 +108,8 @@ b = "head"
         yield source, sender
 
 
-def test_the_sender_is_told_by_the_endpoint() -> None:
-    """The source asks when tended, from the port it listens on, stops while frames come, and says goodbye."""
+def test_the_source_asks_from_its_own_port() -> None:
+    """When tended, the source asks from the port that it listens on; it stops while frames come, and says goodbye."""
     with asked_source() as (source, sender):
         port = source.receiver.address[1]
         assert source.tend(0.0) == []
@@ -138,7 +138,7 @@ def wait_for(source: FeedSource, arrival: float) -> list[object]:
     return list(taken)
 
 
-def test_whom_nobody_can_reach_is_counted() -> None:
+def test_an_unreachable_sender_is_counted() -> None:
     """A sender whose name cannot be resolved is counted and does not stop the loop."""
     source = FeedSource(OscReceiver(LOOPBACK, 0), builtin_preset("qtm"), sender="no such host.invalid")
     source.tend(0.0)
@@ -170,8 +170,8 @@ def test_hosts_are_numbered() -> None:
 
 
 @pytest.mark.parametrize("name", ["qtm", "synapse", "captury"])
-def test_what_is_asked_is_osc(name: str) -> None:
-    """Every message to a sender is one OSC message a packet, far below any network's limit."""
+def test_a_request_is_one_osc_message(name: str) -> None:
+    """Every message to a sender is one OSC message in one packet, far below any network's limit."""
     for packet in questions(builtin_preset(name), 4545):
         assert len(decode_packet(packet)) == 1
         assert len(packet) < 200

@@ -1,4 +1,4 @@
-"""The mapper: which message says what, for whom and of which joint, whatever numbers and names it comes with."""
+"""The reader of messages: the meaning of each message, its performer and its joint, with any numbers and names."""
 
 from __future__ import annotations
 
@@ -83,21 +83,21 @@ def test_numbers_are_names_too(performer: object) -> None:
     ],
 )
 def test_wrong_types_are_refused(arguments: list[object]) -> None:
-    """A name that is none, a number that is none: the message is refused as a whole."""
+    """A message with a number for a name, or a text for a number, is refused as a whole."""
     with pytest.raises(MessageError):
         LOOSE.read(Message("/at", arguments))
 
 
-def test_a_joint_nobody_named_is_remembered() -> None:
-    """A joint the preset does not name is passed over and can be shown; one without counterpart is known."""
+def test_an_unnamed_joint_is_remembered() -> None:
+    """A joint that the preset does not name is passed over and can be shown; a joint without counterpart is known."""
     target = mapper('[[message]]\naddress = "/{joint}"\narguments = ["x", "y", "z"]')
     assert not read(target, message("/tail", "fff", 1.0, 2.0, 3.0)).sightings
     assert read(target, message("/neck", "fff", 1.0, 2.0, 3.0)).sightings
     assert target.unknown == {"tail"}
 
 
-def test_what_is_not_there_is_no_number() -> None:
-    """None, NaN and infinity in a coordinate say that the joint is not seen."""
+def test_missing_coordinates_are_nan() -> None:
+    """None, NaN and infinity in a coordinate mean that the joint is not seen."""
     for coordinate in (None, float("nan"), float("inf")):
         reading = LOOSE.read(Message("/p/at/hand", [1.0, coordinate, 3.0]))
         assert reading is not None
@@ -146,7 +146,7 @@ def test_more_joints_than_names_are_refused() -> None:
             target.read(Message("/skeleton", [1.0] * count))
 
 
-def test_nobody_is_there() -> None:
+def test_zero_poses_mean_that_nobody_is_there() -> None:
     """`/mediapipe/pose 0` means that nobody is there, with and without further arguments."""
     target = Mapper(builtin_preset("mediapipe"))
     assert not read(target, message("/mediapipe/pose", "i", 0)).present

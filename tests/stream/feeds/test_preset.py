@@ -1,4 +1,4 @@
-"""Presets: the built-in ones are complete, and a mistake in a user's own is one line that says what and where."""
+"""Presets: the built-in ones are complete, and a mistake in a user's own is one line with its place."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def test_presets_that_come_along_are_whole(name: str) -> None:
     assert any(rule.means in (Means.JOINT, Means.FRAME) for rule in preset.messages)
 
 
-def test_the_presets_are_those_that_lie_there() -> None:
+def test_presets_are_found_in_their_folder() -> None:
     """Every TOML file of the presets' folder is listed, and every listed preset is a file."""
     folder = resources.files("kinespace.stream.feeds") / "presets"
     files = {path.name for path in folder.iterdir() if path.name.endswith(".toml")}
@@ -154,7 +154,7 @@ def test_the_least_that_is_needed_is_little() -> None:
     ],
 )
 def test_a_mistake_is_one_line(old: str, new: str, said: str) -> None:
-    """The line has the file, the key, the expectation and what was got."""
+    """The line has the file, the key, the expectation and the value found."""
     assert old in GOOD
     with pytest.raises(PresetError) as caught:
         parse_preset(GOOD.replace(old, new), "mine", "mine.toml")
@@ -164,14 +164,14 @@ def test_a_mistake_is_one_line(old: str, new: str, said: str) -> None:
     assert ", got " in told
 
 
-def test_what_is_not_there_is_said() -> None:
-    """An unknown name says which there are; a file that is missing is the system's error."""
+def test_a_missing_preset_is_named() -> None:
+    """The error for an unknown name lists the known ones; a missing file is the system's error."""
     with pytest.raises(PresetError, match=r"feed: expected a .toml file or one of captury, .*, got 'kinect'"):
         builtin_preset("kinect")
 
 
-def test_a_file_that_is_no_text_is_said(tmp_path: Path) -> None:
-    """Bytes that are no UTF-8 are said to be none, with the file's name."""
+def test_a_file_that_is_no_text_is_refused(tmp_path: Path) -> None:
+    """The error names the file and says that its bytes are no UTF-8."""
     path = tmp_path / "mine.toml"
     path.write_bytes(b'port = "\xff"')
     with pytest.raises(PresetError, match=r"mine\.toml: expected UTF-8 text, got byte 8"):
@@ -191,7 +191,7 @@ def refusal(text: str) -> str:
 
 @given(st.sampled_from(GOOD.split("\n")[1:]), st.text(max_size=30))
 def test_no_text_raises_anything_else(line: str, put: str) -> None:
-    """Whatever stands in a line's place, a preset is read or one PresetError of one line is raised."""
+    """With any text in place of a line, a preset is read or raises one PresetError of one line."""
     told = refusal(GOOD.replace(line, put))
     assert told == "" or told.startswith("mine.toml: ")
     assert "\n" not in told

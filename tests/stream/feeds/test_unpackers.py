@@ -52,8 +52,8 @@ def test_rokoko_names_actors_and_joints() -> None:
         b'{"scene": ' + b"[" * 5000,
     ],
 )
-def test_what_is_no_rokoko_is_one_error(packet: bytes) -> None:
-    """Cut, compressed, of another shape, too large or too deep: an error that the feed counts."""
+def test_broken_rokoko_packets_raise_one_error(packet: bytes) -> None:
+    """Packets that are cut, compressed, of another shape, too large or too deep raise an error that the feed counts."""
     with pytest.raises(PacketError, match="packet: expected"):
         unpack_rokoko(packet)
     decoder = FeedDecoder(builtin_preset("rokoko"))
@@ -106,7 +106,7 @@ def test_channels_of_a_sender_that_invents_names_do_not_pile_up() -> None:
     unpack = ChannelUnpacker()
     for number in range(5000):
         assert unpack(message(f"/p1/joint{number}:tx", "f", 1.0)) == []
-    assert len(unpack._waiting) <= 1024  # noqa: SLF001 - the bound is what is tested
+    assert len(unpack._waiting) <= 1024  # noqa: SLF001 - the bound under test
 
 
 def test_each_port_has_an_unpacker_of_its_own() -> None:

@@ -36,7 +36,7 @@ WRONG = b'{"v":1,"t":1.0,"shape":[1,3],"dtype":"float64"}'
         ),
     ],
 )
-def test_the_last_refusal_says_what_to_mend(decoder: OscDecoder, packet: bytes | list[bytes], told: str) -> None:
+def test_the_last_refusal_names_reason_and_sender(decoder: OscDecoder, packet: bytes | list[bytes], told: str) -> None:
     """The reason, the sender and an excerpt of the packet, in one line without control characters."""
     assert decoder.refusals.lines() == []
     assert not decoder.decode(packet, 1.0, SENDER)

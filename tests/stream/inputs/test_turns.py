@@ -19,8 +19,8 @@ def greedy(turns: Turns, now: float) -> None:
     turns.charge(EVE, 1.0, 0, now)
 
 
-def test_who_takes_too_much_comes_last_until_it_is_paid_off() -> None:
-    """A sender within its share never comes last; one that took too much does, and not for long after it stops."""
+def test_a_greedy_sender_comes_last_until_its_debt_is_paid() -> None:
+    """A sender within its share never comes last. A sender that took too much does, and not for long after it stops."""
     turns = Turns()
     for step in range(1000):
         now = step / 100
@@ -34,7 +34,7 @@ def test_who_takes_too_much_comes_last_until_it_is_paid_off() -> None:
     assert not turns.comes_last(EVE, 11.0)
 
 
-def test_frames_count_as_what_they_take() -> None:
+def test_the_price_of_a_frame_is_its_time() -> None:
     """The time of recognition is part of a packet's price: a few thousand frames are too many."""
     turns = Turns()
     turns.charge(ANN, 0.0, 1, 1.0)
@@ -45,7 +45,7 @@ def test_frames_count_as_what_they_take() -> None:
     assert turns.comes_last(EVE, 1.0)
 
 
-def test_who_is_alone_never_comes_last() -> None:
+def test_a_single_sender_never_comes_last() -> None:
     """A single sender keeps no other waiting."""
     turns = Turns()
     for step in range(100):
@@ -53,7 +53,7 @@ def test_who_is_alone_never_comes_last() -> None:
         turns.charge(EVE, 0.1, 100, 10 + step / 10)
 
 
-def test_what_is_put_aside_is_bounded() -> None:
+def test_the_packets_put_aside_are_bounded() -> None:
     """The oldest packets make room for new ones, and are counted."""
     turns = Turns()
     for number in range(100):
@@ -105,7 +105,7 @@ def source() -> Source:
     return made
 
 
-def test_others_go_before_who_comes_last(source: Source) -> None:
+def test_others_go_before_a_greedy_sender(source: Source) -> None:
     """Other senders' packets are taken first; then one packet of the greedy sender, and again the others'."""
     receiver = source.receiver
     receiver.packets = [(b"e" * 2000, EVE)] * 3 + [(b"a", ANN), (b"b", ANN)]  # type: ignore[attr-defined]

@@ -1,4 +1,4 @@
-"""OSC, our messages: python-osc reads what we send, we read what python-osc sends, and the two sockets."""
+"""Our OSC messages: python-osc reads ours, we read python-osc's; and the two sockets."""
 
 from __future__ import annotations
 
@@ -89,7 +89,7 @@ def _assert_frame(received: osc.Received, performer: str, time: float, positions
 @given(performer=_NAMES, time=st.floats(allow_nan=False, allow_infinity=False), seed=st.integers(0, 2**32 - 1))
 @example(performer="p", time=0.0, seed=0)
 @example(performer="four", time=1e-300, seed=1)
-def test_a_frame_is_what_pythonosc_builds_and_reads(performer: str, time: float, seed: int) -> None:
+def test_frames_equal_pythonoscs(performer: str, time: float, seed: int) -> None:
     """A frame of any performer and size is encoded byte for byte as python-osc would."""
     generator = np.random.default_rng(seed)
     positions = generator.normal(size=(int(generator.integers(1, 40)), 3))
@@ -102,7 +102,7 @@ def test_a_frame_is_what_pythonosc_builds_and_reads(performer: str, time: float,
     time=st.floats(allow_nan=False, allow_infinity=False).filter(bool),
     numbers=st.integers(0, 33).flatmap(lambda joints: st.lists(_FLOATS, min_size=3 * joints, max_size=3 * joints)),
 )
-def test_a_frame_is_read_as_it_was_sent(performer: str, time: float, numbers: list[float]) -> None:
+def test_a_sent_frame_is_read_back(performer: str, time: float, numbers: list[float]) -> None:
     """A frame of any number of joints is read back, alone or in a bundle, which takes another path."""
     packet = _frame_message(performer, time, numbers)
     expected = np.array(numbers).reshape(-1, 3)
@@ -196,7 +196,7 @@ _MALFORMED = [
 
 
 @pytest.mark.parametrize("packet", _MALFORMED, ids=[str(number) for number in range(len(_MALFORMED))])
-def test_what_makes_no_sense_is_counted(packet: bytes) -> None:
+def test_senseless_messages_are_counted(packet: bytes) -> None:
     """A message of ours that makes no sense, and a packet that is no OSC, is one malformed, and no more happens."""
     assert osc.decode(packet, 1.0) == osc.Received([], malformed=1)
 
@@ -243,12 +243,12 @@ def test_beginnings_of_one_length_are_not_mistaken_for_each_other() -> None:
 
 
 def test_made_up_names_do_not_pile_up() -> None:
-    """However many performers a sender makes up, only so many beginnings are remembered, and all are read."""
+    """The decoder remembers a bounded number of beginnings, for any number of performers, and reads all frames."""
     for number in range(3000):
         _assert_frame(
             osc.decode(_frame_message(f"{number}", 1.0, [0.5] * 6), 9.0), f"{number}", 1.0, np.full((2, 3), 0.5)
         )
-    assert len(frames._layouts.known) <= 1024  # noqa: SLF001 - what nobody sees from outside
+    assert len(frames._layouts.known) <= 1024  # noqa: SLF001 - invisible from outside
     assert len(frames._layouts.places) <= 1024  # noqa: SLF001 - as above
 
 
@@ -282,7 +282,7 @@ def test_a_frame_with_bytes_changed_is_read_alike_both_ways(data: st.DataObject)
 )
 @settings(max_examples=400)
 def test_random_bytes_raise_nothing(packet: bytes, start: bytes) -> None:
-    """Whatever bytes come, the result is events or counts."""
+    """Any bytes give events or counts."""
     received = osc.decode(start + packet, 1.0)
     assert len(received.events) + received.malformed + received.foreign >= 1 or packet[:7] == b"#bundle"
 
@@ -314,7 +314,7 @@ def test_an_answer_is_one_bundle_to_be_used_at_once() -> None:
 def test_an_answer_is_byte_for_byte_python_oscs(
     performer: str, labels: list[str], seed: int, outcome: Outcome, *, wide: bool
 ) -> None:
-    """Whatever performer, classes and scores, the packet is the one that python-osc builds, scores left out or not."""
+    """The packet equals python-osc's for any performer, classes and scores, with scores and without."""
     generator = np.random.default_rng(seed)
     scores = generator.random(len(labels)).astype(np.float64 if wide else np.float32)
     answer = dataclasses.replace(
@@ -362,7 +362,7 @@ _EVENTS = st.builds(
 
 @given(event=_EVENTS, since=st.floats(-1e30, 1e30))
 def test_an_event_is_byte_for_byte_python_oscs(event: Event, since: float) -> None:
-    """Whatever happened, the packet is the one that python-osc builds."""
+    """The packet of any event equals python-osc's."""
     time = event.time - since
     arguments = (("s", str(event.kind)), ("s", event.label), ("i", event.index), ("f", event.score), ("f", time))
     expected = _message(f"/motion/{osc.address_part(event.performer)}/event", *arguments)
@@ -376,7 +376,7 @@ def test_a_time_beyond_all_floats_is_the_largest(time: float) -> None:
     assert params[-1] == pytest.approx(np.copysign(3.4028235e38, time))
 
 
-def test_who_has_left_has_no_class() -> None:
+def test_a_performer_who_left_has_no_class() -> None:
     """Class and guess are -1, the label says why, and listeners read it as an answer."""
     packet = osc.encode_gone("Ada L")
     assert _params(packet) == {
@@ -403,7 +403,7 @@ def test_no_class_is_index_minus_1(outcome: Outcome) -> None:
     assert params["/motion/Ada/scores"] == [0.25, 0.75, 0.5]
 
 
-def test_what_channels_read_is_numbers() -> None:
+def test_channels_hold_numbers_alone() -> None:
     """Class, scores and status hold only integers and floats of 32 bits, as TouchDesigner's CHOP needs."""
     bundle = osc.encode_recognition(NAMED)
     status = osc.encode_status(Status(InputCounts(), PerformerCounts(), 0, {"p": 120.0}, 0.0, 0.0))
@@ -466,8 +466,8 @@ def test_a_loss_beyond_all_integers_is_the_largest() -> None:
     assert _params(osc.encode_status(status)) == {"/motion/status": [1, 0.0, 0, 2**31 - 1]}
 
 
-def test_an_answer_is_read_as_it_was_sent() -> None:
-    """A listener reads who, which class, score, margin and label; why there is none when there is none."""
+def test_a_sent_answer_is_read_back() -> None:
+    """A listener reads performer, class, score, margin and label; without a class it reads the reason."""
     assert osc.decode_answer(osc.encode_recognition(NAMED)) == Answer("Ada", 1, 0.75, 0.25, "jump")
     still = dataclasses.replace(NAMED, outcome=Outcome.STILL)
     assert osc.decode_answer(osc.encode_recognition(still)) == Answer("Ada", -1, 0.75, 0.25, "still")
@@ -560,8 +560,8 @@ def test_the_system_is_asked_for_room(receiver: osc.OscReceiver) -> None:
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="only Linux tells how many datagrams it threw away")
-def test_what_the_system_throws_away_is_counted(receiver: osc.OscReceiver, sender: osc.OscSender) -> None:
-    """When more comes than the buffer holds, the counter says exactly how many never came."""
+def test_packets_dropped_by_the_system_are_counted(receiver: osc.OscReceiver, sender: osc.OscSender) -> None:
+    """When more comes than the buffer holds, the counter gives exactly the number of lost packets."""
     sent = 4 * RECEIVE_BUFFER // 60_000
     for _ in range(sent):
         sender.send(bytes(60_000))
@@ -574,7 +574,7 @@ def test_what_the_system_throws_away_is_counted(receiver: osc.OscReceiver, sende
     assert receiver.kernel_drops == sent - came
 
 
-def test_a_busy_port_is_an_error_that_says_which(receiver: osc.OscReceiver) -> None:
+def test_the_error_names_a_busy_port(receiver: osc.OscReceiver) -> None:
     """A second receiver on a port raises, naming host and port, and leaves no socket behind."""
     host, port = receiver.address
     with pytest.raises(OSError, match=rf"{host}:{port}: "):
@@ -597,7 +597,7 @@ def test_a_closed_port_is_free_again() -> None:
     second.close()
 
 
-def test_what_cannot_be_sent_is_counted(receiver: osc.OscReceiver, sender: osc.OscSender) -> None:
+def test_datagrams_that_cannot_be_sent_are_counted(receiver: osc.OscReceiver, sender: osc.OscSender) -> None:
     """A datagram that the system does not take is counted, and the next one goes out."""
     sender.send(bytes(70_000))
     sender.send(b"small")
@@ -605,7 +605,7 @@ def test_what_cannot_be_sent_is_counted(receiver: osc.OscReceiver, sender: osc.O
     assert _receive(receiver) == b"small"
 
 
-def test_nobody_listening_is_no_error() -> None:
+def test_sending_without_a_listener_is_no_error() -> None:
     """Sending where nobody listens raises no error."""
     gone = osc.OscReceiver(LOOPBACK, 0)
     sender = osc.OscSender(*gone.address)

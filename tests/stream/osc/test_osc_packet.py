@@ -97,7 +97,7 @@ def _in_order(element: OscMessage | OscBundle) -> list[Message]:
 @example(message=("/", []))
 @example(message=("/all", [("[", []), ("[", [("[", [("f", 1.0)]), ("f", 2.0)]), ("f", 3.0), ("f", 4.0)]))
 @settings(max_examples=300)
-def test_messages_are_what_pythonosc_reads(message: tuple[str, list[tuple[str, object]]]) -> None:
+def test_messages_are_read_like_pythonosc(message: tuple[str, list[tuple[str, object]]]) -> None:
     """Every message that python-osc builds, with all its types and nested arrays, is read as python-osc reads it."""
     packet = _message(*message).dgram
     assert decode_packet(packet) == _of_pythonosc(packet)
@@ -107,7 +107,7 @@ def test_messages_are_what_pythonosc_reads(message: tuple[str, list[tuple[str, o
 @pytest.mark.slow
 @given(element=_ELEMENTS)
 @settings(max_examples=200)
-def test_bundles_are_what_pythonosc_reads(element: tuple[object, list[object]]) -> None:
+def test_bundles_are_read_like_pythonosc(element: tuple[object, list[object]]) -> None:
     """Bundles in bundles of any time tags hold python-osc's messages, in the order of the bytes."""
     built = _built(element)
     found = decode_packet(built.dgram)
@@ -222,7 +222,7 @@ def test_every_type_as_the_specification_writes_it(packet: bytes, expected: tupl
         b"#bundle\0\0\0\0\0\0\0\0\1\0\0\0\4/a\0\0\0\0\0\5/b\0\0",
     ],
 )
-def test_what_is_no_osc_is_one_kind_of_error(packet: bytes) -> None:
+def test_broken_osc_packets_raise_packet_error(packet: bytes) -> None:
     """Packets cut short, misshapen, of unknown types or unbalanced arrays raise PacketError."""
     with pytest.raises(PacketError):
         decode_packet(packet)

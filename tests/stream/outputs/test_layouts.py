@@ -52,7 +52,7 @@ def test_every_answer_is_osc_that_fits(name: str) -> None:
             assert len(packet) <= osc.MAX_ANSWER
 
 
-def test_native_is_what_it_was() -> None:
+def test_native_layout_equals_the_osc_answers() -> None:
     """The native layout's bytes equal those of the OSC answers."""
     layout = NativeLayout()
     assert layout.recognition(recognition()) == osc.encode_recognition(recognition())
@@ -76,8 +76,8 @@ def test_touchdesigner_gets_numbers_only() -> None:
 
 
 @pytest.mark.parametrize("name", ["native", "max", "puredata", "supercollider"])
-def test_events_are_told_in_seconds_since_the_first_answer(name: str) -> None:
-    """No doubles, which Pure Data and node-osc do not know: a float of seconds since the performer's first answer."""
+def test_event_times_are_floats_since_the_first_answer(name: str) -> None:
+    """Events hold a float of seconds since the first answer: Pure Data and node-osc know no doubles."""
     layout = LAYOUTS[name]()
     layout.recognition(dataclasses.replace(recognition(), time=START.time - 2.5))
     packet = layout.event(START)
@@ -122,7 +122,7 @@ FOLLOWED = Progress("jump", 0.25, 0.5, 1.5, 0.75, 0.125, 3)
 
 
 @pytest.mark.parametrize("name", ["native", "max", "touchdesigner"])
-def test_programs_are_told_how_far(name: str) -> None:
+def test_layouts_send_progress(name: str) -> None:
     """Index, phase, speed, amplitude, certainty, phase for scrubbing, rounds; nothing where no motion is followed."""
     layout = LAYOUTS[name]()
     told = read(layout.recognition(dataclasses.replace(recognition(), progress=FOLLOWED)))
@@ -131,8 +131,8 @@ def test_programs_are_told_how_far(name: str) -> None:
     assert not any(address.endswith("/progress") for address in read(layout.recognition(recognition())))
 
 
-def test_wekinators_programs_are_told_how_far() -> None:
-    """Once a motion was followed, phase, speed and amplitude come beside the classes, zeros for who is in no motion."""
+def test_wekinators_layout_sends_progress() -> None:
+    """Phase, speed and amplitude come beside the classes, zeros for a performer in no motion."""
     layout = LAYOUTS["wekinator"]()
     followed = dataclasses.replace(recognition(), progress=FOLLOWED)
     assert read(layout.recognition(recognition(Outcome.STILL, "Bob"))) == {"/wek/outputs": [0.0]}

@@ -1,4 +1,4 @@
-"""Events: a motion starts once and ends once, whatever flickers underneath."""
+"""Events: a motion starts once and ends once, even if the guess flickers."""
 
 from __future__ import annotations
 
@@ -82,7 +82,7 @@ def test_a_motion_starts_once_and_ends_once() -> None:
         assert begin < start.time < begin + 0.2
 
 
-def test_an_event_says_whose_and_how_sure() -> None:
+def test_an_event_holds_performer_and_score() -> None:
     """A start has performer, label, index, score and time of the deciding recognition; an end has its own class."""
     events = _pushed(EventDetector(), _course((1.0, Outcome.NAMED, 1), (1.0, Outcome.NAMED, 2)))
     start, end, other = events
@@ -93,7 +93,7 @@ def test_an_event_says_whose_and_how_sure() -> None:
 
 
 @pytest.mark.parametrize("scores", [CLEAR, DOUBTFUL])
-def test_the_lead_adds_up_to_what_is_needed(scores: tuple[float, ...]) -> None:
+def test_a_motion_starts_when_the_lead_has_added_up(scores: tuple[float, ...]) -> None:
     """A start comes when the lead in log distance, 1 at most, times thirtieths of a second, has added up enough."""
     lead = min(_lead(scores, 0), 1.0)
     (event,) = _pushed(EventDetector(3.0), [_recognition(10 + k * HOP, scores) for k in range(300)])
@@ -211,7 +211,7 @@ def test_the_hop_rate_does_not_matter(rate: int) -> None:
         assert event.time == pytest.approx(other.time, abs=HOP + 1 / rate + 1e-9)
 
 
-def test_who_was_away_has_not_led_meanwhile() -> None:
+def test_a_gap_adds_no_lead() -> None:
     """A gap in the feed counts as a tenth of a second: it neither starts nor ends a motion."""
     scores = _led_by(1, (0.55, 0.52, 0.2))
     detector = EventDetector()
@@ -232,8 +232,8 @@ def test_a_clock_set_back_gathers_no_lead() -> None:
     assert 0 < events[0].time < 0.5
 
 
-def test_the_end_of_a_feed_ends_what_goes_on_once() -> None:
-    """`end` ends the motion that goes on, with the class and score of its start, once."""
+def test_the_end_of_a_feed_ends_the_motion_once() -> None:
+    """`end` ends the motion that is under way, with the class and score of its start, once."""
     detector = EventDetector()
     assert detector.end(1.0) is None
     (start,) = _pushed(detector, _course((1.0, Outcome.NAMED, 2)))

@@ -60,8 +60,8 @@ def test_after_clearing_everything_begins_anew() -> None:
     assert hysteresis.push(0, 0.9, HOP)
 
 
-def test_the_first_evidence_is_taken_as_it_is() -> None:
-    """The first average is the first evidence."""
+def test_the_first_average_is_the_first_evidence() -> None:
+    """The average of one piece of evidence is that piece itself."""
     judgement = Judgement(1.0)
     assert math.isnan(judgement.average)
     assert judgement.push(1.0, HOP)
@@ -89,7 +89,7 @@ def test_a_named_motion_lets_go() -> None:
     assert judgement.push(1.5, 1.0)
 
 
-def test_evidence_is_averaged_over_time_whatever_the_hop() -> None:
+def test_the_average_does_not_depend_on_the_hop() -> None:
     """A tenth of a second of new evidence counts alike in one hop and in ten."""
     once, often = Judgement(0.0), Judgement(0.0)
     for judgement in (once, often):

@@ -156,7 +156,7 @@ def test_with_more_sensitivity_more_is_named(builtin_index: WindowIndex, strange
 
 
 def test_a_body_that_does_not_move_is_still(small_index: WindowIndex, stranger: dict[str, Clip]) -> None:
-    """One posture held for a second is no motion, whatever it is nearest to."""
+    """One posture held for a second is still, even if it is near to a motion."""
     clip = stranger["squat1Reps"]
     held = clip.moved_to(np.repeat(clip.positions[:1], 60, axis=0))
     readings = _readings(_windows(small_index, stillness=0.01), held)
@@ -200,7 +200,7 @@ def paper_score(reading: Reading) -> float:
     ("stillness", "smallest_gap", "outcome"),
     [(0.0, 0.0, Outcome.NAMED), (0.0, 1.1, Outcome.AMBIGUOUS), (1e9, 1.1, Outcome.STILL)],
 )
-def test_why_the_papers_signature_names_none(
+def test_reasons_why_the_papers_signature_names_no_class(
     paper: PaperIndex, stranger: dict[str, Clip], stillness: float, smallest_gap: float, outcome: Outcome
 ) -> None:
     """Nearly equal eigenvalues make the eigenvector arbitrary, and a still body has none."""

@@ -60,7 +60,7 @@ def _assert_same(first: Sequence[Recognition], second: Sequence[Recognition]) ->
 @given(seed=st.integers(0, 2**32 - 1))
 @settings(max_examples=10)
 def test_interleaved_feeds_are_recognised_as_if_alone(library: MotionLibrary, seed: int) -> None:
-    """However the frames of several performers are mixed, each gets the answers that it gets alone."""
+    """The frames of several performers are mixed in any way; each performer gets the answers of a feed alone."""
     generator = np.random.default_rng(seed)
     feeds = {name: _frames(name, name, start=100.0 * place) for place, name in enumerate(STICK_CLASSES)}
     turns = generator.permutation(np.repeat(STICK_CLASSES, 200)).tolist()
@@ -77,7 +77,7 @@ def test_interleaved_feeds_are_recognised_as_if_alone(library: MotionLibrary, se
 @pytest.mark.slow
 @given(seed=st.integers(0, 2**32 - 1), most=st.sampled_from([1, 4, 40]))
 @settings(max_examples=15)
-def test_what_comes_together_is_recognised_as_if_one_by_one(library: MotionLibrary, seed: int, most: int) -> None:
+def test_batches_are_recognised_like_single_frames(library: MotionLibrary, seed: int, most: int) -> None:
     """Frames and announcements in batches of any sizes get the answers of frames one by one."""
     generator = np.random.default_rng(seed)
     order = [5, 4, 3, 2, 1, 0]
@@ -168,7 +168,7 @@ def test_without_an_announcement_the_skeletons_own_order_is_assumed(library: Mot
 
 
 @pytest.mark.parametrize("before", [0, 150])
-def test_saying_what_was_assumed_changes_nothing(library: MotionLibrary, before: int) -> None:
+def test_announcing_the_assumed_joints_changes_nothing(library: MotionLibrary, before: int) -> None:
     """Announcing the assumed joints, at any moment and repeatedly, does not change the window."""
     frames = _frames("p", "jump")
     performers, answers = Performers(library), []
@@ -212,7 +212,7 @@ def test_one_performers_joints_are_not_anothers(library: MotionLibrary) -> None:
 
 @pytest.mark.parametrize("joints", [STICK.joints[:4], ("nobody", "noone", *STICK.joints[2:]), ("x",)])
 def test_frames_of_too_few_of_the_joints_are_counted(library: MotionLibrary, joints: tuple[str, ...]) -> None:
-    """With less than five of the joints no frame is used, whatever its size, until joints are announced that do."""
+    """Frames with fewer than five of the library's joints are counted, not used, until enough joints are announced."""
     performers = Performers(library)
     performers.announce(Announcement("p", joints), 0.0)
     assert performers.push(Frame("p", 0.0, np.zeros((len(joints), 3))), 0.0) is None
@@ -244,8 +244,8 @@ def test_frames_of_some_of_the_joints_are_compared_by_them(library: MotionLibrar
     assert (performers.refused, performers.counts.recognizers.frames) == ({}, 2 * len(frames))
 
 
-def test_what_went_on_before_joints_were_lost_is_ended(library: MotionLibrary) -> None:
-    """When a sender names other joints during a motion, the motion is ended."""
+def test_other_joints_end_the_motion(library: MotionLibrary) -> None:
+    """When a sender names other joints during a motion, the motion ends."""
     performers = Performers(library)
     answers = _pushed(performers, _frames("p", "bow"))
     started = [event for answer in answers for event in answer.events]
@@ -268,7 +268,7 @@ def test_only_so_many_sets_of_joints(library: MotionLibrary) -> None:
     assert "p3" not in performers.refused
 
 
-def test_who_waits_for_the_library_is_answered_when_it_is_there(library: MotionLibrary) -> None:
+def test_a_performer_is_answered_once_the_library_is_ready(library: MotionLibrary) -> None:
     """Frames before the restricted library is ready are counted, with the reason; later frames are answered."""
     ready = [False]
 
@@ -372,8 +372,8 @@ def test_at_the_end_all_that_goes_on_is_ended_once(library: MotionLibrary) -> No
 
 
 @pytest.mark.parametrize("heard", ["frames", "announcements", "bad frames"])
-def test_who_goes_on_is_not_dropped(library: MotionLibrary, heard: str) -> None:
-    """Anything that comes of a performer, used or not, breaks the silence."""
+def test_an_active_performer_is_not_dropped(library: MotionLibrary, heard: str) -> None:
+    """Any packet of a performer, used or not, breaks the silence."""
     performers = Performers(library, silence=2.0)
     for second in range(10):
         if heard == "announcements":
@@ -386,7 +386,7 @@ def test_who_goes_on_is_not_dropped(library: MotionLibrary, heard: str) -> None:
     assert performers.names == ()
 
 
-def test_who_comes_back_after_silence_is_new(library: MotionLibrary) -> None:
+def test_a_performer_who_comes_back_starts_anew(library: MotionLibrary) -> None:
     """A performer who was dropped starts with an empty window, even if the frames' own clock shows no gap."""
     performers = Performers(library, silence=2.0)
     first = _frames("p", "bow")

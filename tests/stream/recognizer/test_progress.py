@@ -75,8 +75,8 @@ def followed(clip: Clip, *, speed: float = 1.0, size: float = 1.0, rounds: int =
 
 @pytest.mark.usefixtures("arithmetic")
 @pytest.mark.parametrize("class_name", [SQUAT, ARMS])
-def test_every_step_is_the_textbooks(class_name: str) -> None:
-    """On a real clip the filter tells at every step what the filter written a moment at a time tells."""
+def test_every_step_equals_the_textbooks(class_name: str) -> None:
+    """On a real clip the filter equals, at every step, a filter written one moment at a time."""
     moments = table_without("bk").classes[class_name]
     kept = np.arange(moments.starts[4])
     few = replace(
@@ -124,14 +124,14 @@ def test_a_strangers_squat_is_followed_from_0_to_1() -> None:
     assert np.median([each.sure for each in told]) > 0.4
 
 
-def test_twice_as_fast_is_told() -> None:
-    """A motion played at twice its speed is told as faster than at its own, and at half its speed as slower."""
+def test_speed_follows_the_motion() -> None:
+    """A motion played at twice its speed has a higher speed than at its own, and at half its speed a lower one."""
     slow, own, fast = (np.median([each.speed for each in followed(clip_of(ARMS, "tr"), speed=s)]) for s in (0.5, 1, 2))
     assert slow < 0.75 * own
     assert fast > 1.3 * own
 
 
-def test_half_as_large_is_told() -> None:
+def test_amplitude_follows_the_motion() -> None:
     """A motion whose deviations from its mean posture are halved has about half the amplitude."""
     own, small = (followed(clip_of(SQUAT, "mm"), size=size)[-1].amplitude for size in (1.0, 0.6))
     assert small / own == pytest.approx(0.6, abs=0.15)

@@ -23,8 +23,8 @@ class _Leavers(Sink):
         self.gone.append(performer)
 
 
-def test_who_falls_silent_is_told_gone_once(sticks: MotionLibrary) -> None:
-    """After five seconds without a frame, at the next status; not if the performer comes back in time."""
+def test_a_silent_performer_is_reported_gone_once(sticks: MotionLibrary) -> None:
+    """A performer is reported gone after five seconds without a frame, unless frames come before the next status."""
     now = [0.0]
     performers = Performers(sticks, Settings(signature=LiveSignature.PAPER))
     leavers = _Leavers()
@@ -47,7 +47,7 @@ def test_who_falls_silent_is_told_gone_once(sticks: MotionLibrary) -> None:
     assert len(STICK.joints) == len(positions)
 
 
-def test_who_came_back_before_it_was_told_has_not_left(sticks: MotionLibrary) -> None:
+def test_a_performer_who_comes_back_in_time_has_not_left(sticks: MotionLibrary) -> None:
     """A performer dropped to make room, who is back in time, is not reported as gone."""
     performers = Performers(sticks, Settings(signature=LiveSignature.PAPER), most=1, silence=1.0)
     positions = stick_clip("bow").positions[0]

@@ -1,4 +1,4 @@
-"""The loop: whatever comes from any source is answered to every sink, counted, and never stops it."""
+"""The loop: packets of every source are counted and answered to every sink, and none stops the loop."""
 
 from __future__ import annotations
 
@@ -209,7 +209,7 @@ def test_one_busy_source_does_not_silence_the_others(library: MotionLibrary, ope
     assert bench.service.status().outcomes.recognizers.frames == 1200
 
 
-def test_classes_and_status_are_told_on_time(bench: Bench) -> None:
+def test_classes_and_status_are_sent_on_time(bench: Bench) -> None:
     """Both are sent at the start, then the status every second and the classes every five."""
     bench.step()
     assert (len(bench.sink.classes), len(bench.sink.statuses)) == (1, 1)
@@ -259,7 +259,7 @@ def test_the_status_counts_everything(bench: Bench) -> None:
     assert status.lost == 4
 
 
-def test_rates_are_those_of_the_last_second(bench: Bench) -> None:
+def test_rates_count_the_last_second(bench: Bench) -> None:
     """A performer's rate is counted anew each second, and is 0 without frames."""
     (source,) = bench.sources
     bench.step()
@@ -270,7 +270,7 @@ def test_rates_are_those_of_the_last_second(bench: Bench) -> None:
     assert [status.performers for status in bench.sink.statuses] == [{}, {"p": pytest.approx(30 / 1.1)}, {"p": 0.0}]
 
 
-def test_who_falls_silent_is_dropped(library: MotionLibrary, source: FakeSource) -> None:
+def test_a_silent_performer_is_dropped(library: MotionLibrary, source: FakeSource) -> None:
     """After the silence a performer is no longer in the status, and the number of frames stays."""
     bench = Bench(Performers(library, silence=3.0), source)
     source.waiting.extend([frame] for frame in _frames("jump", frames=30))
@@ -281,7 +281,7 @@ def test_who_falls_silent_is_dropped(library: MotionLibrary, source: FakeSource)
     assert bench.sink.statuses[-1].outcomes.recognizers.frames == 30
 
 
-def test_stopped_it_ends_what_goes_on(bench: Bench) -> None:
+def test_a_stopped_service_ends_every_motion(bench: Bench) -> None:
     """A motion that goes on when the service is stopped ends for every sink, after its last answer."""
     (source,) = bench.sources
     source.waiting.extend([frame] for frame in _frames("jump", frames=240))
@@ -315,10 +315,10 @@ def test_leaving_closes_everything(library: MotionLibrary) -> None:
     assert sink.closed
 
 
-def test_stopped_it_answers_what_has_arrived(
+def test_a_stopped_service_answers_the_waiting_packets(
     bench: Bench, library: MotionLibrary, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Stopped before or while it runs, it returns after it has answered all waiting packets."""
+    """A service stopped before or while it runs returns after it has answered all waiting packets."""
     monkeypatch.setattr(service_module, "MAX_ENDING", PATIENCE)
     frames = _frames("bow", frames=3000)
     bench.sources[0].waiting.extend([frame] for frame in frames)
@@ -457,7 +457,7 @@ def test_over_zeromq_frames_go_in_and_answers_come_out(
         return zeromq.decode_answer(parts)
 
     with Running(Service(Performers(library), [source], [sink])) as service:
-        # A status that counts what we send shows that both pairs of peers have met.
+        # A status that counts our messages shows that both pairs of peers have met.
         while not any(parts[0] == b"status/" and json.loads(parts[1])["inputs"]["foreign"] for parts in heard):
             sender.send([b"hello/", b""])
             receive()
@@ -533,8 +533,8 @@ def test_frames_without_a_time_are_timed_by_their_arrival(
     assert {answer.label for answer in sink.recognitions} == {"jump"}
 
 
-def test_a_listener_that_is_gone_does_not_stop_it(library: MotionLibrary) -> None:
-    """When nobody listens for the answers any more, recognition goes on."""
+def test_a_listener_that_leaves_does_not_stop_the_service(library: MotionLibrary) -> None:
+    """When nobody hears the answers any more, recognition goes on."""
     listener = osc.OscReceiver(LOOPBACK, 0)
     source, sink = FakeSource([[frame] for frame in _frames("bow")]), FakeSink()
     osc_sink = LayoutSink(NativeLayout(), osc.OscSender(*listener.address))
@@ -562,7 +562,7 @@ def test_answers_that_cannot_be_sent_are_counted(library: MotionLibrary, opened:
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="only Linux tells when a datagram arrived")
-def test_what_waited_for_more_than_a_second_is_not_answered_as_if_it_were_now(
+def test_packets_older_than_a_second_are_not_answered_as_present(
     library: MotionLibrary, opened: ExitStack, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """After a stop the backlog's newest answer is sent, older ones are counted; latency counts from the arrival."""
@@ -587,10 +587,8 @@ def test_what_waited_for_more_than_a_second_is_not_answered_as_if_it_were_now(
     assert status.hop_p50 > 0.2
 
 
-def test_after_a_stop_old_answers_of_a_transport_that_does_not_tell_are_not_sent(
-    library: MotionLibrary, source: FakeSource
-) -> None:
-    """A sender's own clock tells what waited while the process stood still; what is older than a second is not sent."""
+def test_after_a_pause_old_answers_are_not_sent(library: MotionLibrary, source: FakeSource) -> None:
+    """The sender's own clock dates packets that waited while the process stood still; old ones get no answer."""
     clock, sink = FakeClock(), FakeSink()
     frames = [Frame("ann", 50.0 + k / 30, each.positions) for k, each in enumerate(_frames("wave")[:60])]
     with Service(Performers(library), [source], [sink], clock=clock) as service:
@@ -600,7 +598,7 @@ def test_after_a_stop_old_answers_of_a_transport_that_does_not_tell_are_not_sent
             service.step(0.0)
         before = len(sink.recognitions)
         assert before > 0
-        # Two seconds are slept away; ZeroMQ hands over first one half of what came, then the other.
+        # The process slept for two seconds; ZeroMQ hands over one half of the messages, then the other.
         clock.now = 1000.0 + frames[-1].time
         source.waiting.extend([frame] for frame in frames[6:20])
         service.step(0.0)

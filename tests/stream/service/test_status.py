@@ -22,7 +22,7 @@ def test_inputs_add_up() -> None:
     assert sum([first, second], start=InputCounts()) == first + second
 
 
-def test_lost_is_what_came_or_should_have_come_and_was_not_used() -> None:
+def test_lost_counts_each_kind_of_loss_once() -> None:
     """Each kind of loss counts once; frames that were used, foreign messages and new beginnings are no losses."""
     inputs = InputCounts(received=10**9, malformed=1, foreign=10**8, overrun=10, missing=100)
     recognizers = RecognizerCounts(frames=10**9, out_of_order=100_000, restarts=10**8, hops=10**9)

@@ -93,7 +93,7 @@ def test_a_lesson_goes_from_countdown_to_check() -> None:
     assert stage.teacher.lesson is None
 
 
-def test_what_was_recorded_is_what_was_shown() -> None:
+def test_the_example_holds_the_motion_that_was_shown() -> None:
     """The example's frames are the motion's, at 30 frames per second."""
     stage = _taught()
     (example,) = stage.teacher.roster.examples
@@ -151,8 +151,8 @@ def test_undo_and_redo_without_end() -> None:
     assert stage.ask(commands.Redo())[0] == State("", Step.REFUSED, 0.0, "nothing to redo")
 
 
-def test_what_i_just_did() -> None:
-    """The last seconds become an example, trimmed to the movement in them."""
+def test_the_last_seconds_become_an_example() -> None:
+    """The example is trimmed to the movement in these seconds."""
     stage = Stage()
     stage.stand(1.0)
     stage.perform()
@@ -175,7 +175,7 @@ def test_recent_minutes_end_where_the_recording_begins() -> None:
 
 
 def test_a_recording_ends_after_fifteen_seconds() -> None:
-    """A recording ends after 15 s, however long the movement goes on."""
+    """A recording ends after 15 s, even if the movement goes on."""
     stage = Stage()
     stage.stand(1.0)
     stage.ask(commands.Teach("ann", "endless", 1, 0.0))
@@ -211,7 +211,7 @@ def test_cancel_leaves_nothing() -> None:
     assert stage.teacher.roster.examples == ()
 
 
-def test_a_performer_who_is_not_there_or_leaves() -> None:
+def test_a_lesson_without_a_performer_is_refused() -> None:
     """A lesson for an absent performer, or one who leaves, is refused."""
     stage = Stage()
     stage.ask(commands.Teach("", "wave"))
@@ -263,7 +263,7 @@ def test_two_at_once() -> None:
         commands.Last("ann", 3.0, "wave"),
     ],
 )
-def test_what_makes_no_sense_now_is_refused(command: Command) -> None:
+def test_commands_at_the_wrong_step_are_refused(command: Command) -> None:
     """A command that makes no sense at this step is refused with a reason."""
     stage = Stage()
     (told,) = stage.ask(command)

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
     from zmq import Socket
 
-#: Milliseconds in which a stranger, who must not be let in, is surely refused: what is tested does not hang on it.
+#: Milliseconds in which a stranger, who must not be let in, is surely refused; the result does not depend on it.
 A_MOMENT = 150
 
 
@@ -35,10 +35,10 @@ def folders(place: Path, *names: str) -> list[Path]:
     return made
 
 
-def test_files_are_those_of_zmq_auth_and_their_owners_alone(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_key_files_are_in_zmqs_format_and_private(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """The program makes a folder with both files; no other user reads them, and the pair is one."""
     assert main(["keys", "ann", "--keys", str(tmp_path / "mine")]) == 0
-    assert "secret, for nobody else" in capsys.readouterr().out
+    assert "secret, keep it here" in capsys.readouterr().out
     public, secret = tmp_path / "mine" / "ann.key", tmp_path / "mine" / "ann.key_secret"
     shown, (known, kept) = load_certificate(public), load_certificate(secret)
     assert shown == (known, None)
@@ -80,8 +80,8 @@ def test_a_folder_that_makes_no_sense_is_refused(tmp_path: Path) -> None:
         Keyring(tmp_path)
 
 
-def test_whom_to_connect_to_is_one_key(tmp_path: Path) -> None:
-    """With several keys beside its own a socket does not know whom to connect to; and says so."""
+def test_several_keys_of_others_are_refused_for_connecting(tmp_path: Path) -> None:
+    """With several keys beside its own a socket cannot know which one to connect to, and says so."""
     stage, *_ = folders(tmp_path, "stage", "ann", "ben")
     with Keyring(stage) as keyring, pytest.raises(ValueError, match="to connect to, got ann, ben"):
         ZmqSender(Endpoint(f"tcp://{LOOPBACK}:1", bind=False), keyring)
@@ -121,7 +121,7 @@ def test_only_known_keys_are_let_in_on_both_ends(tmp_path: Path) -> None:
             listener.close()
 
 
-def test_who_sends_in_the_clear_to_keys_of_others_is_not_reached(tmp_path: Path) -> None:
+def test_a_program_with_keys_reaches_known_keys_alone(tmp_path: Path) -> None:
     """A program with keys connects to the owner of a known key, and to no other listener there."""
     _, ann = folders(tmp_path, "stage", "ann")
     impostor = ZmqReceiver(Endpoint(f"tcp://{LOOPBACK}:*", bind=True))
@@ -145,6 +145,6 @@ def test_who_sends_in_the_clear_to_keys_of_others_is_not_reached(tmp_path: Path)
         ("tcp://192.168.0.7:9320", True),
     ],
 )
-def test_who_can_reach_an_address(address: str, others: bool) -> None:  # noqa: FBT001 - a parameter of the test
+def test_addresses_open_to_others_are_detected(address: str, others: bool) -> None:  # noqa: FBT001 - a parameter of the test
     """Addresses of this machine alone are told from addresses that others reach."""
     assert Endpoint(address, bind=True).is_open_to_others is others

@@ -35,7 +35,7 @@ GOOD = msgpack.unpackb(single_part.encode(Frame("p", 1.5, POSITIONS), 7))
     seq=st.integers(0, 2**63 - 1),
     joints=st.none() | st.lists(st.text(min_size=1), min_size=1, max_size=5, unique=True),
 )
-def test_a_frame_is_read_as_it_was_sent(performer: str, moment: float, seq: int, joints: list[str] | None) -> None:
+def test_a_sent_frame_is_read_back(performer: str, moment: float, seq: int, joints: list[str] | None) -> None:
     """Performer, time, number, joint names and positions in single precision come back."""
     numbered = single_part.decode(single_part.encode(Frame(performer, moment, POSITIONS), seq, joints), 77.0)
     assert (numbered.frame.performer, numbered.frame.time, numbered.seq) == (performer, moment, seq)
@@ -76,7 +76,7 @@ def test_a_map_that_is_wrong_is_refused(changes: dict[str, object]) -> None:
 
 @given(st.one_of(st.binary(max_size=200), st.binary(max_size=40).map(lambda end: msgpack.packb(GOOD)[:-20] + end)))
 def test_any_bytes_are_refused_alike(payload: bytes) -> None:
-    """Whatever comes is a frame or a FormatError."""
+    """Any bytes give a frame or a FormatError."""
     try:
         single_part.decode(payload, 0.0)
     except FormatError as error:

@@ -68,7 +68,7 @@ def _header(**changes: object) -> bytes:
     seq=st.integers(0, 2**63 - 1),
     joints=st.none() | st.lists(st.text(min_size=1), min_size=1, max_size=5, unique=True),
 )
-def test_a_frame_is_read_as_it_was_sent(performer: str, time: float, seq: int, joints: list[str] | None) -> None:
+def test_a_sent_frame_is_read_back(performer: str, time: float, seq: int, joints: list[str] | None) -> None:
     """Performer, time, number, joint names and positions in single precision come back."""
     numbered = zeromq.decode(zeromq.encode_frame(Frame(performer, time, POSITIONS), seq, joints), 77.0)
     assert (numbered.frame.performer, numbered.frame.time, numbered.seq) == (performer, time, seq)
@@ -105,7 +105,7 @@ def test_without_a_time_it_is_the_arrival(changes: dict[str, object]) -> None:
     assert zeromq.decode([TOPIC, _header(**changes), BUFFER], 42.5).frame.time == 42.5
 
 
-def test_what_a_sender_may_leave_out_or_add() -> None:
+def test_optional_and_unknown_header_fields() -> None:
     """The number and the joints may be missing, whole seconds may be an integer, and unknown fields are passed over."""
     numbered = zeromq.decode([TOPIC, _header(seq=..., t=3, units="m", more=[1, {}]), BUFFER], 0.0)
     assert (numbered.seq, numbered.announcement, numbered.frame.time) == (None, None, 3.0)
@@ -197,7 +197,7 @@ def test_headers_are_not_believed(changes: dict[str, object]) -> None:
     ],
     ids=range(15),
 )
-def test_headers_that_are_none(header: bytes) -> None:
+def test_broken_headers_are_format_errors(header: bytes) -> None:
     """A header that is no JSON object of a bounded size is a FormatError, also when it is deeply nested."""
     with pytest.raises(FormatError):
         zeromq.decode([TOPIC, header, BUFFER], 1.0)
@@ -247,7 +247,7 @@ def test_bodies_of_absurd_size(joints: int) -> None:
 
 
 @pytest.mark.parametrize("number", [np.nan, np.inf, -np.inf, 3e38])
-def test_positions_that_are_none(number: float) -> None:
+def test_impossible_positions_are_format_errors(number: float) -> None:
     """NaN for all joints, an infinity or a joint beyond any stage is a FormatError."""
     positions = POSITIONS.astype("<f4")
     positions[:] = number
@@ -276,7 +276,7 @@ def test_the_size_is_checked(size: int) -> None:
         b"frame/" + b"p" * 65 + b"/",
     ],
 )
-def test_topics_that_are_not_ours(topic: bytes) -> None:
+def test_foreign_topics_are_format_errors(topic: bytes) -> None:
     """A topic of another form, or with an impossible performer, is a FormatError."""
     with pytest.raises(FormatError):
         zeromq.decode([topic, HEADER, BUFFER], 1.0)
@@ -335,7 +335,7 @@ def test_random_parts_raise_nothing_else(parts: list[bytes]) -> None:
 )
 @settings(max_examples=300)
 def test_any_json_raises_nothing_else(header: dict[str, object], *, full: bool) -> None:
-    """Whatever JSON stands in the header's fields, the result is a frame or a FormatError."""
+    """Any JSON in the header's fields gives a frame or a FormatError."""
     described = json.loads(HEADER) | header if full else header
     try:
         numbered = zeromq.decode([TOPIC, json.dumps(described).encode(), BUFFER], 1.0)
@@ -377,7 +377,7 @@ def test_an_answer_holds_the_recognition() -> None:
     assert {each.name for each in dataclasses.fields(Recognition)} - unsaid <= {"scores", *answer}
 
 
-def test_progress_is_told() -> None:
+def test_answers_hold_progress() -> None:
     """While a motion is followed, the answer says how far it is."""
     followed = dataclasses.replace(NAMED, progress=Progress("wave", 0.25, 0.5, 2.0, 0.75, 0.875, 3))
     told = json.loads(zeromq.encode_recognition(followed)[1])["progress"]
@@ -393,7 +393,7 @@ def test_progress_is_told() -> None:
 
 
 def _dumped(recognition: Recognition) -> dict[str, object]:
-    """Give what json.dumps makes of an answer, field by field."""
+    """Give an answer as json.dumps writes it, field by field."""
     second = sorted(range(len(recognition.scores)), key=lambda index: -recognition.scores[index])
     second = [index for index in second if index != recognition.best]
     described = {
@@ -436,7 +436,7 @@ _SHARES = st.floats(0, 1)
     numbers=st.tuples(st.floats(0, 1e9), st.floats(0, 1e3), _SHARES, _SHARES, _SHARES),
     data=st.data(),
 )
-def test_an_answer_is_what_json_dumps_writes(
+def test_an_answer_equals_json_dumps(
     performer: str,
     classes: list[str],
     outcome: Outcome,
@@ -482,7 +482,7 @@ def test_numbers_that_are_not_finite_are_null() -> None:
 
 
 @pytest.mark.parametrize("signature", LiveSignature)
-def test_real_answers_are_what_json_dumps_writes(signature: LiveSignature, some_clips: tuple[Clip, ...]) -> None:
+def test_real_answers_equal_json_dumps(signature: LiveSignature, some_clips: tuple[Clip, ...]) -> None:
     """Recognitions of real motions are read like ones written by json."""
     recognizer = Recognizer(MotionLibrary.builtin(), Settings(signature=signature))
     clip = max(some_clips, key=lambda clip: clip.duration)
@@ -493,7 +493,7 @@ def test_real_answers_are_what_json_dumps_writes(signature: LiveSignature, some_
         assert json.loads(zeromq.encode_recognition(answer)[1]) == _dumped(answer)
 
 
-def test_who_has_left_has_no_class() -> None:
+def test_a_performer_who_left_has_no_class() -> None:
     """The last answer about a performer names no class and gives the reason; listeners read it as any other."""
     parts = zeromq.encode_gone("Zoë 1")
     assert parts[0] == "class/Zoë 1/".encode()
@@ -509,8 +509,8 @@ def test_without_a_class_it_is_null(outcome: Outcome) -> None:
 
 
 @pytest.mark.parametrize("outcome", list(Outcome))
-def test_an_answer_is_read_as_it_was_sent(outcome: Outcome) -> None:
-    """A listener reads who, which class, score, margin and label."""
+def test_a_sent_answer_is_read_back(outcome: Outcome) -> None:
+    """A listener reads performer, class, score, margin and label; without a class it reads the reason."""
     recognition = dataclasses.replace(NAMED, performer="Zoë 1", outcome=outcome)
     expected = Answer("Zoë 1", recognition.class_index, 0.75, recognition.margin, recognition.label)
     assert zeromq.decode_answer(zeromq.encode_recognition(recognition)) == expected
@@ -565,8 +565,8 @@ def test_classes_and_status_are_json() -> None:
     assert set(described["outcomes"]["recognizers"]) == {"frames", "out_of_order", "restarts", "hops"}
 
 
-def test_a_status_that_anybody_hears_names_nobody() -> None:
-    """Where anybody may listen the status tells how many performers there are, and neither them nor their senders."""
+def test_an_open_status_names_no_performer() -> None:
+    """Where anybody may listen the status gives the number of performers, but neither their names nor their senders."""
     said = {"Ada": "who", "Bob": "10.0.0.5"}
     status = Status(InputCounts(), PerformerCounts(), 0, {"Ada": 120.0}, 0.0, 0.0, said, doubted=said, compared=said)
     status = dataclasses.replace(status, notes=("two senders are called Ada: 10.0.0.5",))
@@ -632,7 +632,7 @@ def test_performers_are_counted_apart() -> None:
 
 
 def test_made_up_names_do_not_pile_up() -> None:
-    """After thousands of names old ones are forgotten, and the others are counted on."""
+    """The decoder remembers a bounded number of beginnings, for any number of performers, and reads all frames."""
     gaps = SequenceGaps()
     gaps.see("p", 7)
     for number in range(5000):
@@ -658,7 +658,7 @@ def test_made_up_names_do_not_pile_up() -> None:
     ],
 )
 def test_an_endpoint_says_bind_or_connect(text: str, expected: Endpoint, *, bind: bool) -> None:
-    """An "@" binds and a ">" connects whatever the default, and without either the default decides."""
+    """A "@" binds and a ">" connects, with either default; without both the default decides."""
     assert Endpoint.parse(text, bind=bind) == expected
 
 
@@ -670,7 +670,7 @@ def test_an_endpoint_without_a_transport_is_refused(text: str) -> None:
 
 
 @pytest.mark.parametrize("make", [ZmqReceiver, ZmqSender])
-def test_a_taken_address_is_an_error_that_says_which(make: Callable[[Endpoint], ZmqReceiver | ZmqSender]) -> None:
+def test_the_error_names_a_taken_address(make: Callable[[Endpoint], ZmqReceiver | ZmqSender]) -> None:
     """Binding a taken address raises an OSError that names it."""
     first = make(Endpoint(ANY_PORT, bind=True))
     with pytest.raises(OSError, match=first.address):
@@ -680,7 +680,7 @@ def test_a_taken_address_is_an_error_that_says_which(make: Callable[[Endpoint], 
 
 @pytest.mark.parametrize("bind", [True, False])
 @pytest.mark.parametrize("address", ["tcp://", "tcp://127.0.0.1", "tcp://127.0.0.1:none", "smoke://signals"])
-def test_an_address_that_makes_no_sense_is_an_error_that_says_which(address: str, *, bind: bool) -> None:
+def test_the_error_names_a_senseless_address(address: str, *, bind: bool) -> None:
     """An address that ZeroMQ does not understand raises an OSError that names it."""
     with pytest.raises(OSError, match=f"{address}: "):
         ZmqReceiver(Endpoint(address, bind=bind))
@@ -764,7 +764,7 @@ def test_either_side_may_bind(wire: Wire, *, receiver_binds: bool) -> None:
     assert sender.failed == 0
 
 
-def test_a_bound_receiver_hears_who_connects_later(wire: Wire) -> None:
+def test_a_bound_receiver_hears_senders_that_connect_later(wire: Wire) -> None:
     """A bound SUB that is polled as a service does takes in senders that connect at any later time, several at once."""
     receiver = wire.receiver()
     assert receiver.receive() is None
@@ -809,7 +809,7 @@ def test_a_slow_reader_keeps_the_oldest_and_the_numbers_show_it(wire: Wire) -> N
     assert sender.failed == 0
 
 
-def test_nobody_listening_is_no_error(wire: Wire) -> None:
+def test_sending_without_a_listener_is_no_error(wire: Wire) -> None:
     """Publishing without a subscriber loses the message, without an error."""
     sender = wire.sender()
     for _ in range(2000):
@@ -834,7 +834,7 @@ def test_a_message_too_large_does_not_get_in(wire: Wire) -> None:
 
 @pytest.mark.parametrize("bind", [True, False], ids=["bound", "connected"])
 def test_a_message_too_large_is_counted_and_the_sender_comes_back(wire: Wire, *, bind: bool) -> None:
-    """Whoever of the two connected: the break is seen, once each time, and what comes afterwards is heard again."""
+    """Either end may have connected: the break is counted once each time, and later messages are heard again."""
     other = wire.receiver() if bind else wire.sender()
     receiver, sender = (other, wire.sender(other.address, bind=False)) if bind else (None, other)
     receiver = receiver or wire.receiver(sender.address, bind=False)
@@ -898,7 +898,7 @@ def test_a_sender_that_was_switched_off_is_asked_for(wire: Wire) -> None:
     _greet(sender, receiver)
     port = f":{int(receiver.address.rpartition(':')[2]):04X}"
     until, timers = time.monotonic() + PATIENCE_MS / 1000, list[tuple[int, float]]()
-    # What was sent last is acknowledged first.
+    # The last message is acknowledged first.
     while [kind for kind, _ in timers] != [KEEPALIVE, KEEPALIVE] and time.monotonic() < until:
         rows = [line.split() for line in Path("/proc/net/tcp").read_text().splitlines()[1:]]
         ends = [row[5].split(":") for row in rows if row[3] == ESTABLISHED and port in row[1] + row[2]]

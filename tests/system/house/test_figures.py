@@ -33,9 +33,9 @@ def test_every_figure_has_a_value_and_a_direction() -> None:
 
 
 def test_some_figures_need_no_recordings() -> None:
-    """Noise and the paper's experiment are of the built-in motions; takes are not."""
+    """Noise, progress and the paper's experiment are of the built-in motions; takes are not."""
     without = {name for name, run in figures.RUNS.items() if not run.needs_recordings}
-    assert without == {"noise", *(name for name in figures.RUNS if name.startswith("retrieval"))}
+    assert without == {"noise", "progress", *(name for name in figures.RUNS if name.startswith("retrieval"))}
 
 
 def test_a_figure_is_measured_as_a_person_would() -> None:
@@ -70,7 +70,7 @@ def test_a_figure_falls_one_way(direction: str, got: float | None, *, holds: boo
     assert Figure(0.8, 0.02, direction).holds(got) is holds
 
 
-def test_what_has_fallen_is_named() -> None:
+def test_figures_that_fell_are_named() -> None:
     """The failure lists evaluation, figure, expectation and new value, only for figures that fell."""
     entries = {name: Figure(0.8, 0.02, "higher") for name in ("one", "two", "three")}
     assert figures.fallen("run", entries, {"one": 0.7, "two": 0.8}) == [

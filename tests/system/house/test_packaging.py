@@ -66,7 +66,7 @@ def test_exactly_the_packages_there_are_are_shipped() -> None:
     }
 
 
-def test_what_is_declared_as_data_is_there() -> None:
+def test_declared_data_files_exist() -> None:
     """Every data file that is declared can be found the way an installed package finds it, and is not empty."""
     setuptools = project()["tool"]["setuptools"]
     assert isinstance(setuptools, dict)
@@ -80,7 +80,7 @@ def test_what_is_declared_as_data_is_there() -> None:
             assert name == "py.typed" or all(path.read_bytes() for path in found)
 
 
-def test_whatever_lies_in_a_package_is_declared() -> None:
+def test_every_file_in_a_package_is_declared() -> None:
     """No file lies in a package that is neither Python nor declared as its data: it would be missing from the wheel."""
     setuptools = project()["tool"]["setuptools"]
     assert isinstance(setuptools, dict)
@@ -97,8 +97,8 @@ def test_whatever_lies_in_a_package_is_declared() -> None:
         assert {path for path in others if path.relative_to(ROOT).as_posix() not in sources} == declared
 
 
-def test_nobody_needs_what_is_compiled() -> None:
-    """Compiled modules are optional, serve every Python from 3.11 on, and all they are made of is in the house."""
+def test_compiled_modules_are_optional() -> None:
+    """Compiled modules are optional and serve every Python from 3.11 on; all their sources are in the project."""
     setuptools = project()["tool"]["setuptools"]
     distutils = project()["tool"]["distutils"]
     assert isinstance(setuptools, dict)
@@ -167,7 +167,7 @@ def test_a_python_that_is_promised_is_one_that_is_required() -> None:
     assert described["requires-python"] == f">=3.{min(promised)}"
 
 
-def test_nobodys_own_modules_stand_in_the_way(tmp_path: Path) -> None:
+def test_modules_of_the_user_do_not_interfere(tmp_path: Path) -> None:
     """A script beside a `stream.py` and folders `library` and `tools` of its own imports ours and its own."""
     (tmp_path / "stream.py").write_text("MINE = True\n", encoding="utf-8")
     for folder in ("library", "tools"):

@@ -105,7 +105,7 @@ def test_all_of_hdm05s_joints_get_hdm05s_order(small_library: MotionLibrary) -> 
         np.testing.assert_array_equal(one.positions, other.positions)
 
 
-def test_a_restricted_library_keeps_what_was_learned(builtin: MotionLibrary) -> None:
+def test_a_restricted_library_keeps_the_learned_numbers(builtin: MotionLibrary) -> None:
     """The built-in library with fewer joints still judges by numbers learned from strangers."""
     fewer = builtin.restricted_to(joints_of("kinect20"))
     assert fewer.learned is not None

@@ -1,4 +1,4 @@
-"""Frames without joint names, because the publisher sent the names before we joined: what is shown, and what helps."""
+"""Frames without joint names, because the publisher sent the names before we joined: the message, and the remedies."""
 
 from __future__ import annotations
 
@@ -39,8 +39,8 @@ def kinect_cues(seconds: float) -> list[Cue]:
     ]
 
 
-def test_what_was_never_named_is_seen_in_a_running_recogniser() -> None:
-    """25 unnamed joints: every frame is counted, and the line that says so names the performer and the way out."""
+def test_unnamed_joints_are_shown_by_a_running_recogniser() -> None:
+    """25 unnamed joints: every frame is counted, and the line about them names the performer and the remedy."""
     cues = kinect_cues(1.0)
     with live("--plain", transport="zmq") as stage:
         # The publisher named its joints in its first message, which nobody heard.
@@ -53,7 +53,7 @@ def test_what_was_never_named_is_seen_in_a_running_recogniser() -> None:
 
 
 @pytest.mark.parametrize("joints", ["kinectv2", ",".join(KINECT)])
-def test_joints_that_are_told_by_hand_are_recognised(joints: str) -> None:
+def test_joints_given_by_hand_are_recognised(joints: str) -> None:
     """With --joints, a preset's order or a list of names, the very same frames are answered."""
     with live("--plain", "--joints", joints, transport="zmq") as stage:
         stage.play(kinect_cues(2.0)[1:])
@@ -117,7 +117,7 @@ def test_assumed_joints_are_in_their_order(sticks: MotionLibrary) -> None:
         Performers(sticks, joints=SentJoints(assumed=STICK.joints[1:]))
 
 
-def test_joints_are_told_by_name_or_by_preset(tmp_path: Path) -> None:
+def test_joints_are_given_by_name_or_by_preset(tmp_path: Path) -> None:
     """A list, a built-in preset and a copy of it mean the same; joints that the library lacks keep their names."""
     assert len(KINECT) == 25
     assert set(KINECT) == set(joints_of("kinectv2"))

@@ -49,7 +49,7 @@ def _performed(class_name: str, seed: int = 60) -> Clip:
 def test_a_small_library_names_its_motions(
     takes: int, actors: tuple[str, ...], classes: tuple[str, ...], signature: LiveSignature
 ) -> None:
-    """However few takes, people and classes there are, each motion performed anew is guessed right."""
+    """Even with few takes, people and classes, each motion performed anew is guessed right."""
     clips = [clip for clip in stick_clips(takes=takes, actors=actors) if clip.class_name in classes]
     library = MotionLibrary.of_clips(clips)
     for class_name in classes:
@@ -102,7 +102,7 @@ def test_motions_too_short_alone_are_refused(signature: LiveSignature) -> None:
 
 
 @BOTH
-def test_what_is_nothing_is_unknown(signature: LiveSignature) -> None:
+def test_motions_of_the_class_nothing_are_unknown(signature: LiveSignature) -> None:
     """A class renamed to `nothing` competes, has no score of its own, and is answered unknown with a best guess."""
     library = MotionLibrary.of_clips(stick_clips()).renamed({"wave": NOTHING})
     assert library.classes == ("bow", "jump")

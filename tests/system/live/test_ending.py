@@ -1,4 +1,4 @@
-"""Every program ends soon when it is asked to, by any signal and whatever comes, in one line and with end events."""
+"""Every program ends soon on any signal and with any feed, in one line and with end events."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def test_a_signal_ends_a_program_without_a_traceback(name: str, number: signal.S
 
 @pytest.mark.skipif(not hasattr(signal, "SIGHUP"), reason="Windows has other signals")
 @pytest.mark.parametrize("number", SIGNALS)
-def test_every_signal_lets_live_end_what_goes_on(number: signal.Signals) -> None:
+def test_every_signal_ends_live_with_end_events(number: signal.Signals) -> None:
     """The motion that is going on is ended for the listeners, and the counts are printed."""
     with live("--plain") as stage:
         stage.play(motion_cues("kickLFront1Reps", 2.0))

@@ -50,7 +50,7 @@ def _told(events: Sequence[Event]) -> list[tuple[str, EventKind, str]]:
 # --- performers --------------------------------------------------------------------------------------------------
 
 
-def test_falling_silent_ends_what_was_done(library: MotionLibrary) -> None:
+def test_silence_ends_the_motion(library: MotionLibrary) -> None:
     """A dropped performer's motion ends at its last frame; performers without a motion have no end."""
     performers = Performers(library, silence=2.0)
     last = [_frames("bow", "Ada")[-1], _frames("jump", "Bo")[-1]]
@@ -66,7 +66,7 @@ def test_falling_silent_ends_what_was_done(library: MotionLibrary) -> None:
     assert performers.drop_silent(2.1) == []
 
 
-def test_who_is_dropped_to_make_room_ends_as_well(library: MotionLibrary) -> None:
+def test_a_performer_dropped_to_make_room_gets_an_end(library: MotionLibrary) -> None:
     """The end of a performer dropped for a new one's sake is given when silence is next asked about, once."""
     performers = Performers(library, most=1, silence=1.0)
     for frame in _frames("wave", "Ada"):
@@ -77,7 +77,7 @@ def test_who_is_dropped_to_make_room_ends_as_well(library: MotionLibrary) -> Non
     assert performers.drop_silent(1.7) == []
 
 
-def test_a_performer_whose_joints_became_others_ends_at_a_time(library: MotionLibrary) -> None:
+def test_changed_joints_end_the_motion_at_the_last_frame(library: MotionLibrary) -> None:
     """Announcing other joints forgets the window; the motion still ends at the last frame that was understood."""
     performers = Performers(library, silence=1.0)
     frames = _frames("bow")
@@ -254,7 +254,7 @@ def test_several_performers_events_are_their_own(stage: Stage) -> None:
     assert sorted(_told(stage.sinks[0].events)) == [("Ada", START, "bow"), ("Bo", START, "jump")]
 
 
-# --- what a person sees ------------------------------------------------------------------------------------------
+# --- the view of a person --------------------------------------------------------------------------------------
 
 
 def test_plain_lines_tell_events_without_control_characters(capsys: pytest.CaptureFixture[str]) -> None:
@@ -266,7 +266,7 @@ def test_plain_lines_tell_events_without_control_characters(capsys: pytest.Captu
     assert "\x1b[2J" not in line
 
 
-def test_the_table_shows_what_goes_on(library: MotionLibrary, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_table_shows_the_motion_under_way(library: MotionLibrary, monkeypatch: pytest.MonkeyPatch) -> None:
     """Between start and end the table shows the motion beside its performer, and before and after it does not."""
     monkeypatch.setattr(console, "width", 120)
     table, shown = LiveTable(library.classes), list[str]()

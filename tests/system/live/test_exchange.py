@@ -31,9 +31,9 @@ if TYPE_CHECKING:
 #: Everything holds of the compiled loops and of numpy.
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("arithmetic")]
 
-#: How far a log distance may be from the twin's, and a score from those of a recogniser that had the library all along.
+#: The largest difference of a log distance from the twin's, and of a score from a recogniser made with the library.
 SAME, SAME_SCORE = 1e-3, 1e-5
-#: Seconds after which nothing is left of what the guess and the judgement remember.
+#: Seconds after which guess and judgement have forgotten everything.
 FORGOTTEN = 1.5
 
 
@@ -135,7 +135,7 @@ def test_a_motion_that_goes_on_goes_on(small_index: WindowIndex, taught: WindowI
     )
 
 
-def test_a_motion_whose_class_is_gone_ends(small_index: WindowIndex, frames: list[Frame]) -> None:
+def test_removing_a_class_ends_its_motion(small_index: WindowIndex, frames: list[Frame]) -> None:
     """The exchange gives its end, at the time of the newest frame, and the end comes once."""
     without = WindowIndex.of(small_index.library.without(classes=["kickLFront1Reps"]))
     _, after, ended = _exchanged(frames, small_index, without, 130)

@@ -116,7 +116,7 @@ def test_hands_are_shaken_with_qualisys(tmp_path: Path) -> None:
         assert port
         assert fake.told[:2] == [f"Connect {port[1]}", "StreamFrames AllFrames 3D Skeleton:global"]
         assert fake.told[-2:] == ["StreamFrames Stop", "Disconnect"]
-        assert "asked in vain 0" in program.output
+        assert "requests not sent 0" in program.output
 
 
 @pytest.mark.parametrize(
@@ -135,7 +135,7 @@ def test_hands_are_shaken_with_qualisys(tmp_path: Path) -> None:
         ),
     ],
 )
-def test_what_cannot_be_is_one_line(options: tuple[str, ...], said: str) -> None:
+def test_impossible_options_end_in_one_line(options: tuple[str, ...], said: str) -> None:
     """A preset or an output that does not exist ends the program with one line, and no socket stays open."""
     status, output, errors = finished("live", *options)
     assert (status, output) == (2, "")
@@ -143,8 +143,8 @@ def test_what_cannot_be_is_one_line(options: tuple[str, ...], said: str) -> None
     assert errors.count("\n") == 1
 
 
-def test_a_joint_that_the_library_has_not_is_said(capsys: pytest.CaptureFixture[str]) -> None:
-    """A misspelt joint would be missing without a word: the line says it and the name that is nearest."""
+def test_a_joint_that_the_library_lacks_is_named(capsys: pytest.CaptureFixture[str]) -> None:
+    """A misspelt joint would be missing without a word: a line names it and the most similar name."""
     library = builtin_library()
     joints = [name for name in library.skeleton.joints if name != "head"]
     assert len(fitted(library, "feed mine", [*joints, "haed", "tail"]).skeleton.joints) == 30

@@ -55,7 +55,7 @@ def test_all_parts_are_compared_unless_told_otherwise(small_library: MotionLibra
 
 
 @pytest.mark.parametrize("signature", LiveSignature)
-def test_every_answer_says_what_the_eigenvector_says(
+def test_every_answer_holds_the_eigenvectors_view(
     small_library: MotionLibrary, frames: list[Frame], signature: LiveSignature
 ) -> None:
     """With either signature an answer has the leading eigenvector's own class, score, share and gap, each 0 to 1."""
@@ -87,8 +87,8 @@ def test_only_the_default_signature_has_evidence(small_library: MotionLibrary, f
         (LiveSignature.PAPER, "sensitivity", 0.05),
     ],
 )
-def test_what_does_not_apply_is_refused(signature: LiveSignature, name: str, value: float) -> None:
-    """A setting of the other signature is refused by its name, whatever its value; of its own it is taken."""
+def test_settings_of_the_other_signature_are_refused(signature: LiveSignature, name: str, value: float) -> None:
+    """A setting of the other signature is refused by name, with any value; a setting of its own is taken."""
     with pytest.raises(ValueError, match=f"{name}: expected none with the signature {signature}, got {value}"):
         Settings(signature=signature, **{name: value})
     (other,) = set(LiveSignature) - {signature}
@@ -136,7 +136,7 @@ def test_more_sensitive_names_more(builtin_index: WindowIndex, some_clips: tuple
 def test_stillness_is_a_setting(
     sticks: MotionLibrary, signature: LiveSignature, stillness: float, *, still: bool
 ) -> None:
-    """Movement below the given stillness is still, above it is not, whatever the signature."""
+    """With either signature, movement below the given stillness is still, and movement above it is not."""
     answers = _answers(Recognizer(sticks, Settings(signature=signature, stillness=stillness)), _stick_frames("bow"))
     assert len(answers) > 40
     assert {answer.outcome is Outcome.STILL for answer in answers} == {still}
@@ -164,7 +164,7 @@ def test_the_papers_window_is_a_setting(sticks: MotionLibrary) -> None:
 # --- events of a recogniser --------------------------------------------------------------------------------------
 
 
-def test_recognitions_carry_what_they_made_happen(sticks: MotionLibrary) -> None:
+def test_recognitions_carry_their_events(sticks: MotionLibrary) -> None:
     """Two motions in a row: a start, then an end and a start at once, each in the recognition of its time."""
     recognizer = Recognizer(sticks)
     answers = _answers(recognizer, [*_stick_frames("bow"), *_stick_frames("wave", start=7.0)])
@@ -205,7 +205,7 @@ def test_the_end_is_at_the_last_frame(sticks: MotionLibrary, *, reset: bool) -> 
     assert recognizer.end() is None
 
 
-def test_a_gap_does_not_end_what_goes_on(sticks: MotionLibrary) -> None:
+def test_a_gap_does_not_end_a_motion(sticks: MotionLibrary) -> None:
     """A motion that goes on after the feed was away for a second is the same motion: no end, no second start."""
     recognizer = Recognizer(sticks)
     answers = _answers(recognizer, [*_stick_frames("bow"), *_stick_frames("bow", start=8.0)])

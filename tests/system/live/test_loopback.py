@@ -98,7 +98,7 @@ def test_recordings_are_answered_across_processes(transport: Transport, recordin
     assert (status, errors) == (0, "")
     described = json.loads(output)
     assert (described["sent"], described["failed"]) == (len(cues), 0)
-    # Who stops listening may miss the last answers on a machine that is busy; who recognises counts them all.
+    # On a busy machine a listener that stops may miss the last answers; the recogniser counts them all.
     assert 0.9 * len(expected) <= described["answers"] <= len(expected)
     assert described["right"] == pytest.approx(right, abs=0.03)
     assert right > 0.6
@@ -109,7 +109,7 @@ def test_recordings_are_answered_across_processes(transport: Transport, recordin
 
 
 @pytest.mark.parametrize("transport", TRANSPORTS)
-def test_what_goes_wrong_on_order_is_what_is_counted(transport: Transport, recordings: list[tuple[Path, Clip]]) -> None:
+def test_ordered_faults_are_counted_exactly(transport: Transport, recordings: list[tuple[Path, Clip]]) -> None:
     """Of a feed with drops, jitter and swaps, the recogniser counts exactly the frames that came late or never."""
     path, clip = recordings[-1]
     faults = Faults(drop=0.1, jitter=0.02, reorder=0.1, seed=11)

@@ -180,7 +180,7 @@ def test_still_right_after_moving(some_clips: tuple[Clip, ...], noise: float, un
 @pytest.mark.parametrize("unit", [1.0, 1000.0], ids=["m", "mm"])
 @pytest.mark.parametrize("noise", [1e-3, 1e-6, 0.0])
 @pytest.mark.parametrize("signature", LiveSignature)
-def test_who_stands_still_is_never_a_class(
+def test_a_still_body_is_never_named(
     some_clips: tuple[Clip, ...], small_library: MotionLibrary, signature: LiveSignature, noise: float, unit: float
 ) -> None:
     """When all of a second is still it is answered still, either way, at any noise down to a frozen tracker's none."""
@@ -200,7 +200,7 @@ def test_who_stands_still_is_never_a_class(
 
 @pytest.mark.parametrize("signature", LiveSignature)
 def test_a_frozen_feed_is_never_a_class(sticks: MotionLibrary, signature: LiveSignature) -> None:
-    """Whatever the motion before, a tracker that repeats its last frame digit for digit is answered still."""
+    """After any motion, a tracker that repeats its last frame digit for digit is answered still."""
     for seed in range(8):
         generator = np.random.default_rng(seed)
         pose = generator.normal(size=(6, 3))

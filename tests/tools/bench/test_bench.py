@@ -62,7 +62,7 @@ def test_parts_are_measured_as_asked(parts: tuple[run.Part, ...], monkeypatch: p
             assert options["signature"] is LiveSignature.PAPER
 
 
-def test_the_table_says_on_what_it_was_measured(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_table_names_the_machine(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Without --json tables are printed, then the machine; the picture asked for is drawn."""
     path = tmp_path / "bench.png"
     arguments = ["bench", "stages", "--rounds", "1", "--picture", str(path)]
@@ -74,7 +74,7 @@ def test_the_table_says_on_what_it_was_measured(tmp_path: Path, capsys: pytest.C
     assert path.read_bytes().startswith(b"\x89PNG")
 
 
-def test_a_folder_without_recordings_is_told_in_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_folder_without_recordings_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Asked to play a folder that holds no recording, one line names it."""
     assert main(["bench", "stages", "--data", str(tmp_path)]) == 2
     errors = capsys.readouterr().err
@@ -85,7 +85,7 @@ def test_a_folder_without_recordings_is_told_in_one_line(tmp_path: Path, capsys:
 @pytest.mark.parametrize(
     "arguments", [["speed"], ["stages", "--rounds", "0"], ["soak", "--frames", "1.5"], ["soak", "--minutes", "-1"]]
 )
-def test_what_cannot_be_asked_for_is_refused(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+def test_impossible_benchmarks_are_refused(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> None:
     """Unknown parts, no rounds, half frames and negative minutes end with status 2."""
     with pytest.raises(SystemExit) as refused:
         main(["bench", *arguments])

@@ -74,7 +74,7 @@ def made_up(signature: LiveSignature = LiveSignature.PAPER) -> Report:
     )
 
 
-def test_the_standard_figures_are_those_of_the_results() -> None:
+def test_the_standard_figures_come_from_the_results() -> None:
     """Every figure stands under its name, taken from its part, and is valid JSON."""
     figures = made_up().figures()
     assert tuple(sorted(figures)) == tuple(sorted(KEYS))
@@ -107,14 +107,14 @@ def test_the_standard_figures_are_those_of_the_results() -> None:
     assert json.loads(json.dumps(figures, allow_nan=False)) == figures
 
 
-def test_the_figures_tell_of_the_signature_asked_for() -> None:
-    """With the signature windows, cost and ratios are those of windows."""
+def test_the_figures_describe_the_chosen_signature() -> None:
+    """With the signature windows, cost and ratios describe that signature."""
     figures = made_up(LiveSignature.WINDOWS).figures()
     assert (figures["us_per_frame"], figures["ratio_svd"], figures["osc_decode_us"]) == (50.0, 3.0, 4.5)
     assert figures["accuracy"] == 0.9
 
 
-def test_what_was_not_run_is_null() -> None:
+def test_parts_that_did_not_run_are_null() -> None:
     """Every name is always there; without any part every figure is null, and there is no table."""
     report = Report(LiveSignature.PAPER)
     assert report.figures() == dict.fromkeys(KEYS)

@@ -68,7 +68,7 @@ def test_linear_algebra_is_pinned_to_one_thread_and_given_back(monkeypatch: pyte
 
 
 @pytest.mark.parametrize(("threads", "told"), [("1", False), ("2", True)])
-def test_threads_that_cannot_be_pinned_are_told(threads: str, told: bool, monkeypatch: pytest.MonkeyPatch) -> None:  # noqa: FBT001 - a parameter of the test
+def test_threads_without_a_limit_cause_a_remark(threads: str, *, told: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     """Without threadpoolctl a process that was not started with one thread says so."""
     monkeypatch.setitem(sys.modules, "threadpoolctl", None)
     monkeypatch.setenv("OPENBLAS_NUM_THREADS", threads)

@@ -301,8 +301,8 @@ def test_wrong_arguments_end_with_2(arguments: str, asked: list[Call], capsys: p
         ),
     ],
 )
-def test_what_is_typed_is_what_is_run(arguments: str, expected: Call, asked: list[Call]) -> None:
-    """Every option reaches its program with the value typed; the others have their defaults."""
+def test_every_option_reaches_its_program(arguments: str, expected: Call, asked: list[Call]) -> None:
+    """Every option reaches its program with the value typed; the other options have their defaults."""
     assert main(arguments.split()) == 0
     ((program, positional, options),) = asked
     assert (program, positional) == expected[:2]
@@ -318,7 +318,7 @@ def test_what_is_typed_is_what_is_run(arguments: str, expected: Call, asked: lis
     ],
 )
 @pytest.mark.parametrize("program", ["live", "latency"])
-def test_what_a_signature_has_no_use_for_is_refused(
+def test_settings_without_effect_are_refused(
     program: str, options: str, told: str, asked: list[Call], capsys: pytest.CaptureFixture[str]
 ) -> None:
     """A setting that would have no effect ends with 2 and one line."""
@@ -372,7 +372,7 @@ def test_a_mistake_of_ours_is_not_hidden(monkeypatch: pytest.MonkeyPatch) -> Non
         main(["info"])
 
 
-def test_a_reader_who_leaves_ends_it_quietly() -> None:
+def test_a_closed_output_ends_the_program_quietly() -> None:
     """When the reader of our output goes away, the program ends with 1 and an empty standard error."""
     command = [sys.executable, "-m", "kinespace", "info"]
     with subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
@@ -383,7 +383,7 @@ def test_a_reader_who_leaves_ends_it_quietly() -> None:
         assert process.wait(60) == 1
 
 
-def test_a_program_loads_only_what_it_needs() -> None:
+def test_the_version_loads_no_numpy() -> None:
     """Asking for the version loads neither numpy nor matplotlib nor a transport."""
     code = "import sys; from kinespace.tools.cli.main import main\ntry: main(['--version'])\nexcept SystemExit: pass\n"
     code += "print([name for name in ('numpy', 'matplotlib', 'zmq', 'pythonosc', 'rich') if name in sys.modules])"

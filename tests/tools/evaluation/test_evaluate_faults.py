@@ -28,7 +28,7 @@ def _played(feed: Feed, fault: str) -> Feed:
     return FAULTS[fault](feed, np.random.default_rng(0))
 
 
-def test_each_fault_is_what_it_is_called(feed: Feed) -> None:
+def test_each_fault_does_what_its_name_says(feed: Feed) -> None:
     """Frozen joints stay, exchanged joints are exchanged, lost joints are NaN; other joints do not change."""
     joints = feed.skeleton.joints
     arm = [joints.index(name) for name in LEFT_ARM]

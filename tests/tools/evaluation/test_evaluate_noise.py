@@ -50,7 +50,7 @@ def _scored(capsys: pytest.CaptureFixture[str], *arguments: object) -> dict[str,
 
 
 @pytest.mark.usefixtures("_few_built_in")
-def test_figures_are_those_of_replaying_by_hand(few: MotionLibrary, capsys: pytest.CaptureFixture[str]) -> None:
+def test_figures_equal_a_replay_by_hand(few: MotionLibrary, capsys: pytest.CaptureFixture[str]) -> None:
     """Each motion, at 30 frames a second and with its own noise, is answered by a library without its group."""
     score = _scored(capsys, "--noise", "0", "15", "--groups", "3", "--seed", "4")
     assert score["groups"] == 3

@@ -123,7 +123,7 @@ def test_json_has_every_figure_by_its_name(folder: Path, library: Path, capsys: 
     assert score["classes"]["clap"]["seconds"] == pytest.approx(7.5, abs=0.05)
 
 
-def test_what_the_library_knows_is_found(folder: Path, library: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_known_motions_are_found(folder: Path, library: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Takes of the library's own motions, each differently performed, are guessed right once the second is inside."""
     score = _scored(capsys, folder / "puppet_02.amc", "--library", library)
     assert score["segment_accuracy"] > 0.95
@@ -133,9 +133,7 @@ def test_what_the_library_knows_is_found(folder: Path, library: Path, capsys: py
     assert (score["false_per_minute"], score["unknown_answered"], score["auc_unknown"]) == (None, None, None)
 
 
-def test_figures_are_those_of_the_take_replayed(
-    folder: Path, library: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_figures_equal_the_take_replayed(folder: Path, library: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Accuracy is the share of the known time in which the take, replayed by hand, was guessed right."""
     score = _scored(capsys, folder / "puppet_03.amc", "--library", library)
     (take,) = read_recordings([folder / "puppet_03.amc"])
@@ -301,7 +299,7 @@ def test_the_library_may_ask_itself(monkeypatch: pytest.MonkeyPatch, capsys: pyt
     assert "expected takes with --protocol library, got none" in _refused(capsys)
 
 
-# --- takes in which nothing known happens, and of which nobody said when -----------------------------------------
+# --- takes without known motions, and takes whose labels have no times -------------------------------------------
 
 
 def test_of_unknown_takes_all_the_time_counts(
@@ -462,7 +460,7 @@ def test_a_mapping_that_maps_nothing_is_refused(
     assert message in _refused(capsys, folder / "puppet_02.amc", "--library", library, "--map", mapped)
 
 
-def test_a_take_without_labels_is_told_how_to_get_them(
+def test_the_error_for_a_take_without_labels_names_the_option(
     folder: Path, library: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """When no labels lie beside a take, the line says where they were looked for and which option names others."""
@@ -506,7 +504,7 @@ def test_pictures_show_takes_labels_and_answers(
     assert [texts.count(name) for name in ("clap", "hail", "row", "salute", "none")] == [2, 2, 2, 1, 1]
 
 
-def test_pictures_show_what_came_out(folder: Path, library: Path, tmp_path: Path) -> None:
+def test_pictures_depend_on_the_answers(folder: Path, library: Path, tmp_path: Path) -> None:
     """Pictures are of some size, the same for the same answers and others for others."""
     files = {}
     for name, options in {"once": (), "again": (), "other": (*BY_EIGENVECTOR, "--window", "0.15")}.items():

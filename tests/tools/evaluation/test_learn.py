@@ -42,7 +42,7 @@ def test_the_fit_tells_two_kinds_of_windows_apart() -> None:
 
 
 def test_typical_evidence_does_not_change_the_fit() -> None:
-    """It is what moves when there are other joints."""
+    """Typical evidence moves with the joints; the fit does not."""
     lessons = [
         Lesson(_windows([0.5, 1.0]), is_known=True, weight=1.0),
         Lesson(_windows([0.0, 0.25]), is_known=False, weight=1.0),
@@ -129,7 +129,7 @@ def test_learn_keeps_its_numbers_in_the_library(
     assert all(each["unknown_named"] <= each["rate"] + 1e-9 for each in told)
 
 
-def test_learn_needs_takes_in_which_nothing_known_happens(
+def test_learn_needs_takes_without_known_motions(
     small_file: Path, takes_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Without them nothing can be learned, and one line says so."""

@@ -155,7 +155,7 @@ def _table(folder: Path, text: str) -> Path:
     return path
 
 
-def test_a_table_says_what_takes_contain(folder: Path) -> None:
+def test_a_table_lists_the_classes_in_takes(folder: Path) -> None:
     """One with classes contains them, one without any is unknown, one that might contain some is left out."""
     rows = 'ann_01.amc,7,2,"clap, row",hail\nann_02.amc,7,1,,row\nben_01.amc,8,1,,\n'
     takes = read_takes(Sources(tables=[_table(folder, HEADER + rows)], names={"row": "pull"}), Reading())
@@ -195,7 +195,7 @@ def test_all_kinds_are_read_together(folder: Path) -> None:
     assert [take.is_known for take in takes] == [True, False, False]
 
 
-# --- what a sensor delivered -------------------------------------------------------------------------------------
+# --- takes of sensors --------------------------------------------------------------------------------------------
 
 
 def test_a_sensors_frames_are_known(tmp_path: Path) -> None:

@@ -46,7 +46,7 @@ def test_frames_are_due_at_the_recordings_pace() -> None:
 
 
 @pytest.mark.parametrize("speed", [0.5, 1.0, 4.0])
-def test_speed_changes_when_frames_are_sent_not_what_they_say(speed: float) -> None:
+def test_speed_changes_the_time_of_sending_alone(speed: float) -> None:
     """At another speed frames are due so many times as fast; the time inside them stays the recording's."""
     clips = [stick_clip("wave"), stick_clip("bow")]
     cued = list(clip_cues(clips, "me", speed=speed, pause=0.5))
@@ -190,7 +190,7 @@ class FakeTime:
 
 
 def test_a_pace_does_not_drift(monkeypatch: pytest.MonkeyPatch) -> None:
-    """However often a sleep is too long, the ten thousandth frame is no later than the first."""
+    """Sleeps may be too long at any time: the ten thousandth frame is no later than the first."""
     clock = FakeTime()
     monkeypatch.setattr("kinespace.tools.feeding.feed.time", clock)
     pace = Pace()
@@ -214,7 +214,7 @@ def test_a_late_pace_catches_up_without_sleeping(monkeypatch: pytest.MonkeyPatch
     assert pace.moment(7.0) == pytest.approx(1007.0)
 
 
-def test_an_osc_sender_sends_what_live_feeds_send() -> None:
+def test_an_osc_sender_sends_like_a_live_feed() -> None:
     """The announcement and the frame arrive as the OSC border reads them, positions as float32."""
     frame = Frame("me", 2.5, np.random.default_rng(6).normal(size=(6, 3)))
     announcement = Announcement("me", STICK.joints)

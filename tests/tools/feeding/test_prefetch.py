@@ -43,7 +43,7 @@ def test_no_more_is_read_than_is_to_be_ready(most: int) -> None:
             assert next(iter(ahead)) == taken
 
 
-def test_an_error_comes_after_what_stood_before_it() -> None:
+def test_an_error_comes_after_the_items_before_it() -> None:
     """Items before the error are given first; then the error is raised in the consumer."""
 
     def source() -> Iterator[int]:

@@ -59,7 +59,7 @@ def zmq_pair(opened: ExitStack) -> tuple[zeromq.ZmqReceiver, zeromq.ZmqSender]:
         sender.send([b"hello/", b""])
         if receiver.socket.poll(20):
             break
-    # The last greeting is the last message: whatever was sent before it has come before it.
+    # The last greeting is the last message: all earlier messages have come before it.
     sender.send([b"met/", b""])
     while receiver.socket.poll(int(PATIENCE * 1000)):
         if receiver.receive() == [b"met/", b""]:
@@ -83,7 +83,7 @@ def test_every_packet_is_heard_in_order_with_its_moment(opened: ExitStack) -> No
     assert before <= arrivals[0] <= arrivals[-1] <= after
 
 
-def test_what_waits_is_heard_even_when_it_is_late(opened: ExitStack) -> None:
+def test_waiting_packets_are_heard_even_when_late(opened: ExitStack) -> None:
     """Listening until a past moment still takes waiting packets, and does not wait for more."""
     receiver, sender = osc_pair(opened)
     listener = Listener(receiver)

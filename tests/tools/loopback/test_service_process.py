@@ -92,7 +92,7 @@ def test_an_echo_sends_every_packet_back_unread(transport: Transport) -> None:
             echoed: list[Packet] = []
             until = time.monotonic() + PATIENCE
             while len(echoed) < len(packets) and time.monotonic() < until:
-                # What greeted while connecting may still be under way.
+                # Greetings from the time of connecting may still be under way.
                 echoed += [packet for packet in hear(listener, 1) if packet != [b"hello/", b""]]
         finally:
             sender.close()
@@ -102,7 +102,7 @@ def test_an_echo_sends_every_packet_back_unread(transport: Transport) -> None:
     assert multiprocessing.active_children() == []
 
 
-def test_a_library_is_what_the_service_knows(tmp_path: Path) -> None:
+def test_the_service_uses_the_given_library(tmp_path: Path) -> None:
     """A service given a library follows that library's body and answers with its classes."""
     clips = list(read_recordings(write_takes(tmp_path, takes=1)))
     with BackgroundService("osc", library=MotionLibrary.of_clips(clips)) as service:
@@ -122,7 +122,7 @@ def test_a_library_is_what_the_service_knows(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("transport", TRANSPORTS)
-def test_what_fails_there_is_an_error_here(transport: Transport) -> None:
+def test_an_error_in_the_process_is_raised_here(transport: Transport) -> None:
     """An error in the other process is raised in this one, and no process or socket stays behind."""
     with (
         pytest.raises(ValueError, match="most: expected at least 1 performer, got 0"),

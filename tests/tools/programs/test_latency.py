@@ -45,7 +45,7 @@ def _wide(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(console, "width", 200)
 
 
-def test_percentiles_are_of_what_was_measured() -> None:
+def test_percentiles_describe_the_measured_times() -> None:
     """Percentiles are in milliseconds, of the answers or of the echo; all stand in the JSON object by name."""
     seconds, echo = np.arange(1001) / 1e6, np.arange(1001) / 1e7
     latency = Latency("osc", 120.0, 10, 9, 1, seconds, echo)
@@ -61,7 +61,7 @@ def test_percentiles_are_of_what_was_measured() -> None:
     assert described["echo_max_ms"] == pytest.approx(0.1)
 
 
-def test_what_was_not_measured_is_null() -> None:
+def test_unmeasured_figures_are_null() -> None:
     """Without a single answer the figures are NaN, and null in the JSON object, which stays valid JSON."""
     latency = Latency("zmq", 120.0, 10, 0, 3, np.array([]), np.array([0.001]))
     assert math.isnan(latency.percentile(99))
@@ -90,7 +90,7 @@ def test_every_frame_and_answer_is_accounted_for(tmp_path: Path) -> None:
 def test_answers_that_never_come_are_lost(monkeypatch: pytest.MonkeyPatch) -> None:
     """When a recogniser answers something else than was due, every answer due is counted as lost, the last ones too."""
     whole = MotionLibrary.builtin()
-    # Of one class alone the scores are others, whatever the label is.
+    # With one class alone the scores differ, even if the label is the same.
     other = whole.without(classes=whole.classes[:-1])
     monkeypatch.setattr("kinespace.tools.programs.latency.BackgroundService", partial(BackgroundService, library=other))
     latency = measure("osc", rate_hz=100.0, seconds=0.6, settings=Settings(hop=0.05))

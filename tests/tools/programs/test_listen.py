@@ -83,15 +83,15 @@ def test_kinds_of_messages_are_counted() -> None:
     assert survey.senders == {"10.0.0.7:1": 10, "10.0.0.8:1": 2}
 
 
-def test_somebody_who_makes_up_addresses_finds_an_end() -> None:
-    """The kinds that are told apart are limited."""
+def test_the_number_of_listed_addresses_is_limited() -> None:
+    """The kinds of messages that are told apart are limited: made-up addresses cannot fill the memory."""
     survey = Survey()
     for number in range(3 * MAX_KINDS):
         survey.see(message("/" + "x" * number), "h:1", 0.0)
     assert len(survey.kinds) == MAX_KINDS
 
 
-def test_the_last_reasons_are_told() -> None:
+def test_the_last_reasons_are_shown() -> None:
     """The last malformed and the last foreign packet are told with the reason, the sender and their beginning."""
     survey = Survey()
     survey.see(message("/elsewhere", "s", "x"), "10.0.0.9:1", 0.0)
@@ -107,9 +107,9 @@ def test_runs_of_a_type_are_counted() -> None:
     assert [shortened(types) for types in ("", "sifff", "i" + "f" * 93)] == ["", "sifff", "if*93"]
 
 
-def test_what_is_missing_is_said() -> None:
+def test_missing_joints_are_named() -> None:
     """Joints that do not come are named by the motion library's names; few are done without, for many frames lack."""
-    for without, told in ((2, "done without, because they never came: head, lowerneck"), (5, "missing for")):
+    for without, told in ((2, "not used, because they never came: head, lowerneck"), (5, "missing for")):
         survey = surveyed("osceleton", without=without)
         guess = survey.guess(PRESETS)
         assert guess is not None
@@ -118,7 +118,7 @@ def test_what_is_missing_is_said() -> None:
         assert any(line.startswith(told) for line in advice(survey, guess, None))
 
 
-def test_nothing_at_all_is_said() -> None:
+def test_silence_and_foreign_packets_have_messages() -> None:
     """No packets, packets that are no OSC, and unknown OSC have three different messages."""
     survey = Survey()
     assert survey.guess(PRESETS) is None
@@ -156,7 +156,7 @@ def sending(layout: str, port: int) -> Iterator[None]:
         thread.join()
 
 
-def test_the_program_says_what_it_hears() -> None:
+def test_listen_describes_the_feed() -> None:
     """Run on a port that VMC comes in on, it names the feed, the command to use, the sender and the addresses."""
     port = free_udp_port()
     with sending("vmc", port):

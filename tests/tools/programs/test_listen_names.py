@@ -1,4 +1,4 @@
-"""What `kinespace listen` says of a sender of our own messages: its joints, its clock, its mistakes."""
+"""The report of `kinespace listen` on a sender of our own messages: its joints, its clock, its mistakes."""
 
 from __future__ import annotations
 
@@ -38,13 +38,13 @@ def test_names_of_others_and_fewer_joints_are_well(joints: tuple[str, ...], titl
     assert as_object(survey, guess, [])["names"] == title
 
 
-def test_unknown_names_are_told() -> None:
-    """Unknown names make no frames, and the program says what to do."""
+def test_unknown_names_are_reported() -> None:
+    """Unknown names make no frames, and the program names the remedy."""
     survey = _heard(("hip", "knee", "toe", "elbow", "nose"))
     guess = survey.looked_at_as(builtin_preset("native"))
     assert guess.frames == 0
     told = " ".join(advice(survey, guess, None))
-    assert "0 of the 5 announced joints have names that are known" in told
+    assert "0 of the 5 announced joints have known names" in told
     assert "--names NAME" in told
 
 
@@ -71,12 +71,12 @@ def test_a_squat_is_well() -> None:
     assert _told(_squat(SQUAT.positions)) == []
 
 
-def test_another_unit_of_time_is_told() -> None:
+def test_another_unit_of_time_is_reported() -> None:
     """Milliseconds are reported, with the performer."""
     assert _told(_squat(SQUAT.positions, 1e3)) == ["performer ann: times are milliseconds: scaled"]
 
 
-def test_joints_in_another_order_are_told() -> None:
+def test_joints_in_another_order_are_reported() -> None:
     """Names that stand in another order than their joints, and angles, make segments that stretch."""
     shuffled = SQUAT.positions[:, np.random.default_rng(2).permutation(31)]
     angles = 40 * np.sin(SQUAT.positions[:, ::-1] * np.arange(1, 94).reshape(31, 3))
@@ -93,7 +93,7 @@ def test_joints_in_another_order_are_told() -> None:
         (osc.encode_message("/motion/frame", "ann", 1.0, 0.5, 0.5), "of ann: positions: expected three numbers"),
     ],
 )
-def test_what_is_wrong_with_a_message_is_told(packet: bytes, reason: str) -> None:
+def test_the_last_unreadable_message_is_shown(packet: bytes, reason: str) -> None:
     """The last message that could not be read is shown with the reason, its sender and its beginning."""
     survey = Survey()
     for number in range(3):
@@ -113,7 +113,7 @@ def test_what_is_wrong_with_a_message_is_told(packet: bytes, reason: str) -> Non
         ("vmc", "my own.toml", ("127.0.0.1", 39539), "kinespace live --feed 'my own.toml'"),
     ],
 )
-def test_the_command_is_told_with_its_port(preset: str, feed: str | None, place: tuple[str, int], told: str) -> None:
+def test_the_command_names_the_port(preset: str, feed: str | None, place: tuple[str, int], told: str) -> None:
     """The command for recognition can be pasted: it listens on the same port."""
     guess = _heard(NATIVE.joints).looked_at_as(builtin_preset(preset))
     assert command(guess, feed, place) == told

@@ -101,7 +101,7 @@ def _show(desk: Desk, begin: float, class_name: str, take: int = 0) -> list[str]
 
 
 def _teach(desk: Desk, begin: float, name: str, class_name: str) -> None:
-    # On a busy machine the last frames may be long ago: who is taught must be there.
+    # On a busy machine the last frames may be old: the performer who is taught must be present.
     stand = MotionLibrary.builtin().motions[0].positions[0]
     desk.push_all([Frame("ann", begin - 1 + place / 60, stand) for place in range(10)], time.monotonic())
     desk.command(commands.Teach("ann", name, 1, 0.0))
@@ -126,7 +126,7 @@ def test_a_class_is_taught_recognised_and_saved(desk: Desk, library: MotionLibra
     assert desk.classes == (*library.classes, "bend")
 
 
-def test_what_was_taught_is_there_again(desk: Desk, library: MotionLibrary, tmp_path: Path) -> None:
+def test_taught_motions_are_there_again(desk: Desk, library: MotionLibrary, tmp_path: Path) -> None:
     """Taught motions are there again when the program starts again with the same file."""
     _show(desk, 0, "kickLFront1Reps")
     _teach(desk, 10, "abc", "squat1Reps")
@@ -149,7 +149,7 @@ def test_a_full_disk_loses_nothing(desk: Desk, monkeypatch: pytest.MonkeyPatch) 
     _teach(desk, 10, "my squat", "squat1Reps")
     heard = _until(desk, lambda heard: {Step.DONE, Step.REFUSED} <= set(heard.steps()))
     told = [each.reason for each in heard.notices if isinstance(each, State) and each.step is Step.REFUSED]
-    assert told == ["mine.npz was not saved: No space left on device; what was taught is still known"]
+    assert told == ["mine.npz was not saved: No space left on device; the taught motions are still in memory"]
     assert _show(desk, 20, "squat1Reps", 1)[:1] == ["my squat"]
 
 
@@ -169,7 +169,7 @@ def test_indices_stay() -> None:
     assert places.of(roster(e4="a")) == ("base", "b", "a", "c")
 
 
-def test_commands_are_accepted_from_here_and_from_who_is_named() -> None:
+def test_commands_are_accepted_from_here_and_from_named_networks() -> None:
     """Commands are accepted from this machine and from the networks that are let in."""
     allowed = Allowed([ip_network("192.0.2.7")])
     assert allowed(("127.0.0.1", 1))
@@ -185,7 +185,7 @@ def test_a_folder_that_is_not_there(tmp_path: Path, library: MotionLibrary) -> N
         open_desk(Start(tmp_path / "nowhere" / "mine.npz", library), _performers)
 
 
-def test_joints_that_nobody_knows(tmp_path: Path) -> None:
+def test_unknown_joints_can_be_taught(tmp_path: Path) -> None:
     """A sender's own joints can be taught without a library; until then nobody is answered."""
     joints = tuple(f"marker{number}" for number in range(31))
     desk = open_desk(Start(tmp_path / "mine.npz", None, joints), _performers)
@@ -200,8 +200,8 @@ def test_joints_that_nobody_knows(tmp_path: Path) -> None:
     desk.close()
 
 
-def test_a_performer_with_fewer_joints_is_told_why_not(desk: Desk, library: MotionLibrary) -> None:
-    """Who lacks joints of the library is recognised and cannot be taught; the refusal says so, and what helps."""
+def test_a_performer_with_fewer_joints_cannot_be_taught(desk: Desk, library: MotionLibrary) -> None:
+    """A performer who lacks joints of the library is recognised; teaching is refused with a remedy."""
     joints = library.skeleton.joints[:20]
     positions = library.motions[0].positions[:8, :20]
     desk.push_all([Announcement("bob", joints)], time.monotonic())

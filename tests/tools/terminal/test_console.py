@@ -33,7 +33,7 @@ def test_progress_is_lazy() -> None:
     pieces.close()  # type: ignore[attr-defined]
 
 
-def test_nobody_looking_means_no_progress(capsys: pytest.CaptureFixture[str]) -> None:
+def test_without_a_terminal_no_progress_is_shown(capsys: pytest.CaptureFixture[str]) -> None:
     """When standard error is no terminal, progress prints nothing."""
     assert list(progress(range(3), "Counting", 3)) == [0, 1, 2]
     assert capsys.readouterr() == ("", "")

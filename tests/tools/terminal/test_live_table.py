@@ -69,7 +69,7 @@ def test_plain_lines_keep_performers_apart(capsys: pytest.CaptureFixture[str]) -
     assert len(capsys.readouterr().out.splitlines()) == 2
 
 
-def test_a_performer_who_comes_back_is_news(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_performer_who_comes_back_is_printed_again(capsys: pytest.CaptureFixture[str]) -> None:
     """A performer missing from a status is forgotten: the same label is printed again on return, another's is not."""
     lines = PlainLines()
     lines.publish(recognition("me", "bow"))
@@ -91,7 +91,7 @@ def test_plain_lines_say_nothing_of_classes_and_status(capsys: pytest.CaptureFix
 
 
 @pytest.mark.parametrize("name", ["[/]", "[bold]", ":smile:", "two words"])
-def test_any_name_is_shown_as_it_is(name: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_any_name_is_shown_literally(name: str, capsys: pytest.CaptureFixture[str]) -> None:
     """A performer's name is printed and drawn literally, markup or not."""
     PlainLines().publish(recognition(name, "bow"))
     assert f"  {name}  " in capsys.readouterr().out
@@ -140,7 +140,7 @@ def test_the_table_shows_the_latest_of_each_performer() -> None:
     assert "3 classes · received 101, malformed 2" in drawn
 
 
-def test_the_table_forgets_who_has_left() -> None:
+def test_the_table_forgets_performers_who_left() -> None:
     """A performer who is no longer in the status has no row."""
     table = LiveTable(CLASSES)
     table.publish(recognition("me", "bow"))
@@ -225,7 +225,7 @@ def test_performers_keep_their_rows() -> None:
     assert rows() == ["dora", "bob"]
 
 
-def test_the_last_motions_are_told() -> None:
+def test_the_last_motions_are_listed() -> None:
     """Motions that are over stand below the table with their length, the last three of each performer."""
     table = LiveTable(CLASSES)
     table.publish(recognition("me", "bow"))
@@ -238,7 +238,7 @@ def test_the_last_motions_are_told() -> None:
     assert "before" not in shown(table)
 
 
-def test_what_is_noticed_of_a_performer_is_told(capsys: pytest.CaptureFixture[str]) -> None:
+def test_remarks_on_performers_are_shown(capsys: pytest.CaptureFixture[str]) -> None:
     """Clocks, joints and refused frames stand below the table, and in a line that is printed once."""
     noticed = replace(
         status("me"), clocks={"me": "times are milliseconds: scaled"}, refused={"you": "2 joints, from 10.0.0.5:4000"}

@@ -13,7 +13,7 @@ from kinespace.tools.terminal.output_path import require_place_for
 if TYPE_CHECKING:
     from pathlib import Path
 
-#: Programs that draw; of none of them is there anything to read, so that whoever looks at the picture last says that.
+#: Programs that draw. The recordings are missing, so that the error comes after the check of the picture.
 DRAWING = [
     ("demo", "--picture"),
     ("evaluate", "retrieval", "nowhere", "--picture"),
@@ -35,7 +35,7 @@ def test_a_picture_without_a_place_is_refused_before_the_work(
 
 
 @pytest.mark.parametrize("command", DRAWING[1:], ids=" ".join)
-def test_a_picture_nobody_draws_is_refused_before_the_work(
+def test_an_unknown_picture_format_is_refused_before_the_work(
     command: tuple[str, ...], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """An ending that matplotlib does not know is refused with the endings that it knows."""
@@ -53,8 +53,8 @@ def test_the_table_beside_the_picture_needs_a_place_too(tmp_path: Path, capsys: 
     assert capsys.readouterr().err == f"kinespace: {tmp_path / 'a.csv'}: Is a directory\n"
 
 
-def test_what_is_there_is_kept_unless_told(tmp_path: Path) -> None:
-    """A file may be written over only where that is said; a new one always."""
+def test_an_existing_file_is_kept_unless_overwrite(tmp_path: Path) -> None:
+    """A file may be written over only with the option; a new file always."""
     path = tmp_path / "a"
     require_place_for(path, overwrite=False)
     path.touch()

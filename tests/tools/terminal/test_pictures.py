@@ -44,7 +44,7 @@ def test_the_picture_names_every_space_class_and_share(tmp_path: Path, monkeypat
 
 
 @pytest.mark.parametrize(("ending", "begins"), [(".png", b"\x89PNG"), (".pdf", b"%PDF"), (".svg", b"<?xml")])
-def test_the_ending_says_which_kind(ending: str, begins: bytes, tmp_path: Path) -> None:
+def test_the_ending_gives_the_kind_of_file(ending: str, begins: bytes, tmp_path: Path) -> None:
     """The picture's file is of the kind its ending names, and not an empty one."""
     path = tmp_path / f"confusions{ending}"
     pictures.draw_confusions(path, results(), Protocol.LEAVE_ONE_OUT)
@@ -74,7 +74,7 @@ def test_one_space_can_be_drawn_alone(tmp_path: Path) -> None:
     assert widths[0] > widths[1] > 0
 
 
-def test_an_ending_nobody_draws_is_refused(tmp_path: Path) -> None:
+def test_an_unknown_ending_is_refused(tmp_path: Path) -> None:
     """An unknown ending raises an error that names it, and no file is written."""
     with pytest.raises(ValueError, match="'doc'"):
         pictures.draw_confusions(tmp_path / "confusions.doc", results(), Protocol.SPLIT)
@@ -87,8 +87,8 @@ def test_a_folder_that_is_not_there_is_an_error(tmp_path: Path) -> None:
         pictures.draw_confusions(tmp_path / "missing" / "confusions.png", results(), Protocol.SPLIT)
 
 
-def test_without_matplotlib_the_error_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Where the extra is not installed, loading the module says which extra is."""
+def test_the_error_without_matplotlib_names_the_extra(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where the extra is not installed, loading the module names the extra."""
     monkeypatch.delitem(sys.modules, "kinespace.tools.terminal.pictures")
     monkeypatch.setitem(sys.modules, "matplotlib.figure", None)
     with pytest.raises(ImportError, match=r"pip install kinespace\[pictures\]"):

@@ -53,7 +53,7 @@ def test_recordings_keep_their_names(hdm05_folder: Path, capsys: pytest.CaptureF
     assert "…" not in printed
 
 
-def test_what_was_answered_is_told_with_whole_names(capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_table_shows_whole_class_names(capsys: pytest.CaptureFixture[str]) -> None:
     """The table at the end of replay has a line for each class."""
     score = Score()
     for name in CLASSES:

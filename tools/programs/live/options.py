@@ -65,7 +65,7 @@ class Guard:
     merge
         Let several senders send frames of one performer.
     keyring
-        Keys of all who are let in by ZeroMQ; None for no keys.
+        Keys of the peers that are let in by ZeroMQ; None for no keys.
     """
 
     performers: Sequence[str] = ()
@@ -81,7 +81,7 @@ class Teaching:
     Attributes
     ----------
     file
-        The file for taught motions; None: nobody may teach.
+        The file for taught motions; None: teaching is off.
     controls
         Further ways in: `wekinator`, `wekinator=HOST:PORT`, or the ZeroMQ endpoint of a socket that replies.
     """
@@ -95,3 +95,22 @@ class Teaching:
             raise ValueError("--control: expected --teach with it")
         if self.file and settings.signature is LiveSignature.PAPER:
             raise ValueError("--teach: expected --signature windows with it, got paper")
+
+
+@dataclass(frozen=True, slots=True)
+class Watched:
+    """Who sees the bodies, as typed.
+
+    Attributes
+    ----------
+    page
+        HOST:PORT of our own page in the browser; None for none.
+    bodies
+        Whether bodies are published beside the ZeroMQ answers.
+    keys
+        The folder of the keys of all ZeroMQ; None for none.
+    """
+
+    page: str | None = None
+    bodies: bool = False
+    keys: Path | None = None

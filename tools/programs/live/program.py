@@ -19,13 +19,14 @@ from kinespace.tools.cli.arguments import (
     add_library,
     add_names,
     add_overwrite,
+    add_page,
     add_sender,
     add_settings,
     count,
     names,
     settings_of,
 )
-from kinespace.tools.programs.live.options import Addresses, Feed, Guard, Teaching
+from kinespace.tools.programs.live.options import Addresses, Feed, Guard, Teaching, Watched
 from kinespace.tools.programs.live.recognisers import Where
 from kinespace.tools.programs.live.session import recognise
 
@@ -58,7 +59,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         metavar="NAME[=HOST:PORT]",
-        help="answer as these programs hear it, several at once: " + ", ".join(LAYOUTS) + "; sender:PORT replies",
+        help="answer in the layouts of these programs, several at once: "
+        + ", ".join(LAYOUTS)
+        + "; sender:PORT replies",
     )
     parser.add_argument(
         "--joints",
@@ -75,8 +78,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=names,
         default=(),
         metavar="NETWORK,...",
-        help="let in these networks alone: their packets are read, and they may teach and, as this machine may, hear "
-        "the answers by ZeroMQ",
+        help="read packets from these networks alone; let them teach; let them and this machine hear the answers by "
+        "ZeroMQ",
     )
     add_keys(parser)
     parser.add_argument("--merge", action="store_true", help="let several senders send frames of one performer")
@@ -96,6 +99,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="wekinator|ENDPOINT",
         help="also obey Wekinator's control messages (=HOST:PORT; 6448), or ZeroMQ requests, like tcp://127.0.0.1:9330",
     )
+    parser.add_argument(
+        "--bodies", action="store_true", help="publish bodies on --zmq-out, for kinespace page elsewhere"
+    )
+    add_page(parser)
     parser.add_argument("--plain", action="store_true", help="print a line per change instead of a table")
 
 
@@ -123,6 +130,7 @@ def run(options: argparse.Namespace, where: Where | None = None) -> int:
             feed=Feed(options.feed, options.sender, tuple(options.out), options.joints, Naming.asked(options.naming)),
             guard=Guard(options.allow, options.allow_from, options.merge, keyring),
             teaching=Teaching(options.teach, tuple(options.control)),
+            watched=Watched(options.page, options.bodies, options.keys),
             where=where,
         )
 

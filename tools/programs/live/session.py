@@ -14,12 +14,15 @@ from rich.live import Live
 
 from kinespace.stream.feeds.source import FeedSource
 from kinespace.stream.inputs import Admission
+from kinespace.stream.outputs import ZmqSink
+from kinespace.stream.outputs.body_sink import BodySink
 from kinespace.stream.service.loop import Service
 from kinespace.stream.zeromq import Endpoint
 from kinespace.tools.cli.interruption import stop_on_signals
+from kinespace.tools.page.attach import NO_ENDS, ends_for_page
 from kinespace.tools.programs.feeds import preset_named
 from kinespace.tools.programs.live.endpoints import open_doors, open_ends
-from kinespace.tools.programs.live.options import Feed, Guard, Teaching
+from kinespace.tools.programs.live.options import Feed, Guard, Teaching, Watched
 from kinespace.tools.programs.live.recognisers import Where, recognisers
 from kinespace.tools.teaching.keys import Keys
 from kinespace.tools.terminal.console import console
@@ -36,13 +39,14 @@ if TYPE_CHECKING:
 
 #: Times a second the table is drawn.
 _REDRAWS = 5
-#: Seconds for which a thread may keep Python's lock while another waits. Drawing takes longer than a frame may wait.
+#: Seconds for which a thread may keep Python's lock while another waits.
 _SWITCH_INTERVAL = 0.0005
 #: Files and connections that may be open at once, as far as the system allows.
 MAX_CONNECTIONS = 16_384
 _NO_FEED = Feed()
 _NO_GUARD = Guard()
 _NO_TEACHING = Teaching()
+_UNWATCHED = Watched()
 
 
 def recognise(
@@ -57,11 +61,14 @@ def recognise(
     feed: Feed = _NO_FEED,
     guard: Guard = _NO_GUARD,
     teaching: Teaching = _NO_TEACHING,
+    watched: Watched = _UNWATCHED,
     where: Where | None = None,
 ) -> int:
     """Open the addresses, recognise until interrupted, print the counts."""
     where = where or Where()
     _allow_many_connections()
+    # A library that is prepared in a thread, and the table that is drawn, must not hold a frame up.
+    sys.setswitchinterval(_SWITCH_INTERVAL)
     teaching.require_file(settings)
     if record:
         require_place_for(record, overwrite=overwrite)
@@ -72,22 +79,36 @@ def recognise(
     shown: PlainLines | LiveTable = PlainLines() if plain or not console.is_terminal else LiveTable(performers.classes)
     admission = Admission(silence=performers.silence, merge=guard.merge, allowed=guard.performers)
     networks = [ipaddress.ip_network(each, strict=False) for each in guard.networks]
+    # Before the sockets are open: no packet is to wait until the page runs.
+    ends = (
+        ends_for_page(watched.page, performers, desk, keyring=guard.keyring, keys=watched.keys)
+        if watched.page
+        else NO_ENDS
+    )
     sources, sinks, kept = open_ends(
         addresses, feed, preset, record, networks=networks, keyring=guard.keyring, admission=admission
     )
     feeds = [source for source in sources if isinstance(source, FeedSource)]
     doors = open_doors(teaching, desk, sources, networks, guard.keyring) if desk else []
+    if watched.bodies:
+        sinks += [BodySink(sink.sender, performers) for sink in sinks if isinstance(sink, ZmqSink)]
     with (
         kept or nullcontext(),
         Service(
-            performers, [*sources, *doors, *where.sources], [*sinks, *where.sinks, shown], admission=admission
+            performers,
+            [*sources, *doors, *ends.doors, *where.sources],
+            [*sinks, *where.sinks, shown, *ends.sinks],
+            admission=admission,
         ) as service,
+        ends.page or nullcontext() as page,
     ):
         if desk:
             desk.sinks = service.sinks
         # Before anybody can know that the program runs.
         stop_on_signals(service.stop)
         _announce([*sources, *doors], sinks)
+        if page:
+            console.print(f"page: {page.address}", soft_wrap=True)
         if not guard.keyring:
             _warn_of_strangers([addresses.zmq_in, addresses.zmq_out, *teaching.controls])
         # All objects so far live as long as the program: the collector need not look at them again.
@@ -109,7 +130,7 @@ def recognise(
 
 
 def _allow_many_connections() -> None:
-    """Let strangers who connect and say nothing leave room for others until ZeroMQ has ended their connections."""
+    """Raise the limit of open files: silent connections of strangers must leave room until ZeroMQ has ended them."""
     if sys.platform == "win32":
         return
     import resource  # noqa: PLC0415 - there is none on Windows
@@ -130,7 +151,7 @@ def _warn_of_strangers(places: Sequence[str | None]) -> None:
     endpoints = [Endpoint.parse(place, bind=True) for place in places if place and "://" in place]
     if reached := [endpoint.address for endpoint in endpoints if endpoint.is_open_to_others]:
         console.print(
-            f"no --keys: whoever is at the other end of {', '.join(reached)} is believed and hears the answers",
+            f"no --keys: any program at the other end of {', '.join(reached)} can send frames and hear the answers",
             soft_wrap=True,
             markup=False,
         )
@@ -138,7 +159,6 @@ def _warn_of_strangers(places: Sequence[str | None]) -> None:
 
 def _run_with_table(service: Service, shown: LiveTable) -> None:
     """Draw in a second thread, so that the feed waits at most for the lock, never for a picture."""
-    sys.setswitchinterval(_SWITCH_INTERVAL)
     loop = threading.Thread(target=service.run, name="kinespace service")
     loop.start()
     try:
@@ -154,13 +174,13 @@ def _run_with_table(service: Service, shown: LiveTable) -> None:
 
 
 def frames_made(source: FeedSource) -> str:
-    """Describe what happened to a feed's joints, and which were missing in refused frames."""
+    """Count a feed's frames and joints by their fate, and name the joints missing in refused frames."""
     counts = source.decoder.assembler.counts
     closed = ", ".join(f"{count} by {closing}" for closing, count in counts.closed_by.most_common())
     line = (
         f"feed {source.preset.name}: {counts.frames} frames made ({closed or 'none closed'}), "
         f"{counts.incomplete} refused, joints held {counts.held}, late {counts.late}, unsure {counts.unsure}, "
-        f"beyond any stage {counts.absurd}, no room {counts.no_room}, asked in vain {source.unasked}"
+        f"beyond any stage {counts.absurd}, no room {counts.no_room}, requests not sent {source.unasked}"
     )
     absent = ", ".join(name for name, _ in counts.absent.most_common(5))
     return f"{line}; absent: {absent}" if absent else line

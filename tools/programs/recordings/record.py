@@ -32,7 +32,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the program's options."""
     parser.description = (
         "Keeps every packet with its arrival time and sender until Ctrl-C. A crash costs the last second at most. "
-        "kinespace replay sends the file again bit for bit; kinespace live --record keeps what it hears."
+        "kinespace replay sends the file again bit for bit; kinespace live --record records while it recognises."
     )
     parser.add_argument("output", type=Path, metavar="FILE", help="to make, like tonight.kinerec")
     add_inputs(parser)
@@ -80,13 +80,13 @@ def record(
         recording = _Recording(receivers, writer)
         stop_on_signals(recording.stop)
         console.print(f"recording {', '.join(names)} to {output}; Ctrl-C ends", soft_wrap=True)
-        with Status("nothing has come yet", console=progress_console) as shown:
+        with Status("no packets yet", console=progress_console) as shown:
             recording.run(seconds, shown)
     lost = sum(receiver.kernel_drops for receiver in receivers)
     console.print(
         f"{output}: {writer.written} packets, {output.stat().st_size / 1e6:.2f} MB; "
         f"{writer.failed} could not be written, {lost} were lost by the system before they came here"
-        + (f", {recording.broken} connections broke (a message above 256 kB?)" if recording.broken else ""),
+        + (f", {recording.broken} connections broke (messages too large or too many?)" if recording.broken else ""),
         soft_wrap=True,
     )
     return 0

@@ -9,14 +9,17 @@ from kinespace.tools.cli.arguments import (
     OSC_IN,
     add_json,
     add_keys,
+    add_page,
     add_reading,
     not_negative,
     positive,
     reading_of,
     share,
 )
+from kinespace.tools.page.process import PagePlan, PageProcess
 from kinespace.tools.programs.replay.options import Course, Faults
 from kinespace.tools.programs.replay.session import play
+from kinespace.tools.terminal.console import progress_console
 
 if TYPE_CHECKING:
     import argparse
@@ -26,8 +29,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the program's options."""
     parser.description = (
         "Sends recordings as live packets on an absolute schedule. With --listen it hears the answers and prints the "
-        "share that was right; a clip's class is in its name (HDM05) or is its folder's name. Of a take beside which a "
-        "file of labels lies, called like it, the class is the label of the moment. Exit status: 0 sent (and, with "
+        "share that was right; a clip's class is in its name (HDM05) or is its folder's name. If a file of labels "
+        "with a take's name lies beside the take, the class is the label of the moment. Exit status: 0 sent (and, with "
         "--listen, answered), 1 with --listen and without any answer, 2 could not be done."
     )
     parser.add_argument(
@@ -44,6 +47,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--zmq", metavar="ENDPOINT", help="publish on ZeroMQ instead; connects, put @ before it to bind"
     )
     parser.add_argument("--listen", metavar="ADDRESS", help="HOST:PORT or ZeroMQ endpoint where the answers come")
+    add_page(parser)
     add_keys(parser)
     parser.add_argument("--performer", default="replay", help="name of the performer (default %(default)s)")
     parser.add_argument("--speed", type=positive, default=1.0, help="times as fast as recorded (default %(default)s)")
@@ -60,6 +64,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Run the program with these options; return the exit status."""
+    if not options.page:
+        return _played(options)
+    if "://" not in (options.listen or ""):
+        raise ValueError(f"--page: expected --listen with a recogniser's ZeroMQ endpoint, got {options.listen}")
+    with PageProcess(PagePlan(options.listen, options.page, keys=options.keys)) as page:
+        progress_console.print(f"page: {page.address}", soft_wrap=True)
+        return _played(options)
+
+
+def _played(options: argparse.Namespace) -> int:
     return play(
         options.clips,
         reading=reading_of(options),

@@ -244,7 +244,7 @@ def test_chosen_joints_hang_on_the_nearest_chosen_above(tmp_path: Path) -> None:
         read_clip(path, joints=("nose",))
 
 
-# --- what cannot be read -----------------------------------------------------------------------------------------
+# --- broken files -------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -282,7 +282,7 @@ def test_a_file_that_makes_no_sense_is_refused(tmp_path: Path, old: str, new: st
         read_clip(path)
 
 
-def test_numbers_that_are_none_are_refused(tmp_path: Path) -> None:
+def test_words_and_nan_in_place_of_numbers_are_refused(tmp_path: Path) -> None:
     """NaN and infinity in the motion are reported with their frame, a word with its line."""
     lines = GOOD.splitlines()
     for word, message in (("nan", "NaN or infinity in frame 2"), ("1e999", "in frame 2"), ("x", "expected numbers")):

@@ -43,7 +43,7 @@ def test_uneven_times_are_put_on_an_even_grid(tmp_path: Path) -> None:
     np.testing.assert_allclose(np.diff(clip.positions[:, 0, 0]), 1 / 30, atol=1e-9)
 
 
-def test_milliseconds_are_told_by_how_far_frames_lie_apart(tmp_path: Path) -> None:
+def test_milliseconds_are_detected_by_the_time_between_frames(tmp_path: Path) -> None:
     """A column of milliseconds is read as seconds: no body is filmed once in ten seconds."""
     clip = read_clip(_written(tmp_path, "timestamp" + HEADER[4:] + _rows([0, 20, 40, 60])))
     assert clip.frame_rate == 50
@@ -60,7 +60,7 @@ def test_freemocap_has_no_times_and_millimetres(tmp_path: Path) -> None:
     np.testing.assert_allclose(clip.positions[1], [[0.01, 0, 1.6], [0, 0, 0.9]])
 
 
-def test_a_gap_is_told(tmp_path: Path) -> None:
+def test_a_gap_is_listed(tmp_path: Path) -> None:
     """During two seconds without frames the body stays where it was last seen, and the clip lists the gap."""
     times = [*np.arange(10) / 20, *(2.45 + np.arange(10) / 20)]
     clip = read_clip(_written(tmp_path, HEADER + _rows(times)))
@@ -98,8 +98,8 @@ def test_npz_as_convert_writes_it(tmp_path: Path) -> None:
         ("", ":1: expected columns"),
     ],
 )
-def test_what_cannot_be_used_is_one_line(tmp_path: Path, text: str, told: str) -> None:
-    """A table that cannot be used is refused in one line that says what was expected."""
+def test_an_unusable_table_is_refused_in_one_line(tmp_path: Path, text: str, told: str) -> None:
+    """The error says what was expected."""
     with pytest.raises(JointTableError, match=told) as raised:
         read_clip(_written(tmp_path, text))
     assert "\n" not in str(raised.value)

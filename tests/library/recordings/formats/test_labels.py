@@ -89,7 +89,7 @@ def test_labels_are_read_in_order_of_time(tmp_path: Path) -> None:
         pytest.param('"start_s","end_s","label"\n"0","1e0","Übung",,\n', id="quoted, cells too many"),
     ],
 )
-def test_what_spreadsheets_write_is_read(tmp_path: Path, text: str | bytes) -> None:
+def test_tables_from_spreadsheets_are_read(tmp_path: Path, text: str | bytes) -> None:
     """A byte order mark, Windows' line ends, quotes, further columns and another order change nothing."""
     assert read_labels(_file(tmp_path, text)) == (Segment(0.0, 1.0, "Übung"),)
 
@@ -158,7 +158,7 @@ def test_exports_that_make_no_sense_are_refused(tmp_path: Path, text: str, said:
         read_labels(path)
 
 
-def test_what_lies_beside_a_take_and_is_no_labels_is_left_alone(tmp_path: Path) -> None:
+def test_other_files_beside_a_take_are_not_taken_for_labels(tmp_path: Path) -> None:
     """Notes, tables of numbers and of joints, and the take itself are no labels; the table comes before an export."""
     take = tmp_path / "take.csv"
     take.write_text("time,root_x,root_y,root_z\n0,1,2,3\n")
@@ -172,8 +172,8 @@ def test_what_lies_beside_a_take_and_is_no_labels_is_left_alone(tmp_path: Path) 
     assert labels_beside(tmp_path / "take.bvh") == take
 
 
-def test_what_is_odd_about_labels_is_said() -> None:
-    """Frame numbers, labels beyond the end and tiny ones are told; good ones are not."""
+def test_odd_labels_cause_a_remark() -> None:
+    """Frame numbers, labels beyond the end and tiny labels cause a remark; good labels cause none."""
     take = _take(frames=100)
     assert oddities(take, [Segment(0.0, 1.0, "bow"), Segment(1.0, 2.0, "wave")]) == []
     assert oddities(take, []) == []
@@ -235,7 +235,7 @@ def test_a_file_that_is_no_labels_is_refused(tmp_path: Path, text: str | bytes, 
         read_labels(path)
 
 
-def test_labels_that_are_not_there_are_an_os_error(tmp_path: Path) -> None:
+def test_a_missing_labels_file_is_an_os_error(tmp_path: Path) -> None:
     """A file that cannot be opened is the system's error."""
     with pytest.raises(FileNotFoundError, match=r"absent\.csv"):
         read_labels(tmp_path / "absent.csv")
@@ -276,8 +276,8 @@ def test_cuts_are_made_at_frame_boundaries(frame_rate: float, milliseconds: list
     assert found == [frames for frames in expected if len(frames) >= 2]
 
 
-def test_what_lies_beyond_the_takes_end_is_left_out() -> None:
-    """A segment that runs over the end is cut short, one with fewer than two frames there is none at all."""
+def test_segments_end_with_the_take() -> None:
+    """A segment that runs over the end is cut short; a segment with fewer than two frames left is dropped."""
     segments = [Segment(1.0, 9.0, "bow"), Segment(1.98, 9.0, "jump"), Segment(2.0, 3.0, "wave"), Segment(7, 8, "wave")]
     (clip,) = cut(_take(), segments)
     assert (clip.class_name, clip.frames) == ("bow", 50)

@@ -55,8 +55,8 @@ def test_frames_are_read_once_each(tmp_path: Path) -> None:
         assert positions.reshape(-1).tolist() == _values(seed)
 
 
-def test_nobody_in_sight_is_no_frame(tmp_path: Path) -> None:
-    """A frame of zeros is left out, also as the first frame; an empty line is ignored."""
+def test_a_frame_of_zeros_is_left_out(tmp_path: Path) -> None:
+    """Zeros mean that nobody is in sight. An empty line is ignored."""
     lines = [_line(8, [0.0] * 60), _line(10, _values(1)), "", _line(12, [0.0] * 60), _line(14, _values(2))]
     assert utkinect.read_frames(_write(tmp_path, lines)).numbers.tolist() == [10, 14]
 
@@ -87,7 +87,7 @@ def test_a_take_is_a_recording(tmp_path: Path) -> None:
 
 
 def test_the_joints_are_kinects() -> None:
-    """The body is that of the joint set `kinect20`, one tree from the hips, left and right hanging alike."""
+    """The body has the joints of the set `kinect20`: one tree from the hips, left and right hanging alike."""
     skeleton = utkinect.SKELETON
     assert skeleton.joints == joints_of("kinect20")
     parents = {name: skeleton.joints[parent] for name, parent in zip(skeleton.joints, skeleton.parents, strict=True)}
@@ -111,7 +111,7 @@ def test_the_joints_are_kinects() -> None:
         ([_line("nan", [1.0] * 60)], ":1: expected a frame's number"),
         ([_line(1, [float("nan")] * 60)], ":1: expected a frame's number"),
         ([_line(4, [1.0] * 60), _line(3, [1.0] * 60)], ":2: expected a frame after 4, got 3"),
-        ([_line(4, [1.0] * 60), _line(5, [0.0] * 60)], ": expected at least 2 frames in which somebody is seen, got 1"),
+        ([_line(4, [1.0] * 60), _line(5, [0.0] * 60)], ": expected at least 2 frames with a person, got 1"),
         ([], ": expected at least 2 frames"),
     ],
 )
@@ -122,8 +122,8 @@ def test_a_broken_take_is_refused(lines: list[str], message: str, tmp_path: Path
         utkinect.read_clip(path)
 
 
-def test_joints_that_are_not_there_are_refused(tmp_path: Path) -> None:
-    """Asking for a joint that Kinect 1 does not track names it."""
+def test_joints_that_kinect_lacks_are_refused(tmp_path: Path) -> None:
+    """The error names a joint that Kinect 1 does not track."""
     with pytest.raises(UTKinectError, match="no joint is called 'lthumb'"):
         utkinect.read_clip(_take(tmp_path), joints=("lthumb",))
 

@@ -46,7 +46,7 @@ def write(path: Path, packets: Sequence[RawPacket] = PACKETS) -> Path:
     return path
 
 
-def test_what_is_written_is_read(tmp_path: Path) -> None:
+def test_recorded_packets_are_read_back(tmp_path: Path) -> None:
     """Arrivals, senders, sources and parts come back exactly, in order, every time the file is gone through."""
     recording = RawFile(write(tmp_path / "a.kinerec"))
     assert recording.header.sources == SOURCES
@@ -132,8 +132,8 @@ def test_a_changed_byte_costs_one_record(tmp_path: Path) -> None:
         assert recording.lost == len(encode_packet(PACKETS[torn]))
 
 
-def test_what_follows_a_torn_record_is_read(tmp_path: Path) -> None:
-    """Recorders of before went on behind a record that a full disk had torn, wherever it was."""
+def test_records_after_a_torn_record_are_read(tmp_path: Path) -> None:
+    """Older recorders went on behind a record that a full disk had torn, at any place."""
     path = write(tmp_path / "a.kinerec")
     whole, torn = path.read_bytes(), encode_packet(RawPacket(0.0, 0, "", (bytes([1]) * 5000,)))
     for kept in (1, 7, 8, 9, 100, len(torn) - 1):
@@ -141,7 +141,7 @@ def test_what_follows_a_torn_record_is_read(tmp_path: Path) -> None:
         recording = RawFile(path)
         assert list(recording.packets()) == PACKETS * 2
         assert (recording.lost_from, recording.lost) == (len(whole), 2 * kept)
-        assert f"{2 * kept} bytes are not read, what follows them is" in recording.damage()
+        assert f"{2 * kept} bytes are not read, the bytes after them are" in recording.damage()
 
 
 def test_a_file_made_to_be_searched_for_ever_is_given_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -201,7 +201,7 @@ class _Disk:
         self.room = room
 
     def write(self, written: memoryview) -> int:
-        """Take what there is room for."""
+        """Take the bytes that there is room for."""
         if not self.room:
             raise OSError(errno.ENOSPC, "No space left on device")
         taken = written[: self.room]
@@ -233,8 +233,29 @@ def test_a_full_disk_costs_nothing_once_there_is_room_again(tmp_path: Path) -> N
     assert list(RawFile(path).packets()) == PACKETS
 
 
-def test_what_cannot_be_written_is_counted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """On a full disk packets beyond the memory's limit are lost first; they are counted, without an error."""
+def test_a_disk_that_becomes_read_only_costs_nothing_once_it_can_be_written(tmp_path: Path) -> None:
+    """It takes a part, and refuses the rest and to take the part away again; then all of it is written."""
+    path = tmp_path / "a.kinerec"
+
+    class ReadOnly(_Disk):
+        def truncate(self) -> int:
+            if not self.room:
+                raise OSError(errno.EROFS, "Read-only file system")
+            return self._file.truncate()  # type: ignore[attr-defined, no-any-return]  # a file
+
+    with RawWriter(path, SOURCES) as writer:
+        disk = writer._file = ReadOnly(writer._file, 20)  # type: ignore[assignment]  # noqa: SLF001 - a disk that fails
+        for packet in PACKETS:
+            writer.write(packet)
+        writer._try_to_sync()  # noqa: SLF001 - without waiting for a second
+        assert writer.trouble == "Read-only file system"
+        disk.room = 1 << 20
+    assert (writer.written, writer.failed, writer.trouble) == (len(PACKETS), 0, "")
+    assert list(RawFile(path).packets()) == PACKETS
+
+
+def test_packets_that_cannot_be_written_are_counted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """On a full disk the writer first loses packets beyond the memory's limit; it counts them and raises no error."""
     monkeypatch.setattr(kinerec, "MAX_WAITING", 100)
     path = tmp_path / "a.kinerec"
     with RawWriter(path, SOURCES) as writer:

@@ -146,7 +146,7 @@ def packets_of(layout: str) -> list[tuple[bytes, float]]:
 @pytest.mark.slow
 @pytest.mark.usefixtures("no_waiting")
 @pytest.mark.parametrize("name", ["osceleton", "vmc", "synapse"])
-def test_a_recorded_feed_is_answered_as_it_was(tmp_path: Path, name: str) -> None:
+def test_a_recorded_feed_gets_the_same_answers(tmp_path: Path, name: str) -> None:
     """Another product's packets, recorded on their way, are put together and answered again, number for number."""
     preset = builtin_preset(name)
     library = builtin_library().restricted_to(preset.joints)
@@ -178,8 +178,8 @@ def test_a_recorded_feed_is_answered_as_it_was(tmp_path: Path, name: str) -> Non
 
 
 @pytest.mark.parametrize("told", ["osc here", "zmq there", "osc here feed nimate", "zmq there feed nimate"])
-def test_packets_are_read_as_they_are_said_to_be(told: str) -> None:
-    """By datagram or ZeroMQ, a preset that is given goes before the one in the header; the last frame comes too."""
+def test_a_given_preset_goes_before_the_recorded_one(told: str) -> None:
+    """By datagram or ZeroMQ, a given preset goes before the preset in the header; the last frame comes too."""
     packets = [RawPacket(arrival, 0, "10.0.0.7:9", (datagram,)) for datagram, arrival in packets_of("osceleton")]
     header = RawHeader("", (told,))
     assert not any(each.events for each in decoded(header, packets))
@@ -243,7 +243,7 @@ def test_the_sender_and_the_source_are_kept(tmp_path: Path) -> None:
     (packet,) = RawFile(tmp_path / "a.kinerec").packets()
     assert packet == RawPacket(4.5, 0, packet.sender, (b"rubbish",))
     assert packet.sender == f"{LOOPBACK}:{port}"
-    assert host in (LOOPBACK, "0.0.0.0")  # noqa: S104 - what an unconnected socket says of itself
+    assert host in (LOOPBACK, "0.0.0.0")  # noqa: S104 - the address of an unconnected socket
 
 
 def test_silence_is_silence_again() -> None:
@@ -261,7 +261,7 @@ def test_silence_is_silence_again() -> None:
     assert performers.counts.dropped == 2
 
 
-def test_what_makes_no_sense_holds_nothing() -> None:
+def test_senseless_packets_hold_no_frames() -> None:
     """Malformed and foreign packets are decoded to no frames, at their place."""
     header = RawHeader("", ("osc here", "zmq there"))
     packets = [RawPacket(1.0, 0, "", (b"x",)), RawPacket(2.0, 1, "", (b"frame/p/",)), RawPacket(3.0, 1, "", ())]

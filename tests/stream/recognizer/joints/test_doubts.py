@@ -52,13 +52,15 @@ def test_a_frozen_arm_is_done_without(small_library: MotionLibrary, squat: Clip)
     assert answers[-1].class_name == squat.class_name
 
 
-def test_windows_that_are_not_ready_are_implausible_and_then_full(small_library: MotionLibrary, squat: Clip) -> None:
-    """While fewer joints' windows are not open every hop is answered; then they hold the last seconds at once."""
+def test_answers_are_implausible_until_fewer_joints_windows_are_ready(
+    small_library: MotionLibrary, squat: Clip
+) -> None:
+    """While the windows of fewer joints are not open every hop is answered; then they hold the last seconds at once."""
     positions = squat.positions.copy()
     positions[:, _places(small_library, "lthumb")] = np.nan
     fewer = small_library.restricted_to(set(small_library.skeleton.joints) - {"lthumb"})
     whole = _played(Recognizer(fewer), np.delete(squat.positions, _places(small_library, "lthumb"), axis=1))
-    index = Recognizer(fewer)._matcher._index  # noqa: SLF001 - what an opener gives
+    index = Recognizer(fewer)._matcher._index  # noqa: SLF001 - the opener's index
     late: list[int] = []
 
     def opener(_: MotionLibrary, joints: tuple[str, ...]) -> object:
@@ -96,7 +98,7 @@ def test_a_joint_lost_for_a_moment_is_held(small_library: MotionLibrary, squat: 
 
 
 @pytest.mark.parametrize("fault", ["sides", "unit"])
-def test_what_changes_in_mid_stream_is_put_right(small_library: MotionLibrary, squat: Clip, fault: str) -> None:
+def test_changes_in_mid_stream_are_corrected(small_library: MotionLibrary, squat: Clip, fault: str) -> None:
     """Sides exchanged and a unit changed from one frame on give the answers of a sound feed."""
     positions, half = squat.positions.copy(), squat.frames // 2
     mirrored = mirrored_places(small_library.skeleton.joints)

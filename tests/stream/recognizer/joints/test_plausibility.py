@@ -51,8 +51,8 @@ def _doubted(library: MotionLibrary, positions: NDArray[np.float64]) -> set[str]
     return doubted
 
 
-def test_lengths_are_those_of_the_twin(small_library: MotionLibrary, kick: Clip) -> None:
-    """Every segment is as long as one joint after the other says."""
+def test_lengths_equal_the_slow_twins(small_library: MotionLibrary, kick: Clip) -> None:
+    """Every segment's length equals the one that the slow twin finds, joint by joint."""
     body = expected_body(small_library)
     lengths = body.lengths(kick.positions[:5])
     for found, frame in zip(lengths, kick.positions[:5].tolist(), strict=True):
@@ -67,7 +67,7 @@ def test_a_jump_is_judged_by_the_step_of_the_twin(small_library: MotionLibrary, 
     for before, after in ((0, 1), (0, kick.frames // 2), (3, kick.frames - 1)):
         one, other = kick.positions[before], kick.positions[after]
         far = step_length(one.tolist(), other.tolist(), JUMPING)
-        assert watched._step_length(other - one) == pytest.approx(far)  # noqa: SLF001 - what the twin tells
+        assert watched._step_length(other - one) == pytest.approx(far)  # noqa: SLF001 - compared with the twin
         assert watched.jumped(still, Step(other - one, 1 / RATE)) == (far >= 0.12)
 
 
@@ -106,7 +106,7 @@ def test_joints_in_another_order_are_all_doubted(small_library: MotionLibrary, k
     }
 
 
-def test_what_explains_a_jump(small_library: MotionLibrary, kick: Clip) -> None:
+def test_a_jump_has_one_of_three_causes(small_library: MotionLibrary, kick: Clip) -> None:
     """Exchanged sides, another unit and another posture are told apart."""
     watched, before, after = _watch(small_library), kick.positions[0], kick.positions[1]
     mirrored = mirrored_places(small_library.skeleton.joints)
@@ -131,6 +131,6 @@ def test_names_tell_the_other_side(joints: tuple[str, ...], others: tuple[int, .
     assert tuple(found.tolist()) == others
 
 
-def test_names_without_sides_have_none() -> None:
+def test_joints_without_sides_are_never_exchanged() -> None:
     """Markers without sides are never exchanged."""
     assert mirrored_places(("root", "a", "b")) is None

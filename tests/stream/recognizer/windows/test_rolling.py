@@ -42,9 +42,7 @@ def _assert_moments(read: Moments, times: np.ndarray, rows: np.ndarray) -> None:
     loud=st.booleans(),
 )
 @settings(max_examples=30)
-def test_moments_and_covariance_are_the_textbooks_whatever_came_and_went(
-    seed: int, seconds: float, start: float, *, loud: bool
-) -> None:
+def test_moments_and_covariance_equal_the_textbooks(seed: int, seconds: float, start: float, *, loud: bool) -> None:
     """At every read, after batches of any size at uneven times, both equal those of the window's rows."""
     generator = np.random.default_rng(seed)
     rows = 1.0 + generator.normal(scale=0.1 if loud else 1e-3, size=(120, WIDTH)) * generator.uniform(0, 1, WIDTH)

@@ -1,4 +1,4 @@
-"""The sliding window: always exactly the rows of the last seconds, whatever the feed does."""
+"""The sliding window: always exactly the rows of the last seconds, for any feed."""
 
 from __future__ import annotations
 
@@ -59,10 +59,10 @@ def _push(window: SlidingWindow, times: Iterable[float]) -> None:
     taken_every=st.integers(1, MAX_PENDING),
 )
 @settings(max_examples=60)
-def test_always_what_a_plain_list_holds(
+def test_the_window_equals_a_plain_list(
     seed: int, ticks: int, largest_step: int, fastest: float, taken_every: int
 ) -> None:
-    """At random times, over many moves of the memory, rows, times and changes are a plain list's after every push."""
+    """At random times, over many moves of the memory, rows, times and changes equal a plain list's after every push."""
     generator = np.random.default_rng(seed)
     window = SlidingWindow(ticks / TICKS, 2, fastest)
     twin = NaiveWindow(ticks, max(2, int(np.ceil(ticks / TICKS * fastest))))
@@ -182,7 +182,7 @@ def test_a_feed_too_fast_shortens_the_window() -> None:
 
 
 def test_the_memory_is_allocated_once() -> None:
-    """However long the feed, the rows are slices of one array in time order."""
+    """For a feed of any length, the rows are slices of one array in time order."""
     window = SlidingWindow(0.5, 2, fastest=240.0)
     _push(window, [0.0])
     memory = window.rows.base

@@ -23,7 +23,7 @@ def _smoother() -> RowSmoother:
     return RowSmoother(Body.of(skeleton).segments, len(skeleton.pairs))
 
 
-def test_a_clean_feed_is_left_as_it_is() -> None:
+def test_a_clean_feed_is_unchanged() -> None:
     """A recording's own rows pass through, number for number."""
     times, clean, _ = _rows(0.0)
     smoother = _smoother()

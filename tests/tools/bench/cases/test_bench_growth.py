@@ -30,7 +30,7 @@ def test_a_body_of_any_number_of_joints_moves_as_recorded(count: int) -> None:
 
 
 @pytest.mark.parametrize("count", [0, 4, 25, 62])
-def test_a_number_of_joints_nobody_knows_is_refused(count: int) -> None:
+def test_an_impossible_number_of_joints_is_refused(count: int) -> None:
     """Below 5, between 20 and 31 and above 61 there is no body."""
     with pytest.raises(ValueError, match="joints: expected"):
         with_joints(MotionLibrary.builtin(), count)

@@ -40,7 +40,7 @@ def test_a_long_feed_is_accounted_for(
 
 
 @pytest.mark.parametrize("name", ["share", "gap", "eigenvector_score"])
-def test_what_drifts_is_seen(name: str, played: NDArray[np.float32], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_drift_is_detected(name: str, played: NDArray[np.float32], monkeypatch: pytest.MonkeyPatch) -> None:
     """A recogniser whose numbers drift by a millionth with each frame is detected."""
 
     class Drifting(Recognizer):

@@ -53,7 +53,7 @@ def test_a_crowd_is_answered_and_accounted_for(transport: Transport, played: NDA
     assert all(megabytes > 10 for megabytes in found.resident_mb)
 
 
-def test_what_is_lost_is_seen(played: NDArray[np.float32], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_lost_frames_are_counted(played: NDArray[np.float32], monkeypatch: pytest.MonkeyPatch) -> None:
     """When the recogniser has no room for all performers, their frames count as lost and no crowd is held."""
     service = capacity.BackgroundService
     monkeypatch.setattr(capacity, "BackgroundService", lambda *a, **k: service(*a, **{**k, "performers": 1}))
@@ -126,7 +126,7 @@ def test_the_largest_crowd_is_found_to_a_tenth(limit: int, monkeypatch: pytest.M
         assert found is not None
         assert min(limit, 500) / 1.1 - 1 <= found.performers <= min(limit, 500)
     assert max(tried) <= 500
-    # Whatever fails is tried three times and once more from above at most, whatever is held once.
+    # A crowd that fails is tried three times and once more from above at most; a crowd that is held, once.
     assert all(tried.count(each) == 1 if each <= limit else tried.count(each) in (3, 6) for each in tried)
 
 
@@ -145,7 +145,7 @@ def test_a_disturbance_does_not_end_the_search(disturbed: range, monkeypatch: py
     assert 200 / 1.1 - 1 <= found.performers <= 200
 
 
-def test_a_crowd_is_told_as_a_share_of_the_empty_loop() -> None:
+def test_capacity_is_a_share_of_the_empty_loop() -> None:
     """The share is of performers; without a crowd there is none."""
     found = Sockets(
         (),

@@ -49,7 +49,7 @@ NEAREST = {
     (Space.ROTATIONS, Protocol.ACTOR_HELD_OUT): 0.697,
     (Space.ROTATIONS, Protocol.SPLIT): 0.677,
 }
-#: Either of two nearest, leave-one-out, measured likewise.
+#: The same for either of the two nearest, leave-one-out.
 TWO_NEAREST = {Space.DISTANCES: 0.965, Space.POSITIONS: 0.965, Space.ROTATIONS: 0.889}
 ONE_POINT = 0.01
 #: 1-NN by the spread, at least.
@@ -183,7 +183,7 @@ def test_by_the_spread_nearly_all_are_found(
 
 @pytest.mark.parametrize("protocol", list(Protocol))
 @pytest.mark.parametrize("asking", [5, 260])
-def test_scores_by_the_spread_are_those_of_the_inverted_scatter(
+def test_scores_by_the_spread_equal_the_inverted_scatters(
     spreads: np.ndarray, spread_scores: dict[Protocol, np.ndarray], labels: Labels, protocol: Protocol, asking: int
 ) -> None:
     """A motion's scores use the metric learned only from motions it may find, scatter written out and inverted."""
@@ -199,7 +199,7 @@ def test_scores_by_the_spread_are_those_of_the_inverted_scatter(
 
 
 @pytest.mark.parametrize("protocol", list(Protocol))
-def test_the_metric_knows_nothing_of_who_asks(protocol: Protocol) -> None:
+def test_the_metric_does_not_see_the_asking_motion(protocol: Protocol) -> None:
     """A motion's own class, and the other asking motions, do not change its scores."""
     generator = np.random.default_rng(3)
     spreads = generator.normal(size=(12, 9))
@@ -218,7 +218,7 @@ def test_the_metric_knows_nothing_of_who_asks(protocol: Protocol) -> None:
 
 
 @pytest.mark.parametrize("space", list(Space))
-def test_axes_are_those_of_the_papers_svd(some_motions: tuple[Clip, ...], space: Space) -> None:
+def test_axes_equal_the_papers_svd(some_motions: tuple[Clip, ...], space: Space) -> None:
     """In each space a motion's axis is the first of the SVD of its centred numbers, whatever its sign."""
     generator = np.random.default_rng(3)
     turning = [replace(clip, rotations=generator.normal(size=(clip.frames, 59))) for clip in some_motions]
@@ -234,7 +234,7 @@ def test_axes_are_those_of_the_papers_svd(some_motions: tuple[Clip, ...], space:
 
 @pytest.mark.parametrize("protocol", list(Protocol))
 @pytest.mark.parametrize("space", IN_LIBRARY)
-def test_outcomes_are_those_of_sorted_lists(axes: Axes, labels: Labels, space: Space, protocol: Protocol) -> None:
+def test_outcomes_equal_sorted_lists(axes: Axes, labels: Labels, space: Space, protocol: Protocol) -> None:
     """On the 288 motions every count and every entry of the confusion matrix equals that of sorted Python lists."""
     scores = compare(axes[space])
     tally = naive.retrieval(scores, labels.classes.tolist(), labels.actors.tolist(), protocol)
@@ -242,8 +242,8 @@ def test_outcomes_are_those_of_sorted_lists(axes: Axes, labels: Labels, space: S
 
 
 @given(st.integers(0, 2**32 - 1), st.integers(3, 14), st.sampled_from(list(Protocol)))
-def test_any_outcome_is_that_of_sorted_lists(seed: int, motions: int, protocol: Protocol) -> None:
-    """For any scores, with ties, and any labels the outcome equals that of sorted Python lists."""
+def test_any_outcome_equals_sorted_lists(seed: int, motions: int, protocol: Protocol) -> None:
+    """For any scores, with ties, and any labels the outcome equals a count over sorted Python lists."""
     generator = np.random.default_rng(seed)
     scores = generator.integers(0, 5, size=(motions, motions)) / 4.0
     classes = generator.choice(["bow", "jump", "wave"], motions)
@@ -286,11 +286,11 @@ def test_a_class_that_never_asks_has_a_row_of_zeros() -> None:
     assert found.confusion.tolist() == [[0.0, 0.0], [1.0, 0.0]]
 
 
-# --- who may find whom -------------------------------------------------------------------------------------------
+# --- candidates -------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("protocol", list(Protocol))
-def test_candidates_are_those_of_the_loops(labels: Labels, protocol: Protocol) -> None:
+def test_candidates_equal_the_loops(labels: Labels, protocol: Protocol) -> None:
     """The motions that each of the 288 may find equal those of loops, and never contain the motion itself."""
     allowed = candidates(labels, protocol)
     actors = labels.actors.tolist()
@@ -324,7 +324,7 @@ def test_another_split_asks_other_actors(labels: Labels, spreads: np.ndarray, li
     assert retrieve(scores, usual, Protocol.SPLIT).nearest == found.nearest > 0.9
 
 
-def test_it_is_told_who_was_right() -> None:
+def test_the_outcome_lists_right_answers() -> None:
     """For each asking motion the outcome says whether the nearest, and whether one of two, is of its class."""
     labels = Labels(np.array(["bow", "jump", "jump", "bow"]), np.array(["aa", "aa", "bb", "bb"]))
     scores = np.array([[9, 3, 2, 1], [3, 9, 2, 1], [1, 2, 9, 3], [3, 2, 1, 9]], dtype=float)
@@ -402,8 +402,8 @@ def test_scores_that_do_not_fit_the_labels_are_refused(shape: tuple[int, ...]) -
         pytest.param((), Protocol.LEAVE_ONE_OUT, id="no motion"),
     ],
 )
-def test_nobody_to_be_compared_with_is_an_error(actors: tuple[str, ...], protocol: Protocol) -> None:
-    """A protocol that leaves no motion two others says so."""
+def test_a_protocol_without_candidates_is_an_error(actors: tuple[str, ...], protocol: Protocol) -> None:
+    """The error says that the protocol leaves a motion fewer than two others."""
     count = len(actors)
     labels = Labels(np.array(["wave"] * count, dtype=np.str_), np.array(actors, dtype=np.str_))
     with pytest.raises(ValueError, match=f"protocol: {protocol} leaves no motion two others"):

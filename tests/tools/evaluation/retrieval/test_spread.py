@@ -36,7 +36,7 @@ def _random(seed: int, motions: int = 12, pairs: int = 20) -> tuple[np.ndarray, 
 # --- the spread --------------------------------------------------------------------------------------------------
 
 
-def test_spreads_are_those_of_the_loops(some_motions: tuple[Clip, ...]) -> None:
+def test_spreads_equal_the_loops(some_motions: tuple[Clip, ...]) -> None:
     """A motion's spread is the logarithm of each deviation over the body's size, plus the floor, less their mean."""
     for clip, spread in zip(some_motions, motion_spreads(some_motions), strict=True):
         columns = distance_rows(clip.positions, clip.skeleton).T.tolist()
@@ -68,7 +68,7 @@ def test_a_larger_motion_has_nearly_the_same_spread() -> None:
 
 @pytest.mark.parametrize("shrinkage", [0.01, 0.1, 0.5, 1.0])
 @pytest.mark.parametrize("pairs", [3, 20])
-def test_the_metric_is_that_of_the_inverted_scatter(shrinkage: float, pairs: int) -> None:
+def test_the_metric_equals_the_inverted_scatter(shrinkage: float, pairs: int) -> None:
     """Squared distances equal those by the within-class scatter, shrunk and inverted, for few pairs and many."""
     spreads, classes = _random(1, pairs=pairs)
     others = np.random.default_rng(2).normal(size=(5, pairs))

@@ -88,7 +88,7 @@ def test_each_person_recognises_all_others(takes: list[Take]) -> None:
         assert fold.library.actors == (person,)
 
 
-def test_unlabelled_takes_are_asked_of_whoever_is_another(takes: list[Take]) -> None:
+def test_unlabelled_takes_are_asked_of_other_persons_libraries(takes: list[Take]) -> None:
     """A take without labels is recognised by every library without motions of its person."""
     unlabelled = [_take("ann", 6, NOTHING), _take("zoe", 7, NOTHING), replace(_take("", 8), segments=())]
     everything = [*takes, *unlabelled]
@@ -115,7 +115,9 @@ def test_unlabelled_takes_are_asked_of_whoever_is_another(takes: list[Take]) -> 
         (slice(4, 5), Protocol.LEAVE_ONE_PERSON_OUT, "expected at least two labelled persons, got 1"),
     ],
 )
-def test_nobody_left_is_an_error(takes: list[Take], kept: slice, protocol: Protocol, message: str) -> None:
+def test_a_protocol_without_motions_is_an_error(
+    takes: list[Take], kept: slice, protocol: Protocol, message: str
+) -> None:
     """One take, or one person, leaves no motion for a library; unlabelled takes do not help."""
     with pytest.raises(ValueError, match=message):
         folds_of([*takes[kept], _take("zoe", 7, NOTHING)], protocol, _unused)

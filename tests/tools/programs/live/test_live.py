@@ -108,8 +108,8 @@ def test_plain_prints_a_line_per_change() -> None:
 
 
 @pytest.mark.parametrize("options", [("--plain",), ()], ids=["plain", "table"])
-def test_no_performers_name_ends_it(options: tuple[str, ...]) -> None:
-    """Whatever performers are called, each is answered and shown, plain and in the table, and it ends as ever."""
+def test_no_performers_name_ends_live(options: tuple[str, ...]) -> None:
+    """Performers with any name are answered and shown, plain and in the table, and the program ends normally."""
     names = {"[/]": "[/]", "two words": "two words", "\x1b[2J\n": "\ufffd[2J\ufffd", "舞": "舞"}
     with live(*options, environment={"FORCE_COLOR": "1"}) as stage:
         for name, shown in names.items():
@@ -132,7 +132,7 @@ def test_a_terminal_without_the_characters_does_not_end_it(options: tuple[str, .
         assert stage.stopped()["frames"] == len(cues)
 
 
-def test_the_table_shows_what_is_recognised() -> None:
+def test_the_table_shows_the_recognised_motion() -> None:
     """On a terminal a table is drawn that waits, then shows performer and motion; Ctrl-C ends it with the counts."""
     cues = ghost_cues("lieDownFloor", 1.5, performer="me")
     with live(environment={"FORCE_COLOR": "1"}) as stage:
@@ -157,7 +157,7 @@ def test_a_library_of_ones_own(tmp_path: Path) -> None:
     assert counts["other joints"] == 12
 
 
-def test_window_and_hop_are_those_ordered() -> None:
+def test_window_and_hop_follow_the_options() -> None:
     """With the paper's signature, --window and --hop, answers are that window's and that far apart."""
     settings = Settings(signature=LiveSignature.PAPER, window=0.7, hop=0.0)
     cues = ghost_cues("squat1Reps", 1.0)
@@ -234,7 +234,7 @@ def test_the_status_tells_the_counts_while_it_runs() -> None:
 
 
 @pytest.mark.parametrize("option", ["--osc-out", "--zmq-in", "--zmq-out"])
-def test_what_was_opened_before_a_failure_is_closed(option: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_failure_closes_the_ports_opened_before(option: str, capsys: pytest.CaptureFixture[str]) -> None:
     """When one of several addresses cannot be used, the ports opened before it are free again."""
     receiver = osc.OscReceiver(LOOPBACK, 0)
     host, port = receiver.address
@@ -244,7 +244,7 @@ def test_what_was_opened_before_a_failure_is_closed(option: str, capsys: pytest.
     osc.OscReceiver(host, port).close()
 
 
-@pytest.mark.parametrize("heard", [LOOPBACK, "0.0.0.0"])  # noqa: S104 - who listens to all networks hears itself
+@pytest.mark.parametrize("heard", [LOOPBACK, "0.0.0.0"])  # noqa: S104 - all networks include this machine
 @pytest.mark.parametrize("target", ["--osc-out {0}:{1}", "--out max={0}:{1}", "--out native=sender:{1}"])
 def test_answers_to_our_own_port_are_refused(heard: str, target: str, capsys: pytest.CaptureFixture[str]) -> None:
     """Answers that would come in again as frames are refused, wherever they would come in."""
@@ -255,7 +255,7 @@ def test_answers_to_our_own_port_are_refused(heard: str, target: str, capsys: py
 
 
 def test_our_own_addresses_are_known() -> None:
-    """The loopback's are ours, an address for documents is nobody's."""
+    """The loopback's addresses belong to this machine, an address for documents does not."""
     assert osc.is_ours("127.0.0.1")
     assert osc.is_ours("127.0.0.7") == (sys.platform == "linux")
     assert not osc.is_ours("192.0.2.1")
@@ -280,4 +280,4 @@ def test_a_message_too_large_costs_that_message_alone() -> None:
         stage.play(cues[10:])
         assert stage.answers(1)
         assert stage.stopped()["received"] == len(cues)
-        assert "connections broken 1 (a message above 256 kB?)" in stage.program.output
+        assert "connections broken 1 (messages too large or too many?)" in stage.program.output

@@ -49,7 +49,7 @@ def test_a_folder_becomes_a_library(tmp_path: Path, capsys: pytest.CaptureFixtur
     assert capsys.readouterr().out == f"{output}: 12 motions, 3 classes, {megabytes:.2f} MB\n"
 
 
-def test_motions_say_where_they_come_from_and_on_what_terms(tmp_path: Path) -> None:
+def test_motions_carry_source_and_terms(tmp_path: Path) -> None:
     """A clip named as HDM05's carries its terms, another its file's name; given terms go before HDM05's."""
     write_takes(tmp_path, takes=1, actors=("bd",))
     (tmp_path / "spin").mkdir()
@@ -103,7 +103,7 @@ def test_labels_cut_recordings_into_motions(tmp_path: Path, capsys: pytest.Captu
 
 
 def test_labels_beside_recordings_cut_them(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Labels that lie beside a take and are called like it are used, and what is odd about them is said."""
+    """Labels beside a take with its name are used, and odd labels cause a remark."""
     cut, whole = write_take(tmp_path, "bd", "bendLeft", 1), write_take(tmp_path, "bd", "bendLeft", 2)
     cut.with_suffix(".txt").write_text("0.0\t0.75\tup\n0.75\t1.5\tdown\n1.5\t9.0\taway\n")
     output = tmp_path / "library.npz"
@@ -120,7 +120,7 @@ def test_labels_beside_recordings_cut_them(tmp_path: Path, capsys: pytest.Captur
     assert "the labels end at 180, the take at 1.5 s or frame 180: frame numbers?" in error
 
 
-def test_who_performs_a_cut_take_is_told_by_its_place(tmp_path: Path) -> None:
+def test_the_path_names_the_person_of_a_cut_take(tmp_path: Path) -> None:
     """With --actor-in the motions cut from a take are its person's, as whole recordings are."""
     (tmp_path / "ann.asf").write_text(TWO_ARMS.asf())
     take = tmp_path / "ann_7.amc"
@@ -144,7 +144,7 @@ def test_uncut_takes_of_hdm05_are_cut_by_their_labels(tmp_path: Path) -> None:
     assert library.licence == hdm05.LICENCE
 
 
-def test_motions_too_short_for_a_window_are_said_and_kept(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_motions_too_short_for_a_window_are_named_and_kept(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """A motion shorter than a quarter of a second is in the library, with a line that names it; longer ones are not."""
     (tmp_path / "cut").mkdir()
     write_take(tmp_path / "cut", "bd", "bendLeft", 1, frames=30)
@@ -155,7 +155,7 @@ def test_motions_too_short_for_a_window_are_said_and_kept(tmp_path: Path, capsys
     assert capsys.readouterr().out.splitlines()[1:] == [told + path.stem]
 
 
-def test_long_takes_without_labels_are_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_long_takes_without_labels_cause_a_remark(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """A take that lasts as no motion does is taken as one all the same, with a line that says how to cut it."""
     write_take(tmp_path, "bd", "bendLeft", 1)
     path = write_take(tmp_path, "bd", "bendRight", 1, frames=120 * 16)

@@ -30,8 +30,8 @@ def _row(printed: str, class_name: str) -> list[str]:
     return [cell.strip() for cell in row.split("│")[1:-1]]
 
 
-def test_the_built_in_library_is_told(capsys: pytest.CaptureFixture[str]) -> None:
-    """Without a file, every class of the built-in library has its row, and all that it says of itself is said."""
+def test_info_describes_the_built_in_library(capsys: pytest.CaptureFixture[str]) -> None:
+    """Without a file, every class of the built-in library has its row, then come its terms."""
     assert main(["info"]) == 0
     printed = capsys.readouterr().out
     library = MotionLibrary.builtin()
@@ -54,7 +54,7 @@ def test_the_built_in_library_is_told(capsys: pytest.CaptureFixture[str]) -> Non
         assert f"\n{told}\n" in printed
 
 
-def test_a_file_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_info_describes_a_library_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """A library file is shown under its name with its own terms, in one unbroken line each."""
     path = tmp_path / "mine.npz"
     terms = {"licence": "CC0", "attribution": "A. " * 80 + "Dancer"}
@@ -81,7 +81,7 @@ def test_nothing_has_no_index(tmp_path: Path, capsys: pytest.CaptureFixture[str]
     assert "motions: 18 of 2 classes, " in printed
 
 
-def test_what_is_not_stated_is_said_so(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_info_says_what_a_library_does_not_state(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """A library without persons, sources, licence and attribution says that they are not known."""
     path = tmp_path / "mine.npz"
     MotionLibrary.of_clips(stick_clips(takes=1, actors=("",))).save(path)
@@ -92,7 +92,7 @@ def test_what_is_not_stated_is_said_so(tmp_path: Path, capsys: pytest.CaptureFix
         assert f"{told}\n" in printed
 
 
-def test_what_a_file_says_cannot_steer_the_terminal(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_words_of_a_file_cannot_steer_the_terminal(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Control characters in a library's words are shown as replacement characters."""
     clip = dataclasses.replace(stick_clips()[0], class_name="a\x1b[2Jb", actor="\x07", licence="x\ny", source="[/b]")
     MotionLibrary.of_clips([clip]).save(tmp_path / "mine.npz")

@@ -1,4 +1,4 @@
-"""`kinespace record` and its files: replayed bit for bit, described, converted, however the recorder ended."""
+"""`kinespace record` and its files: replayed bit for bit, described, converted, after any end of the recorder."""
 
 from __future__ import annotations
 
@@ -102,7 +102,7 @@ def replay(*arguments: object) -> int:
 # --- recording ---------------------------------------------------------------------------------------------------
 
 
-def test_what_is_recorded_is_replayed_bit_for_bit(
+def test_recorded_packets_are_replayed_bit_for_bit(
     tmp_path: Path, stage: osc.OscReceiver, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Every packet, also a malformed one, is kept in order and sent again unchanged, to another port and faster."""
@@ -125,7 +125,7 @@ def test_what_is_recorded_is_replayed_bit_for_bit(
 
 
 def test_a_killed_recorder_loses_at_most_the_last_second(tmp_path: Path) -> None:
-    """What came more than a second (and a busy machine's pause) before it was killed is in the file, whole."""
+    """Packets from more than a second (and a busy machine's pause) before the kill are in the file, whole."""
     path, sent = tmp_path / "a.kinerec", datagrams(50)
     with recording(path) as (program, sender):
         for datagram in sent:
@@ -162,7 +162,7 @@ def test_zeromq_is_recorded_beside_osc_for_some_seconds(tmp_path: Path) -> None:
     assert [packet.parts for packet in packets if packet.source == 0] == [(b"datagram",)]
 
 
-def test_live_keeps_what_it_hears(tmp_path: Path) -> None:
+def test_live_records_every_packet(tmp_path: Path) -> None:
     """With --record a running recogniser keeps every packet and says how many."""
     path = tmp_path / "a.kinerec"
     cues = ghost_cues("squat1Reps", 1.0)
@@ -237,7 +237,7 @@ def test_a_cut_is_looped_until_interrupted(tmp_path: Path, stage: osc.OscReceive
         assert "packets sent" in program.output
 
 
-def test_a_cut_beyond_the_end_is_said(
+def test_a_part_beyond_the_end_is_an_error(
     tmp_path: Path, stage: osc.OscReceiver, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """A cut or a file without packets is an error, in a loop too."""
@@ -245,7 +245,7 @@ def test_a_cut_beyond_the_end_is_said(
     to = ("--osc", f"{LOOPBACK}:{stage.address[1]}")
     for options in (("--from", 2), ("--from", 0.3, "--to", 0.4), ("--from", 2, "--loop")):
         assert replay(path, *to, *options) == 2
-        told = f"kinespace: {path}: expected --from and --to around some of its 1.25 s\n"
+        told = f"kinespace: {path}: expected --from and --to within its 1.25 s\n"
         assert capsys.readouterr() == ("", told)
     path.write_bytes(path.read_bytes()[:-1])
     assert replay(path, *to, "--from", 2) == 2
@@ -255,9 +255,7 @@ def test_a_cut_beyond_the_end_is_said(
     assert stage.receive() is None
 
 
-def test_messages_go_to_zeromq_and_what_has_nowhere_to_go_is_counted(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_packets_without_an_address_are_counted(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """ZeroMQ messages keep their parts; packets of a kind without an address are left out and counted."""
     parts = (b"frame/p/", b"{}", b"\x00\x01")
     packets = [RawPacket(0.0, 0, "", (b"datagram",)), RawPacket(0.5, 1, "", parts)]
@@ -278,7 +276,7 @@ def test_messages_go_to_zeromq_and_what_has_nowhere_to_go_is_counted(
         receiver.close()
     only_zmq = written(tmp_path / "b.kinerec", sources=("zmq there",))
     assert replay(only_zmq) == 2
-    assert "expected --osc or --zmq, as its packets came: by zmq" in capsys.readouterr().err
+    assert "expected --osc or --zmq, because its packets came by zmq" in capsys.readouterr().err
 
 
 def test_a_cut_off_file_is_replayed_and_said(
@@ -293,7 +291,7 @@ def test_a_cut_off_file_is_replayed_and_said(
 
 
 @pytest.mark.parametrize("options", [["--drop", "0.5"], ["--listen", "127.0.0.1:0"], ["--jitter-ms", "3"]])
-def test_what_would_change_packets_is_refused(
+def test_options_that_would_change_packets_are_refused(
     tmp_path: Path, options: Sequence[str], capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Faults and listening are for clips: a raw recording is sent bit for bit."""
@@ -330,7 +328,7 @@ def a_recording(path: Path, *, announced: bool = True) -> Path:
     return written(path, *(RawPacket(index / 8, 0, "x:1", (each,)) for index, each in enumerate(encoded)))
 
 
-def test_a_recording_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_info_describes_a_recording(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Info gives length, senders with packets, performers with frames, and the place of a cut."""
     path = a_recording(tmp_path / "a.kinerec")
     path.write_bytes(path.read_bytes() + b"torn")
@@ -361,7 +359,7 @@ def test_a_recording_becomes_numbers(tmp_path: Path, capsys: pytest.CaptureFixtu
     assert sorted(each.name for each in tmp_path.iterdir()) == ["a.csv", "a.kinerec", "a.npz"]
 
 
-def test_joints_nobody_announced_are_numbered(tmp_path: Path) -> None:
+def test_unannounced_joints_are_numbered(tmp_path: Path) -> None:
     """Without an announcement the joints are numbered; frames of the most frequent size are kept."""
     path = a_recording(tmp_path / "a.kinerec", announced=False)
     assert main(["convert", str(path), "-o", str(tmp_path / "a.npz"), "--performer", "ann"]) == 0
@@ -407,7 +405,7 @@ def test_a_folder_is_converted_whole(tmp_path: Path, capsys: pytest.CaptureFixtu
         (["-o", "a.csv", "--performer", "eve"], "no frame of 'eve' in it"),
     ],
 )
-def test_what_cannot_be_converted_is_said_in_one_line(
+def test_impossible_conversions_end_in_one_line(
     tmp_path: Path,
     options: list[str],
     message: str,
@@ -428,7 +426,7 @@ def test_what_cannot_be_converted_is_said_in_one_line(
 
 
 def an_osceleton(path: Path, *, told: str = "osc here") -> tuple[Path, np.ndarray]:
-    """Write what `kinespace record` would keep of ten of OSCeleton's frames; what was sent, (10, 31, 3), metres."""
+    """Write ten of OSCeleton's frames as `kinespace record` would; give the sent positions, (10, 31, 3), metres."""
     cues = ghost_cues("squat1Reps", 0.5)[:40:4]
     packets = []
     for number, cue in enumerate(cues):
@@ -440,8 +438,8 @@ def an_osceleton(path: Path, *, told: str = "osc here") -> tuple[Path, np.ndarra
     return written(path, *packets, sources=(told,)), np.array([cue.frame.positions for cue in cues])
 
 
-def test_a_feeds_recording_is_told_and_converted(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Read as what they are, by a preset's name or a file of one's own, packets are frames; unread they are none."""
+def test_a_feeds_recording_is_described_and_converted(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A preset's name, or a file of one's own, turns the packets into frames; without it there are none."""
     path, positions = an_osceleton(tmp_path / "a.kinerec")
     assert main(["info", str(path)]) == 0
     assert "performer" not in capsys.readouterr().out
@@ -461,8 +459,8 @@ def test_a_feeds_recording_is_told_and_converted(tmp_path: Path, capsys: pytest.
         np.testing.assert_allclose(moved, np.broadcast_to(moved[0, 0], moved.shape), atol=1e-6)
 
 
-def test_a_feeds_recording_says_what_it_is(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """What `kinespace live --feed --record` kept needs no telling; by a preset of one's own it needs the file."""
+def test_a_feeds_recording_holds_its_preset(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A file of `kinespace live --feed --record` needs no --feed; an edited preset needs its file."""
     path, _ = an_osceleton(tmp_path / "a.kinerec", told="osc here feed osceleton")
     assert main(["info", str(path)]) == 0
     assert "performer 1: 10 frames" in capsys.readouterr().out
@@ -471,8 +469,8 @@ def test_a_feeds_recording_says_what_it_is(tmp_path: Path, capsys: pytest.Captur
     assert "feed: expected a .toml file or one of captury, " in capsys.readouterr().err
 
 
-def test_live_keeps_the_preset_it_reads_by(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """A recording made with an edited copy of a preset is read by that copy, whatever it is called, and says so."""
+def test_live_records_the_preset_in_use(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A recording made with an edited copy of a preset, of any name, is read by that copy, and says so."""
     assert main(["feeds", "osceleton"]) == 0
     mine = tmp_path / "osceleton.toml"
     mine.write_text(capsys.readouterr().out.replace('"/joint', '"/limb'), encoding="utf-8")
@@ -489,7 +487,7 @@ def test_live_keeps_the_preset_it_reads_by(tmp_path: Path, capsys: pytest.Captur
         assert (program.interrupt(), program.errors) == (0, "")
     assert main(["info", str(path)]) == 0
     told = capsys.readouterr().out
-    assert "preset osceleton: kept in the recording, not as it is built in" in told
+    assert "preset osceleton: kept in the recording, other than the built-in one" in told
     # On a busy machine the sender may pause within a frame, which then is two, or none.
     found = re.search(r"performer 1: (\d+) frames", told)
     assert found

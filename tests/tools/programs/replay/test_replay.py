@@ -43,7 +43,7 @@ if TYPE_CHECKING:
 
 pytestmark = pytest.mark.slow
 
-#: Fast enough that nobody waits long, slow enough that a busy machine keeps up.
+#: Fast enough for a short test, slow enough for a busy machine.
 SPEED = 8.0
 KEYS = {"sent", "failed", "answers", "right"}
 
@@ -116,10 +116,10 @@ def test_a_clip_is_sent_as_live_packets(stage: osc.OscReceiver, take: Path, caps
     assert [frame.performer for frame in frames] == ["me"] * clip.frames
     np.testing.assert_allclose([frame.time for frame in frames], 1.0 + clip.times, rtol=1e-12)
     np.testing.assert_array_equal([frame.positions for frame in frames], clip.positions.astype(np.float32))
-    assert capsys.readouterr().out == "180 frames sent, 0 the system would not take\n"
+    assert capsys.readouterr().out == "180 frames sent, 0 refused by the system\n"
 
 
-def test_labels_beside_a_take_say_what_is_right_when(take: Path) -> None:
+def test_labels_beside_a_take_give_the_right_class_of_each_moment(take: Path) -> None:
     """Each frame of a take has the class of its label, and no class without one; all frames are sent."""
     take.with_suffix(".csv").write_text("start_s;end_s;label\n0,25;0,5;up\n0,5;1,0;down\n")
     pieces = list(pieces_of([take], Reading(), Course("me")))
@@ -132,7 +132,7 @@ def test_labels_beside_a_take_say_what_is_right_when(take: Path) -> None:
     assert classes == ["up"] * 12 + ["down"] * 12
 
 
-def test_what_nobody_labelled_is_not_scored() -> None:
+def test_unlabelled_stretches_are_not_scored() -> None:
     """Answers in stretches without a label are counted apart, and change no share."""
     score = Score()
     for performed, label in (("up", "up"), ("", "up"), ("", "down"), ("up", "down")):
@@ -141,7 +141,7 @@ def test_what_nobody_labelled_is_not_scored() -> None:
     assert score.table().row_count == 3
 
 
-def test_the_terminal_shows_which_recording_is_sent(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_terminal_shows_the_recording_being_sent(monkeypatch: pytest.MonkeyPatch) -> None:
     """The name of the recording, its number and how many there are stand beside the bar."""
     terminal = Console(file=StringIO(), force_terminal=True, width=100)
     monkeypatch.setattr(exchange, "progress_console", terminal)
@@ -314,7 +314,7 @@ def test_a_class_of_the_built_in_library_can_be_named(
         (("--frame-rate", "30"), "replay: expected recordings with --asf, --frame-rate, --unit, --joints, --names"),
     ],
 )
-def test_what_does_not_fit_the_built_in_motions_is_refused(
+def test_places_and_options_that_do_not_fit_are_refused(
     arguments: tuple[str, ...], told: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """A place that is neither file nor class, and useless options for reading: one line, status 2."""
@@ -324,7 +324,7 @@ def test_what_does_not_fit_the_built_in_motions_is_refused(
     assert errors.count("\n") == 1
 
 
-def test_faults_are_those_ordered(stage: osc.OscReceiver, take: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_faults_follow_the_options(stage: osc.OscReceiver, take: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Frames are lost and swapped by the seed, and `sent` counts the frames really sent."""
     (clip,) = read_recordings([take])
     faults = Faults(drop=0.2, jitter=0.01, reorder=0.2, seed=5)
@@ -351,7 +351,7 @@ def test_no_faults_change_nothing() -> None:
 def test_osc_answers_to_any_performer_are_counted(
     performer: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """With --listen every answer is heard and compared with the class performed, whatever the performer is called."""
+    """With --listen every answer is compared with the class performed, for any name of the performer."""
     take = write_take(tmp_path, "bd", "bendLeft", 1)
     clips = list(read_recordings(write_takes(tmp_path, takes=1)))
     library = MotionLibrary.of_clips(clips)
@@ -385,7 +385,7 @@ def test_zmq_answers_are_counted(tmp_path: Path, capsys: pytest.CaptureFixture[s
         # Pauses of a second and a half, so that on a busy machine too an answer comes while its class is performed.
         assert replay(*arguments, "--speed", "2", "--pause", "3") == 0
     printed = capsys.readouterr().out
-    assert "360 frames sent, 0 the system would not take" in printed
+    assert "360 frames sent, 0 refused by the system" in printed
     rows = [[cell.strip() for cell in line.split("│")[1:-1]] for line in printed.splitlines() if "│" in line]
     assert [row[0] for row in rows] == ["bendLeft", "bendRight", "raiseBoth", "all"]
     # Which share is right depends on how soon answers come; a busy machine may give one while the next class is sent.
@@ -402,15 +402,15 @@ def _expected_answers(library: MotionLibrary, clips: Sequence[Clip]) -> tuple[in
 
 
 def test_silence_is_explained(stage: osc.OscReceiver, take: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Without answers the program says what to check instead of printing a table, and the status is 1."""
+    """Without answers the program lists checks instead of printing a table, and the status is 1."""
     assert replay(take, "--osc", target(stage), "--listen", f"{LOOPBACK}:0") == 1
     assert "no answers heard: is a recogniser running" in capsys.readouterr().out
 
 
-def test_answers_to_somebody_else_are_not_ours(
+def test_answers_to_others_are_not_counted(
     stage: osc.OscReceiver, take: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Answers that name another performer, and packets that are none, are not counted."""
+    """Answers that name another performer, and packets that are no answers, are not counted."""
     port = free_udp_port()
     bundle = osc.encode_recognition(_recognition("you"))
     listening = threading.Event()

@@ -65,7 +65,7 @@ FORMATS = pytest.mark.parametrize(
 Write = "Callable[..., Path]"
 Read = "Callable[..., Clip]"
 
-# --- what is read ------------------------------------------------------------------------------------------------
+# --- sound files ------------------------------------------------------------------------------------------------
 
 
 @FORMATS
@@ -142,13 +142,15 @@ def test_a_performers_prefix_is_left_out_and_two_are_refused(
 
 
 @FORMATS
-def test_a_file_named_like_hdm05s_says_who_does_what(tmp_path: Path, write: Write, read: Read, ending: str) -> None:
-    """Class, actor and take are in the name, whatever the format."""
+def test_a_file_named_like_hdm05s_has_class_actor_and_take(
+    tmp_path: Path, write: Write, read: Read, ending: str
+) -> None:
+    """The reader takes class, actor and take from the name, in any format."""
     clip = read(write(tmp_path / f"HDM_bd_walk_003_100.{ending}", walk()))
     assert (clip.class_name, clip.actor, clip.take) == ("walk", "bd", "003")
 
 
-def test_results_that_are_no_places_are_passed_over(tmp_path: Path) -> None:
+def test_results_that_are_no_positions_are_passed_over(tmp_path: Path) -> None:
     """Angles that the file lists as such and unlabelled markers are left out, unless they are named one by one."""
     positions = np.concatenate([walk(), walk()[:, :2]], axis=1)
     labels = (*LABELS, "*12", "hipAngles")
@@ -159,15 +161,15 @@ def test_results_that_are_no_places_are_passed_over(tmp_path: Path) -> None:
     assert c3d.read_clip(path, joints=("hipAngles", "knee")).skeleton.joints == ("knee", "hipAngles")
 
 
-def test_a_c3d_without_a_unit_is_told_by_size(tmp_path: Path) -> None:
+def test_the_size_of_the_body_gives_the_unit_of_a_c3d(tmp_path: Path) -> None:
     """Where POINT:UNITS is empty the body's size tells millimetres from metres."""
     for scale in (1.0, 0.001):
         path = written_c3d(tmp_path / "walk.c3d", walk() * scale, unit="")
         np.testing.assert_allclose(c3d.read_clip(path).positions, walk() / 1000, rtol=1e-5)
 
 
-def test_a_missing_reader_says_what_to_install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Without ezc3d a C3D is refused with the command that helps."""
+def test_the_error_without_ezc3d_names_the_package_to_install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Without ezc3d a C3D is refused with the command that installs it."""
     path = written_c3d(tmp_path / "walk.c3d", walk())
     monkeypatch.setitem(__import__("sys").modules, "ezc3d", None)
     with pytest.raises(C3dError, match=r"reading C3D needs ezc3d: pip install 'kinespace\[c3d\]'"):
@@ -196,7 +198,7 @@ def test_the_same_trc_is_the_same_clip(tmp_path: Path, rewritten: Callable[[str]
     np.testing.assert_array_equal(trc.read_clip(path).positions, expected.positions)
 
 
-# --- what cannot be read -----------------------------------------------------------------------------------------
+# --- broken files -------------------------------------------------------------------------------------------------
 
 GOOD = trc_text(LABELS, walk(3))
 
@@ -228,7 +230,7 @@ def test_a_trc_that_makes_no_sense_is_refused(tmp_path: Path, old: str, new: str
 
 
 def test_a_trc_cut_off_anywhere_is_refused(tmp_path: Path) -> None:
-    """However much of the end is missing the file is refused by name, save for its last digits."""
+    """The file is refused by name, unless only its last digits are missing."""
     path = tmp_path / "walk.trc"
     for end in range(0, len(GOOD.rpartition("\t")[0]), 5):
         path.write_text(GOOD[:end])
@@ -267,9 +269,9 @@ def test_a_c3d_cut_off_anywhere_is_refused(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        (b"UNITS\x08\x00", b"UNITS\x02\x00", "a parameter that leads out of the parameters"),
+        (b"UNITS\x08\x00", b"UNITS\x02\x00", "a parameter that ends outside the parameters"),
         (b"UNITS\x08\x00", b"UNITS\xff\x7f", "the parameters have no end"),
-        (b"LABELS\x13\x00\xff", b"LABELS\x13\x00\x07", "a parameter that leads out of the parameters"),
+        (b"LABELS\x13\x00\xff", b"LABELS\x13\x00\x07", "a parameter that ends outside the parameters"),
         (b"\x04\x01USED\x07\x00\x02\x00\x03\x00", b"\x04\x01USED\x07\x00\x02\x00\x03\x80", "USED is below 0"),
         (b"\x06\xffPOINT"[1:], b"\x80POINT", "parameters of groups that are not there"),
     ],
@@ -405,7 +407,7 @@ def test_names_are_chosen_by_pattern_in_the_files_order() -> None:
 
 
 def test_units_are_known_by_name_and_by_number() -> None:
-    """Names in any case and numbers of metres are units; anything else is none."""
+    """Names in any case and numbers of metres are units; all other texts are refused."""
     assert [metres_of(unit) for unit in ("mm", " CM ", "Meters", "0.0254", "feet")] == [
         0.001,
         0.01,
@@ -424,8 +426,8 @@ def test_units_are_known_by_name_and_by_number() -> None:
     ]
 
 
-def test_what_is_not_missing_is_not_touched() -> None:
-    """Filling changes missing places alone, and gives the very array where there are none."""
+def test_filling_changes_missing_places_alone() -> None:
+    """Filling returns the very same array where nothing is missing."""
     positions = walk(20)
     missing = np.zeros((20, 3), dtype=bool)
     assert with_missing_joints(positions, missing, LABELS, RATE) is positions

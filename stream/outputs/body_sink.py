@@ -1,0 +1,77 @@
+"""Bodies over ZeroMQ, for programs that draw them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Protocol
+
+from kinespace.stream.outputs.sink import Sink
+from kinespace.stream.zeromq.bodies import encode_body
+
+if TYPE_CHECKING:
+    from kinespace.library.skeleton import Skeleton
+    from kinespace.stream.frame import Frame
+    from kinespace.stream.recognizer.joints.carried import Carried
+    from kinespace.stream.zeromq.sockets import ZmqSender
+
+#: Seconds between two bodies of a performer, and the share of it by which a frame may come early.
+EVERY, _EARLY = 1 / 30, 0.01
+#: Bodies between two that tell what carries the decision, and between two that tell the skeleton.
+_CARRIED_EVERY, _SKELETON_EVERY = 5, 30
+#: Performers whose pace is remembered, at most.
+_MAX_PERFORMERS = 256
+
+
+class Followed(Protocol):
+    """The performers whose bodies are sent; `kinespace.stream.recognizer.Performers` is one."""
+
+    def skeleton_of(self, name: str) -> Skeleton | None:
+        """Give the skeleton of a performer's frames."""
+
+    def carried(self, name: str) -> Carried | None:
+        """Say which joints carry the decision on a performer."""
+
+
+@dataclass(slots=True)
+class _Sent:
+    time: float
+    count: int
+
+
+class BodySink(Sink):
+    """Publishes thirty frames a second of each performer on a ZeroMQ endpoint.
+
+    Parameters
+    ----------
+    sender
+        Where to publish; another sink closes it.
+    performers
+        The performers.
+    """
+
+    def __init__(self, sender: ZmqSender, performers: Followed) -> None:
+        self._sender, self._performers = sender, performers
+        self._sent: dict[str, _Sent] = {}
+
+    def __str__(self) -> str:
+        return f"{self._sender} (bodies)"
+
+    def publish_frame(self, frame: Frame) -> None:
+        """Send a frame, unless one was sent less than a thirtieth of a second before."""
+        name, sent = frame.performer, self._sent.get(frame.performer)
+        if sent is None:
+            if len(self._sent) >= _MAX_PERFORMERS:
+                self._sent.clear()
+            sent = self._sent[name] = _Sent(frame.time - EVERY, -1)
+        if 0 <= frame.time - sent.time < EVERY * (1 - _EARLY):
+            return
+        sent.time = frame.time
+        sent.count += 1
+        carried = self._performers.carried(name) if sent.count % _CARRIED_EVERY == 0 else None
+        # One behind the first: at the first frame the performer is not known yet.
+        skeleton = self._performers.skeleton_of(name) if sent.count % _SKELETON_EVERY == 1 else None
+        self._sender.send(encode_body(frame, skeleton, carried))
+
+    def publish_gone(self, performer: str) -> None:
+        """Forget a performer who has left."""
+        self._sent.pop(performer, None)

@@ -1,0 +1,113 @@
+"""Bodies on the wire: what is encoded is decoded, thirty are sent a second, and rubbish is never a body."""
+
+from __future__ import annotations
+
+import json
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from synthetic import STICK, stick_clip
+
+from kinespace.stream.frame import Frame
+from kinespace.stream.outputs.body_sink import BodySink
+from kinespace.stream.recognizer.joints.carried import Carried
+from kinespace.stream.zeromq.bodies import decode_body, encode_body
+
+if TYPE_CHECKING:
+    from kinespace.library.skeleton import Skeleton
+
+POSE = stick_clip("bow").positions[0]
+JOINTS = len(POSE)
+CARRIED = Carried((1.0, *[0.0] * (JOINTS - 1)), ((0, 1), (0, 2)))
+
+
+class Sender:
+    """Keeps what is sent."""
+
+    def __init__(self) -> None:
+        self.sent: list[list[bytes]] = []
+
+    def send(self, parts: list[bytes]) -> None:
+        """Keep a message."""
+        self.sent.append(parts)
+
+
+class Anybody:
+    """Performers of whom everything is known."""
+
+    def skeleton_of(self, name: str) -> Skeleton:
+        """Give the stick's."""
+        assert name
+        return STICK
+
+    def carried(self, name: str) -> Carried:
+        """Give the same each time."""
+        assert name
+        return CARRIED
+
+
+def test_what_is_encoded_is_decoded() -> None:
+    """Name, time, positions, skeleton and what carries the decision come out as they went in."""
+    name = "Ann/é"
+    decoded = decode_body(encode_body(Frame(name, 1.5, POSE), STICK, CARRIED))
+    assert decoded is not None
+    performer, header, positions = decoded
+    assert (performer, header.t, header.names, header.parents) == (name, 1.5, STICK.joints, STICK.parents)
+    assert (header.carried, header.pairs) == CARRIED
+    assert np.array_equal(np.frombuffer(positions, "<f4").reshape(-1, 3), POSE.astype(np.float32))
+
+
+def test_a_skeleton_of_other_joints_is_left_out() -> None:
+    """A frame with other joints than were named has no names: they would be wrong ones."""
+    decoded = decode_body(encode_body(Frame("ann", 1.0, POSE[:-1]), STICK, CARRIED))
+    assert decoded is not None
+    assert (decoded[1].names, decoded[1].carried) == (None, None)
+
+
+@pytest.mark.parametrize("rate", [20.0, 30.0, 50.0, 60.0, 119.88, 240.0])
+def test_at_most_thirty_are_sent_a_second(rate: float) -> None:
+    """Of any feed at most thirty frames a second are sent, and more than twenty; joints' names about once a second."""
+    sender = Sender()
+    sink = BodySink(sender, Anybody())  # type: ignore[arg-type]  # only `send` is called
+    for index in range(round(3 * rate)):
+        sink.publish_frame(Frame("ann", 1.0 + index / rate, POSE))
+    assert 3 * 20 <= len(sender.sent) <= 3 * 30 + 1
+    headers = [json.loads(parts[1]) for parts in sender.sent]
+    assert 2 <= sum("names" in header for header in headers) <= 4
+    assert 9 <= sum("carried" in header for header in headers) <= 20
+
+
+def test_a_sender_that_begins_anew_is_shown_at_once() -> None:
+    """When the times go back the next frame is sent, not only one after the last."""
+    sender = Sender()
+    sink = BodySink(sender, Anybody())  # type: ignore[arg-type]  # only `send` is called
+    for moment in (100.0, 1.0, 1.001, 1.05):
+        sink.publish_frame(Frame("ann", moment, POSE))
+    assert len(sender.sent) == 3
+    sink.publish_gone("ann")
+    sink.publish_frame(Frame("ann", 1.051, POSE))
+    assert len(sender.sent) == 4
+
+
+@given(st.lists(st.binary(max_size=40), max_size=4))
+def test_rubbish_is_no_body(parts: list[bytes]) -> None:
+    """Whatever else comes is refused without an exception."""
+    assert decode_body(parts) is None
+
+
+@pytest.mark.parametrize(
+    "header",
+    [
+        {"v": 1, "t": 0, "joints": 3},
+        {"v": 1, "t": 0, "joints": 2, "parents": [0, 2]},
+        {"v": 1, "t": 0, "joints": 2, "names": ["a"]},
+        {"v": 1, "t": 0, "joints": 2, "pairs": [[0, 5]]},
+        {"v": 1, "t": 0, "joints": "2"},
+    ],
+)
+def test_a_header_that_does_not_fit_is_refused(header: dict[str, object]) -> None:
+    """Sizes and indices beyond the body never reach who draws it."""
+    assert decode_body([b"body/a/", json.dumps(header).encode(), bytes(24)]) is None

@@ -1,0 +1,160 @@
+"""Connections that fill memory are shut down: unfinished messages, subscriptions, and too many of one host."""
+
+from __future__ import annotations
+
+import socket
+import sys
+import time
+from contextlib import ExitStack, closing
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+import zmq
+from programs import LOOPBACK, PATIENCE
+
+from kinespace.stream import zeromq
+from kinespace.stream.frame import Frame
+from kinespace.stream.zeromq import Endpoint, ZmqReceiver, ZmqSender, peers, sockets
+from kinespace.stream.zeromq.peers import Allowance
+from kinespace.tools.chaos import attacks
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="only Linux tells how much a connection has sent")
+
+ANY_PORT = Endpoint(f"tcp://{LOOPBACK}:*", bind=True)
+#: A part of a message that is not its last: 250 kB.
+PART = b"\x03" + (250_000).to_bytes(8, "big") + bytes(250_000)
+FRAME = zeromq.encode_frame(Frame("ann", 1.0, np.zeros((3, 3))), 1)
+
+
+@pytest.fixture(autouse=True)
+def often(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Look at the connections all the time."""
+    monkeypatch.setattr(sockets, "LOOK_EVERY", 0.0)
+
+
+@pytest.fixture
+def opened() -> Iterator[ExitStack]:
+    """Close what the test opens."""
+    with ExitStack() as stack:
+        yield stack
+
+
+def wait_for(happened: Callable[[], object]) -> None:
+    """Wait until something is true."""
+    until = time.monotonic() + PATIENCE
+    while not happened():
+        assert time.monotonic() < until
+        time.sleep(0.001)
+
+
+def is_ended(peer: socket.socket) -> bool:
+    """Say whether the other end has closed a connection."""
+    peer.setblocking(False)  # noqa: FBT003 - the socket's own
+    try:
+        while peer.recv(4096):
+            pass
+    except BlockingIOError:
+        return False
+    except OSError:
+        pass
+    return True
+
+
+def publisher_to(receiver: ZmqReceiver, opened: ExitStack) -> zmq.Socket[bytes]:
+    """Connect a publisher, and wait until it is heard."""
+    sender = opened.enter_context(zmq.Context.instance().socket(zmq.PUB))
+    sender.linger = 0
+    sender.connect(receiver.address)
+
+    def heard() -> bool:
+        sender.send_multipart(FRAME)
+        return receiver.receive() is not None
+
+    wait_for(heard)
+    return sender
+
+
+def test_a_message_that_does_not_end_is_cut_off(monkeypatch: pytest.MonkeyPatch, opened: ExitStack) -> None:
+    """Its connection is shut down and counted; the other connection goes on."""
+    monkeypatch.setattr("kinespace.stream.zeromq.reconnection.UNREAD", Allowance(1_000_000, 0, 4_000_000))
+    receiver = opened.enter_context(closing(ZmqReceiver(ANY_PORT)))
+    sender = publisher_to(receiver, opened)
+    stranger = opened.enter_context(attacks._greeted(receiver.address, b"PUB"))  # noqa: SLF001 - as the attack does it
+    stranger.settimeout(PATIENCE)
+
+    def refused() -> bool:
+        try:
+            stranger.sendall(PART)
+        except OSError:
+            return True
+        receiver.receive()
+        return False
+
+    wait_for(refused)
+    assert receiver.broken() == 1
+    wait_for(lambda: receiver.receive() is None)
+    sender.send_multipart(FRAME)
+    wait_for(receiver.receive)
+    assert receiver.broken() == 1
+
+
+def test_whole_messages_are_not_counted(monkeypatch: pytest.MonkeyPatch, opened: ExitStack) -> None:
+    """A sender whose messages are read may send any number of bytes, also when something always waits."""
+    monkeypatch.setattr("kinespace.stream.zeromq.reconnection.UNREAD", Allowance(200_000, 0, 200_000))
+    receiver = opened.enter_context(closing(ZmqReceiver(ANY_PORT)))
+    sender = publisher_to(receiver, opened)
+    for size in (10, 40_000):
+        for _ in range(30):
+            sender.send_multipart([b"frame/ann/", b"x" * size, b"x" * size])
+            sender.send_multipart([b"x"] * 20)
+            wait_for(receiver.receive)
+            wait_for(receiver.receive)
+    assert receiver.broken() == 0
+
+
+def test_subscriptions_without_end_are_cut_off(opened: ExitStack) -> None:
+    """A subscriber with thousands of topics is ended and counted; one with some hears on."""
+    sender = opened.enter_context(closing(ZmqSender(ANY_PORT)))
+    listener = opened.enter_context(closing(ZmqReceiver(Endpoint(sender.address, bind=False), b"class/")))
+    stranger = opened.enter_context(attacks._greeted(sender.address, b"SUB"))  # noqa: SLF001 - as the attack does it
+    topics = b"".join(b"\0\x0a\x01%09d" % number for number in range(10_000))
+
+    def ended() -> bool:
+        sender.watch()
+        return is_ended(stranger)
+
+    stranger.sendall(topics[:12_000])
+    for _ in range(3):
+        assert not ended()
+    stranger.setblocking(True)  # noqa: FBT003 - the socket's own
+    stranger.sendall(topics)
+    wait_for(ended)
+    assert sender.shut == 1
+
+    def heard() -> bool:
+        sender.send([b"class/ann/", b"{}"])
+        return listener.receive() is not None
+
+    wait_for(heard)
+
+
+def test_of_too_many_connections_the_silent_end_first(monkeypatch: pytest.MonkeyPatch, opened: ExitStack) -> None:
+    """The oldest that never said that it speaks ZeroMQ makes room; connections that greeted stay."""
+    monkeypatch.setattr(peers, "MAX_PER_HOST", 3)
+    sender = opened.enter_context(closing(ZmqSender(ANY_PORT)))
+    host, port = sender.address.removeprefix("tcp://").split(":")
+    first = opened.enter_context(attacks._greeted(sender.address, b"SUB"))  # noqa: SLF001 - as the attack does it
+    silent = [opened.enter_context(socket.create_connection((host, int(port)))) for _ in range(4)]
+
+    def settled() -> bool:
+        sender.watch()
+        return sender.shut >= 2
+
+    wait_for(settled)
+    wait_for(lambda: is_ended(silent[0]) and is_ended(silent[1]))
+    assert [is_ended(each) for each in (first, *silent[2:])] == [False] * 3
+    assert sender.shut == 2

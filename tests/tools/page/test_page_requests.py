@@ -1,0 +1,146 @@
+"""Who is let in, and what an open page may say."""
+
+from __future__ import annotations
+
+import json
+from importlib import resources
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from kinespace.tools.page.requests import MAX_MESSAGE, Gate, read_message
+
+OURS = {"host": "127.0.0.1:8010", "origin": "http://127.0.0.1:8010"}
+
+
+def _status(gate: Gate, target: str, **headers: str) -> int:
+    reply = gate.answer(target, headers)
+    return 101 if reply is None else reply.status
+
+
+# --- the gate ----------------------------------------------------------------------------------------------------
+
+
+def test_our_own_page_opens_a_socket() -> None:
+    """The page as this machine's browser shows it gets its files and its WebSocket, by address and by localhost."""
+    gate = Gate.for_host("127.0.0.1")
+    for host in ("127.0.0.1:8010", "localhost:8010", "[::1]:8010"):
+        assert _status(gate, "/", host=host) == 200
+        assert _status(gate, "/live", host=host, origin=f"http://{host}") == 101
+
+
+@pytest.mark.parametrize(
+    "headers",
+    [
+        {"host": "127.0.0.1:8010"},
+        {"host": "127.0.0.1:8010", "origin": "http://evil.example"},
+        {"host": "127.0.0.1:8010", "origin": "http://127.0.0.1:9999"},
+        {"host": "127.0.0.1:8010", "origin": "https://127.0.0.1:8010"},
+        {"host": "127.0.0.1:8010", "origin": "null"},
+        {"host": "evil.example:8010", "origin": "http://evil.example:8010"},
+        {"host": "127.0.0.1.evil.example", "origin": "http://127.0.0.1.evil.example"},
+        {"host": "evil@127.0.0.1:8010", "origin": "http://evil@127.0.0.1:8010"},
+        {"host": "", "origin": "http://"},
+        {"origin": "http://127.0.0.1:8010"},
+    ],
+)
+def test_foreign_origins_and_hosts_are_refused(headers: dict[str, str]) -> None:
+    """A page of another site, or one that calls this machine by a name of its own, opens no WebSocket."""
+    assert _status(Gate.for_host("127.0.0.1"), "/live", **headers) == 403
+
+
+def test_a_foreign_host_gets_no_file() -> None:
+    """A name that is not ours gets nothing at all, so that rebinding a name shows nothing."""
+    assert _status(Gate.for_host("127.0.0.1"), "/", host="evil.example") == 403
+
+
+@pytest.mark.parametrize("host", ["0.0.0.0", "192.168.0.7", "stage.local", "::"])  # noqa: S104 - nothing is bound
+def test_other_machines_need_the_token(host: str) -> None:
+    """Where others can reach us, only the token in the address opens a WebSocket, and two gates have different ones."""
+    gate = Gate.for_host(host)
+    assert len(gate.token) >= 20
+    assert gate.token != Gate.for_host(host).token
+    headers = {"host": "192.168.0.7:8010", "origin": "http://192.168.0.7:8010"}
+    assert _status(gate, "/live", **headers) == 401
+    assert _status(gate, f"/live?token={gate.token[:-1]}", **headers) == 401
+    assert _status(gate, "/live?token=é", **headers) == 401
+    assert _status(gate, f"/live?token={gate.token}", **headers) == 101
+
+
+@pytest.mark.parametrize(
+    "target", ["/../requests.py", "/static/page.js", "/%2e%2e/requests.py", "/page.py", "/..", "/.", "//x", "/a\\b.js"]
+)
+def test_only_the_pages_own_files_are_given(target: str) -> None:
+    """No path leads out of the page's folder."""
+    assert _status(Gate(), target, host="localhost") == 404
+
+
+def test_everything_that_is_given_is_guarded() -> None:
+    """Every file comes with a policy that lets in nothing from elsewhere, and the page asks for nothing else."""
+    for file in (resources.files("kinespace.tools.page") / "static").iterdir():
+        reply = Gate().answer(f"/{file.name}", {"host": "localhost:8010"})
+        assert reply is not None
+        assert reply.status == 200
+        assert reply.body == file.read_bytes()
+        policy = reply.headers["Content-Security-Policy"]
+        assert "default-src 'none'" in policy
+        assert "unsafe" not in policy
+        assert reply.headers["X-Content-Type-Options"] == "nosniff"
+        text = reply.body.decode()
+        assert "innerHTML" not in text
+        assert not any(scheme in text.replace("http://www.w3.org/2000/svg", "") for scheme in ("http://", "https://"))
+
+
+# --- messages of a page ------------------------------------------------------------------------------------------
+
+
+def test_the_four_messages_are_read() -> None:
+    """Drawn, ask, wrong and play are read with their fields."""
+    assert read_message('{"ack": 7}').ack == 7
+    asked = read_message('{"ask": {"do": "teach", "class": "wave", "repetitions": 2, "on": true}}').ask
+    assert asked == {"do": "teach", "class": "wave", "repetitions": 2.0, "on": True}
+    wrong = read_message('{"wrong": {"performer": "ann", "bar": 3, "meant": "nothing"}}').wrong
+    assert wrong is not None
+    assert (wrong.performer, wrong.bar, wrong.meant) == ("ann", 3, "nothing")
+    played = read_message('{"play": {"recording": "a.kinerec", "at": 1.5, "speed": 0}}').play
+    assert played is not None
+    assert (played.recording, played.at, played.speed) == ("a.kinerec", 1.5, 0.0)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "",
+        "null",
+        "[]",
+        "{}",
+        b"{}",
+        '{"ack": -1}',
+        '{"ack": "1"}',
+        '{"ack": 1, "ask": {"do": "undo"}}',
+        '{"ask": {"do": ["undo"]}}',
+        '{"ask": {"do": {"a": 1}}}',
+        '{"hello": 1}',
+        '{"wrong": {"performer": "ann", "bar": 3}}',
+        '{"play": {"recording": "a", "speed": 1e9}}',
+        json.dumps({"ask": {"do": "x" * 300}}),
+        json.dumps({"ask": {f"k{n}": n for n in range(20)}}),
+        json.dumps({"ask": {"do": "x"}}) + " " * MAX_MESSAGE,
+        "[" * 4000,
+        '{"ask":' * 500,
+    ],
+)
+def test_rubbish_of_a_page_is_refused(text: str | bytes) -> None:
+    """Anything else raises ValueError, for which the page is closed."""
+    with pytest.raises(ValueError, match=r"."):
+        read_message(text)
+
+
+@given(st.text(max_size=200))
+def test_any_text_is_read_or_refused(text: str) -> None:
+    """No text raises anything but ValueError."""
+    try:
+        read_message(text)
+    except ValueError:
+        return

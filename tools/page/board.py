@@ -1,0 +1,401 @@
+"""The board: all that pages show, as the recogniser's messages told it.
+
+There is no socket and no clock in here. Messages come in with the time on our clock. Every entry has a number that
+grows with each message, so that a page that has seen everything up to a number gets the newer entries alone: of bodies
+and answers the newest, of motions and notices all of the last minute.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass, field
+from itertools import count
+from typing import TYPE_CHECKING, Any
+
+import msgspec
+
+from kinespace.stream.recognition import GONE, EventKind
+from kinespace.stream.teaching.notices import Step
+from kinespace.stream.zeromq.bodies import decode_body
+from kinespace.tools.terminal.live_table import refused_frames
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+#: Performers that are shown, at most; further ones are counted.
+MAX_SHOWN = 8
+#: Seconds that are shown, and seconds after which a performer without messages is forgotten.
+SHOWN, _SILENT = 60.0, 10.0
+#: Seconds for which entries are kept: longer than they are shown, so that they leave by the edge.
+_KEPT = SHOWN + 5.0
+_MAX_NOTICES = 32
+#: Characters of a name, at most; longer ones are cut.
+_MAX_NAME = 64
+
+#: The counters of a status, by the words that `live` has for them (`tools.terminal.live_table.counts`), and the path to
+#: each. Those behind the first eight are shown when they count something.
+COUNTERS = (
+    ("received", "inputs.received"),
+    ("malformed", "inputs.malformed"),
+    ("foreign", "inputs.foreign"),
+    ("overrun", "inputs.overrun"),
+    ("missing", "inputs.missing"),
+    ("out of order", "outcomes.recognizers.out_of_order"),
+    ("other joints", "outcomes.other_joints"),
+    ("no room", "outcomes.no_room"),
+    ("from other senders", "admission.other_sender"),
+    ("not let in", "admission.not_allowed"),
+    ("odd times", "admission.odd_times"),
+    ("incomplete", "inputs.incomplete"),
+    ("dropped from senders served last", "inputs.thrown_away"),
+    ("connections broken", "inputs.broken"),
+    ("answers not sent", "unsent"),
+)
+_ALWAYS = 8
+
+
+class _Answer(msgspec.Struct, rename={"label": "class"}):
+    performer: str
+    label: str | None
+    guess: str | None
+    outcome: str
+    score: float = 0.0
+    margin: float = 0.0
+    scores: dict[str, float] = {}
+    progress: dict[str, str | float] | None = None
+
+
+class _Event(msgspec.Struct, rename={"label": "class"}):
+    performer: str
+    event: str
+    label: str
+
+
+class _Classes(msgspec.Struct):
+    classes: list[str]
+
+
+class _Status(msgspec.Struct):
+    inputs: dict[str, int]
+    outcomes: dict[str, int | dict[str, int]]
+    performers: dict[str, float]
+    hop_p50: float
+    hop_p99: float
+    frames_per_second: float = 0.0
+    unsent: int = 0
+    admission: dict[str, int] = {}
+    refused: dict[str, str] = {}
+    doubted: dict[str, str] = {}
+    compared: dict[str, str] = {}
+    clocks: dict[str, str] = {}
+    notes: list[str] = []
+
+
+class _Notice(msgspec.Struct):
+    performer: str = ""
+    state: str = ""
+    seconds: float = 0.0
+    reason: str = ""
+    taught: str = ""
+    check: str = ""
+    examples: int = 0
+
+
+_decoders: dict[str, msgspec.json.Decoder[Any]] = {
+    "class": msgspec.json.Decoder(_Answer),
+    "event": msgspec.json.Decoder(_Event),
+    "classes": msgspec.json.Decoder(_Classes),
+    "status": msgspec.json.Decoder(_Status),
+    "teach": msgspec.json.Decoder(_Notice),
+}
+_encode = msgspec.json.Encoder().encode
+
+
+@dataclass(slots=True)
+class _Noted:
+    """Something to tell, and the number of the message that told it."""
+
+    told: Any = None
+    number: int = 0
+
+
+@dataclass(slots=True)
+class _Motion:
+    """A bar of the timeline: a motion that was named, or an example; seconds on our clock, no end while it goes on."""
+
+    key: int
+    class_name: str
+    begin: float
+    end: float | None
+    number: int
+    mark: str = ""
+    meant: str = ""
+
+
+@dataclass(slots=True)
+class _Performer:
+    heard: float
+    body: _Noted = field(default_factory=_Noted)
+    skeleton: _Noted = field(default_factory=_Noted)
+    carried: _Noted = field(default_factory=_Noted)
+    answer: _Noted = field(default_factory=_Noted)
+    answered: float = 0.0
+    motions: deque[_Motion] = field(default_factory=deque)
+    #: The beginnings of the guesses: seconds, the class or None.
+    guesses: deque[tuple[int, float, str | None]] = field(default_factory=deque)
+    #: When a lesson's recording began, and the span of the last one.
+    recording: float | None = None
+    span: tuple[float, float] | None = None
+
+    def close(self, now: float, number: int) -> None:
+        """End the motion that goes on."""
+        for motion in self.motions:
+            if motion.end is None:
+                motion.end, motion.number = now, number
+
+
+class Board:
+    """What is known of the performers, the classes and the recogniser.
+
+    Attributes
+    ----------
+    number
+        The number of the newest entry.
+    unread
+        Messages that could not be read.
+    """
+
+    def __init__(self) -> None:
+        self.number = self.unread = 0
+        self._performers: dict[str, _Performer] = {}
+        self._further: dict[str, float] = {}
+        self._here = _Noted([])
+        self._classes, self._status, self._control = _Noted([]), _Noted(), _Noted()
+        self._notices: deque[tuple[int, dict[str, object]]] = deque(maxlen=_MAX_NOTICES)
+        self._keys = count(1)
+        self._checking = ""
+
+    def take(self, parts: Sequence[bytes], now: float) -> None:
+        """Take in one message of the recogniser; what cannot be read is counted."""
+        kind = parts[0].partition(b"/")[0].decode(errors="replace") if parts else ""
+        try:
+            if kind == "body":
+                self._take_body(parts, now)
+                return
+            told = _decoders[kind].decode(parts[1])
+        except (KeyError, IndexError, ValueError, RecursionError):
+            self.unread += 1
+            return
+        self.number += 1
+        match told:
+            case _Answer():
+                self._take_answer(told, now)
+            case _Event():
+                self._take_event(told, now)
+            case _Classes():
+                if told.classes != self._classes.told:
+                    self._classes = _Noted(told.classes, self.number)
+            case _Status():
+                self._take_status(told, now)
+            case _Notice():
+                self._take_notice(told, now)
+
+    def _performer(self, name: str, now: float) -> _Performer | None:
+        name = name[:_MAX_NAME]
+        performer = self._performers.get(name)
+        if performer is None:
+            if len(self._performers) >= MAX_SHOWN:
+                self._further[name] = now
+                return None
+            performer = self._performers[name] = _Performer(now)
+            self._tell_here()
+        performer.heard = now
+        return performer
+
+    def _tell_here(self) -> None:
+        self._here = _Noted([*self._performers], self.number)
+
+    def _take_body(self, parts: Sequence[bytes], now: float) -> None:
+        decoded = decode_body(parts)
+        self.number += 1
+        performer = self._performer(decoded[0], now) if decoded else None
+        if decoded is None or performer is None:
+            self.unread += decoded is None
+            return
+        _, header, positions = decoded
+        performer.body = _Noted((header.joints, positions), self.number)
+        if header.names:
+            skeleton = {"names": header.names, "parents": header.parents or ()}
+            if skeleton != performer.skeleton.told:
+                performer.skeleton = _Noted(skeleton, self.number)
+        if header.carried:
+            performer.carried = _Noted({"joints": header.carried, "pairs": header.pairs}, self.number)
+
+    def _take_answer(self, answer: _Answer, now: float) -> None:
+        if answer.outcome == GONE:
+            self._forget(answer.performer)
+            return
+        performer = self._performer(answer.performer, now)
+        if performer is None:
+            return
+        performer.answered = now
+        order = {name: place for place, name in enumerate(self._classes.told)}
+        scores = [answer.scores.get(name) for name in order]
+        if missing := [name for name in answer.scores if name not in order]:
+            self._classes = _Noted([*self._classes.told, *missing], self.number)
+            scores += [answer.scores[name] for name in missing]
+        told = {
+            "label": answer.label or answer.outcome,
+            "named": answer.label is not None,
+            "guess": answer.guess,
+            "score": answer.score,
+            "margin": answer.margin,
+            "scores": scores,
+            "progress": answer.progress,
+            "at": now,
+        }
+        performer.answer = _Noted(told, self.number)
+        if not performer.guesses or performer.guesses[-1][2] != answer.guess:
+            performer.guesses.append((self.number, now, answer.guess))
+        while len(performer.guesses) > 1 and performer.guesses[1][1] < now - _KEPT:
+            performer.guesses.popleft()
+
+    def _take_event(self, event: _Event, now: float) -> None:
+        performer = self._performer(event.performer, now)
+        if performer is None:
+            return
+        performer.close(now, self.number)
+        if event.event == EventKind.START:
+            performer.motions.append(_Motion(next(self._keys), event.label, now, None, self.number))
+        self._drop_old(performer, now)
+
+    @staticmethod
+    def _drop_old(performer: _Performer, now: float) -> None:
+        while performer.motions and (performer.motions[0].end or now) < now - _KEPT:
+            performer.motions.popleft()
+
+    def _take_status(self, status: _Status, now: float) -> None:
+        for name in [name for name, each in self._performers.items() if each.heard < now - _SILENT]:
+            self._forget(name)
+        self._further = {name: heard for name, heard in self._further.items() if heard >= now - _SILENT}
+        told = {
+            "at": now,
+            "counters": list(_counted(msgspec.to_builtins(status))),
+            "rates": status.performers,
+            "frames": status.frames_per_second,
+            "hop": [status.hop_p50, status.hop_p99],
+            "notes": list(_notes_of(status)),
+            "further": len(self._further),
+        }
+        self._status = _Noted(told, self.number)
+
+    def _take_notice(self, notice: _Notice, now: float) -> None:
+        self._notices.append((self.number, {"at": now, **msgspec.to_builtins(notice)}))
+        performer = self._performers.get(notice.performer)
+        if performer and notice.state == Step.RECORDING:
+            performer.recording = now
+        elif performer and notice.state == Step.CHECKING:
+            begin = now - notice.seconds if performer.recording is None else performer.recording
+            performer.span, performer.recording = (begin, now), None
+            self._checking = notice.performer
+        elif notice.taught and (taught := self._performers.get(self._checking)) and taught.span:
+            begin, end = taught.span
+            motion = _Motion(next(self._keys), notice.taught, begin, end, self.number, "taught")
+            taught.motions.append(motion)
+            taught.span = None
+
+    def _forget(self, name: str) -> None:
+        if self._performers.pop(name, None):
+            self._tell_here()
+
+    def take_reply(self, control: dict[str, object]) -> None:
+        """Take in what the control door says of the classes, the settings and the recording."""
+        if control != self._control.told:
+            self.number += 1
+            self._control = _Noted(control, self.number)
+
+    def bar(self, performer: str, key: int, now: float) -> tuple[str, float, float] | None:
+        """Find a bar of the timeline: its class, its seconds, and how many seconds ago it ended; None when it is gone.
+
+        A motion is named some time after it began: the bar begins with the guess that led to it.
+        """
+        shown = self._performers.get(performer)
+        motion = next((each for each in shown.motions if each.key == key), None) if shown else None
+        if shown is None or motion is None:
+            return None
+        end, begin = now if motion.end is None else motion.end, motion.begin
+        before = [guess for guess in shown.guesses if guess[1] <= motion.begin]
+        if before and before[-1][2] == motion.class_name:
+            begin = before[-1][1]
+        return motion.class_name, end - begin, now - end
+
+    def mark_wrong(self, performer: str, key: int, meant: str) -> None:
+        """Mark a bar of the timeline as wrong."""
+        self.number += 1
+        for motion in self._performers[performer].motions if performer in self._performers else ():
+            if motion.key == key:
+                motion.mark, motion.meant, motion.number = "wrong", meant, self.number
+
+    def newest_answer(self) -> float:
+        """Say when the newest answer came, on our clock; 0 before the first."""
+        return max((each.answered for each in self._performers.values()), default=0.0)
+
+    def news(self, seen: int, now: float, **further: object) -> bytes:
+        """Encode all that is newer than a number: bytes of JSON (u32), the JSON, spaces up to a multiple of 4, bodies.
+
+        Parameters
+        ----------
+        seen
+            The number up to which a page has seen everything.
+        now
+            Seconds on our clock.
+        further
+            Fields to add.
+        """
+        told: dict[str, object] = {"number": self.number, "now": now, **further}
+        for name in ("here", "classes", "status", "control"):
+            noted: _Noted = getattr(self, f"_{name}")
+            if noted.number > seen:
+                told[name] = noted.told
+        for field_name in ("skeleton", "carried", "answer"):
+            newer = {
+                name: noted.told
+                for name, each in self._performers.items()
+                if (noted := getattr(each, field_name)).number > seen
+            }
+            if newer:
+                told[field_name] = newer
+        told["motions"] = list(self._motions(seen))
+        told["guesses"] = [
+            (name, *guess[1:]) for name, each in self._performers.items() for guess in each.guesses if guess[0] > seen
+        ]
+        told["notices"] = [notice for number, notice in self._notices if number > seen]
+        bodies = {name: each.body.told for name, each in self._performers.items() if each.body.number > seen}
+        told["bodies"] = [(name, joints) for name, (joints, _) in bodies.items()]
+        encoded = _encode({name: each for name, each in told.items() if each != []})
+        encoded += b" " * (-len(encoded) % 4)
+        return b"".join([len(encoded).to_bytes(4, "little"), encoded, *(each for _, each in bodies.values())])
+
+    def _motions(self, seen: int) -> Iterator[tuple[object, ...]]:
+        for name, each in self._performers.items():
+            for motion in each.motions:
+                if motion.number > seen:
+                    yield name, motion.key, motion.class_name, motion.begin, motion.end, motion.mark, motion.meant
+
+
+def _counted(status: dict[str, Any]) -> Iterator[tuple[str, int]]:
+    for place, (words, path) in enumerate(COUNTERS):
+        value: Any = status
+        for part in path.split("."):
+            value = value.get(part, 0) if isinstance(value, dict) else 0
+        if place < _ALWAYS or value:
+            yield words, value
+
+
+def _notes_of(status: _Status) -> Iterator[str]:
+    for noticed in (status.compared, status.clocks, status.doubted):
+        for name, what in noticed.items():
+            yield f"{name}: {what}"
+    for name, why in status.refused.items():
+        yield refused_frames(name, why)
+    yield from status.notes

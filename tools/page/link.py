@@ -1,0 +1,119 @@
+"""The page's link to a recogniser: a subscription to what it publishes, and requests to its control door."""
+
+from __future__ import annotations
+
+import threading
+from typing import TYPE_CHECKING, Any
+
+import msgspec
+import zmq
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
+
+    from kinespace.stream.zeromq import Endpoint, Keyring
+
+#: What a page always hears, and what only an open page needs.
+_TOPICS = (b"event/", b"class/", b"classes/", b"status/", b"teach/")
+_BODIES = b"body/"
+#: Messages taken in one turn, at most, so that a flood leaves turns for the pages.
+_MAX_IN_TURN = 512
+#: Milliseconds to wait for the control door.
+_MAX_REPLY = 2000
+_encode = msgspec.json.Encoder().encode
+
+
+class _Reply(msgspec.Struct):
+    states: list[dict[str, Any]] = []
+    classes: list[str] = []
+    taught: dict[str, int] = {}
+    off: list[str] = []
+    sensitivity: float | None = None
+    recording: str | None = None
+    records: bool = False
+
+
+_read = msgspec.json.Decoder(_Reply).decode
+
+
+class Subscription:
+    """What a recogniser publishes; it comes again by itself after the recogniser was away.
+
+    Parameters
+    ----------
+    endpoint
+        Where the recogniser publishes.
+    keyring
+        Keys of both ends; None for none.
+    """
+
+    def __init__(self, endpoint: Endpoint, keyring: Keyring | None = None) -> None:
+        self._socket = endpoint.open(zmq.SUB, keyring=keyring)
+        for topic in _TOPICS:
+            self._socket.subscribe(topic)
+        self._bodies = False
+
+    def fileno(self) -> int:
+        """Give the file number that becomes readable when messages may have come."""
+        return int(self._socket.getsockopt(zmq.FD))
+
+    def want_bodies(self, *, wanted: bool) -> None:
+        """Hear bodies, or do without while nobody looks."""
+        if wanted != self._bodies:
+            self._bodies = wanted
+            (self._socket.subscribe if wanted else self._socket.unsubscribe)(_BODIES)
+
+    def messages(self) -> Iterator[list[bytes]]:
+        """Take the messages that wait."""
+        for _ in range(_MAX_IN_TURN):
+            try:
+                yield self._socket.recv_multipart(zmq.NOBLOCK)
+            except zmq.Again:
+                return
+
+    def close(self) -> None:
+        """Close the socket."""
+        self._socket.close()
+
+
+class ControlDoor:
+    """Asks the control door of a recogniser; from any thread, one request at a time.
+
+    Parameters
+    ----------
+    endpoint
+        The address of `--control`.
+    keyring
+        Keys of both ends; None for none.
+    """
+
+    def __init__(self, endpoint: Endpoint, keyring: Keyring | None = None) -> None:
+        self._endpoint, self._keyring = endpoint, keyring
+        self._socket: zmq.Socket[bytes] | None = None
+        self._lock = threading.Lock()
+
+    def ask(self, command: Mapping[str, object]) -> dict[str, Any] | None:
+        """Send a command and wait for the reply; None when no reply comes in two seconds."""
+        with self._lock:
+            if self._socket is None:
+                self._socket = self._endpoint.open(zmq.REQ, keyring=self._keyring)
+            try:
+                self._socket.send(_encode(command), zmq.NOBLOCK)
+                if self._socket.poll(_MAX_REPLY):
+                    told: dict[str, Any] = msgspec.to_builtins(_read(self._socket.recv()))
+                    return told
+            except (zmq.ZMQError, ValueError):
+                pass
+            # A REQ socket that got no reply asks nothing more.
+            self._shut()
+            return None
+
+    def _shut(self) -> None:
+        if self._socket is not None:
+            self._socket.close()
+            self._socket = None
+
+    def close(self) -> None:
+        """Close the socket."""
+        with self._lock:
+            self._shut()

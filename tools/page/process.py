@@ -1,0 +1,149 @@
+"""The page in a process of its own, so that no browser ever makes a recogniser wait."""
+
+from __future__ import annotations
+
+import asyncio
+import multiprocessing
+import signal
+from contextlib import suppress
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Self
+
+from kinespace.stream.zeromq import Endpoint, Keyring
+from kinespace.tools.cli.address import host_and_port
+from kinespace.tools.page.link import ControlDoor, Subscription
+from kinespace.tools.page.requests import Gate
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from multiprocessing.connection import Connection
+    from pathlib import Path
+
+#: Seconds after which a new process is given up, and after which one that was told to end is.
+_MAX_START, _MAX_END = 30.0, 5.0
+
+
+@dataclass(frozen=True, slots=True)
+class PagePlan:
+    """A page to be served.
+
+    Attributes
+    ----------
+    source
+        The ZeroMQ endpoint on which a recogniser publishes.
+    address
+        HOST:PORT of the page.
+    control
+        The ZeroMQ endpoint of the recogniser's control door; None: pages only look.
+    keys
+        Folder of the keys of both; None for none.
+    """
+
+    source: str
+    address: str
+    control: str | None = None
+    keys: Path | None = None
+
+
+def require_websockets() -> None:
+    """Refuse to go on without the library that the page needs; ImportError says how to get it."""
+    try:
+        import websockets  # noqa: F401, PLC0415 - an extra
+    except ImportError as error:
+        raise ImportError("the page needs websockets: pip install 'kinespace[page]'") from error
+
+
+def serve_page(plan: PagePlan, started: Callable[[str], None], wants_end: Callable[[], bool]) -> None:
+    """Serve a page; `started` is told its address, and `wants_end` is asked some times a second.
+
+    Raises
+    ------
+    ImportError
+        The library is not installed.
+    OSError
+        The address is taken, or impossible.
+    ValueError
+        An address cannot be read, or the keys cannot be used.
+    """
+    require_websockets()
+    from kinespace.tools.page.server import PageServer  # noqa: PLC0415 - needs an extra
+
+    host, port = host_and_port(plan.address)
+    keyring = Keyring(plan.keys) if plan.keys else None
+    subscription = Subscription(Endpoint.parse(plan.source, bind=False), keyring)
+    door = ControlDoor(Endpoint.parse(plan.control, bind=False), keyring) if plan.control else None
+
+    server = PageServer(subscription, door, Gate.for_host(host))
+    try:
+        # Windows' own loop cannot wait for ZeroMQ.
+        with asyncio.Runner(loop_factory=asyncio.SelectorEventLoop) as runner:
+            runner.run(server.run(host, port, started, wants_end))
+    except OSError as error:
+        raise OSError(error.errno, f"{plan.address}: {error.strerror}") from error
+    finally:
+        subscription.close()
+        if door:
+            door.close()
+        if keyring:
+            keyring.close()
+
+
+class PageProcess:
+    """A page in a process of its own; a context manager.
+
+    Parameters
+    ----------
+    plan
+        What to serve.
+
+    Attributes
+    ----------
+    address
+        The page's address.
+
+    Raises
+    ------
+    ImportError, OSError, ValueError
+        As `serve_page`.
+    """
+
+    def __init__(self, plan: PagePlan) -> None:
+        require_websockets()
+        context = multiprocessing.get_context("spawn")
+        self._connection, theirs = context.Pipe()
+        self._process = context.Process(target=_serve, args=(theirs, plan), daemon=True)
+        self._process.start()
+        theirs.close()
+        try:
+            told = self._connection.recv() if self._connection.poll(_MAX_START) else TimeoutError("the page is silent")
+        except EOFError:
+            told = ChildProcessError("the page's process ended before it began")
+        if isinstance(told, Exception):
+            self._end()
+            raise told
+        self.address = str(told)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._end()
+
+    def _end(self) -> None:
+        self._connection.close()
+        self._process.join(_MAX_END)
+        if self._process.is_alive():
+            self._process.kill()
+            self._process.join()
+
+
+def _serve(connection: Connection, plan: PagePlan) -> None:
+    """Run in the child: say the address, go on until the parent closes its end or is gone."""
+    for name in ("SIGINT", "SIGHUP", "SIGBREAK"):
+        if hasattr(signal, name):
+            signal.signal(getattr(signal, name), signal.SIG_IGN)
+    with suppress(BrokenPipeError, ConnectionError):
+        try:
+            serve_page(plan, connection.send, connection.poll)
+        except (OSError, ValueError, ImportError) as error:
+            connection.send(error)

@@ -1,0 +1,176 @@
+"""What browsers ask of the server, checked: their HTTP requests, and the messages of an open page. No sockets."""
+
+from __future__ import annotations
+
+import ipaddress
+import secrets
+from dataclasses import dataclass
+from importlib import resources
+from typing import TYPE_CHECKING, Annotated
+from urllib.parse import parse_qs, urlsplit
+
+import msgspec
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+#: Bytes of a message from a page, at most.
+MAX_MESSAGE = 4096
+#: The path of the WebSocket.
+SOCKET = "/live"
+_TYPES = {"html": "text/html", "css": "text/css", "js": "text/javascript", "svg": "image/svg+xml"}
+_POLICY = (
+    "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self'; connect-src 'self' ws://{host}; "
+    "base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+)
+_Short = Annotated[str, msgspec.Meta(max_length=256)]
+_Count = Annotated[int, msgspec.Meta(ge=0, le=2**53)]
+
+
+class Wrong(msgspec.Struct, forbid_unknown_fields=True):
+    """A bar of the timeline was wrong: it was another class, or `nothing`."""
+
+    performer: _Short
+    bar: _Count
+    meant: _Short
+
+
+class Play(msgspec.Struct, forbid_unknown_fields=True):
+    """How a recording is played: which, from which second, how fast; speed 0 pauses."""
+
+    recording: _Short
+    at: Annotated[float, msgspec.Meta(ge=0, le=1e6)] = 0.0
+    speed: Annotated[float, msgspec.Meta(ge=0, le=16)] = 1.0
+
+
+class Message(msgspec.Struct, forbid_unknown_fields=True):
+    """A message of a page: what it has drawn, or one request.
+
+    Attributes
+    ----------
+    ack
+        The number of the message that has been drawn.
+    ask
+        A command for the control door.
+    wrong, play
+        As their types say.
+    """
+
+    ack: _Count | None = None
+    ask: Annotated[dict[_Short, _Short | float | bool], msgspec.Meta(max_length=8)] | None = None
+    wrong: Wrong | None = None
+    play: Play | None = None
+
+
+_read = msgspec.json.Decoder(Message).decode
+
+
+def read_message(text: str | bytes) -> Message:
+    """Read a message of a page.
+
+    Raises
+    ------
+    ValueError
+        It is no text, too long, no JSON, or holds anything but one of the four.
+    """
+    if not isinstance(text, str) or len(text) > MAX_MESSAGE:
+        raise ValueError(f"message: expected text of at most {MAX_MESSAGE} characters, got {len(text)} of another kind")
+    try:
+        message = _read(text)
+    except RecursionError as error:
+        raise ValueError("message: expected flat JSON") from error
+    if sum(each is not None for each in (message.ack, message.ask, message.wrong, message.play)) != 1:
+        raise ValueError("message: expected one of ack, ask, wrong, play")
+    return message
+
+
+@dataclass(frozen=True, slots=True)
+class Reply:
+    """An HTTP response."""
+
+    status: int
+    body: bytes
+    headers: Mapping[str, str]
+
+
+@dataclass(frozen=True, slots=True)
+class Gate:
+    """Who is let in.
+
+    Attributes
+    ----------
+    token
+        What a page must show to open its WebSocket; empty on an address that only this machine reaches.
+    names
+        Names of this machine, beside its addresses, under which a browser may ask for the page.
+    """
+
+    token: str = ""
+    names: frozenset[str] = frozenset({"localhost"})
+
+    @classmethod
+    def for_host(cls, host: str) -> Gate:
+        """Ask for a token where other machines can reach us."""
+        try:
+            alone = ipaddress.ip_address(host).is_loopback
+        except ValueError:
+            alone = host == "localhost"
+        return cls("" if alone else secrets.token_urlsafe(16), frozenset({"localhost", host.lower()}))
+
+    def answer(self, target: str, headers: Mapping[str, str]) -> Reply | None:
+        """Answer an HTTP request; None opens a WebSocket.
+
+        A page of another site may open sockets to this machine, and may call this machine by a name of its own: the
+        host must be an address or a name of ours, and a WebSocket must come from our own page.
+
+        Parameters
+        ----------
+        target
+            The path with its query.
+        headers
+            By lower-case name.
+        """
+        host = headers.get("host", "")
+        if not self._knows(host):
+            return _refusal(403, "this name is not ours")
+        path, _, query = target.partition("?")
+        if path != SOCKET:
+            return static_file(path, host)
+        if headers.get("origin") != f"http://{host}":
+            return _refusal(403, "not our page")
+        shown = parse_qs(query).get("token", [""])[0]
+        if self.token and not secrets.compare_digest(shown.encode(), self.token.encode()):
+            return _refusal(401, "the address that kinespace printed has a token")
+        return None
+
+    def _knows(self, host: str) -> bool:
+        name = (urlsplit(f"//{host}").hostname or "") if host.isprintable() and "@" not in host else ""
+        try:
+            ipaddress.ip_address(name)
+        except ValueError:
+            return name in self.names
+        return True
+
+
+def static_file(path: str, host: str) -> Reply:
+    """Give a file of the page by its path; only files of `static/` itself."""
+    name = path.removeprefix("/") or "index.html"
+    kind = _TYPES.get(name.rpartition(".")[2], "")
+    file = resources.files("kinespace.tools.page") / "static" / name
+    if not kind or "/" in name or "\\" in name or not file.is_file():
+        return _refusal(404, "no such file")
+    policy = {"Content-Security-Policy": _POLICY.format(host=host), "Content-Type": f"{kind}; charset=utf-8"}
+    return Reply(200, file.read_bytes(), _GUARDS | policy)
+
+
+_GUARDS = {
+    "Cache-Control": "no-store",
+    "Cross-Origin-Opener-Policy": "same-origin",
+    "Cross-Origin-Resource-Policy": "same-origin",
+    "Referrer-Policy": "no-referrer",
+    "X-Content-Type-Options": "nosniff",
+}
+
+
+def _refusal(status: int, why: str) -> Reply:
+    return Reply(status, f"kinespace: {why}\n".encode(), _GUARDS | {"Content-Type": "text/plain; charset=utf-8"})

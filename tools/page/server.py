@@ -1,0 +1,236 @@
+"""The page's server: one port for the files and for the WebSockets of open pages.
+
+A page gets one message at a time. It says which it has drawn, and then gets what is newer than that: a slow or sleeping
+page makes nobody wait, and nothing is kept for it.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from collections import deque
+from contextlib import suppress
+from http import HTTPStatus
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from websockets.asyncio.server import serve
+from websockets.datastructures import Headers
+from websockets.exceptions import ConnectionClosed
+from websockets.http11 import Response
+
+from kinespace.tools.page.board import Board
+from kinespace.tools.page.requests import MAX_MESSAGE, Gate, read_message
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from websockets.asyncio.server import ServerConnection
+    from websockets.http11 import Request
+
+    from kinespace.tools.page.link import ControlDoor, Subscription
+    from kinespace.tools.page.requests import Message, Wrong
+
+#: Open pages, at most.
+MAX_PAGES = 16
+#: Seconds between two messages to a page, at least; between two looks when nothing wakes us; and
+#: between two reports of how long drawing takes.
+_PACE, _LOOK, _REPORT = 1 / 35, 0.2, 1.0
+#: Latencies that are remembered of a page: some seconds.
+_MAX_LATENCIES = 256
+#: Seconds that a page may stay silent in the handshake.
+_MAX_OPENING = 5.0
+_NO_DOOR = "start kinespace live with --teach FILE to teach from here"
+_NO_REPLY = "the recogniser does not reply"
+
+
+class _Page:
+    """One open page: what it has seen, and how long it takes to draw."""
+
+    def __init__(self) -> None:
+        self.ready, self.woken = asyncio.Event(), asyncio.Event()
+        self.ready.set()
+        self.woken.set()
+        self.seen = self.sent = 0
+        self.replies: list[dict[str, Any]] = []
+        self._answered = self._newest = 0.0
+        self._latencies = deque[float](maxlen=_MAX_LATENCIES)
+        self._reported = 0.0
+
+    def noted(self, number: int, answered: float) -> None:
+        """Note that a message was sent; `answered` is when the newest answer in it came."""
+        # The first message holds answers from before the page was opened.
+        self._answered = answered if answered > self._newest and self.sent else 0.0
+        self._newest, self.sent = answered, number
+        self.ready.clear()
+
+    def acknowledged(self, number: int, now: float) -> None:
+        """Note that a message was drawn."""
+        if number != self.sent:
+            return
+        self.seen = number
+        if self._answered:
+            self._latencies.append(now - self._answered)
+        self.ready.set()
+
+    def report(self, now: float) -> dict[str, object]:
+        """Tell from time to time how long it took from an answer's coming here until it was drawn."""
+        if now < self._reported + _REPORT or not self._latencies:
+            return {}
+        self._reported = now
+        return {"drawn": np.percentile(self._latencies, (50, 99)).round(5).tolist()}
+
+
+class PageServer:
+    """Serves the page and keeps the board.
+
+    Parameters
+    ----------
+    subscription
+        What the recogniser publishes.
+    door
+        The recogniser's control door; None: pages only look.
+    gate
+        Who is let in.
+    """
+
+    def __init__(self, subscription: Subscription, door: ControlDoor | None, gate: Gate) -> None:
+        self.board = Board()
+        self._subscription, self._door, self._gate = subscription, door, gate
+        self._pages: set[_Page] = set()
+        self._clock = time.monotonic
+        #: Whether the door's classes and settings may have changed, and the question that is on its way.
+        self._stale = True
+        self._asking: asyncio.Task[object] | None = None
+
+    async def run(self, host: str, port: int, started: Callable[[str], None], wants_end: Callable[[], bool]) -> None:
+        """Serve until it is to end, which is asked some times a second; `started` is told the page's address."""
+        loop = asyncio.get_running_loop()
+        loop.add_reader(self._subscription.fileno(), self._hear)
+        serving = serve(
+            self._talk,
+            host,
+            port,
+            process_request=self._answer,
+            max_size=MAX_MESSAGE,
+            max_queue=4,
+            compression=None,
+            open_timeout=_MAX_OPENING,
+            server_header=None,
+        )
+        async with serving as server:
+            port = next(iter(server.sockets)).getsockname()[1]
+            named = f"[{host}]" if ":" in host else host
+            started(f"http://{named}:{port}/" + (f"?token={self._gate.token}" if self._gate.token else ""))
+            while not wants_end():
+                # The file number wakes us for the first of several messages alone, and at times for none.
+                self._hear()
+                self._ask_for_state()
+                await asyncio.sleep(_LOOK)
+        loop.remove_reader(self._subscription.fileno())
+
+    def _hear(self) -> None:
+        now, before = self._clock(), self.board.number
+        self._subscription.want_bodies(wanted=bool(self._pages))
+        for parts in self._subscription.messages():
+            self.board.take(parts, now)
+            if parts[0] in (b"teach/", b"classes/"):
+                self._stale = True
+        if self.board.number != before:
+            self._wake()
+
+    def _ask_for_state(self) -> None:
+        """Ask the door again while it has not replied: it may have come later than we, or anew."""
+        if self._stale and self._door and self._pages and (self._asking is None or self._asking.done()):
+            self._asking = asyncio.create_task(self._ask({"do": "list"}))
+
+    def _wake(self) -> None:
+        for page in self._pages:
+            page.woken.set()
+
+    def _answer(self, connection: ServerConnection, request: Request) -> Response | None:
+        """Answer an HTTP request; None goes on to a WebSocket."""
+        del connection
+        headers = {name.lower(): value for name, value in request.headers.raw_items()}
+        reply = self._gate.answer(request.path, headers)
+        if reply is None and len(self._pages) < MAX_PAGES:
+            return None
+        if reply is None:
+            return Response(503, HTTPStatus(503).phrase, Headers({"Content-Length": "0", "Connection": "close"}))
+        fields = {"Content-Length": str(len(reply.body)), "Connection": "close", **reply.headers}
+        return Response(reply.status, HTTPStatus(reply.status).phrase, Headers(fields), reply.body)
+
+    async def _talk(self, connection: ServerConnection) -> None:
+        """Serve one page until it leaves; one that sends rubbish is closed."""
+        page = _Page()
+        self._pages.add(page)
+        self._hear()
+        telling = asyncio.create_task(self._tell(connection, page))
+        self._ask_for_state()
+        try:
+            async for text in connection:
+                message = read_message(text)
+                if message.ack is not None:
+                    page.acknowledged(message.ack, self._clock())
+                else:
+                    page.replies.append(await self._do(message))
+                    self._wake()
+        except ValueError as error:
+            await connection.close(1008, str(error)[:100])
+        except ConnectionClosed:
+            pass
+        finally:
+            self._pages.discard(page)
+            telling.cancel()
+            await asyncio.gather(telling, return_exceptions=True)
+
+    async def _tell(self, connection: ServerConnection, page: _Page) -> None:
+        """Send what is new whenever the page has drawn what it had."""
+        with suppress(ConnectionClosed):
+            while True:
+                await page.ready.wait()
+                await page.woken.wait()
+                page.woken.clear()
+                now = self._clock()
+                replies, page.replies = page.replies, []
+                further = page.report(now) | ({"replies": replies} if replies else {})
+                message = self.board.news(page.seen, now, **further)
+                page.noted(self.board.number, self.board.newest_answer())
+                await connection.send(message)
+                await asyncio.sleep(_PACE)
+
+    async def _do(self, message: Message) -> dict[str, Any]:
+        """Carry out a page's request; give what it is told."""
+        if message.wrong is not None:
+            return await self._correct(message.wrong)
+        if message.ask is not None:
+            return await self._ask(message.ask)
+        return {"states": [_refused("there is nothing to play here")]}
+
+    async def _correct(self, wrong: Wrong) -> dict[str, Any]:
+        """Teach that a bar of the timeline was another class."""
+        found = self.board.bar(wrong.performer, wrong.bar, self._clock())
+        if found is None:
+            return {"states": [_refused("this motion is too long ago")]}
+        _, seconds, ago = found
+        command = {"do": "last", "performer": wrong.performer, "seconds": seconds, "class": wrong.meant, "ago": ago}
+        reply = await self._ask(command)
+        if all(state.get("state") != "refused" for state in reply["states"]):
+            self.board.mark_wrong(wrong.performer, wrong.bar, wrong.meant)
+        return reply
+
+    async def _ask(self, command: dict[str, Any]) -> dict[str, Any]:
+        """Ask the control door; every page is told what has changed."""
+        if self._door is None:
+            return {"states": [_refused(_NO_DOOR)]}
+        reply = await asyncio.to_thread(self._door.ask, command)
+        if reply is None:
+            return {"states": [_refused(_NO_REPLY)]}
+        states, self._stale = reply.pop("states"), False
+        self.board.take_reply(reply)
+        self._wake()
+        return {"states": states}
+
+
+def _refused(reason: str) -> dict[str, Any]:
+    return {"performer": "", "state": "refused", "seconds": 0.0, "reason": reason}

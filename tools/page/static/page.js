@@ -1,0 +1,399 @@
+"use strict";
+// The live page: takes one message at a time from kinespace, draws it, says so, and sends back what a person asks for.
+
+const SHOWN = 60; // seconds of the timeline
+const KEPT_SCORES = 620; // points of a score's line: a minute at ten a second
+const SILENT = 2.5; // seconds without a status after which the recogniser counts as away
+const byId = (id) => document.getElementById(id);
+/** Make an element with text; text from outside never becomes markup. */
+function made(kind, { className = "", text = "" } = {}, ...children) {
+  const element = document.createElement(kind);
+  element.className = className;
+  if (text) element.textContent = text;
+  element.append(...children);
+  return element;
+}
+const number = (value, digits = 2) => (Number.isFinite(value) ? value.toFixed(digits) : "–");
+
+/** All that the page knows. `drawn` counts pictures; tests and the curious may look. */
+const page = { performers: new Map(), classes: [], control: null, status: null, chosen: "", now: 0, since: 0, drawn: 0,
+  hits: [], sound: true, theme: null, drawnAfter: null };
+window.kinespace = page;
+
+// --- what comes ---
+
+const decoder = new TextDecoder();
+let socket = null;
+let waiting = null; // the message to be drawn next
+
+function connect() {
+  socket = new WebSocket(`ws://${location.host}/live${location.search}`);
+  socket.binaryType = "arraybuffer";
+  socket.addEventListener("open", () => forget());
+  socket.addEventListener("message", ({ data }) => { waiting = data; requestAnimationFrame(show); });
+  socket.addEventListener("close", () => {
+    tellState("no connection to kinespace page, trying again …", true);
+    setTimeout(connect, 1000);
+  });
+}
+
+function send(message) {
+  if (socket.readyState === WebSocket.OPEN) socket.send(JSON.stringify(message));
+}
+
+function forget() {
+  for (const name of [...page.performers.keys()]) leave(name);
+  page.status = page.control = null;
+  page.classes = [];
+}
+
+function show() {
+  if (waiting === null) return;
+  const message = waiting;
+  waiting = null;
+  const size = new DataView(message).getUint32(0, true);
+  const news = JSON.parse(decoder.decode(new Uint8Array(message, 4, size)));
+  let place = 4 + size;
+  try {
+    take(news);
+    for (const [name, joints] of news.bodies ?? []) {
+      page.performers.get(name)?.stage.setBody(new Float32Array(message, place, 3 * joints));
+      place += 12 * joints;
+    }
+    draw();
+    page.drawn += 1;
+  } finally {
+    send({ ack: news.number }); // or nothing would come any more
+  }
+}
+
+function take(news) {
+  page.now = news.now;
+  page.since = performance.now();
+  if (news.here) {
+    for (const name of [...page.performers.keys()].filter((each) => !news.here.includes(each))) leave(name);
+    news.here.filter((each) => !page.performers.has(each)).forEach(enter);
+  }
+  if (news.classes) { page.classes = news.classes; listClasses(); }
+  if (news.control) { page.control = news.control; listClasses(); showControl(); }
+  if (news.status) { page.status = news.status; showStatus(); }
+  if (news.drawn) { page.drawnAfter = news.drawn; }
+  for (const [name, { names, parents }] of Object.entries(news.skeleton ?? {})) page.performers.get(name)?.stage.setSkeleton(names, parents);
+  for (const [name, carried] of Object.entries(news.carried ?? {})) { const each = page.performers.get(name); if (each) each.carried = carried; }
+  for (const [name, answer] of Object.entries(news.answer ?? {})) takeAnswer(page.performers.get(name), answer);
+  for (const [name, at, guess] of news.guesses ?? []) page.performers.get(name)?.guesses.push([at, guess]);
+  for (const motion of news.motions ?? []) takeMotion(motion);
+  (news.notices ?? []).filter((notice) => page.now - notice.at < 3).forEach(takeNotice);
+  (news.replies ?? []).forEach(takeReply);
+}
+
+function takeAnswer(performer, answer) {
+  if (!performer) return;
+  performer.answer = answer;
+  const last = performer.scores.at(-1);
+  if (!last || answer.at - last[0] >= 0.1) performer.scores.push([answer.at, answer.named || answer.guess ? answer.score : 0]);
+  if (performer.scores.length > KEPT_SCORES) performer.scores.shift();
+}
+
+function takeMotion([name, key, className, begin, end, mark, meant]) {
+  const performer = page.performers.get(name);
+  if (!performer) return;
+  performer.motions.set(key, { key, className, begin, end, mark, meant });
+  for (const [old, motion] of performer.motions) if (motion.end !== null && motion.end < page.now - SHOWN - 5) performer.motions.delete(old);
+  performer.guesses = performer.guesses.filter(([at], place, all) => !(place < all.length - 1 && all[place + 1][0] < page.now - SHOWN));
+  const going = [...performer.motions.values()].find((motion) => motion.end === null);
+  const doing = going ? going.className : "";
+  if (performer.doing.textContent !== doing) performer.doing.textContent = doing;
+  if (name === page.chosen) listMotions();
+}
+
+// --- performers ---
+
+function enter(name) {
+  const canvas = made("canvas");
+  canvas.tabIndex = 0;
+  canvas.setAttribute("role", "img");
+  canvas.setAttribute("aria-label", `The body of ${name}: arrows turn it, plus and minus zoom, 0 resets`);
+  const [doing, moment, lesson, carried] = [made("p", { className: "doing" }), made("p", { className: "moment" }),
+    made("div", { className: "lesson" }), made("p", { className: "carried" })];
+  doing.setAttribute("aria-live", "polite");
+  lesson.setAttribute("aria-hidden", "true");
+  const card = made("article", { className: "stage" }, canvas,
+    made("div", { className: "told" }, made("p", { className: "who", text: name }), doing, moment), carried, lesson);
+  card.setAttribute("aria-label", name);
+  card.addEventListener("pointerdown", () => choose(name));
+  canvas.addEventListener("focus", () => choose(name));
+  byId("stages").append(card);
+  page.performers.set(name, { name, card, doing, moment, lesson, carriedBy: carried, stage: new Stage(canvas), carried: null,
+    answer: null, motions: new Map(), guesses: [], scores: [] });
+  arrange();
+}
+
+function leave(name) {
+  page.performers.get(name)?.card.remove();
+  page.performers.delete(name);
+  arrange();
+}
+
+function arrange() {
+  byId("empty").hidden = page.performers.size > 0;
+  byId("stages").dataset.count = page.performers.size;
+  if (!page.performers.has(page.chosen)) choose(page.performers.keys().next().value ?? "");
+}
+
+function choose(name) {
+  if (page.chosen === name) return;
+  page.chosen = name;
+  for (const each of page.performers.values()) each.card.setAttribute("aria-current", String(each.name === name));
+  byId("bars-title").textContent = name ? `Classes · ${name}` : "Classes";
+  listMotions();
+}
+
+// --- drawing ---
+
+function draw() {
+  page.theme ??= themeOf(document.documentElement);
+  const light = document.documentElement.dataset.theme === "light";
+  for (const performer of page.performers.values()) drawPerformer(performer, light);
+  drawScores();
+  drawPast();
+}
+
+function drawPerformer(performer, light) {
+  const { answer, stage, carried } = performer;
+  const class_ = answer ? page.classes.indexOf(answer.named ? answer.label : performer.doing.textContent) : -1;
+  const progress = answer?.progress;
+  stage.draw({ colour: colourOf(class_, light ? 0.58 : 0.78), carried: answer?.label === "still" ? null : carried,
+    phase: progress ? progress.phase : null, theme: page.theme });
+  if (!answer) return;
+  const scores = answer.label === "still" ? [] : [`score ${number(answer.score)}`, `margin ${number(answer.margin)}`];
+  const how = progress ? [`${Math.round(100 * progress.phase)} %`, `${number(progress.speed, 1)} × as fast`] : [];
+  performer.moment.replaceChildren(made("b", { text: answer.label }), ` ${[...scores, ...how].join(" · ")}`);
+  performer.carriedBy.textContent = answer.label === "still" || !carried ? "" : carriedInWords(stage, carried);
+}
+
+/** Name the joints that weigh most: every joint's share of the leading eigenvector. */
+function carriedInWords(stage, carried) {
+  const heaviest = carried.joints.map((share, joint) => [share, stage.names[joint]]).sort(([one], [other]) => other - one);
+  return `carried by ${heaviest.slice(0, 3).map(([share, name]) => `${name} ${Math.round(100 * share)} %`).join(", ")}`;
+}
+
+function drawScores() {
+  const answer = page.performers.get(page.chosen)?.answer;
+  page.rows?.forEach(({ row, fill, score, name }, index) => {
+    const value = answer?.scores[index] ?? null;
+    fill.style.transform = `scaleX(${value === null ? 0 : Math.max(0, Math.min(value, 1)).toFixed(3)})`;
+    score.textContent = value === null ? "" : value.toFixed(2);
+    row.classList.toggle("best", answer?.guess === name);
+  });
+}
+
+function drawPast() {
+  const canvas = byId("timeline");
+  const rows = [...page.performers.values()].map(rowOf);
+  const height = `${Math.max(heightOf(rows), 70)}px`;
+  if (canvas.style.height !== height) canvas.style.height = height;
+  page.hits = drawTimeline(canvas, rows, { from: page.now - SHOWN, to: page.now, at: null, theme: page.theme, origin: page.now,
+    tick: 10, told: (second) => `${Math.round(second - page.now)} s` });
+}
+
+function rowOf(performer) {
+  const until = performer.answer?.at ?? page.now;
+  const bars = [...performer.motions.values()].map((motion) => ({ ...motion, end: motion.end ?? until, label: motion.className,
+    colour: colourOf(page.classes.indexOf(motion.className)) }));
+  const guesses = performer.guesses.map(([begin, guess], place, all) => ({ begin, end: all[place + 1]?.[0] ?? until,
+    colour: guess ? colourOf(page.classes.indexOf(guess)) : "transparent" }));
+  return { name: performer.name, key: performer.name, lanes: [{ height: 24, bars }, { height: 7, bars: guesses }],
+    line: page.performers.size <= 2 ? performer.scores : null };
+}
+
+// --- lists ---
+
+function listClasses() {
+  const list = byId("classes");
+  list.replaceChildren();
+  page.rows = page.classes.map((name, index) => {
+    const fill = made("span", { className: "fill" });
+    fill.style.background = colourOf(index);
+    const score = made("span", { className: "score" });
+    const examples = page.control?.taught[name];
+    const named = made("span", { className: "name", text: name }, ...(examples ? [made("small", { text: `  taught ${examples}×` })] : []));
+    const row = made("button", {}, named, score, made("span", { className: "track" }, fill));
+    row.type = "button";
+    row.disabled = !page.control;
+    row.classList.toggle("off", Boolean(page.control?.off.includes(name)));
+    row.addEventListener("click", () => openClass(name));
+    list.append(made("li", {}, row));
+    return { row, fill, score, name };
+  });
+  byId("names").replaceChildren(...page.classes.map((name) => new Option("", name)));
+}
+
+function listMotions() {
+  const performer = page.performers.get(page.chosen);
+  const motions = [...(performer?.motions.values() ?? [])].filter((motion) => motion.end !== null).reverse();
+  byId("motions").replaceChildren(...motions.map((motion) => {
+    const seconds = `${motion.className} ${number(motion.end - motion.begin, 1)} s`;
+    const button = made("button", { className: motion.mark, text: motion.mark === "taught" ? `taught ${seconds}` : seconds });
+    button.type = "button";
+    button.style.borderLeftColor = colourOf(page.classes.indexOf(motion.className));
+    if (motion.mark === "wrong") button.append(` was ${motion.meant}`);
+    button.addEventListener("click", () => openWrong(performer, motion));
+    return made("li", {}, button);
+  }));
+}
+
+function showStatus() {
+  const { counters, hop, notes, further, frames } = page.status;
+  byId("counters").textContent = counters.map(([words, count]) => `${words} ${count}`).join(", ");
+  const drawn = page.drawnAfter ? `; answer to drawn ${page.drawnAfter.map((each) => number(1000 * each, 0)).join(" / ")} ms` : "";
+  byId("latency").textContent = `frame to answer ${hop.map((each) => number(1000 * each, 1)).join(" / ")} ms${drawn} (p50 / p99)`;
+  const lines = [...notes, ...(further ? [`${further} further performers are not shown`] : [])];
+  byId("notes").replaceChildren(...lines.map((text) => made("li", { text })));
+  tellState(`live · ${number(frames, 0)} frames/s`, false);
+}
+
+function tellState(text, lost) {
+  const state = byId("state");
+  if (state.textContent !== text) state.textContent = text;
+  state.classList.toggle("lost", lost);
+}
+
+setInterval(() => {
+  if (socket.readyState !== WebSocket.OPEN || document.hidden) return;
+  const now = page.now + (performance.now() - page.since) / 1000;
+  if (!page.status || now - page.status.at > SILENT) tellState("no recogniser: waiting for kinespace live", true);
+}, 500);
+
+// --- teaching ---
+
+const ask = (command) => send({ ask: command });
+
+function showControl() {
+  byId("teach").toggleAttribute("data-on", Boolean(page.control));
+  const { sensitivity, records, recording } = page.control;
+  const slider = byId("sensitivity");
+  slider.closest("label").hidden = sensitivity === null;
+  if (sensitivity !== null && document.activeElement !== slider) slider.value = sensitivity;
+  byId("sensitivity-shown").textContent = sensitivity === null ? "" : number(sensitivity);
+  byId("record").hidden = !records;
+  byId("record").classList.toggle("on", Boolean(recording));
+  byId("record").textContent = recording ? "Stop recording" : "Record";
+}
+
+byId("teach").addEventListener("submit", (event) => {
+  event.preventDefault();
+  beep(0, 0);
+  ask({ do: "teach", performer: page.chosen, class: byId("name").value.trim(), repetitions: Number(byId("times").value) });
+});
+for (const button of document.querySelectorAll("[data-do]")) button.addEventListener("click", () => ask({ do: button.dataset.do }));
+byId("sensitivity").addEventListener("change", ({ target }) => ask({ do: "sensitivity", share: Number(target.value) }));
+byId("record").addEventListener("click", () => ask({ do: "record", on: !page.control.recording }));
+
+function takeNotice({ performer: name, state, seconds, reason, taught, check, examples }) {
+  if (taught) { say(`${taught}: ${examples} ${examples === 1 ? "example" : "examples"}, ${check}`); return; }
+  const performer = page.performers.get(name);
+  const words = { waiting: "move now", recording: "recording", checking: "checking" }[state];
+  if (performer) {
+    performer.lesson.textContent = state === "countdown" ? String(Math.round(seconds)) : words ?? "";
+    performer.lesson.classList.toggle("words", state !== "countdown");
+  }
+  if (state === "countdown") { beep(440, 0.12); say(String(Math.round(seconds))); }
+  if (state === "waiting") { beep(880, 0.3); say("move now"); }
+  if (state === "checking") beep(660, 0.15);
+  if (state === "refused") { beep(180, 0.4); say(`refused: ${reason}`); }
+  if (state === "done" && !performer) say(reason);
+}
+
+function takeReply({ states }) {
+  const refused = states.find((each) => each.state === "refused");
+  if (refused) say(`refused: ${refused.reason}`);
+}
+
+let silence = 0;
+function say(text) {
+  byId("said").textContent = text;
+  clearTimeout(silence);
+  silence = setTimeout(() => { byId("said").textContent = ""; }, 5000);
+}
+
+let audio = null;
+/** Sound a tone; the first call must come from a click, or a browser stays silent. */
+function beep(pitch, seconds) {
+  if (!page.sound) return;
+  audio ??= new AudioContext();
+  if (!pitch) return;
+  const [tone, volume] = [audio.createOscillator(), audio.createGain()];
+  tone.frequency.value = pitch;
+  volume.gain.setValueAtTime(0.2, audio.currentTime);
+  volume.gain.exponentialRampToValueAtTime(0.001, audio.currentTime + seconds);
+  tone.connect(volume).connect(audio.destination);
+  tone.start();
+  tone.stop(audio.currentTime + seconds);
+}
+
+function openClass(name) {
+  const dialog = byId("class");
+  byId("class-title").textContent = name;
+  byId("enabled").checked = !page.control.off.includes(name);
+  byId("enabled").onchange = ({ target }) => ask({ do: "enable", class: name, on: target.checked });
+  byId("own").hidden = !(name in page.control.taught);
+  byId("rename").value = name;
+  dialog.returnValue = "";
+  dialog.onclose = () => {
+    if (dialog.returnValue === "rename") ask({ do: "rename", class: name, to: byId("rename").value.trim() });
+    if (dialog.returnValue === "forget") ask({ do: "forget", class: name });
+  };
+  dialog.showModal();
+}
+
+function openWrong(performer, motion) {
+  if (!page.control || motion.end === null || motion.mark === "taught") return;
+  const dialog = byId("wrong");
+  byId("wrong-title").textContent = `${motion.className}, ${number(motion.end - motion.begin, 1)} s`;
+  byId("meant").replaceChildren(...["nothing", ...page.classes.filter((name) => name !== motion.className)].map((name) => new Option(name)));
+  dialog.returnValue = "";
+  dialog.onclose = () => {
+    if (dialog.returnValue) send({ wrong: { performer: performer.name, bar: motion.key, meant: byId("meant").value } });
+  };
+  dialog.showModal();
+}
+
+byId("timeline").addEventListener("click", (event) => {
+  const hit = page.hits.find(({ x, y, width, height, bar }) => bar.key && event.offsetX >= x && event.offsetX <= x + width
+    && event.offsetY >= y && event.offsetY <= y + height);
+  if (!hit) return;
+  choose(hit.row.key);
+  const performer = page.performers.get(hit.row.key);
+  openWrong(performer, performer.motions.get(hit.bar.key));
+});
+
+// --- the page ---
+
+byId("sound").addEventListener("click", ({ target }) => {
+  page.sound = !page.sound;
+  target.setAttribute("aria-pressed", String(page.sound));
+});
+
+function setTheme(theme) {
+  document.documentElement.dataset.theme = theme;
+  byId("theme").textContent = theme === "light" ? "Dark" : "Light";
+  page.theme = null;
+}
+byId("theme").addEventListener("click", () => {
+  const theme = document.documentElement.dataset.theme === "light" ? "dark" : "light";
+  localStorage.setItem("theme", theme);
+  setTheme(theme);
+  draw();
+});
+
+document.addEventListener("keydown", (event) => {
+  if (event.target.closest("input, select, dialog") || event.ctrlKey || event.metaKey || event.altKey) return;
+  const name = [...page.performers.keys()][Number(event.key) - 1];
+  if (name && event.target.tagName !== "CANVAS") choose(name);
+  if (event.key === "t" && page.control) { event.preventDefault(); byId("name").focus(); }
+  if (event.key === "Escape" && page.control) ask({ do: "cancel" });
+});
+
+setTheme(localStorage.getItem("theme") ?? (matchMedia("(prefers-color-scheme: light)").matches ? "light" : "dark"));
+connect();

@@ -1,0 +1,48 @@
+"""`kinespace page`: a page in the browser that shows a recogniser's bodies and answers, and teaches it."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from kinespace.tools.cli.address import host_and_port
+from kinespace.tools.cli.arguments import PAGE, add_keys
+from kinespace.tools.cli.interruption import stop_on_signals
+from kinespace.tools.page.process import PagePlan, serve_page
+from kinespace.tools.terminal.console import console
+
+if TYPE_CHECKING:
+    import argparse
+
+#: Where `kinespace live --zmq-out` usually publishes.
+SOURCE = "tcp://127.0.0.1:9321"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the program's options."""
+    parser.description = (
+        "Serves a page that shows the bodies, the guesses and the past minute of a recogniser that publishes over "
+        "ZeroMQ (kinespace live --zmq-out ENDPOINT --bodies), until Ctrl-C. kinespace live --page starts it by itself."
+    )
+    parser.add_argument("--from", dest="source", default=SOURCE, metavar="ENDPOINT", help="default %(default)s")
+    parser.add_argument(
+        "--control", metavar="ENDPOINT", help="teach through this door, which kinespace live --control opens"
+    )
+    host, port = host_and_port(PAGE)
+    parser.add_argument(
+        "--host",
+        default=host,
+        help="pages on other machines need the token that is printed (default %(default)s)",
+    )
+    parser.add_argument("--port", type=int, default=port, help="where the page is (default %(default)s)")
+    add_keys(parser)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Run the program with these options; return the exit status."""
+    ended: list[bool] = []
+    stop_on_signals(lambda: ended.append(True))
+    plan = PagePlan(options.source, f"{options.host}:{options.port}", options.control, options.keys)
+    serve_page(
+        plan, lambda address: console.print(f"page: {address}; Ctrl-C ends", soft_wrap=True), lambda: bool(ended)
+    )
+    return 0

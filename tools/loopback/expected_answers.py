@@ -51,7 +51,6 @@ class AnswerMatcher:
     def __init__(self, expected: Sequence[Expected]) -> None:
         self._waiting = deque(expected)
         self.lost = 0
-        self.unexpected = 0
 
     def match(self, answer: Answer) -> Expected | None:
         """Give the expected answer that this answer is; None for an unexpected answer."""
@@ -61,7 +60,6 @@ class AnswerMatcher:
                     self._waiting.popleft()
                 self.lost += skipped
                 return expected
-        self.unexpected += 1
         return None
 
     @property

@@ -38,7 +38,7 @@ def folders(place: Path, *names: str) -> list[Path]:
 def test_key_files_are_in_zmqs_format_and_private(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """The program makes a folder with both files; no other user reads them, and the pair is one."""
     assert main(["keys", "ann", "--keys", str(tmp_path / "mine")]) == 0
-    assert "secret, for nobody else" in capsys.readouterr().out
+    assert "secret, keep it here" in capsys.readouterr().out
     public, secret = tmp_path / "mine" / "ann.key", tmp_path / "mine" / "ann.key_secret"
     shown, (known, kept) = load_certificate(public), load_certificate(secret)
     assert shown == (known, None)

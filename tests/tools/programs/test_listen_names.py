@@ -44,7 +44,7 @@ def test_unknown_names_are_reported() -> None:
     guess = survey.looked_at_as(builtin_preset("native"))
     assert guess.frames == 0
     told = " ".join(advice(survey, guess, None))
-    assert "0 of the 5 announced joints have names that are known" in told
+    assert "0 of the 5 announced joints have known names" in told
     assert "--names NAME" in told
 
 

@@ -53,6 +53,13 @@ KINDS: Mapping[str, tuple[str, float]] = {
     "two_nearest": ("higher", 0.01),
     "mean": ("higher", 0.01),
     "worst": ("higher", 0.02),
+    "phase_error": ("lower", 0.01),
+    "within_tenth": ("higher", 0.03),
+    "warped_error": ("lower", 0.01),
+    "warped_within_tenth": ("higher", 0.03),
+    "speed_octaves": ("lower", 0.05),
+    "amplitude_error": ("lower", 0.02),
+    "back_steps": ("lower", 0.01),
 }
 _OF_KNOWN = (
     *("frame_accuracy", "segment_accuracy", "segment_majority", "known_answered", "segments_found"),
@@ -65,6 +72,10 @@ _OF_PERSONS = tuple(
 )
 _OF_NOISE = ("answers_right", "answers_guessed", "clips_right", "clips_guessed")
 _OF_RETRIEVAL = ("nearest", "two_nearest")
+_OF_PROGRESS = (
+    *("phase_error", "within_tenth", "warped_error", "warped_within_tenth"),
+    *("speed_octaves", "amplitude_error", "back_steps"),
+)
 
 _OWN_TAKES = tuple(f"{{data}}/cmu/13_{number}.amc" for number in (29, 30, 31))
 _OTHERS_TAKES = (*_OWN_TAKES, "{data}/cmu/86_01.amc")
@@ -114,6 +125,7 @@ RUNS: Mapping[str, Run] = {
         ("noise", "--noise", "0", "20", "--groups", "4"),
         tuple(f"noise.{index}.{name}" for index in range(2) for name in _OF_NOISE),
     ),
+    "progress": Run(("progress", "--every", "16"), _OF_PROGRESS),
     **{
         f"retrieval_{signature}_{protocol}": _retrieval(signature, protocol)
         for signature in ("eigenvector", "spread")

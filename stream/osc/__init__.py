@@ -14,7 +14,7 @@ from kinespace.stream.osc.answers import (
     encode_recognition,
     encode_status,
 )
-from kinespace.stream.osc.frames import SKELETON, Received, decode, encode_announcement, encode_frame
+from kinespace.stream.osc.frames import MAX_FRAMES, SKELETON, Received, decode, encode_announcement, encode_frame
 from kinespace.stream.osc.packet import (
     Message,
     PacketError,
@@ -27,6 +27,7 @@ from kinespace.stream.osc.udp import OscReceiver, OscSender, is_ours
 
 __all__ = [
     "MAX_ANSWER",
+    "MAX_FRAMES",
     "SKELETON",
     "Message",
     "OscReceiver",

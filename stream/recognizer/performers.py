@@ -182,7 +182,7 @@ class Performers:
     @property
     def sensitivity(self) -> float:
         """The sensitivity of all recognisers."""
-        usual = SENSITIVITY_LEARNED if self.library.learned else SENSITIVITY_OWN
+        usual = SENSITIVITY_LEARNED if self.library.judged_by_strangers else SENSITIVITY_OWN
         return usual if self.settings.sensitivity is None else self.settings.sensitivity
 
     def set_sensitivity(self, share: float) -> None:
@@ -242,10 +242,10 @@ class Performers:
     def carried(self, name: str) -> Carried | None:
         """Say which joints carry the last answer to a performer; None without an answer."""
         performer = self._performers.get(name)
-        weights = performer.recognizer.pair_weights() if performer else None
-        if performer is None or weights is None:
+        given = performer.recognizer.pair_contributions() if performer else None
+        if performer is None or given is None:
             return None
-        return carried_by(weights, performer.library.skeleton.pairs, performer.order, len(performer.joints))
+        return carried_by(given, performer.library.skeleton.pairs, performer.order, len(performer.joints))
 
     def _told(self, performer: _Performer) -> str:
         used, wanted = len(performer.library.skeleton.joints), len(self.library.skeleton.joints)

@@ -84,6 +84,7 @@ class ZmqReceiver:
 
     def broken(self) -> int:
         """Count the connections that broke while the sender was there, or were shut down."""
+        self._look_if_due()
         return self._connections.broken
 
     def receive(self) -> list[bytes] | None:
@@ -91,8 +92,7 @@ class ZmqReceiver:
 
         Of a message with more than `MAX_PARTS` parts only the first are given, which no decoder reads.
         """
-        if time.monotonic() >= self._looks:
-            self._look()
+        self._look_if_due()
         # The parts come together. Each says whether it is the last, which is quicker than asking the socket.
         parts = list[bytes]()
         try:
@@ -110,10 +110,12 @@ class ZmqReceiver:
         self._passing = self._note_sender(part, parts)
         return parts
 
-    def _look(self) -> None:
-        self._looks = time.monotonic() + LOOK_EVERY
-        self._senders.clear()
-        self._connections.look()
+    def _look_if_due(self) -> None:
+        now = time.monotonic()
+        if now >= self._looks:
+            self._looks = now + LOOK_EVERY
+            self._senders.clear()
+            self._connections.look()
 
     def _note_sender(self, part: zmq.Frame, parts: Sequence[bytes]) -> int:
         """Note the sender of some parts; give the number of its connection, -1 for none."""

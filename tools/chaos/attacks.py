@@ -106,9 +106,18 @@ def many_messages(place: Place, stop: Event) -> None:
 
 
 def packed_frames(place: Place, stop: Event) -> None:
-    """Send 30 Mbit a second of datagrams with 110 right frames each."""
+    """Send 30 Mbit a second of datagrams with 110 right frames each: more than are read."""
+    _packed(place, stop, 110)
+
+
+def full_datagrams(place: Place, stop: Event) -> None:
+    """Send 30 Mbit a second of datagrams with as many right frames as are read."""
+    _packed(place, stop, osc.MAX_FRAMES)
+
+
+def _packed(place: Place, stop: Event, count: int) -> None:
     frames = _moving("loud", 8000.0, _JOINTS)
-    many = [_bundle([next(frames) for _ in range(110)]) for _ in range(150)]
+    many = [_bundle([next(frames) for _ in range(count)]) for _ in range(16_000 // count)]
     _flood(place, stop, _again_and_again(*many), BITS / 8 / len(many[0]))
 
 

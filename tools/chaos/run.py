@@ -3,21 +3,28 @@
 from __future__ import annotations
 
 import json
-import math
 import os
 import platform
+import re
 import signal
+import subprocess
+import sys
 import time
+from contextlib import closing
 from dataclasses import asdict, replace
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 from rich.box import MARKDOWN
 
 from kinespace.library import MotionLibrary
+from kinespace.stream import osc
 from kinespace.tools.bench import recorded
 from kinespace.tools.chaos import attacks
-from kinespace.tools.chaos.trial import Effort, Trial, tried
+from kinespace.tools.chaos.pages import HEADINGS, row, with_tables
+from kinespace.tools.chaos.performer import FRAME_RATE
+from kinespace.tools.chaos.trial import Effort, Trial, kept, tried
 from kinespace.tools.cli.arguments import names, positive
 from kinespace.tools.feeding.feed import Cue, with_drops, with_jitter, with_reordering
 from kinespace.tools.terminal.console import console, progress
@@ -38,6 +45,8 @@ _JOINTS = MotionLibrary.builtin().skeleton.joints
 _WRISTS = [_JOINTS.index(name) for name in ("lwrist", "rwrist")]
 #: Seconds that a sender's clock jumps by, and bytes after which a disk is full.
 _CLOCK, _FULL = 1000.0, 100_000
+#: Seconds a program may take to begin.
+_PATIENCE = 60.0
 
 
 def _network(cues: list[Cue]) -> list[Cue]:
@@ -75,13 +84,14 @@ def _frozen(cues: list[Cue]) -> list[Cue]:
     return _posed(keep)(cues)
 
 
-def _stop_and_go(live: Live, seconds: float) -> None:
+def _stop_and_go(live: Live, seconds: float) -> str:
     live.process.send_signal(signal.SIGSTOP)
     time.sleep(seconds)
     live.process.send_signal(signal.SIGCONT)
+    return ""
 
 
-def _full_disk(live: Live, seconds: float) -> None:
+def _full_disk(live: Live, seconds: float) -> str:
     """Let no file grow, as on a full disk, and then again."""
     import resource  # noqa: PLC0415 - there is none on Windows
 
@@ -89,6 +99,31 @@ def _full_disk(live: Live, seconds: float) -> None:
     resource.prlimit(live.process.pid, resource.RLIMIT_FSIZE, (_FULL, usual[1]))
     time.sleep(seconds)
     resource.prlimit(live.process.pid, resource.RLIMIT_FSIZE, usual)
+    return ""
+
+
+def _kill_a_recorder(live: Live, seconds: float) -> str:
+    """Record a feed beside the recogniser, kill the recorder (`kill -9`), and read what it wrote."""
+    recording, printed = live.folder / "killed.kinerec", live.folder / "recorder"
+    command = [sys.executable, "-m", "kinespace", "record", str(recording), "--osc-in", "127.0.0.1:0"]
+    with printed.open("wb") as output:
+        recorder = subprocess.Popen(command, stdout=output, stderr=subprocess.STDOUT)  # noqa: S603 - our own command
+    try:
+        until = time.monotonic() + _PATIENCE
+        while not (found := re.search(r"osc 127\.0\.0\.1:(\d+)", printed.read_text(encoding="utf-8"))):
+            if recorder.poll() is not None or time.monotonic() > until:
+                raise ChildProcessError(f"kinespace record did not begin: {printed.read_text(encoding='utf-8')}")
+            time.sleep(0.02)
+        with closing(osc.OscSender("127.0.0.1", int(found[1]))) as sender:
+            sent, ending = 0, time.monotonic() + seconds
+            while time.monotonic() < ending:
+                sender.send(b"/a\0\0,\0\0\0")
+                sent += 1
+                time.sleep(1 / FRAME_RATE)
+    finally:
+        recorder.kill()
+        recorder.wait()
+    return f"{kept(recording)} of {sent:,}"
 
 
 TRIALS: tuple[Trial, ...] = (
@@ -98,6 +133,7 @@ TRIALS: tuple[Trial, ...] = (
     Trial("10,000 new names a second", [attacks.new_names]),
     Trial("30 Mbit/s, 4,000 messages a datagram", [attacks.many_messages]),
     Trial("30 Mbit/s, 110 right frames a datagram", [attacks.packed_frames]),
+    Trial(f"30 Mbit/s, {osc.MAX_FRAMES} right frames a datagram", [attacks.full_datagrams]),
     Trial("20,000 right frames a second, one performer", [attacks.right_frames]),
     Trial("his name from another port", [attacks.impostor]),
     Trial("32 invented performers before he comes", [attacks.many_performers], first=True),
@@ -119,7 +155,8 @@ TRIALS: tuple[Trial, ...] = (
     Trial("stopped and continued, by ZeroMQ", deed=_stop_and_go, over="zmq"),
     Trial("answers to a closed port", [attacks.nothing], options=("--osc-out", "127.0.0.1:9")),
     Trial("disk full while recording", deed=_full_disk, options=("--record", "{folder}/a.kinerec")),
-    Trial("killed while recording, begun again", killed=True, options=("--record", "{folder}/{number}.kinerec")),
+    Trial("killed while recording, begun again", killed=True, options=("--record", "{folder}/a{number}.kinerec")),
+    Trial("a recorder beside it killed (kill -9)", deed=_kill_a_recorder),
     Trial("two wrists exchanged", fault=_posed(_exchanged)),
     Trial("a wrist frozen", fault=_frozen),
     Trial("unit changed to millimetres", fault=_posed(lambda positions: positions * 1000)),
@@ -130,10 +167,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the program's options."""
     parser.description = (
         "Runs kinespace live and an innocent performer, lets one thing after the other go wrong, and prints what that "
-        "did to the performer's answers and to the program. Takes seven minutes and loads the machine."
+        "did to the performer's answers and to the program. Takes eight minutes and loads the machine."
     )
     parser.add_argument("--seconds", type=positive, default=5.0, help="of each attack (default %(default)s)")
     parser.add_argument("--only", type=names, default=(), metavar="TEXT,...", help="trials with one of these in them")
+    parser.add_argument(
+        "--write",
+        type=Path,
+        nargs="+",
+        default=(),
+        metavar="PAGE",
+        help="put the tables into these pages, like README.md, where their comments say so",
+    )
     parser.add_argument("--json", action="store_true", help="print a JSON object for each trial, as they end")
 
 
@@ -142,15 +187,20 @@ def run(options: argparse.Namespace) -> int:
     wanted = [each for each in TRIALS if not options.only or any(text in each.name for text in options.only)]
     if not wanted:
         raise ValueError(f"--only: expected part of a name, like {TRIALS[2].name!r}, got {', '.join(options.only)}")
+    for page in options.write:
+        with_tables(page.read_text(encoding="utf-8"), [], "")  # before the minutes that the trials take
     outcomes: list[Outcome] = []
     for outcome in measured(wanted, Effort(during=options.seconds)):
         outcomes.append(outcome)
         if options.json:
             print(json.dumps(asdict(outcome)), flush=True)
+    load = f", load {os.getloadavg()[0]:.1f}" if hasattr(os, "getloadavg") else ""
+    machine = f"{os.cpu_count()} cores{load}, Python {platform.python_version()}, {platform.system()}"
     if not options.json:
         console.print(table(outcomes))
-        load = f", load {os.getloadavg()[0]:.1f}" if hasattr(os, "getloadavg") else ""
-        console.print(f"{os.cpu_count()} cores{load}, Python {platform.python_version()}, {platform.system()}")
+        console.print(machine)
+    for page in options.write:
+        page.write_text(with_tables(page.read_text(encoding="utf-8"), outcomes, machine), encoding="utf-8")
     return 0 if all(each.ended == 0 for each in outcomes) else 1
 
 
@@ -165,25 +215,10 @@ def table(outcomes: Sequence[Outcome]) -> Table:
     """Draw a row for each trial."""
     drawn = narrow_table("")
     drawn.box = MARKDOWN
-    headings = ("answers / expected", "p99 before, ms", "p99, ms", "MB before / most / after", "s to recover")
-    drawn.add_column("what goes wrong")
-    for heading in headings:
+    drawn.add_column(HEADINGS[0])
+    for heading in HEADINGS[1:-1]:
         drawn.add_column(heading, justify="right")
-    drawn.add_column("counted")
+    drawn.add_column(HEADINGS[-1])
     for each in outcomes:
-        ended = "" if each.ended == 0 else f" ENDED with {each.ended}"
-        noticed = "" if each.noticed is None else f" (noticed after {each.noticed:.2f} s)"
-        drawn.add_row(
-            each.name + noticed + ended,
-            f"{each.answered} / {each.expected}",
-            _milliseconds(each.p99_before),
-            _milliseconds(each.p99),
-            " / ".join(f"{megabytes:.0f}" for megabytes in each.memory),
-            "never" if math.isinf(each.recovered) else f"{each.recovered:.1f}",
-            each.told + (f"; {each.stale} answers came more than 1 s late" if each.stale else ""),
-        )
+        drawn.add_row(*row(each))
     return drawn
-
-
-def _milliseconds(seconds: float) -> str:
-    return "-" if math.isnan(seconds) else f"{seconds * 1000:.1f}"

@@ -75,7 +75,8 @@ class Trial:
     fault
         The fault of the performer's feed; None for none.
     deed
-        An action on the recogniser's process, from our own process, for about the given seconds.
+        An action on the recogniser's process, from our own process, for about the given seconds; gives what there is to
+        tell of it.
     over
         The transport of the performer's frames: "osc" or "zmq".
     killed
@@ -89,7 +90,7 @@ class Trial:
     name: str
     attacks: Sequence[Attack] = ()
     fault: Fault | None = None
-    deed: Callable[[Live, float], None] | None = None
+    deed: Callable[[Live, float], str] | None = None
     killed: bool = False
     over: str = "osc"
     options: Sequence[str] = ()
@@ -119,7 +120,8 @@ class Outcome:
     ended
         The program's exit status: 0 when it ended on demand.
     noticed
-        Seconds until an answer said that joints cannot be believed; None if none did.
+        Seconds from the beginning of a fault until an answer said that joints cannot be believed; None if none did
+        while it lasted.
     """
 
     name: str
@@ -234,8 +236,7 @@ def tried(trial: Trial, effort: Effort, positions: NDArray[np.float32], joints: 
             _wait(begun + effort.before)
             before = most = live.memory()
             go.set()
-            if trial.deed:
-                trial.deed(live, effort.during)
+            told = trial.deed(live, effort.during) if trial.deed else ""
             if trial.killed:
                 live.process.kill()
                 live.process.wait()
@@ -264,9 +265,11 @@ def tried(trial: Trial, effort: Effort, positions: NDArray[np.float32], joints: 
             memory=memory,
             recovered=recovery(performance, since),
             stale=performance.late(1.0),
-            told=", ".join(filter(None, [_counted(live.printed()), *map(_kept, sorted(folder.glob("*.kinerec")))])),
+            told=", ".join(
+                filter(None, [_counted(live.printed()), told, *map(kept, sorted(folder.glob("a*.kinerec")))])
+            ),
             ended=status,
-            noticed=_noticed(performance, effort.before) if trial.fault else None,
+            noticed=_noticed(performance, effort.before, end) if trial.fault else None,
         )
 
 
@@ -298,7 +301,7 @@ def _ended(live: Live) -> int:
         return -1
 
 
-def _kept(recording: Path) -> str:
+def kept(recording: Path) -> str:
     """Say how many packets can be read in a recording."""
     return f"{sum(1 for _ in RawFile(recording).packets()):,} packets recorded"
 
@@ -317,15 +320,15 @@ def recovery(performance: Performance, end: float) -> float:
     return float("inf")
 
 
-def _noticed(performance: Performance, begin: float) -> float | None:
-    """Give the seconds from a moment of the schedule until an answer said that joints cannot be believed."""
-    since = (answer.arrival - performance.begun - begin for answer in performance.answers if answer.doubted)
-    return next((seconds for seconds in since if seconds >= 0), None)
+def _noticed(performance: Performance, begin: float, end: float) -> float | None:
+    """Give the seconds from one moment of the schedule until an answer, before another, said that joints are wrong."""
+    since = (answer.arrival - performance.begun for answer in performance.answers if answer.doubted)
+    return next((seconds - begin for seconds in since if begin <= seconds < end), None)
 
 
 def _counted(printed: str) -> str:
     """Give the counts apart from `received`: every count that is not 0."""
-    summary = printed.rpartition("received ")[2]
+    summary = re.sub(r" \([^)]*\)", "", printed.rpartition("received ")[2])
     told = re.findall(r"([a-z][a-z ]*?) (\d+)(?=[,\n ])", summary.partition(" answers of")[0])
     found = [f"{name} {int(count):,}" for name, count in told if int(count)]
     found += [f"{int(each):,} too old to be sent" for each in re.findall(r"(\d+) too old to be sent", summary)]

@@ -382,7 +382,9 @@ class Start:
         """Open the windows in whose metrics examples are compared; None when examples learn their own metrics."""
         if self.library:
             return opened(self.library.restricted_to(taught.skeleton.joints) if taught else self.library)
-        builtin = replace(MotionLibrary.builtin(), learned=None)
+        builtin = MotionLibrary.builtin()
+        # What the built-in motions taught makes opening quick; what strangers taught is left out.
+        builtin = replace(builtin, learned=builtin.learned and builtin.learned.of_these_motions())
         joints = taught.skeleton.joints if taught else self.joints or builtin.skeleton.joints
         if not set(joints) <= set(builtin.skeleton.joints):
             return None

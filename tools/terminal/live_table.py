@@ -229,12 +229,13 @@ def counts(status: Status) -> str:
         f"received {inputs.received}, malformed {inputs.malformed}, foreign {inputs.foreign}, "
         f"overrun {inputs.overrun}, missing {inputs.missing}, out of order {recognizers.out_of_order}, "
         f"other joints {outcomes.other_joints}, no room {outcomes.no_room}"
+        f"{f', performers gone {outcomes.dropped}' if outcomes.dropped else ''}"
         f"{f', from other senders {status.admission.other_sender}' if status.admission.other_sender else ''}"
         f"{f', not let in {status.admission.not_allowed}' if status.admission.not_allowed else ''}"
         f"{f', odd times {status.admission.odd_times}' if status.admission.odd_times else ''}"
         f"{f', incomplete {inputs.incomplete}' if inputs.incomplete else ''}"
         f"{f', dropped from senders served last {inputs.thrown_away}' if inputs.thrown_away else ''}"
-        f"{f', connections broken {inputs.broken} (a message too long or without end?)' if inputs.broken else ''}"
+        f"{f', connections broken {inputs.broken} (messages too large or too many?)' if inputs.broken else ''}"
     )
 
 

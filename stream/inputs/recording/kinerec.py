@@ -251,8 +251,9 @@ class RawWriter:
             with self._lock:
                 self._waiting = batch + self._waiting
                 self._waiting_bytes += size
-            self._file.truncate(self._whole)
+            # First the place, because a disk that takes nothing at all refuses to cut the file, too.
             self._file.seek(self._whole)
+            self._file.truncate()
             raise
         self._whole += size
 

@@ -8,6 +8,7 @@ import tempfile
 import threading
 import time
 from contextlib import ExitStack, closing
+from dataclasses import replace
 from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -22,6 +23,7 @@ from kinespace.stream.osc import OscSender
 from kinespace.stream.zeromq import Endpoint
 from kinespace.tools.bench import recorded
 from kinespace.tools.chaos import attacks, trial
+from kinespace.tools.chaos.pages import with_tables
 from kinespace.tools.chaos.performer import Answer, Performance, schedule
 from kinespace.tools.chaos.run import TRIALS, table
 from kinespace.tools.chaos.trial import Outcome, recovery
@@ -127,6 +129,31 @@ def test_the_table_has_a_row_for_each_trial() -> None:
     outcome = Outcome("a flood", 0, 150, math.nan, 0.01, (90.0, 120.0, 91.0), math.inf, 0, "malformed 7", 1, None)
     (row,) = zip(*(column._cells for column in table([outcome]).columns), strict=True)  # noqa: SLF001 - the cells' text
     assert row == ("a flood ENDED with 1", "0 / 150", "10.0", "-", "90 / 120 / 91", "never", "malformed 7")
+
+
+PAGE = "before\n<!-- chaos: {} -->\nold\n<!-- end -->\nafter\n"
+
+
+def test_a_page_gets_the_tables_that_its_comments_ask_for() -> None:
+    """All trials with all columns, or the worst with some, between comments that stay; the rest is not touched."""
+    well = Outcome("well", 150, 150, 0.004, 0.004, (90.0, 91.0, 91.0), 0.0, 0, "", 0, None)
+    outcomes = [replace(well, name=f"well {number}") for number in range(9)]
+    outcomes.append(replace(well, name="silent", answered=0, p99=math.nan, recovered=math.inf))
+    outcomes.append(replace(well, name="large", memory=(90.0, 200.0, 190.0)))
+    written = with_tables(PAGE.format("worst"), outcomes, "2 cores")
+    lines = written.splitlines()
+    assert lines[2] == "| what goes wrong | answers / expected | p99, ms | MB before / most / after | s to recover |"
+    assert lines[4:6] == [
+        "| silent | 0 / 150 | - | 90 / 91 / 91 | never |",
+        "| large | 150 / 150 | 4.0 | 90 / 200 / 190 | 0.0 |",
+    ]
+    assert len([line for line in lines if line.startswith("| ")]) == 8
+    assert (lines[:2], lines[-2:]) == (["before", "<!-- chaos: worst -->"], ["<!-- end -->", "after"])
+    assert "The worst of 11 attacks and faults (`make chaos`; 2 cores)." in lines
+    assert with_tables(written, outcomes, "2 cores") == written
+    assert with_tables(PAGE.format("all"), outcomes, "2 cores").count("\n| well") == 9
+    with pytest.raises(ValueError, match="--write: expected a page with"):
+        with_tables("no place", outcomes, "2 cores")
 
 
 def test_a_name_that_no_trial_has_is_refused(capsys: pytest.CaptureFixture[str]) -> None:

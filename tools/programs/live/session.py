@@ -23,7 +23,7 @@ from kinespace.tools.page.attach import NO_ENDS, ends_for_page
 from kinespace.tools.programs.feeds import preset_named
 from kinespace.tools.programs.live.endpoints import open_doors, open_ends
 from kinespace.tools.programs.live.options import Feed, Guard, Teaching, Watched
-from kinespace.tools.programs.live.recognisers import in_this_process, recognisers
+from kinespace.tools.programs.live.recognisers import Where, recognisers
 from kinespace.tools.teaching.keys import Keys
 from kinespace.tools.terminal.console import console
 from kinespace.tools.terminal.live_table import LiveTable, PlainLines, summary
@@ -35,9 +35,7 @@ if TYPE_CHECKING:
 
     from kinespace.stream.outputs import Sink
     from kinespace.stream.recognizer import Settings
-    from kinespace.stream.service.loop import Source as AnswerSource
     from kinespace.tools.programs.live.options import Addresses
-    from kinespace.tools.programs.live.recognisers import Making
 
 #: Times a second the table is drawn.
 _REDRAWS = 5
@@ -64,14 +62,10 @@ def recognise(
     guard: Guard = _NO_GUARD,
     teaching: Teaching = _NO_TEACHING,
     watched: Watched = _UNWATCHED,
-    make: Making = in_this_process,
-    answers: Sequence[AnswerSource] = (),
+    where: Where | None = None,
 ) -> int:
-    """Open the addresses, recognise until interrupted, print the counts.
-
-    `make` makes the recognisers; where these are not in this process, it appends the sources of their answers to
-    `answers`.
-    """
+    """Open the addresses, recognise until interrupted, print the counts."""
+    where = where or Where()
     _allow_many_connections()
     # A library that is prepared in a thread, and the table that is drawn, must not hold a frame up.
     sys.setswitchinterval(_SWITCH_INTERVAL)
@@ -79,7 +73,9 @@ def recognise(
     if record:
         require_place_for(record, overwrite=overwrite)
     preset = preset_named(feed.preset) if feed.preset else None
-    performers, desk = recognisers(library, preset, feed, teaching=teaching, settings=settings, most=most, make=make)
+    performers, desk = recognisers(
+        library, preset, feed, teaching=teaching, settings=settings, most=most, make=where.make
+    )
     shown: PlainLines | LiveTable = PlainLines() if plain or not console.is_terminal else LiveTable(performers.classes)
     admission = Admission(silence=performers.silence, merge=guard.merge, allowed=guard.performers)
     networks = [ipaddress.ip_network(each, strict=False) for each in guard.networks]
@@ -99,7 +95,10 @@ def recognise(
     with (
         kept or nullcontext(),
         Service(
-            performers, [*sources, *doors, *ends.doors, *answers], [*sinks, shown, *ends.sinks], admission=admission
+            performers,
+            [*sources, *doors, *ends.doors, *where.sources],
+            [*sinks, *where.sinks, shown, *ends.sinks],
+            admission=admission,
         ) as service,
         ends.page or nullcontext() as page,
     ):

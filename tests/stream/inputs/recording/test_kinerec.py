@@ -233,6 +233,27 @@ def test_a_full_disk_costs_nothing_once_there_is_room_again(tmp_path: Path) -> N
     assert list(RawFile(path).packets()) == PACKETS
 
 
+def test_a_disk_that_becomes_read_only_costs_nothing_once_it_can_be_written(tmp_path: Path) -> None:
+    """It takes a part, and refuses the rest and to take the part away again; then all of it is written."""
+    path = tmp_path / "a.kinerec"
+
+    class ReadOnly(_Disk):
+        def truncate(self) -> int:
+            if not self.room:
+                raise OSError(errno.EROFS, "Read-only file system")
+            return self._file.truncate()  # type: ignore[attr-defined, no-any-return]  # a file
+
+    with RawWriter(path, SOURCES) as writer:
+        disk = writer._file = ReadOnly(writer._file, 20)  # type: ignore[assignment]  # noqa: SLF001 - a disk that fails
+        for packet in PACKETS:
+            writer.write(packet)
+        writer._try_to_sync()  # noqa: SLF001 - without waiting for a second
+        assert writer.trouble == "Read-only file system"
+        disk.room = 1 << 20
+    assert (writer.written, writer.failed, writer.trouble) == (len(PACKETS), 0, "")
+    assert list(RawFile(path).packets()) == PACKETS
+
+
 def test_packets_that_cannot_be_written_are_counted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """On a full disk the writer first loses packets beyond the memory's limit; it counts them and raises no error."""
     monkeypatch.setattr(kinerec, "MAX_WAITING", 100)

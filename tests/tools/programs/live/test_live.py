@@ -280,4 +280,4 @@ def test_a_message_too_large_costs_that_message_alone() -> None:
         stage.play(cues[10:])
         assert stage.answers(1)
         assert stage.stopped()["received"] == len(cues)
-        assert "connections broken 1 (a message too long or without end?)" in stage.program.output
+        assert "connections broken 1 (messages too large or too many?)" in stage.program.output

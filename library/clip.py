@@ -31,7 +31,7 @@ class Clip:
         Frames per second.
     name
         The clip's name, usually its file's name without the ending.
-    The movement it shows, the person who performs it, and which repetition it is; empty where the source does not say.
+    The movement it shows, the person who performs it, and which repetition it is; empty if the source is silent.
     source, licence, attribution
         The file or database that the clip comes from, the terms under which it may be passed on, and the authors to
         name; empty where they are not known.

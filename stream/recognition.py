@@ -1,4 +1,4 @@
-"""The answer: what a performer was doing in one window, how sure it is, why no class is named, what began or ended."""
+"""The answer: the movement of a performer in one window, its score, the reason if no class is named, and events."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class Outcome(StrEnum):
 
 
 class EventKind(StrEnum):
-    """What happened."""
+    """Start or end."""
 
     START = "start"
     END = "end"
@@ -124,7 +124,7 @@ class Recognition:
     gap
         (λ₁ − λ₂) / λ₁ of the window's two leading eigenvalues, 0 to 1.
     guess
-        Index of the best guess, whatever the outcome. Usually the class with the highest score; at a change of motion
+        Index of the best guess, with any outcome. Usually the class with the highest score; at a change of motion
         the class before, until the new one has led for long enough. None: the class with the highest score.
     evidence
         The evidence that the guess is known; None with the paper's signature, which does not know unknown motion.
@@ -132,7 +132,7 @@ class Recognition:
         How far the performer is in the motion that is named or goes on; None without such a motion, or unless asked
         for.
     events
-        What began or ended with this recognition: a motion's end, a motion's start, or neither.
+        The events of this recognition: a motion's end, a motion's start, or none.
     doubted
         Names of the joints that cannot be believed; the class is named without them.
     """

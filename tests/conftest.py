@@ -54,7 +54,7 @@ for _number, _usual in ((signal.SIGINT, signal.default_int_handler), (getattr(si
 COMPLETE = "KINESPACE_COMPLETE"
 #: Why tests of the compiled loops skip.
 NO_LOOPS = "no compiled loops here: gcc or clang and Python's headers make them"
-#: What the small library holds.
+#: The motions of the small library.
 SMALL_CLASSES = ("kickLFront1Reps", "lieDownFloor", "squat1Reps")
 SMALL_ACTORS = ("bd", "dg", "mm")
 

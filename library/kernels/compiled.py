@@ -288,5 +288,5 @@ def left_aside() -> Iterator[None]:
 
 
 def kind() -> str:
-    """Say in a few words what does the arithmetic."""
+    """Name the arithmetic in use, in a few words."""
     return f"compiled loops ({loops.kind()})" if loops else "numpy"

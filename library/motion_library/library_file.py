@@ -333,7 +333,7 @@ def _shapes(described: object) -> dict[str, tuple[int, ...]]:
 def _restored(archive: zipfile.ZipFile, header: _Header) -> Contents:
     named = {f"{_LEARNED}{name}": shape for name, shape in header.learned.items()}
     expected = sorted(f"{name}.npy" for name in ("header", "positions", "starts", *named))
-    _require(sorted(archive.namelist()) == expected, "arrays: expected those that its header lists and no other")
+    _require(sorted(archive.namelist()) == expected, "arrays: expected exactly the arrays that the header lists")
     joints, count, total = len(header.skeleton.joints), len(header.frames), sum(header.frames)
     content = _content(archive, "positions", joints * 3 * total * _LARGE.itemsize)
     steps = _numbers(content, "positions", [_SMALL, _LARGE], (joints, 3, total))

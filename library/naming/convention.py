@@ -31,7 +31,7 @@ _SIDE = "*"
 
 
 class ConventionError(ValueError):
-    """A convention cannot be used; the message names the file and what is wrong."""
+    """A convention cannot be used; the message names the file and the mistake."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -183,7 +183,7 @@ def _sides(value: object, file: str) -> list[list[str]]:
 
 def _targets(value: object, sides: list[list[str]], file: str) -> dict[str, str]:
     if not isinstance(value, dict) or not all(isinstance(target, str) for target in value.values()):
-        raise ConventionError(f"{file}: joints: expected a table of names with our joint for each")
+        raise ConventionError(f"{file}: joints: expected a table with one of HDM05's joints for each name")
     targets = dict[str, str]()
     for key, given in cast("dict[str, str]", value).items():
         for name, target in _both_sides(key, given.strip(), sides):

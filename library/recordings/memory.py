@@ -35,7 +35,7 @@ def require(needed: int, what: str) -> None:
     Raises
     ------
     ValueError
-        The file needs more bytes; the message says for what, and how to allow it.
+        The file needs more bytes; the message names the file and the option that allows it.
     """
     if needed > limit():
         raise ValueError(

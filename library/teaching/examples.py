@@ -1,7 +1,7 @@
 """Examples that a person teaches: their recordings, the library that they make, and how well they are told apart.
 
 Rosters are values: a change gives a new roster, so that undo goes back to an old one. The windows of an example are
-computed once, however often the roster changes.
+computed once, even if the roster changes often.
 """
 
 from __future__ import annotations
@@ -240,7 +240,7 @@ def checked(index: WindowIndex, number: int) -> Check | None:
     """Let an example's windows ask the other motions.
 
     A window is at risk when another class is nearer than the class's other examples. If there are none, it is at risk
-    when another class is as near as two people who perform the same are to each other.
+    when another class is as near as two people in the same motion are to each other.
 
     Parameters
     ----------
@@ -277,7 +277,7 @@ def checked(index: WindowIndex, number: int) -> Check | None:
 
 
 def _likeness(index: WindowIndex, place: int, own: int, distances: NDArray[np.float64]) -> float:
-    """Compare an example's distance to its class with that of the class's other examples."""
+    """Compare an example's distance to its class with the distance of the class's other examples."""
     motions = index.library.motions
     name = motions[place].class_name
     others = [each for each in np.unique(index.motions).tolist() if motions[each].class_name == name and each != place]

@@ -48,7 +48,7 @@ class FeedDecoder:
 
     @property
     def counts(self) -> InputCounts:
-        """Counts of packets and of those that could not be read."""
+        """Counts of packets, and of packets that could not be read."""
         made = self.assembler.counts
         return InputCounts(
             received=self._received,

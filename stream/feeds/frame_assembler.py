@@ -1,4 +1,4 @@
-"""Frames made of joints: which joints belong together, and what happens to absent ones. No socket, no clock.
+"""Frames made of joints: joints that belong together make a frame, absent ones are held. No socket, no clock.
 
 A frame may come as one message, one bundle, several bundles or loose messages, with or without a mark at its end. It is
 closed by an end message, by the end of a bundle, by a joint that comes again, by being complete, or by time; the preset
@@ -56,7 +56,7 @@ _MAX_NAMED = 256
 
 @dataclass(slots=True)
 class AssemblerCounts:
-    """Counts of what happened to messages and joints."""
+    """Counts of messages and joints, by their fate."""
 
     #: Messages with an address of the preset but other arguments.
     malformed: int = 0

@@ -109,7 +109,7 @@ class MessageRule:
 
 @dataclass(frozen=True, slots=True)
 class Closings:
-    """When a frame is complete, and what happens to absent joints.
+    """The rules for a complete frame, and for absent joints.
 
     Attributes
     ----------

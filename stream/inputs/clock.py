@@ -166,7 +166,7 @@ class SenderClock:
 
 
 def _judged(steps: list[float], gaps: list[float], span: float) -> Verdict | None:
-    """Say what times are that advanced by these steps in so many seconds; None when that is not clear."""
+    """Name the unit of times that advanced by these steps in so many seconds; None when it is not clear."""
     count = len(steps)
     if count / span > _MAX_RATE:
         return None
@@ -180,7 +180,7 @@ def _judged(steps: list[float], gaps: list[float], span: float) -> Verdict | Non
 
 
 def _of_pace(step: float, pace: float) -> Verdict:
-    """Say what times are with this median step and this pace."""
+    """Name the unit of times with this median step and this pace."""
     unit = next((unit for unit in _UNITS if unit / _TOLERANCE < pace < unit * _TOLERANCE), None)
     # Milliseconds advance by several, too.
     largest = 1 if unit else _MAX_NUMBER_STEP

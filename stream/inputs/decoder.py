@@ -33,7 +33,7 @@ class Decoder(Protocol):
 
     @property
     def counts(self) -> InputCounts:
-        """Counts of packets and of those that could not be read."""
+        """Counts of packets, and of packets that could not be read."""
 
     @property
     def refusals(self) -> Refusals:

@@ -136,7 +136,7 @@ class Source:
         return taken._replace(waited=now - taken.arrival)
 
     def tend(self, now: float) -> Sequence[Admitted]:
-        """Do what is due by the clock; give the frames that it completed, in order. Never raises."""
+        """Do the work that is due by the clock; give the frames that it completed, in order. Never raises."""
         return self._admitted(self.decoder.expire(now), now, None)
 
     def _admitted(self, events: Sequence[Input], arrival: float, sender: Sender) -> Sequence[Admitted]:

@@ -110,7 +110,7 @@ def encode_event(event: Event, since: float = 0.0) -> bytes:
     Parameters
     ----------
     event
-        What happened.
+        Start or end.
     since
         The moment from which the time is counted, seconds, on the clock of the frames. A float holds some hours to the
         millisecond, but no clock that began in 1970.

@@ -53,7 +53,7 @@ class Received:
     events: list[Input]
     malformed: int = 0
     foreign: int = 0
-    #: Why the last malformed message is malformed, and what the last foreign message is.
+    #: The reason why the last malformed message is malformed, and the last foreign message.
     why_malformed: str = field(default="", compare=False)
     why_foreign: str = field(default="", compare=False)
 

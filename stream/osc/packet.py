@@ -1,4 +1,4 @@
-"""OSC 1.0 packets: bytes to addresses and arguments, and back. What messages mean is not known here.
+"""OSC 1.0 packets: bytes to addresses and arguments, and back. This module does not know the meaning of messages.
 
 The tests compare this module with python-osc and liblo. Frames are not read by python-osc, because it is much slower,
 its dispatcher sleeps on time tags in the future, and it raises several kinds of errors for packets that are no OSC.

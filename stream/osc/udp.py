@@ -38,7 +38,7 @@ def _resolved(host: str, port: int) -> tuple[int, int, tuple[Any, ...]]:
 
 
 def is_ours(host: str) -> bool:
-    """Say whether an address in numbers is one of this machine's own: the system lets nobody bind another's."""
+    """Say whether an address in numbers is this machine's: no program can bind the address of another machine."""
     family = socket.AF_INET6 if ":" in host else socket.AF_INET
     with socket.socket(family, socket.SOCK_DGRAM) as probe:
         try:
@@ -194,7 +194,7 @@ class OscSender:
     Attributes
     ----------
     failed
-        Datagrams that the system would not send (nobody there, buffer full).
+        Datagrams that the system refused to send (no receiver, buffer full).
 
     Raises
     ------

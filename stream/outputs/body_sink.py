@@ -68,7 +68,7 @@ class BodySink(Sink):
         sent.time = frame.time
         sent.count += 1
         carried = self._performers.carried(name) if sent.count % _CARRIED_EVERY == 0 else None
-        # One behind the first: at the first frame nobody knows the performer yet.
+        # One behind the first: at the first frame the performer is not known yet.
         skeleton = self._performers.skeleton_of(name) if sent.count % _SKELETON_EVERY == 1 else None
         self._sender.send(encode_body(frame, skeleton, carried))
 

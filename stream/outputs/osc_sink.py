@@ -37,7 +37,7 @@ class LayoutSink(Sink):
 
     @property
     def failed(self) -> int:  # type: ignore[override]  # the sender counts
-        """Answers that the system would not take."""
+        """Answers that refused by the system."""
         return self.sender.failed
 
     def publish(self, recognition: Recognition) -> None:

@@ -22,7 +22,7 @@ class Sink:
     notes: Sequence[str] = ()
 
     def watch(self) -> None:
-        """Look at those who listen; called some ten times a second, or more often."""
+        """Look at the listeners; called some ten times a second, or more often."""
 
     def publish(self, recognition: Recognition) -> None:
         """Pass on one recognition."""

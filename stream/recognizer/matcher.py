@@ -38,7 +38,7 @@ _NEAREST = 1e-3
 
 
 class Reading(NamedTuple):
-    """What a matcher reads off the windows that end now.
+    """A matcher's view of the windows that end now.
 
     Attributes
     ----------
@@ -101,8 +101,8 @@ class Matcher(Protocol):
     def exchange(self, library: MotionLibrary | WindowIndex) -> None:
         """Compare the same windows with another library of the same joints from now on."""
 
-    def pair_weights(self) -> NDArray[np.float64] | None:
-        """Give each joint pair's number in the leading eigenvector read last, shape (pairs,); None before."""
+    def pair_contributions(self) -> NDArray[np.float64] | None:
+        """Say what each joint pair gives to the variance along the leading eigenvector read last; None before."""
 
 
 def library_of(library: MotionLibrary | WindowIndex) -> MotionLibrary:
@@ -170,9 +170,9 @@ class WindowMatcher:
         self._sensitivity = share
         self._decision.set_sensitivity(share, self._index)
 
-    def pair_weights(self) -> NDArray[np.float64] | None:
-        """Give each joint pair's number in the leading eigenvector read last."""
-        return _pair_weights(self._index, self._leading)
+    def pair_contributions(self) -> NDArray[np.float64] | None:
+        """Say what each joint pair gives to the variance along the leading eigenvector read last."""
+        return None if self._leading is None else self._windows.contributions(self._leading)
 
     def exchange(self, library: MotionLibrary | WindowIndex) -> None:
         """Compare the same windows with another library of the same joints from now on."""
@@ -256,9 +256,9 @@ class PaperMatcher:
         self._leading: NDArray[np.float64] | None = None
         self._nothing = index.classes.index(NOTHING) if NOTHING in index.classes else -1
 
-    def pair_weights(self) -> NDArray[np.float64] | None:
-        """Give each joint pair's number in the leading eigenvector read last."""
-        return _pair_weights(self._index, self._leading)
+    def pair_contributions(self) -> NDArray[np.float64] | None:
+        """Say what each joint pair gives to the variance along the leading eigenvector read last."""
+        return None if self._leading is None else self._window.contributions(self._leading)
 
     def exchange(self, library: MotionLibrary | WindowIndex) -> None:
         """Compare the same window with another library of the same joints from now on."""
@@ -309,13 +309,3 @@ class PaperMatcher:
             share=leading.share,
             gap=leading.gap,
         )
-
-
-def _pair_weights(
-    index: WindowIndex | PaperIndex, eigenvector: NDArray[np.float64] | None
-) -> NDArray[np.float64] | None:
-    """Bring an eigenvector from the directions of the basis back to the joint pairs."""
-    if eigenvector is None:
-        return None
-    weights: NDArray[np.float64] = index.basis.directions @ eigenvector
-    return weights

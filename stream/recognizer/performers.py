@@ -42,7 +42,7 @@ _STEADY_FRAMES = 12
 
 @dataclass(slots=True)
 class PerformerCounts:
-    """Counts of what happened to the frames of all performers."""
+    """Counts of the frames of all performers, by their fate."""
 
     #: Frames of a performer for whom there was no room.
     no_room: int = 0
@@ -91,7 +91,7 @@ class Performers:
     silence
         Seconds without a frame after which a performer is dropped.
     joints
-        What is known of senders' joints; by default they are the library's.
+        The joints that senders are known to have; by default the library's.
     opener
         Gives each recogniser the windows of the joints that can be believed.
     classes
@@ -105,7 +105,7 @@ class Performers:
         An assumed joint is missing: one of the library's joints is not among them.
     """
 
-    def __init__(  # noqa: PLR0913 - what there may be of performers
+    def __init__(  # noqa: PLR0913 - all by keyword
         self,
         library: MotionLibrary | WindowIndex,
         settings: Settings | None = None,
@@ -182,7 +182,7 @@ class Performers:
     @property
     def sensitivity(self) -> float:
         """The sensitivity of all recognisers."""
-        usual = SENSITIVITY_LEARNED if self.library.learned else SENSITIVITY_OWN
+        usual = SENSITIVITY_LEARNED if self.library.judged_by_strangers else SENSITIVITY_OWN
         return usual if self.settings.sensitivity is None else self.settings.sensitivity
 
     def set_sensitivity(self, share: float) -> None:
@@ -207,7 +207,7 @@ class Performers:
 
     @property
     def counts(self) -> PerformerCounts:
-        """Counts of what happened to all frames so far; a copy."""
+        """Counts of all frames so far, by their fate; a copy."""
         total = replace(self._counts.recognizers)
         for performer in self._performers.values():
             _add(total, performer.recognizer.counts)
@@ -242,10 +242,10 @@ class Performers:
     def carried(self, name: str) -> Carried | None:
         """Say which joints carry the last answer to a performer; None without an answer."""
         performer = self._performers.get(name)
-        weights = performer.recognizer.pair_weights() if performer else None
-        if performer is None or weights is None:
+        given = performer.recognizer.pair_contributions() if performer else None
+        if performer is None or given is None:
             return None
-        return carried_by(weights, performer.library.skeleton.pairs, performer.order, len(performer.joints))
+        return carried_by(given, performer.library.skeleton.pairs, performer.order, len(performer.joints))
 
     def _told(self, performer: _Performer) -> str:
         used, wanted = len(performer.library.skeleton.joints), len(self.library.skeleton.joints)

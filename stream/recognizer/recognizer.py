@@ -102,7 +102,7 @@ class Recognizer:
     Attributes
     ----------
     counts
-        Counts of what happened to the frames.
+        Counts of the frames, by their fate.
     """
 
     def __init__(
@@ -190,9 +190,9 @@ class Recognizer:
             self._matcher.set_sensitivity(share)
             self._doubts.exchange(self.library)
 
-    def pair_weights(self) -> NDArray[np.float64] | None:
-        """Give each joint pair's number in the leading eigenvector of the last answer, shape (pairs,); None before."""
-        return self._matcher.pair_weights()
+    def pair_contributions(self) -> NDArray[np.float64] | None:
+        """Say what each joint pair gave to the variance along the last leading eigenvector, (pairs,); None before."""
+        return self._matcher.pair_contributions()
 
     def reset(self) -> None:
         """Forget the windows, as at the beginning of the feed; counts and a motion that goes on stay."""

@@ -42,7 +42,7 @@ class Settings:
         How clear a lead, added up over time, a class needs before a start event (`stream.recognizer.hysteresis`): a
         larger lead makes events later and surer.
     longest_gap
-        Seconds without a frame after which the window starts anew, because nobody knows what happened in between. The
+        Seconds without a frame after which the window starts anew, because the movement in between is unknown. The
         longest window is an upper limit: after that time nothing is left in it.
     stillness
         Movement, relative to the body's size, below which a window is still. The default, 1 %, is about 8 mm for an

@@ -28,8 +28,8 @@ CLASSES_EVERY = 5.0
 #: no newer answer follows. A stopped process finds seconds of feed waiting, and listeners would take it for the
 #: present.
 MAX_AGE = 1.0
-#: Seconds within which ZeroMQ, which keeps reading in threads of its own, hands over what came while the process was
-#: stopped.
+#: Seconds within which ZeroMQ, which keeps reading in threads of its own, hands over the messages that came while the
+#: process was stopped.
 CATCH_UP = 1.0
 #: Performers whose clocks are followed, at most.
 _MAX_LAGS = 4096
@@ -81,7 +81,7 @@ class Source(Protocol):
         """Take in one packet; give its frames in order, or None when no packet waits. Never raises."""
 
     def tend(self, now: float) -> Sequence[Admitted]:
-        """Do what is due by the clock; give the frames that it completed, in order. Never raises."""
+        """Do the work that is due by the clock; give the frames that it completed, in order. Never raises."""
 
     def close(self) -> None:
         """Close sockets."""
@@ -96,7 +96,7 @@ class _Begun(NamedTuple):
 
 
 class Service:
-    """Recognises what comes from some sources and tells some sinks.
+    """Recognises the frames of some sources and tells some sinks.
 
     Parameters
     ----------
@@ -288,7 +288,7 @@ class Service:
             sink.publish(recognition)
 
     def _hold(self, recognition: Recognition, until: float) -> None:
-        """Keep an answer that is too old in case it is the performer's newest; events are sent however old they are."""
+        """Keep an answer that is too old in case it is the performer's newest; events are sent at any age."""
         self._superseded(recognition.performer)
         self._held[recognition.performer] = recognition, until
 

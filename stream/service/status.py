@@ -61,7 +61,7 @@ class Status:
     inputs
         Counts of all that came in.
     outcomes
-        Counts of what happened to the frames.
+        Counts of the frames, by their fate.
     unsent
         Answers that the system would not send.
     performers
@@ -69,9 +69,9 @@ class Status:
     hop_p50, hop_p99
         Seconds from the arrival of a frame's packet to its recognition, over the last hops; 0 before the first.
     refused
-        Performers whose frames are refused for their joints, and why.
+        Performers whose frames are refused for their joints, with the reason.
     admission
-        Counts of what was not believed: other senders of a performer, performers that are not allowed, times that jump.
+        Counts of doubtful frames: other senders of a performer, performers that are not allowed, times that jump.
     stale
         Answers not sent because their packets had waited for too long, and newer answers followed.
     doubted

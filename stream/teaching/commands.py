@@ -17,7 +17,7 @@ _RESERVED = frozenset({"unknown", "still", "ambiguous"})
 
 
 class CommandError(ValueError):
-    """A command cannot be read; the message names the argument, the expectation and what was got."""
+    """A command cannot be read; the message names the argument, the expectation and the value found."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -139,7 +139,7 @@ class Save:
 
 @dataclass(frozen=True, slots=True)
 class Run:
-    """Answer all performers, or answer nobody for a while."""
+    """Answer all performers, or none for a while."""
 
     on: bool
 

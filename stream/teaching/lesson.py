@@ -118,7 +118,7 @@ class Lesson:
         self._finder.clear()
         self.step = Step.WAITING
         if kept.duration < MIN_SECONDS:
-            told = f"expected {MIN_SECONDS:g} s of movement at least"
+            told = f"expected {MIN_SECONDS:g} s or more of movement"
             # A performer who takes up their place moves for a moment: this is no example.
             return State(self.performer, Step.REFUSED if by_hand else Step.WAITING, kept.duration, told)
         self.left -= 1

@@ -84,7 +84,7 @@ class Teacher:
         return self._went(lesson, lesson.push(frame.time, movement))
 
     def tick(self, now: float) -> list[Notice]:
-        """Do what is due by the clock; call it some times a second."""
+        """Do the work that is due by the clock; call it some times a second."""
         lesson = self._lesson
         if lesson is None:
             return []
@@ -178,7 +178,7 @@ class Teacher:
             return [_refused(performer, f"{asked.seconds:g} s have not been seen")]
         kept = _moving(clip, self._stillness)
         if kept is None:
-            return [_refused(performer, f"expected {MIN_SECONDS:g} s of movement at least")]
+            return [_refused(performer, f"expected {MIN_SECONDS:g} s or more of movement")]
         return self._add(performer, asked.class_name, clip, whole, kept)
 
     def _went(self, lesson: Lesson, told: State | Recorded | None) -> list[Notice]:
@@ -194,7 +194,7 @@ class Teacher:
             self._lesson = None
         if clip is None or clip.gaps:
             self._lesson = None
-            return [_refused(lesson.performer, "frames are missing in what was recorded")]
+            return [_refused(lesson.performer, "frames are missing in the recording")]
         begin = max(told.kept.start - told.whole.start, 0.0)
         kept = Stretch(begin, min(told.kept.end - told.whole.start, clip.duration))
         notices = self._add(lesson.performer, lesson.class_name, clip, told.whole, kept)
@@ -242,7 +242,7 @@ class Teacher:
         last = max(self.roster.examples, key=lambda each: each.number)
         kept = _moving(last.recording, self._stillness) if on else Stretch(0.0, last.recording.duration)
         if kept is None:
-            return [_refused("", f"expected {MIN_SECONDS:g} s of movement at least")]
+            return [_refused("", f"expected {MIN_SECONDS:g} s or more of movement")]
         changed = replace(last, begin=kept.start, end=kept.end)
         return self._change(self.roster.with_example(changed), f"{kept.duration:.2f} s kept")
 
@@ -298,5 +298,5 @@ def _refused(performer: str, reason: str) -> State:
 
 
 def _unknown(name: str) -> State:
-    told = "what is known already cannot be changed" if name == NOTHING else "not a class that was taught"
+    told = "built-in classes cannot be changed" if name == NOTHING else "not a taught class"
     return _refused("", f"{name[: commands.MAX_NAME]!a}: {told}")

@@ -6,7 +6,6 @@ back when the new process is ready.
 
 from __future__ import annotations
 
-import itertools
 import multiprocessing
 import queue
 import socket
@@ -16,18 +15,15 @@ from collections import deque
 from contextlib import suppress
 from typing import TYPE_CHECKING, cast
 
-import msgspec
-
 from kinespace.stream.recognition import Recognition
 from kinespace.stream.recognizer.matcher import library_of
 from kinespace.stream.service.status import InputCounts
 from kinespace.stream.workers import process as child
 from kinespace.stream.workers.channel import Channel
 from kinespace.stream.workers.ledger import Ledger
-from kinespace.stream.workers.partition import PARTITIONS, owners
-from kinespace.stream.workers.spread import Spread, together
-from kinespace.stream.workers.wire import decode_answers, encode_entries, encode_frames
-from kinespace.stream.zeromq.frames import MAX_SEQ, FormatError
+from kinespace.stream.workers.spread import Spread, questions, together
+from kinespace.stream.workers.wire import ASK, FRAMES, decode_answers, encode_frames, encode_number
+from kinespace.stream.zeromq.frames import FormatError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -104,6 +100,7 @@ class WorkerSource:
 
     def __init__(self, crew: Crew, place: int) -> None:
         self._crew, self._place = crew, place
+        self.name = f"worker {place + 1}"
         self.waited = 0.0
         self.process: _Process | None = None
         self.starts = 0
@@ -201,7 +198,7 @@ class Crew(Spread):
         A worker was not ready within a minute.
     """
 
-    def __init__(  # noqa: PLR0913 - what there may be of performers
+    def __init__(  # noqa: PLR0913 - all by keyword
         self,
         count: int,
         library: MotionLibrary | WindowIndex,
@@ -221,13 +218,10 @@ class Crew(Spread):
         self._start = child.Start(settings, joints.assumed, joints.naming, most, silence)
         self._library = child.packed(library, tuple(classes), 0)
         self._clock = clock
-        self._owners: tuple[WorkerSource | None, ...] = (None,) * PARTITIONS
-        #: Workers that still answer for partitions that another worker is taking over, and these moves by question.
-        self._former: dict[int, WorkerSource] = {}
-        self._moves: dict[int, tuple[WorkerSource, Sequence[int]]] = {}
         self._replaced: list[str] = []
         self._looked = clock()
         self.sources = [WorkerSource(self, place) for place in range(count)]
+        self._by_name = {source.name: source for source in self.sources}
         try:
             for source in self.sources:
                 self._begin(source, clock())
@@ -239,8 +233,7 @@ class Crew(Spread):
 
     def _begin(self, source: WorkerSource, now: float) -> None:
         source.starts += 1
-        name = f"worker {self.sources.index(source) + 1}"
-        source.process = _Process(name, self._library, self._start, now)
+        source.process = _Process(source.name, self._library, self._start, now)
 
     def _wait_until_ready(self) -> None:
         until = self._clock() + MAX_START
@@ -261,26 +254,34 @@ class Crew(Spread):
     @property
     def notes(self) -> list[str]:
         """Notes for a person, a line each: workers that were replaced, frames that were dropped."""
-        dropped = [source.process.channel.dropped for source in self.sources if source.process]
-        self_told = [f"{told}, {len(self._replaced)} replaced so far" for told in self._replaced[-1:]]
-        late = [f"{sum(dropped)} frames dropped because their worker was busy"] if sum(dropped) else []
-        return [*super().notes, *self_told, *late]
+        replaced = [f"{told}, {len(self._replaced)} replaced so far" for told in self._replaced[-1:]]
+        return [*super().notes, *replaced]
+
+    def _dropped(self) -> int:
+        return sum(source.process.channel.dropped for source in self.sources if source.process)
+
+    @property
+    def _ready(self) -> dict[str, WorkerSource]:
+        return {each.name: each for each in self.sources if each.process and each.process.ready}
 
     def _send(self, frames: dict[int, list[SentFrame]]) -> None:
-        for_source: dict[WorkerSource, list[SentFrame]] = {}
+        for_worker: dict[str, list[SentFrame]] = {}
         for partition, each in frames.items():
-            takers = [self._owners[partition], self._former.get(partition)]
-            ready = [taker for taker in takers if taker and taker.process]
-            for taker in ready:
-                for_source.setdefault(taker, []).extend(each)
-            self.unsent += 0 if ready else len(each)
-        for source, each in for_source.items():
-            self._tell(source, child.FRAMES + encode_frames(each), len(each))
+            takers = {self._owners[partition], self._former.get(partition)} if self._owners else ()
+            for taker in takers:
+                if taker:
+                    for_worker.setdefault(taker, []).extend(each)
+            self.unsent += 0 if takers else len(each)
+        for worker, each in for_worker.items():
+            self._tell(worker, FRAMES + encode_frames(each), len(each))
 
-    @staticmethod
-    def _tell(source: WorkerSource, message: bytes, frames: int = 0) -> None:
-        if source.process:
-            source.process.channel.send(message, frames)
+    def _tell(self, worker: str, message: bytes, frames: int = 0) -> None:
+        if process := self._by_name[worker].process:
+            process.channel.send(message, frames)
+
+    def _replay(self, worker: str, partitions: Sequence[int]) -> None:
+        for each in together(self._ledger.recent(partitions)):
+            self._tell(worker, FRAMES + encode_frames(each))
 
     def read(self, source: WorkerSource, message: bytes, now: float) -> list[tuple[Recognition, float]]:
         """Read a worker's message; give its answers that are news."""
@@ -296,11 +297,7 @@ class Crew(Spread):
         news = self.take_back(process.name, answers)
         if not process.ready:
             process.ready = True
-            self._assign()
-        if answers.report and self._moves:
-            for question in [each for each, (taker, _) in self._moves.items() if taker is source]:
-                if answers.report.last >= question:
-                    self._cut(question)
+            self._assign(self._ready)
         return news
 
     def tend(self, source: WorkerSource, now: float) -> None:
@@ -329,53 +326,11 @@ class Crew(Spread):
         if process is None:
             return
         process.end(kill=True)
-        self.unsent += process.channel.dropped
-        self._retire(process.name)
+        self._past_dropped += process.channel.dropped
         self._replaced.append(f"{process.name} {what}")
         # A worker that ends at its start is not started without pause.
         source.start_at = now if process.ready and now - process.begun > _PAUSE else now + _PAUSE
-        for question, (taker, partitions) in [*self._moves.items()]:
-            if taker is source or any(self._former.get(each) is source for each in partitions):
-                self._cut(question)
-        self._assign()
-
-    def _assign(self) -> None:
-        """Give each partition to its owner among the workers that are ready; hand over what moves."""
-        ready = {f"{place}": each for place, each in enumerate(self.sources) if each.process and each.process.ready}
-        before = self._owners
-        self._owners = tuple(ready[name] for name in owners(ready)) or (None,) * PARTITIONS
-        moved: dict[tuple[WorkerSource, bool], list[int]] = {}
-        for partition, (old, new) in enumerate(zip(before, self._owners, strict=True)):
-            if new and new is not old:
-                goes_on = bool(self.names) and old in ready.values()
-                moved.setdefault((new, goes_on), []).append(partition)
-                if old and goes_on:
-                    self._former[partition] = old
-        for (source, goes_on), partitions in moved.items():
-            self._hand_over(source, partitions, mute=goes_on)
-
-    def _hand_over(self, source: WorkerSource, partitions: Sequence[int], *, mute: bool) -> None:
-        """Send performers and their last frames to a worker; `mute` it while the former worker goes on."""
-        entries, frames = self._ledger.entries(partitions), self._ledger.recent(partitions)
-        if mute:
-            entries = [msgspec.structs.replace(each, answered=MAX_SEQ) for each in entries]
-        self._tell(source, child.TAKE_OVER + encode_entries(entries))
-        for each in together(frames):
-            self._tell(source, child.FRAMES + encode_frames(each))
-        if mute:
-            question = next(_questions)
-            self._moves[question] = source, partitions
-            self._ask(source, question)
-
-    def _cut(self, question: int) -> None:
-        """Let a worker that has caught up answer, and the former worker stop."""
-        source, partitions = self._moves.pop(question)
-        for partition in partitions:
-            self._former.pop(partition, None)
-        self._tell(source, child.UNMUTE + encode_entries(self._ledger.entries(partitions)))
-
-    def _ask(self, source: WorkerSource, question: int) -> None:
-        self._tell(source, child.ASK + msgspec.msgpack.encode(question))
+        self._lose(process.name, self._ready)
 
     def exchange(self, library: MotionLibrary | WindowIndex, order: Sequence[str] = ()) -> list[Event]:
         """Compare all performers with another library from now on; give the ends of motions whose class is gone."""
@@ -388,9 +343,9 @@ class Crew(Spread):
 
     def end(self) -> list[Event]:
         """Give the last events, and the ends of all motions going on, because nothing more will come."""
-        question = next(_questions)
-        for source in self.sources:
-            self._ask(source, question)
+        question = next(questions)
+        for worker in self._ready:
+            self._tell(worker, ASK + encode_number(question))
         until = self._clock() + _MAX_ENDING
         while self._clock() < until and not self._are_done(question):
             time.sleep(0.001)
@@ -402,8 +357,4 @@ class Crew(Spread):
         return [*last, *super().end()]
 
     def _are_done(self, question: int) -> bool:
-        asked = [source.process.name for source in self.sources if source.process and source.process.ready]
-        return all(name in self._reports and self._reports[name].last >= question for name in asked)
-
-
-_questions = itertools.count(1)
+        return all(name in self._reports and self._reports[name].last >= question for name in self._ready)

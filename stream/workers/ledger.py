@@ -76,6 +76,11 @@ class Ledger:
         """The performers now followed, in the order of their first frames."""
         return tuple(self._performers)
 
+    @property
+    def sent(self) -> int:
+        """The number of the last frame."""
+        return self._seq
+
     def joints_of(self, performer: str) -> tuple[str, ...] | None:
         """Give the joints that a performer's sender announced; None without an announcement."""
         return self._joints.get(performer)

@@ -13,15 +13,18 @@ from dataclasses import dataclass
 from multiprocessing.reduction import ForkingPickler
 from typing import TYPE_CHECKING, Any
 
-import msgspec
-
 from kinespace.stream.recognizer import Performers, SentJoints, Settings
 from kinespace.stream.service.background_opener import background_restricter, background_windows
 from kinespace.stream.workers.channel import Channel
 from kinespace.stream.workers.wire import (
+    ASK,
+    FRAMES,
+    TAKE_OVER,
+    UNMUTE,
     Answers,
-    decode_entries,
     decode_frames,
+    decode_handover,
+    decode_number,
     encode_answers,
 )
 from kinespace.stream.workers.worker import Worker
@@ -32,9 +35,6 @@ if TYPE_CHECKING:
 
     from kinespace.library.naming import Naming
 
-#: The first byte of a message to a worker: frames; performers whom it takes over, their frames follow; performers whose
-#: former worker stops; a question, to which a report is the answer.
-FRAMES, TAKE_OVER, UNMUTE, ASK = b"F", b"T", b"U", b"A"
 #: Seconds between two reports.
 REPORT_EVERY = 0.25
 
@@ -152,11 +152,11 @@ class Loop:
             if answers := self.worker.push(decode_frames(content), time.monotonic()):
                 self._channel.send(encode_answers(Answers(answers)))
         elif kind == TAKE_OVER:
-            self.worker.take_over(decode_entries(content), time.monotonic())
+            self.worker.take_over(decode_handover(content).entries, time.monotonic())
         elif kind == UNMUTE:
-            self.worker.unmute(decode_entries(content))
+            self.worker.unmute(decode_handover(content).entries)
         elif kind == ASK:
-            self._last = msgspec.msgpack.decode(content, type=int)
+            self._last = decode_number(content)
             self.report()
 
     def report_when_due(self) -> None:

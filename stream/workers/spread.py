@@ -2,17 +2,29 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import fields, replace
 from typing import TYPE_CHECKING, cast
+
+import msgspec
 
 from kinespace.stream.frame import Announcement, Frame, NewSender
 from kinespace.stream.recognizer.performers import PerformerCounts
 from kinespace.stream.recognizer.recognizer import RecognizerCounts
-from kinespace.stream.workers.wire import MAX_TOGETHER
-from kinespace.stream.zeromq.frames import FormatError
+from kinespace.stream.workers.partition import owners
+from kinespace.stream.workers.wire import (
+    ASK,
+    MAX_TOGETHER,
+    TAKE_OVER,
+    UNMUTE,
+    Handover,
+    encode_handover,
+    encode_number,
+)
+from kinespace.stream.zeromq.frames import MAX_SEQ, FormatError
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Collection, Sequence
 
     from kinespace.library.skeleton import Skeleton
     from kinespace.stream.frame import Admitted
@@ -51,10 +63,15 @@ class Spread:
         self._skeleton, self._joints, self._ledger = skeleton, joints, ledger
         #: The lists of classes so far; an answer names the number of its own.
         self._books = [tuple(classes)]
+        #: The owner of each partition; empty without workers.
+        self._owners: tuple[str, ...] = ()
+        #: Workers that still answer for partitions that another worker is taking over, and these moves by question.
+        self._former: dict[int, str] = {}
+        self._moves: dict[int, tuple[str, Sequence[int]]] = {}
         self._reports: dict[str, Report] = {}
         #: The counts of workers that have ended.
         self._past = RecognizerCounts()
-        self._past_joints = 0
+        self._past_joints = self._past_dropped = 0
 
     @property
     def classes(self) -> tuple[str, ...]:
@@ -98,8 +115,15 @@ class Spread:
     @property
     def notes(self) -> list[str]:
         """Notes for a person, a line each."""
-        told = {"frames that no worker took": self.unsent, "messages of workers that cannot be read": self.unread}
+        told = {
+            "frames that no worker took": self.unsent,
+            "frames dropped because workers were busy": self._past_dropped + self._dropped(),
+            "messages of workers that cannot be read": self.unread,
+        }
         return [f"{count} {what}" for what, count in told.items() if count]
+
+    def _dropped(self) -> int:
+        return sum(report.dropped for report in self._reports.values())
 
     def push_all(self, events: Sequence[Admitted], arrival: float) -> list[Recognition | None]:
         """Send frames to their workers, in order; give the recognitions that came back among the events."""
@@ -165,15 +189,79 @@ class Spread:
             else:
                 as_told = recognition if events == recognition.events else replace(recognition, events=events)
                 news.append((as_told, answer.at))
-        if answers.report:
-            self._reports[worker] = answers.report
+        if report := answers.report:
+            self._reports[worker] = report
+            for question in [each for each, (taker, _) in self._moves.items() if taker == worker]:
+                if report.last >= question:
+                    self._cut(question)
         return news
 
-    def _retire(self, worker: str) -> None:
-        """Keep the counts of a worker that has ended."""
+    def _tell(self, worker: str, message: bytes) -> None:
+        """Send a message that must arrive."""
+        raise NotImplementedError
+
+    def _replay(self, worker: str, partitions: Sequence[int]) -> None:
+        """Send the last frames of partitions that a worker takes over, where the transport does not keep them."""
+
+    def _stop_former(self, worker: str, partitions: Sequence[int]) -> None:
+        """Let a worker leave partitions to the one that has taken over, where it would not notice."""
+
+    def _assign(self, ready: Collection[str]) -> None:
+        """Give each partition to its owner among the workers that are ready; hand over what moves."""
+        before, self._owners = self._owners, owners(ready)
+        moved: dict[tuple[str, bool], list[int]] = {}
+        left: dict[str, list[int]] = {}
+        for partition, new in enumerate(self._owners):
+            old = before[partition] if before and before[partition] in ready else None
+            if before and before[partition] == new:
+                continue
+            moved.setdefault((new, bool(old and self.names)), []).append(partition)
+            if old and self.names:
+                self._former[partition] = old
+            elif old:
+                left.setdefault(old, []).append(partition)
+        for worker, partitions in left.items():
+            self._stop_former(worker, partitions)
+        for (worker, goes_on), partitions in moved.items():
+            self._hand_over(worker, partitions, mute=goes_on)
+
+    def _hand_over(self, worker: str, partitions: list[int], *, mute: bool) -> None:
+        """Tell a worker what it takes over; `mute` it while the former worker goes on."""
+        entries = self._ledger.entries(partitions)
+        if mute:
+            entries = [msgspec.structs.replace(each, answered=MAX_SEQ) for each in entries]
+        self._tell(worker, TAKE_OVER + encode_handover(Handover(partitions, entries, self._ledger.sent)))
+        self._replay(worker, partitions)
+        if mute:
+            question = next(questions)
+            self._moves[question] = worker, partitions
+            self._tell(worker, ASK + encode_number(question))
+
+    def _cut(self, question: int) -> None:
+        """Let a worker that has caught up answer, and the former worker stop."""
+        worker, partitions = self._moves.pop(question)
+        left: dict[str, list[int]] = {}
+        for partition in partitions:
+            if former := self._former.pop(partition, None):
+                left.setdefault(former, []).append(partition)
+        entries = self._ledger.entries(partitions)
+        self._tell(worker, UNMUTE + encode_handover(Handover([], entries, self._ledger.sent)))
+        for former, each in left.items():
+            self._stop_former(former, each)
+
+    def _lose(self, worker: str, ready: Collection[str]) -> None:
+        """Give the partitions of a worker that has ended to the others; keep its counts."""
         if report := self._reports.pop(worker, None):
             _add(self._past, report.counts.recognizers)
             self._past_joints += report.counts.other_joints
+            self._past_dropped += report.dropped
+        for question, (taker, partitions) in [*self._moves.items()]:
+            if worker == taker or any(self._former.get(each) == worker for each in partitions):
+                self._cut(question)
+        self._assign(ready)
+
+
+questions = itertools.count(1)
 
 
 def together(frames: Sequence[SentFrame]) -> list[list[SentFrame]]:

@@ -14,12 +14,17 @@ import numpy as np
 from kinespace.stream.frame import MAX_PERFORMER_LENGTH, Announcement
 from kinespace.stream.recognition import Event, Outcome, Progress, Recognition
 from kinespace.stream.recognizer.performers import PerformerCounts  # noqa: TC001 - msgspec reads annotations
+from kinespace.stream.workers.partition import PARTITIONS
 from kinespace.stream.zeromq.frames import MAX_SEQ, VERSION, FormatError, NumberedFrame, numbered
 from kinespace.stream.zeromq.single_part import Packed
 
 if TYPE_CHECKING:
     from kinespace.stream.frame import Frame
 
+#: The first byte of a message to a worker: frames; performers whom it takes over, their frames follow; performers whose
+#: former worker stops; a question, to which a report is the answer. Over a network also: partitions that it leaves to
+#: another worker; its membership; that it is no member any more.
+FRAMES, TAKE_OVER, UNMUTE, ASK, LEAVE, WELCOME, REJOIN = b"F", b"T", b"U", b"A", b"L", b"W", b"J"
 #: Frames in a message, at most.
 MAX_TOGETHER = 256
 _Seq = Annotated[int, msgspec.Meta(ge=0, le=MAX_SEQ)]
@@ -61,6 +66,14 @@ class Entry(msgspec.Struct, array_like=True, frozen=True):
     answered: _Seq
     going_on: Event | None
     joints: tuple[str, ...] | None
+
+
+class Handover(msgspec.Struct, array_like=True, frozen=True):
+    """Partitions that a worker takes over, their performers, and the number of the last frame sent before."""
+
+    partitions: list[Annotated[int, msgspec.Meta(ge=0, lt=PARTITIONS)]]
+    entries: list[Entry]
+    sent: int
 
 
 class Answered(msgspec.Struct, array_like=True, frozen=True):
@@ -122,7 +135,9 @@ class Report(msgspec.Struct, array_like=True, frozen=True):
     performers
         How many performers it follows.
     last
-        The highest number of a question (`ask`) that it had read.
+        The number of the last question that it had read.
+    dropped
+        Frames or messages that were lost on the way or dropped because the worker was busy.
     """
 
     counts: PerformerCounts
@@ -131,6 +146,7 @@ class Report(msgspec.Struct, array_like=True, frozen=True):
     compared: dict[str, str]
     performers: int = 0
     last: int = 0
+    dropped: int = 0
 
 
 class Answers(msgspec.Struct, array_like=True, frozen=True):
@@ -142,7 +158,8 @@ class Answers(msgspec.Struct, array_like=True, frozen=True):
 
 _encode = msgspec.msgpack.Encoder().encode
 _read_frames = msgspec.msgpack.Decoder(Annotated[list[SentFrame], msgspec.Meta(max_length=MAX_TOGETHER)]).decode
-_read_entries = msgspec.msgpack.Decoder(list[Entry]).decode
+_read_handover = msgspec.msgpack.Decoder(Handover).decode
+_read_number = msgspec.msgpack.Decoder(int).decode
 _read_answers = msgspec.msgpack.Decoder(Answers).decode
 
 
@@ -185,15 +202,26 @@ def _numbered(sent: SentFrame) -> NumberedFrame:
     return numbered(sent.performer, sent, sent.data, 0.0)
 
 
-def encode_entries(entries: list[Entry]) -> bytes:
-    """Encode what a worker must know of the performers whom it takes over."""
-    return _encode(entries)
+def encode_handover(handover: Handover) -> bytes:
+    """Encode what a worker takes over."""
+    return _encode(handover)
 
 
-def decode_entries(message: bytes) -> list[Entry]:
-    """Decode what a worker must know; FormatError for a message that is not ours."""
-    entries: list[Entry] = _read(_read_entries, message)
-    return entries
+def decode_handover(message: bytes) -> Handover:
+    """Decode what a worker takes over; FormatError for a message that is not ours."""
+    handover: Handover = _read(_read_handover, message)
+    return handover
+
+
+def encode_number(number: int) -> bytes:
+    """Encode the number of a question or of a membership."""
+    return _encode(number)
+
+
+def decode_number(message: bytes) -> int:
+    """Decode a number; FormatError for a message that is not ours."""
+    number: int = _read(_read_number, message)
+    return number
 
 
 def announcement(entry: Entry) -> Announcement | None:

@@ -6,11 +6,12 @@ windows and averages are where the former worker's were; answers that were sent 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING
 
 from kinespace.stream.frame import NewSender
 from kinespace.stream.recognition import EventKind
+from kinespace.stream.recognizer.event_detector import EventDetector
 from kinespace.stream.recognizer.recognizer import RecognizerCounts
 from kinespace.stream.workers.wire import Answered, Entry, Report, announcement, answered
 
@@ -27,60 +28,56 @@ if TYPE_CHECKING:
 
 #: Seconds of frames with which a performer is taken over: the longest window, and the averages around it.
 HISTORY = 2.5
-#: Seconds without the motion that listeners believe to go on, after which a worker that took over ends it.
-_OVER_AFTER = 0.8
+
+
+class _Resumed(EventDetector):
+    """A detector that goes on where the former worker's was: with the motion that listeners believe to go on."""
+
+    def __init__(self, lead: float, going_on: Event | None) -> None:
+        super().__init__(lead)
+        self._active = going_on
+        self._hysteresis.current = going_on.index if going_on else None
 
 
 @dataclass(slots=True)
 class _TakenOver:
-    """The motion that listeners believe in, and the motion that the new recogniser follows, until both agree.
+    """A performer until the new recogniser's events are those that listeners expect.
+
+    The first windows of the frames that it takes over are short, and may show it motions that nobody was told of.
 
     Attributes
     ----------
     answered
         The number of the last frame that the former worker answered.
-    told, found
-        The start of the motion that listeners were told of, and that the recogniser found.
-    seen
-        When the motion that was told was last named, seconds on the sender's clock.
+    told
+        The start of the motion that listeners were told of.
+    found
+        The start of the motion that the new recogniser follows.
+    detector
+        Gives the events from the first answer on that is not muted.
     """
 
     answered: int
     told: Event | None
     found: Event | None = None
-    seen: float | None = None
+    detector: _Resumed | None = None
 
     def mute(self, recognition: Recognition) -> None:
         """Take in an answer that was sent before."""
         for event in recognition.events:
             self.found = event if event.kind is EventKind.START else None
 
-    def mend(self, recognition: Recognition) -> tuple[Event, ...]:
+    def mend(self, recognition: Recognition, lead: float) -> tuple[Event, ...]:
         """Give the events that listeners must hear with an answer, so that each motion starts and ends once."""
-        if self.agrees:
-            self.mute(recognition)
-            self.told = self.found
-            return recognition.events
+        self.detector = self.detector or _Resumed(lead, self.told)
         self.mute(recognition)
-        told, found = self.told, self.found
-        if told and found and told.label == found.label:
-            return ()
-        if told and not found and not self._is_over(recognition, told):
-            return ()
-        self.told = found
-        end = [replace(told, kind=EventKind.END, time=recognition.time)] if told else []
-        return (*end, found) if found else tuple(end)
-
-    def _is_over(self, recognition: Recognition, told: Event) -> bool:
-        """Say whether a motion that the recogniser does not follow is over."""
-        if self.seen is None or recognition.class_name == told.label:
-            self.seen = recognition.time
-        return recognition.time - self.seen >= _OVER_AFTER
+        return self.detector.push(recognition)
 
     @property
     def agrees(self) -> bool:
-        """Whether listeners believe what the recogniser found."""
-        return (self.told and self.told.label) == (self.found and self.found.label)
+        """Whether the recogniser follows the motion that listeners believe in."""
+        told = self.detector.going_on if self.detector else self.told
+        return (told and told.label) == (self.found and self.found.label)
 
 
 class Worker:
@@ -151,10 +148,10 @@ class Worker:
         self._warmed.frames += 1
 
     def _events(self, over: _TakenOver, recognition: Recognition) -> tuple[Event, ...]:
-        events = over.mend(recognition)
         if over.agrees:
             del self._taken_over[recognition.performer]
-        return events
+            return recognition.events
+        return over.mend(recognition, self.performers.settings.lead)
 
     def exchange(self, library: MotionLibrary | WindowIndex, order: Sequence[str], book: int) -> None:
         """Compare with another library from now on. The receiving process ends motions whose class is gone."""

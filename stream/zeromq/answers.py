@@ -128,7 +128,7 @@ def encode_classes(classes: Sequence[str]) -> list[bytes]:
 
 
 def encode_status(status: Status, *, named: bool = True) -> list[bytes]:
-    """Encode every counter; with the names of performers and senders only for those who may know them."""
+    """Encode every counter; with the names of performers and senders only if the listeners may know them."""
     described = {"v": VERSION, "alive": True, **asdict(status), "followed": len(status.performers)}
     if not named:
         described |= {"performers": {}, "refused": {}, "doubted": {}, "compared": {}, "notes": []}

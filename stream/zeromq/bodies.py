@@ -2,8 +2,8 @@
 
 `[b"body/<performer>/"][JSON][raw little-endian float32, (joints, 3), metres]`. The JSON holds `v` (1), `t` seconds and
 the number of `joints`. Once a second it also holds the joints' `names` and `parents`, and some times a second what
-carries the decision (`stream.recognizer.joints.carried`): the share of each joint (`carried`), and the joint `pairs`
-that weigh most.
+carries the decision (`stream.recognizer.joints.carried`): the share of each joint (`carried`), and the foremost joint
+`pairs`.
 """
 
 from __future__ import annotations

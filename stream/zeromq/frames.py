@@ -58,7 +58,7 @@ class NumberedFrame(NamedTuple):
 
 
 class FormatError(ValueError):
-    """A ZeroMQ message is not one of ours; the message says what is wrong with it."""
+    """A ZeroMQ message is not one of ours; the message says why."""
 
 
 def decode(parts: Sequence[bytes], arrival: float) -> NumberedFrame:

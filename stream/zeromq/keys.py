@@ -55,7 +55,7 @@ def make_keys(folder: Path, name: str) -> tuple[Path, Path]:
         if path.exists():
             raise FileExistsError(0, "there are keys of this name already", str(path))
     folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-    # Nobody must be able to read the secret key between its writing and a change of the file's mode.
+    # No other user may read the secret key between its writing and a change of the file's mode.
     mask = os.umask(0o777 & ~SECRET_MODE)
     try:
         create_certificates(folder, name)
@@ -146,7 +146,7 @@ class Keyring:
         self._authenticator.configure_curve(domain=_DOMAIN.decode(), location=self._folder)
 
     def close(self) -> None:
-        """Let nobody in any more, and close the sockets that are still open."""
+        """Let in no peer any more, and close the sockets that are still open."""
         if self._authenticator:
             self._authenticator.stop()
             self._authenticator = None

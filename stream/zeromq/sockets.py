@@ -170,7 +170,7 @@ class ZmqSender:
     keyring
         Keys that the other end must know; None for none.
     networks
-        Where bound, those whose listeners are let in; empty for all.
+        Where bound, networks whose listeners are let in; empty for all.
     """
 
     def __init__(self, endpoint: Endpoint, keyring: Keyring | None = None, networks: Networks = ()) -> None:

@@ -39,7 +39,7 @@ def test_real_distances_equal_three_loops(some_clips: tuple[Clip, ...]) -> None:
 
 @given(st.integers(2, 12), st.integers(0, 2**32 - 1), st.sampled_from([1e-3, 1.0, 1e3]))
 def test_distances_equal_three_loops(joints: int, seed: int, scale: float) -> None:
-    """For any number of joints and any size every distance equals one computed by three loops."""
+    """The distances equal those from three plain loops, for any number of frames measured side by side."""
     skeleton = Skeleton.of_joints([f"joint{index}" for index in range(joints)])
     positions = np.random.default_rng(seed).normal(scale=scale, size=(3, joints, 3))
     expected = naive.distance_rows(positions, naive.pairs(joints))

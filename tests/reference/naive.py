@@ -260,7 +260,7 @@ def clip_positions(asf_path: Path, amc_path: Path, every: int = 1) -> Matrix:
 # --- BVH ---------------------------------------------------------------------------------------------------------
 
 
-def bvh_places(  # noqa: PLR0913, PLR0917 - a joint's three and what it inherits
+def bvh_places(  # noqa: PLR0913, PLR0917 - three of the joint, the rest inherited
     offset: Sequence[float],
     channels: Sequence[str],
     children: Sequence[object],
@@ -275,7 +275,7 @@ def bvh_places(  # noqa: PLR0913, PLR0917 - a joint's three and what it inherits
     offset, channels, children
         Of the joint; each child has the same three.
     numbers
-        What is left of the frame's.
+        The rest of the frame's.
     at, turned
         Where the parent stands, and its frame.
     """

@@ -103,7 +103,8 @@ class NaiveSmoother:
         """Take in rows measured together; give them averaged with the rows before, or unchanged."""
         self.rows += batch
         self.waiting += len(batch)
-        if self.waiting >= 30 or reaches(self.rows[-1][0] - self.rows[-self.waiting][0], 0.1):
+        enough = self.waiting >= 30 or reaches(self.rows[-1][0] - self.rows[-self.waiting][0], 0.1)
+        if enough or self.known < 1.0:
             self._estimate(self.waiting)
             self.waiting = 0
         if self.noise < NOISY:

@@ -47,7 +47,7 @@ def path_between(first: int, second: int, parents: Sequence[int]) -> list[tuple[
             steps.append((min(at, parents[at]), max(at, parents[at])))
             at = parents[at]
         walks.append(steps)
-    # What both walk on the way to the root lies between neither.
+    # The part of the way to the root that both share does not lie between them.
     return [step for walk in walks for step in walk if (step in walks[0]) != (step in walks[1])]
 
 
@@ -71,7 +71,7 @@ class NaiveBody:
         return np.array([math.fsum(distances[path]) for path in self.paths])
 
 
-# --- what is read off a window -----------------------------------------------------------------------------------
+# --- the parts of a window --------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)

@@ -46,7 +46,7 @@ def test_one_bad_number_is_enough(dtype: type, place: int, value: float) -> None
     "values", [(np.inf, -np.inf), (np.nan, np.inf), (3e38, 3e38), (3e38, -3e38)], ids=["infinities", "both", "sum", "0"]
 )
 def test_bad_numbers_do_not_cancel(dtype: type, values: tuple[float, float]) -> None:
-    """Two bad numbers are refused like one, whatever their sum is."""
+    """Two bad numbers are refused like one, with any sum."""
     positions = _positions(dtype=dtype)
     positions[0, 0], positions[2, 1] = values
     with pytest.raises(ValueError, match="positions"):

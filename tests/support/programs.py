@@ -113,7 +113,7 @@ def free_udp_port() -> int:
 
 
 _OF_INPUT = ("received", "malformed", "foreign", "overrun", "missing", "out of order", "other joints", "no room")
-#: What `summary_counts` reads.
+#: The line that `summary_counts` reads.
 COUNTED = (*_OF_INPUT, "answers", "frames", "restarts", "unsent")
 
 
@@ -190,7 +190,7 @@ def wait_until_read(port: int) -> None:
     until = time.monotonic() + PATIENCE
     time.sleep(0.005)
     while port and waiting.exists() and time.monotonic() < until:
-        # Local address, and what waits to be sent and to be read, all in hexadecimal.
+        # The local address, and the bytes that wait to be sent and to be read, all in hexadecimal.
         rows = [line.split() for line in waiting.read_text(encoding="ascii").splitlines()[1:]]
         if all(int(row[4].partition(":")[2], 16) == 0 for row in rows if row[1].endswith(f":{port:04X}")):
             return

@@ -116,7 +116,7 @@ def trc_text(
     return "\n".join(lines) + "\n"
 
 
-def write_c3d(  # noqa: PLR0913 - what a C3D says of itself
+def write_c3d(  # noqa: PLR0913 - parameters of a C3D file
     path: Path,
     labels: Sequence[str],
     positions: NDArray[np.float64],

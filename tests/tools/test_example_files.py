@@ -43,7 +43,7 @@ def _require(program: str) -> str:
 
 
 def _hears(run: Sequence[str], layout: str, environment: dict[str, str] | None = None) -> str:
-    """Run an example against a recogniser; what it printed."""
+    """Run an example against a recogniser; give its output."""
     listens, answers = free_udp_port(), free_udp_port()
     options = ("--osc-in", f"{LOOPBACK}:{listens}", "--out", f"{layout}={LOOPBACK}:{answers}", "--signature", "paper")
     with started("live", *options, "--plain") as program:
@@ -65,7 +65,7 @@ def _hears(run: Sequence[str], layout: str, environment: dict[str, str] | None =
 
 
 def test_the_squat_is_drawn() -> None:
-    """The examples' numbers are what the script beside them prints: nobody's recording."""
+    """The examples' numbers equal the output of the script beside them: no person performed them."""
     drawn = subprocess.run([sys.executable, EXAMPLES / "draw_squat.py"], capture_output=True, text=True, check=True)
     assert drawn.stdout == (EXAMPLES / "squat.txt").read_text(encoding="utf-8")
 
@@ -158,7 +158,7 @@ with subprocess.Popen([sys.executable, "python_listen.py", answers]) as listener
 
 
 def test_python_hears_with_keys(tmp_path: Path) -> None:
-    """The keyed client is let in, and hears what it performs; the answers go nowhere else."""
+    """The keyed client is let in and hears the class of its own motion; no other client hears the answers."""
     stage, client = tmp_path / "stage", tmp_path / "client"
     for folder in (stage, client):
         make_keys(folder, folder.name)

@@ -1,1 +1,1 @@
-"""The command line: where `kinespace` starts, and what its options mean."""
+"""The command line: the start of `kinespace`, and the meaning of its options."""

@@ -122,7 +122,7 @@ def add_takes(parser: argparse.ArgumentParser, *, required: bool = False) -> Non
         default=[],
         required=required,
         metavar="CSV",
-        help="file,subject,contains,perhaps for each take; a take with neither of the last two shows nothing known",
+        help="file,subject,contains,perhaps for each take; a take with both of the last empty shows no known motion",
     )
 
 
@@ -193,7 +193,7 @@ def add_actor_in(parser: argparse.ArgumentParser) -> None:
         "--actor-in",
         choices=[each.value for each in ActorIn],
         default=ActorIn.NOWHERE.value,
-        help="where the actor's name stands: in the file's name up to the first _, or the folder above the class's",
+        help="place of the actor's name: the file's name up to the first _, or the folder above the class's folder",
     )
 
 
@@ -229,7 +229,7 @@ def add_settings(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--sensitivity",
         type=share,
-        help=f"share of unknown motions that may be answered, as the library can tell (default: {SENSITIVITY_LEARNED} "
+        help=f"share of unknown motions that may be named, by the library's estimate (default: {SENSITIVITY_LEARNED} "
         f"with the built-in library, {SENSITIVITY_OWN} with your own); windows only",
     )
     parser.add_argument(

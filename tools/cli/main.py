@@ -21,16 +21,18 @@ if TYPE_CHECKING:
 
 #: `evaluate` has no module: its experiments are programs.
 PROGRAMS: Programs = {
-    "demo": ("programs.demo", "the whole loop on this machine, with nothing but the built-in library"),
+    "demo": ("programs.demo", "play motions into a recogniser on this machine, with the built-in library alone"),
     "live": ("programs.live.program", "recognise a feed"),
+    "gateway": ("programs.gateway", "receive feeds and answer, and let workers on other machines recognise"),
+    "work": ("programs.work", "recognise performers for gateways"),
     "replay": ("programs.replay.program", "send recordings, or the built-in library's motions, as a fake live feed"),
     "page": ("programs.page", "show a recogniser's bodies and answers in the browser, and teach from there"),
     "record": ("programs.recordings.record", "keep a feed's packets as they come, to replay them"),
-    "convert": ("programs.recordings.convert", "a raw recording or a motion file as plain numbers"),
+    "convert": ("programs.recordings.convert", "write recordings as plain numbers"),
     "latency": ("programs.latency", "measure frame sent to answer received, beside a bare echo"),
     "cut": ("programs.recordings.cut", "propose labels for a recording: a row for each movement"),
     "build": ("programs.recordings.build", "make a motion library from recordings and other libraries"),
-    "learn": ("evaluation.learn", "teach a library which movement is unknown, by takes of strangers"),
+    "learn": ("evaluation.learn", "teach a library which movement is unknown, with takes of strangers"),
     "info": ("programs.recordings.info", "describe a motion library or recordings"),
     "evaluate": ("", "measure how often the right class is found"),
     "bench": ("bench.run", "measure the cost of every step, beside other methods"),
@@ -38,7 +40,7 @@ PROGRAMS: Programs = {
     "chaos": ("chaos.run", "attack a recogniser in every way, and measure what that does to a performer"),
     "feeds": ("programs.feeds", "list the products whose feeds are understood, and their settings"),
     "listen": ("programs.listen", "show the packets on a port, guess the feed, say what is missing"),
-    "completion": ("programs.completion", "print what completes these commands in a shell"),
+    "completion": ("programs.completion", "print a script that completes these commands in a shell"),
 }
 #: The experiments of `kinespace evaluate`.
 EXPERIMENTS: Programs = {
@@ -46,14 +48,14 @@ EXPERIMENTS: Programs = {
         "evaluation.evaluate_retrieval",
         "the paper's experiment: every motion's nearest neighbour, in three spaces",
     ),
-    "stream": ("evaluation.evaluate_stream", "takes through the live recogniser, causally"),
+    "stream": ("evaluation.evaluate_stream", "play takes through the live recogniser"),
     "noise": (
         "evaluation.evaluate_noise",
-        "motions as a noisy sensor sees them, each left out of the library that names it",
+        "play motions as a noisy sensor sees them, each left out of its library",
     ),
-    "faults": ("evaluation.evaluate_faults", "takes with joints frozen, lost or exchanged, and bodies that jump"),
-    "teach": ("evaluation.evaluate_teach", "what a few examples of one person teach"),
-    "progress": ("evaluation.evaluate_progress", "how right phase, speed and amplitude are, beside a clock"),
+    "faults": ("evaluation.evaluate_faults", "play takes with joints frozen, lost or exchanged, and bodies that jump"),
+    "teach": ("evaluation.evaluate_teach", "teach a few examples of one person, and ask further motions"),
+    "progress": ("evaluation.evaluate_progress", "measure the errors of phase, speed and amplitude, beside a clock"),
 }
 
 
@@ -129,7 +131,7 @@ class _ProgramParser(argparse.ArgumentParser):
 
 
 def whole_parser() -> argparse.ArgumentParser:
-    """Make the parser with the arguments of all programs, for what completes them in a shell."""
+    """Make the parser with the arguments of all programs, for the completion in a shell."""
     return _parser(filled=True)
 
 

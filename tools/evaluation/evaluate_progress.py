@@ -18,7 +18,9 @@ from kinespace.library.windows.index import opened
 from kinespace.stream.frame import Frame
 from kinespace.stream.recognizer import Recognizer, Settings
 from kinespace.stream.recognizer.progress import STEP, ProgressFollower
-from kinespace.tools.cli.arguments import add_json, count
+from kinespace.tools.cli.arguments import add_json, add_map, add_reading, count, reading_of
+from kinespace.tools.evaluation.rounds import rounds_scored
+from kinespace.tools.evaluation.takes import Sources, read_takes
 from kinespace.tools.terminal.console import console, progress
 from kinespace.tools.terminal.tables import narrow_table
 
@@ -32,6 +34,7 @@ if TYPE_CHECKING:
     from kinespace.library.progress.phase_table import Moments
     from kinespace.library.windows.index import WindowIndex
     from kinespace.stream.recognition import Recognition
+    from kinespace.tools.evaluation.rounds import RoundsScore
 
     #: At each step of a played motion the phase and the speed, NaN where there was no answer.
     Told = tuple[NDArray[np.float64], NDArray[np.float64]]
@@ -107,8 +110,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.description = (
         "Plays the built-in library's motions, as recorded and at speeds that swing between half and twice, and "
         "follows each by the motions of the other actors. The true phase of a motion is the median of its time "
-        "warpings onto other actors' motions of its class."
+        "warpings onto other actors' motions of its class. Or follows labelled takes by the built-in library, and "
+        "compares with the rounds that the person makes of a motion."
     )
+    parser.add_argument("takes", nargs="*", type=Path, metavar="TAKE", help="takes with labels beside them, or folders")
+    add_map(parser)
+    add_reading(parser)
     parser.add_argument("--every", type=count, default=1, help="play every nth motion alone (default %(default)s)")
     parser.add_argument(
         "--picture", type=Path, metavar="FILE", help="draw the phase of three motions of different speed, and end"
@@ -121,6 +128,10 @@ def run(options: argparse.Namespace) -> int:
     library = MotionLibrary.builtin()
     if options.picture:
         return _pictured(library, options.picture)
+    if options.takes:
+        takes = read_takes(Sources(options.takes, names=dict(options.map)), reading_of(options))
+        _tell_rounds(list(rounds_scored(takes, opened(library))), as_json=options.json)
+        return 0
     scores, amplitude = evaluated(library, every=options.every)
     cost = _cost(library)
     if options.json:
@@ -357,6 +368,29 @@ def _score(kind: str, method: str, results: Sequence[tuple[_Played, Told]]) -> P
         motions=len(results),
         persons=len({played.clip.actor for played, _ in results}),
     )
+
+
+def _tell_rounds(scores: Sequence[RoundsScore], *, as_json: bool) -> None:
+    if not scores:
+        raise ValueError("takes: expected a whole round of a known class, got none (--map renames labels)")
+    if as_json:
+        print(json.dumps([asdict(each) for each in scores], indent=2))
+        return
+    table = narrow_table(title="Progress in the rounds of a motion, by the built-in library")
+    for heading in ("take", "class", "seconds", "rounds", "told", "followed", "mean error", "within .1"):
+        table.add_column(heading, justify="left" if heading in ("take", "class") else "right")
+    for each in scores:
+        table.add_row(
+            each.take,
+            each.class_name,
+            f"{each.seconds:.1f}",
+            f"{each.rounds:.2f}",
+            f"{each.rounds_told:.2f}",
+            f"{each.followed:.1%}",
+            f"{each.phase_error:.3f}",
+            f"{each.within_tenth:.1%}",
+        )
+    console.print(table)
 
 
 def _print(scores: Iterable[ProgressScore], amplitude: tuple[float, int], cost: float) -> None:

@@ -46,7 +46,7 @@ class Cue:
     class_name
         The class that is being performed; empty when it is not known.
     recording, name
-        Which recording it is of, counted from 0, and what that is called.
+        The number of the recording, counted from 0, and its name.
     """
 
     due: float

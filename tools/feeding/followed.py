@@ -1,4 +1,4 @@
-"""How far a recorded performer is in each motion, frame by frame: what `kinespace convert --progress` writes."""
+"""A recorded performer's progress in each motion, frame by frame, for `kinespace convert --progress`."""
 
 from __future__ import annotations
 

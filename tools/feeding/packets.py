@@ -87,8 +87,8 @@ def replay(
         print(json.dumps({**told, "lost_from": recording.lost_from}))
     else:
         console.print(
-            f"{told['sent']} packets sent, {failed} the system would not take, {told['left_out']} of a kind that has "
-            "nowhere to go",
+            f"{told['sent']} packets sent, {failed} refused by the system, {told['left_out']} without an "
+            "address for their kind",
             soft_wrap=True,
         )
         if recording.damage():
@@ -102,7 +102,7 @@ def _nothing_to_send(recording: RawFile) -> str:
     damage = f"; {recording.damage()}" if recording.damage() else ""
     if not arrivals:
         return f"{recording.path}: no packets in it{damage}"
-    return f"{recording.path}: expected --from and --to around some of its {arrivals[-1] - arrivals[0]:.2f} s{damage}"
+    return f"{recording.path}: expected --from and --to within its {arrivals[-1] - arrivals[0]:.2f} s{damage}"
 
 
 def cut(packets: Iterator[RawPacket], begin: float, end: float | None) -> Iterator[tuple[float, RawPacket]]:
@@ -133,7 +133,9 @@ def _open(opened: ExitStack, recording: RawFile, osc_to: str | None, zmq_to: str
         opened.callback(senders["zmq"].close)
         time.sleep(_MEETING)
     if not senders:
-        raise ValueError(f"{recording.path}: expected --osc or --zmq, as its packets came: by {' and '.join(kinds)}")
+        raise ValueError(
+            f"{recording.path}: expected --osc or --zmq, because its packets came by {' and '.join(kinds)}"
+        )
     return senders
 
 

@@ -52,7 +52,7 @@ class Seen:
     clock: SenderClock = field(default_factory=SenderClock)
 
     def times(self) -> SenderClock:
-        """Give what reads the times from the recording's beginning, now that they are known."""
+        """Give a reader that converts the times from the recording's beginning on, now that their unit is known."""
         return SenderClock(self.clock.verdict)
 
     def skeleton(self) -> Skeleton:

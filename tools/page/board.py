@@ -47,7 +47,7 @@ COUNTERS = (
     ("not let in", "admission.not_allowed"),
     ("odd times", "admission.odd_times"),
     ("incomplete", "inputs.incomplete"),
-    ("thrown away of senders served last", "inputs.thrown_away"),
+    ("dropped from senders served last", "inputs.thrown_away"),
     ("connections broken", "inputs.broken"),
     ("answers not sent", "unsent"),
 )

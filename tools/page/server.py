@@ -99,7 +99,9 @@ class PageServer:
         self._subscription, self._door, self._gate = subscription, door, gate
         self._pages: set[_Page] = set()
         self._clock = time.monotonic
-        self._asked_for_state = -1
+        #: Whether the door's classes and settings may have changed, and the question that is on its way.
+        self._stale = True
+        self._asking: asyncio.Task[object] | None = None
 
     async def run(self, host: str, port: int, started: Callable[[str], None], wants_end: Callable[[], bool]) -> None:
         """Serve until it is to end, which is asked some times a second; `started` is told the page's address."""
@@ -123,6 +125,7 @@ class PageServer:
             while not wants_end():
                 # The file number wakes us for the first of several messages alone, and at times for none.
                 self._hear()
+                self._ask_for_state()
                 await asyncio.sleep(_LOOK)
         loop.remove_reader(self._subscription.fileno())
 
@@ -132,9 +135,14 @@ class PageServer:
         for parts in self._subscription.messages():
             self.board.take(parts, now)
             if parts[0] in (b"teach/", b"classes/"):
-                self._asked_for_state = -1
+                self._stale = True
         if self.board.number != before:
             self._wake()
+
+    def _ask_for_state(self) -> None:
+        """Ask the door again while it has not replied: it may have come later than we, or anew."""
+        if self._stale and self._door and self._pages and (self._asking is None or self._asking.done()):
+            self._asking = asyncio.create_task(self._ask({"do": "list"}))
 
     def _wake(self) -> None:
         for page in self._pages:
@@ -158,7 +166,7 @@ class PageServer:
         self._pages.add(page)
         self._hear()
         telling = asyncio.create_task(self._tell(connection, page))
-        knowing = asyncio.create_task(self._ask({"do": "list"}))
+        self._ask_for_state()
         try:
             async for text in connection:
                 message = read_message(text)
@@ -174,8 +182,7 @@ class PageServer:
         finally:
             self._pages.discard(page)
             telling.cancel()
-            knowing.cancel()
-            await asyncio.gather(telling, knowing, return_exceptions=True)
+            await asyncio.gather(telling, return_exceptions=True)
 
     async def _tell(self, connection: ServerConnection, page: _Page) -> None:
         """Send what is new whenever the page has drawn what it had."""
@@ -219,7 +226,7 @@ class PageServer:
         reply = await asyncio.to_thread(self._door.ask, command)
         if reply is None:
             return {"states": [_refused(_NO_REPLY)]}
-        states = reply.pop("states")
+        states, self._stale = reply.pop("states"), False
         self.board.take_reply(reply)
         self._wake()
         return {"states": states}

@@ -81,7 +81,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.description = (
         "Plays a recorded motion of every class of the built-in library over loopback into a recogniser in another "
         "process, and shows what it answers. The recogniser's library holds none of the motions played. Exit status: "
-        "0 every motion named, 1 one not, 2 could not be done."
+        "0 every motion named, 1 a motion not named, 2 could not be done."
     )
     parser.add_argument("--seconds", type=positive, default=30.0, help="how long in all, at most (default %(default)s)")
     parser.add_argument("--transport", choices=("osc", "zmq"), default="osc")

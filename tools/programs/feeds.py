@@ -37,7 +37,7 @@ def tell(name: str | None) -> int:
         console.print(f"    {preset.sender}", soft_wrap=True)
     console.print(
         f"\nkinespace live --feed NAME uses one; kinespace feeds NAME > my{_ENDING} copies it for --feed my{_ENDING}.\n"
-        "A sender on another machine: --osc-in 0.0.0.0:PORT. Nothing comes: kinespace listen PORT.",
+        "A sender on another machine: --osc-in 0.0.0.0:PORT. No packets: kinespace listen PORT.",
         soft_wrap=True,
     )
     return 0

@@ -15,18 +15,18 @@ if TYPE_CHECKING:
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the program's options."""
     parser.description = (
-        "Makes a pair of keys (CURVE) in a folder: NAME.key is for the folders of all who are to let NAME in, "
-        "NAME.key_secret stays here. live, replay, record and latency use a folder by --keys."
+        "Makes a pair of keys (CURVE) in a folder. Copy NAME.key into the folders of programs that shall let NAME in; "
+        "NAME.key_secret stays here. live, replay, record and latency use the folder with --keys."
     )
-    parser.add_argument("name", metavar="NAME", help="whose keys they are, like stage or ann")
+    parser.add_argument("name", metavar="NAME", help="name of the keys' owner, like stage or ann")
     parser.add_argument(
-        "--keys", type=Path, metavar="DIR", help="the folder, made when it is not there (default: called NAME)"
+        "--keys", type=Path, metavar="DIR", help="the folder, made if it does not exist (default: NAME)"
     )
 
 
 def run(options: argparse.Namespace) -> int:
     """Run the program with these options; return the exit status."""
     public, secret = make_keys(options.keys or Path(options.name), options.name)
-    for line in (f"{public}: public, for the others' folders", f"{secret}: secret, for nobody else"):
+    for line in (f"{public}: public, for the others' folders", f"{secret}: secret, keep it here"):
         console.print(line, soft_wrap=True, markup=False, highlight=False)
     return 0

@@ -45,11 +45,15 @@ _BESIDE_ADDRESSES = 48
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the program's options."""
     parser.description = (
-        "The first thing to try when nothing works: shows every kind of message that arrives, its types, rate, senders "
-        "and gaps, which feed it looks like, which joints came, and what recognition lacks."
+        "Try this first when nothing works. It shows every kind of message that arrives, with types, rate, senders and "
+        "gaps; the feed that the messages resemble; the joints that came, and the joints that recognition lacks."
     )
     parser.add_argument("port", nargs="?", metavar="[HOST:]PORT", help=f"default: the feed's port, else {OSC_IN}")
-    parser.add_argument("--feed", metavar="NAME", help="look at it as this feed, and ask for it where it must be asked")
+    parser.add_argument(
+        "--feed",
+        metavar="NAME",
+        help="read the packets as this feed, and ask the sender for frames if the feed needs it",
+    )
     add_sender(parser)
     parser.add_argument("--seconds", type=positive, default=5.0, help="how long (default %(default)s)")
     add_json(parser)
@@ -75,7 +79,7 @@ def listen(address: str | None, *, feed: str | None, sender: str, seconds: float
     except OSError as error:
         if error.errno == errno.EADDRINUSE:
             raise OSError(
-                f"{host}:{port}: something listens there already, perhaps kinespace live: end it first"
+                f"{host}:{port}: another program listens there, perhaps kinespace live: end it first"
             ) from error
         raise
     try:
@@ -129,11 +133,11 @@ def _tell(receiver: OscReceiver, packet: bytes, target: LookedUp | None) -> None
 
 
 def advice(survey: Survey, guess: Guess | None, address: str | None) -> list[str]:
-    """Say what is missing for recognition, and what to do about it; empty when all is well."""
+    """List the faults of the feed with their remedies; empty when all is well."""
     if not survey.packets:
-        lines = ["nothing arrived: is the sender's port this one, and its address this machine's?"]
+        lines = ["nothing arrived: does the sender send to this port and to this machine's address?"]
         if not (address or "").startswith("0.0.0.0"):  # noqa: S104 - compared, not bound
-            lines.append("a sender on another machine is only heard with 0.0.0.0:PORT, past this machine's firewall")
+            lines.append("to hear another machine, listen on 0.0.0.0:PORT and let the firewall pass the packets")
         return lines
     lines = list[str]()
     if survey.undecodable:
@@ -141,7 +145,7 @@ def advice(survey: Survey, guess: Guess | None, address: str | None) -> list[str
     if guess is None:
         if any(kind.address in OURS for kind in survey.kinds.values()):
             return [*lines, *survey.findings(builtin_preset(_NATIVE)).refusals]
-        lines.append("no feed we know: write a preset (kinespace feeds native > my.toml) with the addresses above")
+        lines.append("no known feed: write a preset (kinespace feeds native > my.toml) with the addresses above")
         return lines
     lines += _lacking(survey, guess)
     lines += _odd(survey, guess)
@@ -157,7 +161,7 @@ def advice(survey: Survey, guess: Guess | None, address: str | None) -> list[str
 
 
 def _lacking(survey: Survey, guess: Guess) -> list[str]:
-    """Say what a feed lacks for recognition."""
+    """List the joints and frames that recognition lacks."""
     if guess.preset.name == _NATIVE and survey.announced:
         return _named_otherwise(survey)
     if guess.missing and guess.preset.name == _NATIVE and not any(k.address == SKELETON for k in survey.kinds.values()):
@@ -167,14 +171,14 @@ def _lacking(survey: Survey, guess: Guess) -> list[str]:
         ]
     lines = list[str]()
     if guess.missing and guess.frames:
-        lines.append(f"done without, because they never came: {', '.join(guess.missing)}")
+        lines.append(f"not used, because they never came: {', '.join(guess.missing)}")
     elif guess.missing:
         lines.append(f"missing for recognition: {', '.join(guess.missing)}")
         lines.append("let the sender send them, or leave them out of [joints] in a copy of the preset")
     if guess.unknown:
         lines.append(f"joints sent that the preset does not name: {', '.join(guess.unknown[:12])}")
     if not guess.frames and not guess.missing:
-        lines.append("no whole frame: too short a time, or joints that come too far apart")
+        lines.append("no whole frame: the time was too short, or the joints come too far apart")
     elif guess.refused:
         lines.append(f"{guess.refused} frames refused, because too many joints were absent from them")
     return lines
@@ -193,8 +197,8 @@ def _odd(survey: Survey, guess: Guess) -> list[str]:
     return [
         *(f"performer {name}: {told}" for name, told in clocks.items()),
         *(
-            f"performer {name}: many segments change their length by more than a tenth. A depth sensor's do; else the "
-            "joints stand in another order than their names, or angles are sent in place of positions"
+            f"performer {name}: many segments change their length by more than a tenth. A depth sensor does "
+            "this; otherwise the joints come in another order than their names, or as angles instead of positions"
             for name in stretching
         ),
         *refusals,
@@ -216,12 +220,12 @@ def named_joints(survey: Survey) -> NamedJoints | None:
 
 
 def _named_otherwise(survey: Survey) -> list[str]:
-    """Say what announced joints lack: they may be fewer, with other names, but five must be ours."""
+    """Report announced joints of which fewer than five have known names."""
     shared = set(Naming().read(survey.announced).joints) & set(hdm05.SKELETON.joints)
     if len(shared) >= MIN_JOINTS:
         return []
     return [
-        f"{len(shared)} of the {len(survey.announced)} announced joints have names that are known: say whose they are,",
+        f"{len(shared)} of the {len(survey.announced)} announced joints have known names: name their convention,",
         "kinespace live --names NAME, or build your own library from this feed",
     ]
 

@@ -1,4 +1,4 @@
-"""`kinespace page`: a page in the browser that shows what a recogniser publishes, and teaches it."""
+"""`kinespace page`: a page in the browser that shows a recogniser's bodies and answers, and teaches it."""
 
 from __future__ import annotations
 

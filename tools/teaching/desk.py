@@ -140,7 +140,7 @@ class Desk:
 
     @property
     def counts(self) -> PerformerCounts:
-        """Counts of what happened to all frames so far."""
+        """Counts of all frames so far, by their fate."""
         return self._performers.counts
 
     @property
@@ -206,7 +206,7 @@ class Desk:
         return [notice for notice in notices if isinstance(notice, State)]
 
     def _explained(self, notice: Notice) -> Notice:
-        """Say of a performer who cannot be taught for lack of joints that this is the reason."""
+        """Explain to a performer why too few joints prevent teaching."""
         if isinstance(notice, State) and notice.step is Step.REFUSED and notice.performer in self._other_joints:
             return replace(notice, reason="not all of the library's joints are there: teach with --library none")
         return notice
@@ -232,7 +232,7 @@ class Desk:
         return told
 
     def tend(self, now: float) -> None:
-        """Do what is due by the clock, and take the worker's results."""
+        """Do the work that is due by the clock, and take the worker's results."""
         self._deal_with(self._teacher.tick(now))
         while not self._asked.empty():
             self.command(self._asked.get())
@@ -307,7 +307,9 @@ class Desk:
                 library.save(self._file)
         except (OSError, ValueError) as error:
             told = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
-            self._results.put(_Failed(0, f"{self._file.name} was not saved: {told}; what was taught is still known"))
+            self._results.put(
+                _Failed(0, f"{self._file.name} was not saved: {told}; the taught motions are still in memory")
+            )
 
     def _starts(self, job: _Job, index: WindowIndex) -> int:
         """Count how often the new class would have started in the performer's last minutes."""
@@ -380,7 +382,9 @@ class Start:
         """Open the windows in whose metrics examples are compared; None when examples learn their own metrics."""
         if self.library:
             return opened(self.library.restricted_to(taught.skeleton.joints) if taught else self.library)
-        builtin = replace(MotionLibrary.builtin(), learned=None)
+        builtin = MotionLibrary.builtin()
+        # What the built-in motions taught makes opening quick; what strangers taught is left out.
+        builtin = replace(builtin, learned=builtin.learned and builtin.learned.of_these_motions())
         joints = taught.skeleton.joints if taught else self.joints or builtin.skeleton.joints
         if not set(joints) <= set(builtin.skeleton.joints):
             return None
@@ -422,7 +426,7 @@ def open_desk(start: Start, performers: Callable[[WindowIndex, Sequence[str]], P
 
 
 def _any_motion(joints: Sequence[str]) -> MotionLibrary:
-    """Make a library of joints that nobody has taught yet: recognisers need one, but are not asked with it."""
+    """Make a library of joints without taught motions: recognisers need a library, but are not asked with this one."""
     generator = np.random.default_rng(0)
     positions = np.cumsum(generator.normal(0, 0.05, (60, len(joints), 3)), axis=0)
     return MotionLibrary.of_clips([Clip(Skeleton(tuple(joints)), positions, 30.0, class_name="motion")])

@@ -61,7 +61,7 @@ class TaughtDecoder:
     desk
         Carries out the commands.
     allowed
-        The rule of who may teach.
+        The senders that may teach.
     """
 
     expires = True
@@ -90,7 +90,7 @@ class TaughtDecoder:
         return self.decoder.decode(packet, arrival, sender) if datagram.startswith(b"#bundle") else ()
 
     def expire(self, now: float) -> Sequence[Input]:
-        """Do what is due by the clock."""
+        """Do the work that is due by the clock."""
         self._desk.tend(now)
         return self.decoder.expire(now)
 
@@ -148,7 +148,7 @@ class WekinatorDoor:
         return ()
 
     def tend(self, now: float) -> Sequence[Admitted]:
-        """Do what is due by the clock."""
+        """Do the work that is due by the clock."""
         self._desk.tend(now)
         return ()
 
@@ -167,7 +167,7 @@ class RequestDoor:
     desk
         Carries out the commands.
     allowed
-        The rule of who may teach, if the transport tells the sender; another process of this machine may.
+        The senders that may teach, if the transport names the sender; another process of this machine may.
     keyring
         Keys of peers who may teach, on any host; None for no keys.
     """
@@ -228,7 +228,7 @@ class RequestDoor:
             return [self._desk.refuse(str(error))]
 
     def tend(self, now: float) -> Sequence[Admitted]:
-        """Do what is due by the clock."""
+        """Do the work that is due by the clock."""
         self._desk.tend(now)
         return ()
 

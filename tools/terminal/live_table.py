@@ -115,7 +115,7 @@ class PlainLines(Sink):
 
 
 class LiveTable(Sink):
-    """A sink that keeps what the table shows: the last recognition of each performer, the last status."""
+    """A sink that keeps the content of the table: the last recognition of each performer, the last status."""
 
     def __init__(self, classes: Sequence[str]) -> None:
         self._classes = classes
@@ -215,7 +215,7 @@ def said_of(status: Status) -> list[str]:
 
 
 def refused_frames(performer: str, why: str) -> str:
-    """Say why a performer's frames are refused, and what to do about it."""
+    """Name the reason why a performer's frames are refused, and the remedy."""
     return (
         f"performer {printable(performer)}: frames refused: {why}. Let the sender send them, or say them with --joints"
     )
@@ -234,7 +234,7 @@ def counts(status: Status) -> str:
         f"{f', not let in {status.admission.not_allowed}' if status.admission.not_allowed else ''}"
         f"{f', odd times {status.admission.odd_times}' if status.admission.odd_times else ''}"
         f"{f', incomplete {inputs.incomplete}' if inputs.incomplete else ''}"
-        f"{f', thrown away of senders served last {inputs.thrown_away}' if inputs.thrown_away else ''}"
+        f"{f', dropped from senders served last {inputs.thrown_away}' if inputs.thrown_away else ''}"
         f"{f', connections broken {inputs.broken} (messages too large or too many?)' if inputs.broken else ''}"
     )
 

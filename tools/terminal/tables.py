@@ -32,7 +32,7 @@ def narrow_table(title: str, caption: str | None = None) -> Table:
 
 
 def csv_text(text: str) -> str:
-    """Give text as a cell of a CSV file: what a spreadsheet would compute, like `=1+1`, has an apostrophe before it."""
+    """Give text as a cell of a CSV file; a formula, like `=1+1`, gets an apostrophe: no spreadsheet computes it."""
     return f"'{text}" if text.startswith(_COMPUTED) else text
 
 

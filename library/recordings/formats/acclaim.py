@@ -1,6 +1,6 @@
 """Acclaim recordings (ASF skeleton, AMC motion) read into clips.
 
-The formats are those of HDM05 and of the CMU Graphics Lab Motion Capture Database. An ASF gives each bone a direction,
+HDM05 and the CMU Graphics Lab Motion Capture Database use these formats. An ASF gives each bone a direction,
 a length and the axis frame in which its rotations are measured; an AMC gives the angles of every frame. Where a bone's
 `dof` and `axis` disagree in order, `dof` says which number is which angle, and `axis` says in which order the angles
 are applied; the root's `order` and `axis` do the same.
@@ -57,7 +57,7 @@ class Bone:
     axis_order
         The order in which the angles are applied, three of "xyz".
     channels
-        What each number on the bone's AMC line is: "rx", "ry", "rz", and for the root also "tx", "ty", "tz".
+        The meaning of each number on the bone's AMC line: "rx", "ry", "rz", and for the root also "tx", "ty", "tz".
     """
 
     name: str
@@ -69,7 +69,7 @@ class Bone:
 
 @dataclass(frozen=True, slots=True)
 class AcclaimSkeleton:
-    """What an ASF says: bones in the hierarchy's order, the root first."""
+    """The content of an ASF: bones in the hierarchy's order, the root first."""
 
     skeleton: Skeleton
     bones: tuple[Bone, ...]

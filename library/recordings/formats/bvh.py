@@ -153,9 +153,9 @@ class _HierarchyReader:
 
     def _name(self, word: str, statement: _Statement) -> None:
         if (word == "root") != (self._open == [-1]):
-            statement.fail("expected one ROOT that holds all joints: one performer to a file")
+            statement.fail("expected one ROOT with all joints: one performer in a file")
         if word == "root" and self.joints:
-            statement.fail("a second ROOT: expected one performer to a file")
+            statement.fail("a second ROOT: expected one performer in a file")
         name = " ".join(statement.words[1:])
         if word == "end":
             parent = self._open[-1]
@@ -412,7 +412,7 @@ def _kept(
         if firsts[index] not in taken:
             kept.append(index)
         elif names[index] in wanted:
-            raise ValueError(f"{names[index]!r} always coincides with another joint that is asked for")
+            raise ValueError(f"{names[index]!r} always coincides with another chosen joint")
         taken.add(firsts[index])
     places = {firsts[index]: place for place, index in enumerate(kept)}
     parents = []
@@ -437,7 +437,7 @@ def read_clip(
     metres_per_unit
         Metres of the file's unit; guessed from the body's size when not given.
     Frames per second; the file's own rate when not given.
-        Frames per second; what the file says when not given.
+        Frames per second; by default the file's own.
     joints
         Names of the clip's joints (`library.formats.joint_choice.chosen`); when not given, all joints that never
         coincide.

@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-#: Seconds a marker may be out of sight. Over a longer time a straight line would be a movement that nobody made.
+#: Seconds a marker may be out of sight. Over a longer time a straight line would be an invented movement.
 MAX_GAP = 0.5
 
 

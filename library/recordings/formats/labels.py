@@ -268,8 +268,8 @@ def cut(take: Clip, segments: Sequence[Segment]) -> Iterator[Clip]:
         for begin, end in take.gaps:
             if begin < segment.end and segment.start < end:
                 raise LabelError(
-                    f"{take.name}: {segment.label!r} from {segment.start:g} to {segment.end:g} s: nothing was seen of "
-                    f"the performer from {begin:.2f} to {end:.2f} s"
+                    f"{take.name}: {segment.label!r} from {segment.start:g} to {segment.end:g} s: the performer was "
+                    f"not seen from {begin:.2f} to {end:.2f} s"
                 )
         first, last = round(segment.start * take.frame_rate), round(segment.end * take.frame_rate)
         positions = take.positions[first:last]

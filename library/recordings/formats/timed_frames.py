@@ -93,7 +93,7 @@ def evened(
     before = after - 1
     apart = times[after] - times[before]
     share = np.clip((grid - times[before]) / apart, 0.0, 1.0)
-    # A straight line over a long time would be a movement that nobody made: the body stays where it was last seen.
+    # A straight line over a long time would be an invented movement: the body stays where it was last seen.
     share[(apart > MAX_GAP) & (share < 1 - _TIE)] = 0.0
     share[share < _TIE] = 0.0
     nearest = np.minimum(np.abs(grid - times[before]), np.abs(times[after] - grid))

@@ -93,7 +93,7 @@ def read_frames(path: Path) -> Frames:
                 numbers.append(number)
                 rows.append(row[1:])
     if len(rows) < 2:
-        raise UTKinectError(f"{path}: expected at least 2 frames in which somebody is seen, got {len(rows)}")
+        raise UTKinectError(f"{path}: expected at least 2 frames with a person, got {len(rows)}")
     return Frames(np.array(numbers), np.array(rows).reshape(len(rows), -1, 3))
 
 

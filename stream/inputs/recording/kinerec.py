@@ -1,4 +1,4 @@
-"""Raw recordings of feeds, `.kinerec`: every packet as it came, when it came, and who sent it.
+"""Raw recordings of feeds, `.kinerec`: every packet as it came, with its arrival and its sender.
 
 The file is a row of records, each `u32 length, u32 CRC-32 of what follows, u8 kind, body`, little-endian. The first is
 the header (kind 0): JSON with `format`, `version`, `began` (UTC), `sources` and, where packets were read as another
@@ -116,7 +116,7 @@ def encode_header(header: RawHeader) -> bytes:
         told["presets"] = dict(header.presets)
     body = bytes([_HEADER]) + json.dumps(told).encode()
     if len(body) > MAX_RECORD:
-        raise ValueError(f"presets: expected at most {MAX_RECORD} bytes with what else a header has, got {len(body)}")
+        raise ValueError(f"presets: expected at most {MAX_RECORD} bytes with the rest of the header, got {len(body)}")
     return _record(body)
 
 
@@ -215,7 +215,7 @@ class RawWriter:
             self.written += 1
 
     def close(self) -> None:
-        """Put everything on the disk and close the file; what the disk does not take now is lost and counted."""
+        """Put everything on the disk and close the file; packets that the disk refuses now are lost and counted."""
         self._ended.set()
         self._syncing.join()
         self._try_to_sync()
@@ -237,7 +237,7 @@ class RawWriter:
             self.trouble = ""
 
     def _sync(self) -> None:
-        """Write what waits; after a failure the file holds nothing of it, and all of it waits again."""
+        """Write the waiting packets; after a failure the file holds none of them, and all of them wait again."""
         with self._lock:
             batch, self._waiting, self._waiting_bytes = self._waiting, [], 0
         rest = memoryview(b"".join(batch))
@@ -346,7 +346,7 @@ class RawFile:
         where = f"{self.path}: byte {self.lost_from}: cut off or damaged"
         if self._ends_there:
             return f"{where}; the {self.lost} bytes from there on are not read"
-        return f"{where}; {self.lost} bytes are not read, what follows them is"
+        return f"{where}; {self.lost} bytes are not read, the bytes after them are"
 
 
 def _next_record(file: BinaryIO, begin: int) -> int | None:

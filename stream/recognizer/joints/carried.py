@@ -1,4 +1,4 @@
-"""What carries a decision: the joints, and the joint pairs, that weigh most in the leading eigenvector."""
+"""What carries a decision: the joint pairs, and the joints, that make up most of what the leading eigenvector sees."""
 
 from __future__ import annotations
 
@@ -15,29 +15,51 @@ _DIGITS = 4
 
 
 class Carried(NamedTuple):
-    """The weight of joints and joint pairs in a leading eigenvector.
+    """What joints and joint pairs give to the variance along a leading eigenvector.
 
     Attributes
     ----------
     joints
-        Share of each joint, 0 to 1, sum 1: half of the squared weights of its pairs.
+        Share of each joint, 0 to 1, sum 1: half of the shares of its pairs.
     pairs
-        Indices of the joints of the pairs that weigh most, the heaviest first.
+        Indices of the joints of the pairs that give most, the foremost first.
     """
 
     joints: tuple[float, ...]
     pairs: tuple[tuple[int, int], ...]
 
 
-def carried_by(
-    weights: NDArray[np.floating], pairs: NDArray[np.intp], order: NDArray[np.intp] | None, joints: int
-) -> Carried | None:
-    """Sum up an eigenvector's weights by joint.
+def contributions(rows: NDArray[np.floating], weights: NDArray[np.floating]) -> NDArray[np.float64]:
+    """Say what each distance gives to the variance of rows along weights.
+
+    The variance along w is the sum over the distances of w times their covariance with what is seen along w. A distance
+    that works against the others gives less than nothing.
 
     Parameters
     ----------
+    rows
+        Distance rows of a window, shape (frames, pairs).
     weights
-        The eigenvector's number of each joint pair, shape (pairs,).
+        Number of each distance, shape (pairs,).
+
+    Returns
+    -------
+    Shape (pairs,); their sum is (frames - 1) times the variance.
+    """
+    centred = rows - rows.mean(axis=0)
+    given: NDArray[np.float64] = weights * ((centred @ weights) @ centred)
+    return given
+
+
+def carried_by(
+    given: NDArray[np.floating], pairs: NDArray[np.intp], order: NDArray[np.intp] | None, joints: int
+) -> Carried | None:
+    """Sum up by joint what the pairs give; pairs that give less than nothing count as nothing.
+
+    Parameters
+    ----------
+    given
+        What each joint pair gives (`contributions`), shape (pairs,).
     pairs
         The joints of each pair in the library's skeleton, shape (pairs, 2).
     order
@@ -47,18 +69,18 @@ def carried_by(
 
     Returns
     -------
-    Shares and pairs in the frame's own order; None when all weights are 0.
+    Shares and pairs in the frame's own order; None when no pair gives anything.
     """
-    squares = np.square(weights)
-    total = float(squares.sum())
+    given = np.maximum(given, 0.0)
+    total = float(given.sum())
     if not total > 0:
         return None
     ends = pairs if order is None else order[pairs]
-    shares = np.bincount(ends[:, 0], squares, joints) + np.bincount(ends[:, 1], squares, joints)
-    most = min(MAX_PAIRS, len(squares))
-    heaviest = np.argpartition(squares, -most)[-most:]
-    heaviest = heaviest[np.argsort(-squares[heaviest])]
+    shares = np.bincount(ends[:, 0], given, joints) + np.bincount(ends[:, 1], given, joints)
+    most = min(MAX_PAIRS, len(given))
+    foremost = np.argpartition(given, -most)[-most:]
+    foremost = foremost[np.argsort(-given[foremost])]
     return Carried(
         tuple((shares / (2 * total)).round(_DIGITS).tolist()),
-        tuple((first, second) for first, second in ends[heaviest].tolist()),
+        tuple((first, second) for first, second in ends[foremost].tolist()),
     )

@@ -19,6 +19,7 @@ from kinespace.library.windows.parts import (
     eigen,
     movement,
 )
+from kinespace.stream.recognizer.joints.carried import contributions
 from kinespace.stream.recognizer.windows.rolling import RollingCovariance, RollingMoments, moments_of
 from kinespace.stream.recognizer.windows.sliding_window import MAX_PENDING, ShorterWindow, SlidingWindow
 
@@ -142,6 +143,10 @@ class LiveWindows:
         """Give the times and the distance rows of the longest window; views, valid until the next push."""
         return self._distances.times, self._distances.rows
 
+    def contributions(self, eigenvector: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Say what each joint pair gives to the variance along an eigenvector of the longest window in the basis."""
+        return contributions(self._distances.rows[-len(self._points) :], self._directions @ eigenvector)
+
     def read(self) -> LiveSignature:
         """Read the signature of the windows that end with the newest row; needs a row. Valid until the next call."""
         self._settle()
@@ -262,6 +267,10 @@ class PaperWindow:
     def _settle(self) -> None:
         self._covariance.update()
         self._moments.update()
+
+    def contributions(self, eigenvector: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Say what each joint pair gives to the variance along an eigenvector of the longest window in the basis."""
+        return contributions(self._distances.rows[-len(self._points) :], self._directions @ eigenvector)
 
     def read(self) -> tuple[Leading, float]:
         """Read the leading eigenvector of the window that ends with the newest row, and the window's movement."""

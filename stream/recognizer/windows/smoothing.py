@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 NOISY = 0.0113
 #: Seconds over which the rows of a noisy feed are averaged, and over which the noise is estimated.
 _AVERAGED, _ESTIMATED = 0.1, 1.0
-#: Seconds of rows, or rows, after which the noise is estimated again.
+#: Seconds of rows, or rows, after which the noise is estimated again, once it is known.
 _EVERY, _MAX_WAITING = 0.1, 30
 #: The variance of second differences of white noise, relative to the noise's variance.
 _SECOND_DIFFERENCE = 6.0
@@ -69,7 +69,8 @@ class RowSmoother:
         self._times[begin : self._end] = times
         self._waiting += len(times)
         first = max(self._end - self._waiting, 0)
-        if self._waiting >= _MAX_WAITING or times[-1] - self._times.item(first) >= _EVERY - _TIE:
+        enough = self._waiting >= _MAX_WAITING or times[-1] - self._times.item(first) >= _EVERY - _TIE
+        if enough or self._known < _ESTIMATED:
             self._estimate(max(first - 2, 0))
             self._waiting = 0
         if self.noise < NOISY:

@@ -104,7 +104,7 @@ def test_every_kind_of_loops_that_the_processor_has_is_tested(loops: compiled.Lo
 
 @pytest.mark.parametrize("frames", [1, 2, 3, 4, 5, 7, 16])
 def test_distances_equal_three_loops(loops: compiled.Loops, frames: int) -> None:
-    """However many frames are measured side by side, each has the distances that three loops give."""
+    """The distances equal those from three plain loops, for any number of frames measured side by side."""
     for clip in CLIPS:
         positions = np.ascontiguousarray(clip.positions[20 : 20 + frames])
         rows = _with_room(np.zeros((frames, len(PAIRS))))
@@ -451,7 +451,7 @@ def test_an_environment_variable_switches_the_loops_off() -> None:
     assert told.stdout == "numpy\n"
 
 
-# --- what is refused ---------------------------------------------------------------------------------------------
+# --- refused arrays ---------------------------------------------------------------------------------------------
 
 _F, _H = np.float32, np.float16
 _ONE = np.array([0])
@@ -712,7 +712,7 @@ _REFUSED: dict[str, tuple[Callable[[compiled.Loops], object], str]] = {
 
 @pytest.mark.parametrize("name", _REFUSED)
 def test_arrays_that_do_not_fit_are_refused(loops: compiled.Loops, name: str) -> None:
-    """An array of another shape or type raises ValueError with its name, the expectation and what was got."""
+    """An array of another shape or type raises ValueError with its name, the expectation and the value found."""
     call, told = _REFUSED[name]
     with pytest.raises(ValueError, match=told):
         call(loops)

@@ -1,4 +1,4 @@
-"""The library's file: written whole or not at all, and refused by one line whatever has become of it."""
+"""The library's file: written whole or not at all; a damaged file is refused in one line."""
 
 from __future__ import annotations
 
@@ -84,7 +84,7 @@ def _packed(header: object, arrays: dict[str, NDArray[Any]]) -> bytes:
     return file.getvalue()
 
 
-# --- what is in it -----------------------------------------------------------------------------------------------
+# --- content of the file -----------------------------------------------------------------------------------------
 
 
 def test_the_file_is_an_npz_without_pickle(content: bytes, small_library: MotionLibrary) -> None:
@@ -154,12 +154,12 @@ def test_a_library_too_large_for_a_file_is_not_written(tmp_path: Path, small_lib
 # --- saving is atomic --------------------------------------------------------------------------------------------
 
 
-def _broken_savez(file: Any, **_arrays: object) -> None:  # noqa: ANN401 - what numpy takes
+def _broken_savez(file: Any, **_arrays: object) -> None:  # noqa: ANN401 - numpy takes any
     file.write(b"PK\x03\x04 half of a file")
     raise OSError(28, "No space left on device")
 
 
-def _interrupted_savez(file: Any, **_arrays: object) -> None:  # noqa: ANN401 - what numpy takes
+def _interrupted_savez(file: Any, **_arrays: object) -> None:  # noqa: ANN401 - numpy takes any
     file.write(b"PK\x03\x04 half of a file")
     raise KeyboardInterrupt
 
@@ -388,7 +388,7 @@ def _header(text: str) -> np.ndarray:
     ],
 )
 def test_a_foreign_file_is_refused(tmp_path: Path, foreign: bytes) -> None:
-    """A file of another kind, however near, is refused by name."""
+    """A file of another kind, even a similar one, is refused by name."""
     _assert_refused(tmp_path / "foreign.npz", foreign)
 
 
@@ -419,8 +419,8 @@ def test_a_file_that_is_not_there_is_an_os_error(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("version", [1, 2])
-def test_an_old_library_says_how_to_build_it_anew(content: bytes, tmp_path: Path, version: int) -> None:
-    """A file of before, with whatever arrays, is refused in one line that holds the command to be given."""
+def test_the_error_for_an_old_library_holds_the_command(content: bytes, tmp_path: Path, version: int) -> None:
+    """A file of an older version, with any arrays, is refused in one line that holds the command to build it again."""
     header, _ = _unpacked(content)
     old = _packed({**header, "version": version}, {"means": np.zeros((18, 15), np.float32), "digest": np.zeros(32)})
     path = tmp_path / "library.npz"

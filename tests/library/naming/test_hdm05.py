@@ -95,7 +95,7 @@ def test_all_288_clips_are_read(hdm05_clips: tuple[Clip, ...]) -> None:
 
 
 def test_clips_lie_in_their_classes_folder(hdm05_folder: Path, hdm05_clips: tuple[Clip, ...]) -> None:
-    """As many clips of each class are read as there are files in the folder of its name, whatever their ending."""
+    """As many clips of each class are read as there are files in its folder, with any ending."""
     files = Counter(path.parent.name for path in hdm05_folder.glob("*/*") if path.suffix.lower() == ".amc")
     assert Counter(clip.class_name for clip in hdm05_clips) == files
 

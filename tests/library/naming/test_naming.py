@@ -96,7 +96,7 @@ def test_spelling_says_nothing(spelled: Callable[[str], str]) -> None:
 
 @pytest.mark.parametrize("front", ["mixamorig:", "mixamorig", "mixamorig5:", "mixamorig_", "Armature|", "Char 1_", ""])
 def test_prefixes_are_left_out(front: str) -> None:
-    """However Mixamo's names come out of a program, they are Mixamo's."""
+    """Mixamo's names are recognised with every prefix that programs put before them."""
     labels = [name.replace("mixamorig:", front) for name in skeletons.MIXAMO]
     named = Naming().read(labels)
     assert [joint for joint in named.joints if joint in OURS] == [
@@ -110,7 +110,7 @@ def test_left_arm_alone_keeps_its_side() -> None:
     assert Naming().read(labels).joints == ("lhipjoint", "lfemur", "ltibia", "lclavicle", "lhumerus", "lradius")
 
 
-def test_convention_that_is_asked_for() -> None:
+def test_a_given_convention_is_used() -> None:
     """A given convention renames the joints it knows, however few; as-they-are renames none."""
     labels = ("head", "spine1", "prop")
     assert Naming.asked("smpl").read(labels).joints == ("upperneck", "lowerback", "prop")

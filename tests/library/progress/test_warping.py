@@ -19,8 +19,8 @@ def curves(count: int, seed: int) -> list[np.ndarray]:
     return drawn
 
 
-def test_many_pairs_together_are_each_pair_alone() -> None:
-    """Pairs of different lengths, warped in one batch, get what the recursion gives each by itself."""
+def test_many_pairs_together_equal_each_pair_alone() -> None:
+    """Pairs of different lengths, warped in one batch, get the result that the recursion gives each by itself."""
     drawn = curves(6, 1)
     pairs = [(one, other) for one in drawn for other in drawn[::2]]
     for (one, other), phases in zip(pairs, warped_phases(pairs), strict=True):

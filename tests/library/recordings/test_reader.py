@@ -94,7 +94,7 @@ def test_clips_come_in_the_order_of_the_paths(tmp_path: Path) -> None:
 
 
 def test_each_skeleton_is_read_once(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    """However many motions share a skeleton its file is read once, and each folder's motions get its own."""
+    """A skeleton's file is read once for all its motions, and each folder's motions get their own skeleton."""
     paths = [*_write_arm(tmp_path / "one", "arm_1.amc", "arm_2.amc"), *_write_arm(tmp_path / "two", "arm_3.amc")]
     read: list[Path] = []
 
@@ -207,7 +207,7 @@ def pieces_and_whole(path: Path) -> Clip:
     return whole
 
 
-#: What is done to an AMC's frames, each of which is a number and five lines.
+#: Changes to an AMC's frames; each frame is a number and five lines.
 AMC_CHANGES: dict[str, Callable[[list[list[str]]], list[list[str]]]] = {
     "as it is": lambda frames: frames,
     # Within a piece, and where two meet.
@@ -228,10 +228,10 @@ AMC_CHANGES: dict[str, Callable[[list[list[str]]], list[list[str]]]] = {
 
 @pytest.mark.parametrize("changed", AMC_CHANGES)
 @pytest.mark.parametrize("block", [700, 1500])
-def test_an_amc_in_pieces_is_the_whole(
+def test_the_pieces_of_an_amc_are_the_whole(
     changed: str, block: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """However its frames are written and wherever it is parted, the pieces are together the clip."""
+    """The pieces together are the clip, for every way to write the frames and every place to part them."""
     monkeypatch.setattr(acclaim, "_BLOCK_BYTES", block)
     monkeypatch.setattr(acclaim, "_BLOCK_FRAMES", block // 70)
     path = write_take(tmp_path, "bd", "bendLeft", 1)
@@ -289,7 +289,7 @@ def test_the_error_of_a_bad_piece_comes_when_the_piece_is_read(tmp_path: Path, m
             with pytest.raises(RecordingError, match=told) as parted:
                 got.extend(reader.pieces(path))
         assert str(parted.value) == str(whole.value)
-        # What a list takes in before the mistake it keeps.
+        # A list keeps the clips before the mistake.
         assert sum(piece.frames for piece in got) > 100
 
 

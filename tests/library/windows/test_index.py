@@ -103,7 +103,7 @@ def test_log_distances_by_brute_force(index: WindowIndex, asking: tuple[Clip, ..
 
 
 def test_eigenvector_scores_by_brute_force(index: WindowIndex, asking: tuple[Clip, ...], arithmetic: str) -> None:
-    """They are each class's largest |inner product|, whatever the eigenvector's sign."""
+    """A class's score is its largest |inner product|, for either sign of the eigenvector."""
     for clip in asking:
         cut = CutWindows([clip], [window_ends(clip, 0.4)], index.body, index.basis)
         vector = cut.eigenpairs[2.0].vectors[-1, 0].copy()

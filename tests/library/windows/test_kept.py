@@ -23,7 +23,7 @@ BOTH = pytest.mark.parametrize("weighing", WEIGHINGS.values(), ids=WEIGHINGS)
 
 @pytest.fixture(scope="module")
 def keeping(small_library: MotionLibrary) -> MotionLibrary:
-    """Give a small library that keeps what its motions teach."""
+    """Give a small library that keeps the numbers learned from its motions."""
     return keeping_lessons(small_library)
 
 
@@ -63,8 +63,8 @@ def test_the_built_in_file_keeps_its_metrics(builtin: MotionLibrary, weighing: W
         )
 
 
-def test_a_file_keeps_them(keeping: MotionLibrary, tmp_path: Path) -> None:
-    """Written and read again, a library opens by what it kept."""
+def test_a_file_keeps_the_numbers(keeping: MotionLibrary, tmp_path: Path) -> None:
+    """Written and read again, a library opens with the numbers in its file."""
     keeping.save(tmp_path / "kept.npz")
     again = MotionLibrary.load(tmp_path / "kept.npz")
     for weighing in WEIGHINGS.values():
@@ -116,6 +116,17 @@ def test_derived_libraries_drop_numbers_of_other_motions(keeping: MotionLibrary)
 def test_arrays_that_do_not_fit_are_refused(
     keeping: MotionLibrary, name: str, array: np.ndarray | None, said: str
 ) -> None:
-    """The message names the array."""
+    """An array of another shape or type raises ValueError with its name, the expectation and the value found."""
     with pytest.raises(ValueError, match=said):
         kept_of(_with(keeping, name, array), WEIGHINGS["across"])
+
+
+def test_lessons_do_not_tell_what_is_unknown(keeping: MotionLibrary, builtin: MotionLibrary) -> None:
+    """A library that keeps only what its own motions teach is weighed and judged as one that keeps nothing."""
+    assert builtin.judged_by_strangers
+    assert not keeping.judged_by_strangers
+    assert WindowIndex.of(keeping).comparison.weighing is WEIGHINGS["within"]
+    assert builtin.learned is not None
+    own = replace(builtin, learned=builtin.learned.of_these_motions())
+    assert not own.judged_by_strangers
+    assert kept_of(own, WEIGHINGS["within"]) is not None

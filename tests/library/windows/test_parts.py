@@ -98,7 +98,7 @@ def test_a_trend_is_a_correlation(body: Body) -> None:
     steady = np.linspace(-20.0, 20.0, 30)
     rows[:, 0] += steady
     rows[:, 1] -= steady
-    # The body's size is what it would be without these two.
+    # The body has the size that it would have without these two.
     numbers = trend(_moments(rows), replace(body, sizing=np.eye(len(body.sizing))[2]))[0]
     assert numbers[:3] == pytest.approx([1.0, -1.0, 0.0], abs=0.01)
 
@@ -127,7 +127,7 @@ def test_a_window_is_like_itself_and_like_none_that_does_not_move(covariances: N
 
 
 def test_one_eigenvector_makes_the_papers_measure() -> None:
-    """With k = 1 the product is the square of |⟨u, v⟩|, whatever the eigenvalues."""
+    """With k = 1 the product is the square of |⟨u, v⟩|, for any eigenvalues."""
     vectors = np.array([[[0.6, 0.8]], [[1.0, 0.0]]])
     first, second = eigen(Eigenpairs(np.array([[7.0], [0.2]]), vectors))
     assert np.square(first @ second.T).sum() == pytest.approx(0.36)

@@ -95,7 +95,7 @@ def values(frame: Frame) -> list[float]:
     return frame.positions[:, 0].tolist()
 
 
-# --- what closes a frame -----------------------------------------------------------------------------------------
+# --- closing a frame ---------------------------------------------------------------------------------------------
 
 
 def test_an_end_message_closes_a_frame() -> None:
@@ -397,7 +397,7 @@ def test_the_senders_clock_bridges_a_lost_time() -> None:
 
 
 def test_without_the_senders_clock_the_arrival_counts() -> None:
-    """By default a frame's time is when its first joint came, whatever the sender says."""
+    """By default a frame's time is the arrival of its first joint; the sender's clock does not count."""
     target = assembler("end")
     (frame,) = pushed(target, [message("/time", "d", 100.0), *whole(1.0), message("/end")], 5.0)
     assert frame.time == 5.0

@@ -1,4 +1,4 @@
-"""The mapper: which message says what, for whom and of which joint, whatever numbers and names it comes with."""
+"""The reader of messages: the meaning of each message, its performer and its joint, with any numbers and names."""
 
 from __future__ import annotations
 
@@ -83,7 +83,7 @@ def test_numbers_are_names_too(performer: object) -> None:
     ],
 )
 def test_wrong_types_are_refused(arguments: list[object]) -> None:
-    """A name that is none, a number that is none: the message is refused as a whole."""
+    """A message with a number for a name, or a text for a number, is refused as a whole."""
     with pytest.raises(MessageError):
         LOOSE.read(Message("/at", arguments))
 

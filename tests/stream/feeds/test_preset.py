@@ -1,4 +1,4 @@
-"""Presets: the built-in ones are complete, and a mistake in a user's own is one line that says what and where."""
+"""Presets: the built-in ones are complete, and a mistake in a user's own is one line with its place."""
 
 from __future__ import annotations
 
@@ -154,7 +154,7 @@ def test_the_least_that_is_needed_is_little() -> None:
     ],
 )
 def test_a_mistake_is_one_line(old: str, new: str, said: str) -> None:
-    """The line has the file, the key, the expectation and what was got."""
+    """The line has the file, the key, the expectation and the value found."""
     assert old in GOOD
     with pytest.raises(PresetError) as caught:
         parse_preset(GOOD.replace(old, new), "mine", "mine.toml")
@@ -191,7 +191,7 @@ def refusal(text: str) -> str:
 
 @given(st.sampled_from(GOOD.split("\n")[1:]), st.text(max_size=30))
 def test_no_text_raises_anything_else(line: str, put: str) -> None:
-    """Whatever stands in a line's place, a preset is read or one PresetError of one line is raised."""
+    """With any text in place of a line, a preset is read or raises one PresetError of one line."""
     told = refusal(GOOD.replace(line, put))
     assert told == "" or told.startswith("mine.toml: ")
     assert "\n" not in told

@@ -106,7 +106,7 @@ def test_channels_of_a_sender_that_invents_names_do_not_pile_up() -> None:
     unpack = ChannelUnpacker()
     for number in range(5000):
         assert unpack(message(f"/p1/joint{number}:tx", "f", 1.0)) == []
-    assert len(unpack._waiting) <= 1024  # noqa: SLF001 - the bound is what is tested
+    assert len(unpack._waiting) <= 1024  # noqa: SLF001 - the bound under test
 
 
 def test_each_port_has_an_unpacker_of_its_own() -> None:

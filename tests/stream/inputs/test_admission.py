@@ -71,8 +71,8 @@ def test_a_program_may_send_each_packet_from_another_port() -> None:
     assert let_in[2:] == [True, False] * 49
 
 
-def test_a_program_that_keeps_to_its_port_shares_it_with_none_of_its_host() -> None:
-    """What another program of the same host sends in between is refused at once; begun anew, the first is let in."""
+def test_another_program_of_the_same_host_is_refused() -> None:
+    """Packets of another program of the same host are refused at once; after a new beginning the first is let in."""
     admission = Admission()
     mine, other, anew = (("10.0.0.5", port) for port in (4000, 5000, 6000))
     for step in range(120):
@@ -142,7 +142,7 @@ def test_only_allowed_performers_are_let_in() -> None:
 
 
 def test_invented_names_do_not_pile_up() -> None:
-    """However many names are invented, only so many are remembered."""
+    """The number of remembered names is bounded, for any number of invented ones."""
     admission = Admission()
     for number in range(5000):
         admission.admit([Announcement(f"{number}", ("a",)), frame(1.0, f"{number}")], 1.0, EVE)
@@ -199,8 +199,8 @@ def test_invented_names_leave_room_for_a_performer(sticks: MotionLibrary) -> Non
     assert len(performers) == 4
 
 
-def test_performers_whose_frames_are_few_make_room(sticks: MotionLibrary) -> None:
-    """Invented names that send eight frames a second, and are answered, make room for one who sends as a feed does."""
+def test_performers_with_few_frames_make_room(sticks: MotionLibrary) -> None:
+    """Invented names that send eight frames a second, and are answered, make room for a performer with a real feed."""
     performers = Performers(sticks, most=4)
     positions = stick_clip("wave", seed=3, frames=360).positions
     for step in range(0, 240, 15):
@@ -218,8 +218,8 @@ def test_performers_whose_frames_are_few_make_room(sticks: MotionLibrary) -> Non
     assert "ann" in performers.names
 
 
-def test_names_that_keep_coming_do_not_displace_performers(sticks: MotionLibrary) -> None:
-    """When all performers were answered there is no room for another, however steadily it sends."""
+def test_steady_names_do_not_displace_performers(sticks: MotionLibrary) -> None:
+    """When all performers were answered, a further sender gets no room, even if it sends steadily."""
     performers = Performers(sticks, most=1)
     positions = stick_clip("wave", seed=3, frames=360).positions
     for step, joints in enumerate(positions):

@@ -1,4 +1,4 @@
-"""Senders' clocks: each kind is found within the first second, however the frames arrive."""
+"""Senders' clocks: each kind is found within the first second, for any pattern of arrivals."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def in_32_bits(begun: float) -> Clock:
     return lambda moments: (begun + moments).astype(np.float32).astype(np.float64)
 
 
-#: Kinds of clocks: what is sent, and the beginning of what is said of it.
+#: Kinds of clocks: the times sent, and the beginning of the remark on them.
 CLOCKS: dict[str, tuple[Clock, str]] = {
     "seconds": (lambda moments: moments + BOOT, ""),
     "seconds of 1970": (lambda moments: moments + EPOCH, ""),
@@ -62,7 +62,7 @@ def arrivals_of(moments: NDArray[np.float64], way: str) -> NDArray[np.float64]:
     delays = {
         "evenly": np.full(len(moments), 0.001),
         "with jitter": generator.uniform(0.0, 0.03, len(moments)),
-        # As radio delivers: what was made in a tenth of a second comes at once.
+        # As radio delivers: the frames of a tenth of a second come at once.
         "in bursts": np.ceil(moments / 0.1) * 0.1 - moments,
     }[way]
     return np.maximum.accumulate(moments + delays) + 700.0

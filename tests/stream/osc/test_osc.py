@@ -1,4 +1,4 @@
-"""OSC, our messages: python-osc reads what we send, we read what python-osc sends, and the two sockets."""
+"""Our OSC messages: python-osc reads ours, we read python-osc's; and the two sockets."""
 
 from __future__ import annotations
 
@@ -243,12 +243,12 @@ def test_beginnings_of_one_length_are_not_mistaken_for_each_other() -> None:
 
 
 def test_made_up_names_do_not_pile_up() -> None:
-    """However many performers a sender makes up, only so many beginnings are remembered, and all are read."""
+    """The decoder remembers a bounded number of beginnings, for any number of performers, and reads all frames."""
     for number in range(3000):
         _assert_frame(
             osc.decode(_frame_message(f"{number}", 1.0, [0.5] * 6), 9.0), f"{number}", 1.0, np.full((2, 3), 0.5)
         )
-    assert len(frames._layouts.known) <= 1024  # noqa: SLF001 - what nobody sees from outside
+    assert len(frames._layouts.known) <= 1024  # noqa: SLF001 - invisible from outside
     assert len(frames._layouts.places) <= 1024  # noqa: SLF001 - as above
 
 
@@ -282,7 +282,7 @@ def test_a_frame_with_bytes_changed_is_read_alike_both_ways(data: st.DataObject)
 )
 @settings(max_examples=400)
 def test_random_bytes_raise_nothing(packet: bytes, start: bytes) -> None:
-    """Whatever bytes come, the result is events or counts."""
+    """Any bytes give events or counts."""
     received = osc.decode(start + packet, 1.0)
     assert len(received.events) + received.malformed + received.foreign >= 1 or packet[:7] == b"#bundle"
 
@@ -314,7 +314,7 @@ def test_an_answer_is_one_bundle_to_be_used_at_once() -> None:
 def test_an_answer_is_byte_for_byte_python_oscs(
     performer: str, labels: list[str], seed: int, outcome: Outcome, *, wide: bool
 ) -> None:
-    """Whatever performer, classes and scores, the packet is the one that python-osc builds, scores left out or not."""
+    """The packet equals python-osc's for any performer, classes and scores, with scores and without."""
     generator = np.random.default_rng(seed)
     scores = generator.random(len(labels)).astype(np.float64 if wide else np.float32)
     answer = dataclasses.replace(
@@ -362,7 +362,7 @@ _EVENTS = st.builds(
 
 @given(event=_EVENTS, since=st.floats(-1e30, 1e30))
 def test_an_event_is_byte_for_byte_python_oscs(event: Event, since: float) -> None:
-    """Whatever happened, the packet is the one that python-osc builds."""
+    """The packet of any event equals python-osc's."""
     time = event.time - since
     arguments = (("s", str(event.kind)), ("s", event.label), ("i", event.index), ("f", event.score), ("f", time))
     expected = _message(f"/motion/{osc.address_part(event.performer)}/event", *arguments)

@@ -132,7 +132,7 @@ def test_layouts_send_progress(name: str) -> None:
 
 
 def test_wekinators_layout_sends_progress() -> None:
-    """Once a motion was followed, phase, speed and amplitude come beside the classes, zeros for who is in no motion."""
+    """Phase, speed and amplitude come beside the classes, zeros for a performer in no motion."""
     layout = LAYOUTS["wekinator"]()
     followed = dataclasses.replace(recognition(), progress=FOLLOWED)
     assert read(layout.recognition(recognition(Outcome.STILL, "Bob"))) == {"/wek/outputs": [0.0]}

@@ -1,4 +1,4 @@
-"""Events: a motion starts once and ends once, whatever flickers underneath."""
+"""Events: a motion starts once and ends once, even if the guess flickers."""
 
 from __future__ import annotations
 

@@ -156,7 +156,7 @@ def test_with_more_sensitivity_more_is_named(builtin_index: WindowIndex, strange
 
 
 def test_a_body_that_does_not_move_is_still(small_index: WindowIndex, stranger: dict[str, Clip]) -> None:
-    """One posture held for a second is no motion, whatever it is nearest to."""
+    """One posture held for a second is still, even if it is near to a motion."""
     clip = stranger["squat1Reps"]
     held = clip.moved_to(np.repeat(clip.positions[:1], 60, axis=0))
     readings = _readings(_windows(small_index, stillness=0.01), held)

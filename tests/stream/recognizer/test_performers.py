@@ -60,7 +60,7 @@ def _assert_same(first: Sequence[Recognition], second: Sequence[Recognition]) ->
 @given(seed=st.integers(0, 2**32 - 1))
 @settings(max_examples=10)
 def test_interleaved_feeds_are_recognised_as_if_alone(library: MotionLibrary, seed: int) -> None:
-    """However the frames of several performers are mixed, each gets the answers that it gets alone."""
+    """The frames of several performers are mixed in any way; each performer gets the answers of a feed alone."""
     generator = np.random.default_rng(seed)
     feeds = {name: _frames(name, name, start=100.0 * place) for place, name in enumerate(STICK_CLASSES)}
     turns = generator.permutation(np.repeat(STICK_CLASSES, 200)).tolist()
@@ -212,7 +212,7 @@ def test_one_performers_joints_are_not_anothers(library: MotionLibrary) -> None:
 
 @pytest.mark.parametrize("joints", [STICK.joints[:4], ("nobody", "noone", *STICK.joints[2:]), ("x",)])
 def test_frames_of_too_few_of_the_joints_are_counted(library: MotionLibrary, joints: tuple[str, ...]) -> None:
-    """With less than five of the joints no frame is used, whatever its size, until joints are announced that do."""
+    """Frames with fewer than five of the library's joints are counted, not used, until enough joints are announced."""
     performers = Performers(library)
     performers.announce(Announcement("p", joints), 0.0)
     assert performers.push(Frame("p", 0.0, np.zeros((len(joints), 3))), 0.0) is None

@@ -75,8 +75,8 @@ def followed(clip: Clip, *, speed: float = 1.0, size: float = 1.0, rounds: int =
 
 @pytest.mark.usefixtures("arithmetic")
 @pytest.mark.parametrize("class_name", [SQUAT, ARMS])
-def test_every_step_is_the_textbooks(class_name: str) -> None:
-    """On a real clip the filter tells at every step what the filter written a moment at a time tells."""
+def test_every_step_equals_the_textbooks(class_name: str) -> None:
+    """On a real clip the filter equals, at every step, a filter written one moment at a time."""
     moments = table_without("bk").classes[class_name]
     kept = np.arange(moments.starts[4])
     few = replace(

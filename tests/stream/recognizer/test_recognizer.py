@@ -67,7 +67,7 @@ def test_the_first_answer_comes_after_a_moment(
 
 
 def test_two_frames_are_no_window(library: MotionLibrary) -> None:
-    """However far apart, two frames are not answered, the third is."""
+    """Two frames, even far apart, are not answered; the third is."""
     recognizer = Recognizer(library, Settings(hop=0))
     frames = _frames("bow")
     answers = [recognizer.push(frames[index]) for index in (0, 30, 31)]
@@ -123,7 +123,7 @@ def test_lost_frames_cost_no_answer(library: MotionLibrary) -> None:
     assert len(answers) == pytest.approx(30 * (3 - 0.15), abs=2)
 
 
-# --- what it answers ---------------------------------------------------------------------------------------------
+# --- its answers ------------------------------------------------------------------------------------------------
 
 
 def test_answers_do_not_change_afterwards(library: MotionLibrary) -> None:
@@ -180,8 +180,8 @@ def test_a_longer_gap_begins_a_new_window(library: MotionLibrary) -> None:
     assert {answer.label for answer in answers} == {"jump"}
 
 
-def test_a_shorter_gap_does_not(library: MotionLibrary) -> None:
-    """A gap of less than the longest is bridged: the next frame is answered with what is left of the window."""
+def test_a_shorter_gap_is_bridged(library: MotionLibrary) -> None:
+    """After a gap shorter than the longest window, the next frame is answered with the rest of the window."""
     recognizer = Recognizer(library)
     frames = _frames("bow")
     _pushed(recognizer, frames[:200])
@@ -305,7 +305,7 @@ def test_without_reset_the_same_feed_is_a_sender_that_starts_anew(library: Motio
     assert recognizer.counts.restarts == 1
 
 
-# --- what makes no sense -----------------------------------------------------------------------------------------
+# --- senseless frames --------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("joints", [0, 1, 5, 7, 31])
@@ -326,7 +326,7 @@ STEPS = st.sampled_from([0.0, 1e-9, 1 / 240, 0.01, 0.1, 0.4, 0.6, -0.01, -0.5, -
 
 
 @pytest.fixture(scope="module", params=["two people", "one person", "fewer joints", "no parents", "one class"])
-def any_index(request: pytest.FixtureRequest, arithmetic: str) -> WindowIndex:  # noqa: ARG001 - whoever computes
+def any_index(request: pytest.FixtureRequest, arithmetic: str) -> WindowIndex:  # noqa: ARG001 - in either arithmetic
     """Give a library of each kind."""
     clips = stick_clips(takes=2)
     if request.param == "one person":

@@ -1,4 +1,4 @@
-"""The loop: whatever comes from any source is answered to every sink, counted, and never stops it."""
+"""The loop: packets of every source are counted and answered to every sink, and none stops the loop."""
 
 from __future__ import annotations
 
@@ -457,7 +457,7 @@ def test_over_zeromq_frames_go_in_and_answers_come_out(
         return zeromq.decode_answer(parts)
 
     with Running(Service(Performers(library), [source], [sink])) as service:
-        # A status that counts what we send shows that both pairs of peers have met.
+        # A status that counts our messages shows that both pairs of peers have met.
         while not any(parts[0] == b"status/" and json.loads(parts[1])["inputs"]["foreign"] for parts in heard):
             sender.send([b"hello/", b""])
             receive()
@@ -533,8 +533,8 @@ def test_frames_without_a_time_are_timed_by_their_arrival(
     assert {answer.label for answer in sink.recognitions} == {"jump"}
 
 
-def test_a_listener_that_is_gone_does_not_stop_it(library: MotionLibrary) -> None:
-    """When nobody listens for the answers any more, recognition goes on."""
+def test_a_listener_that_leaves_does_not_stop_the_service(library: MotionLibrary) -> None:
+    """When nobody hears the answers any more, recognition goes on."""
     listener = osc.OscReceiver(LOOPBACK, 0)
     source, sink = FakeSource([[frame] for frame in _frames("bow")]), FakeSink()
     osc_sink = LayoutSink(NativeLayout(), osc.OscSender(*listener.address))
@@ -587,10 +587,8 @@ def test_packets_older_than_a_second_are_not_answered_as_present(
     assert status.hop_p50 > 0.2
 
 
-def test_after_a_stop_old_answers_of_a_transport_that_does_not_tell_are_not_sent(
-    library: MotionLibrary, source: FakeSource
-) -> None:
-    """A sender's own clock tells what waited while the process stood still; what is older than a second is not sent."""
+def test_after_a_pause_old_answers_are_not_sent(library: MotionLibrary, source: FakeSource) -> None:
+    """The sender's own clock dates packets that waited while the process stood still; old ones get no answer."""
     clock, sink = FakeClock(), FakeSink()
     frames = [Frame("ann", 50.0 + k / 30, each.positions) for k, each in enumerate(_frames("wave")[:60])]
     with Service(Performers(library), [source], [sink], clock=clock) as service:
@@ -600,7 +598,7 @@ def test_after_a_stop_old_answers_of_a_transport_that_does_not_tell_are_not_sent
             service.step(0.0)
         before = len(sink.recognitions)
         assert before > 0
-        # Two seconds are slept away; ZeroMQ hands over first one half of what came, then the other.
+        # The process slept for two seconds; ZeroMQ hands over one half of the messages, then the other.
         clock.now = 1000.0 + frames[-1].time
         source.waiting.extend([frame] for frame in frames[6:20])
         service.step(0.0)

@@ -175,7 +175,7 @@ def test_recent_minutes_end_where_the_recording_begins() -> None:
 
 
 def test_a_recording_ends_after_fifteen_seconds() -> None:
-    """A recording ends after 15 s, however long the movement goes on."""
+    """A recording ends after 15 s, even if the movement goes on."""
     stage = Stage()
     stage.stand(1.0)
     stage.ask(commands.Teach("ann", "endless", 1, 0.0))

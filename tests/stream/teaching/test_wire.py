@@ -97,7 +97,7 @@ def test_bad_commands_are_one_line(packet: bytes, told: str) -> None:
 
 @given(st.binary(max_size=80))
 def test_no_bytes_break_a_decoder(some: bytes) -> None:
-    """Whatever comes is a command, or a CommandError."""
+    """Any bytes give a command or a CommandError."""
     for decode in (wire.decode, wire.Wekinator().decode, wire.decode_json):
         try:
             decode(b"/motion/teach" + some)

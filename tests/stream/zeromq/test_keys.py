@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
     from zmq import Socket
 
-#: Milliseconds in which a stranger, who must not be let in, is surely refused: what is tested does not hang on it.
+#: Milliseconds in which a stranger, who must not be let in, is surely refused; the result does not depend on it.
 A_MOMENT = 150
 
 
@@ -38,7 +38,7 @@ def folders(place: Path, *names: str) -> list[Path]:
 def test_key_files_are_in_zmqs_format_and_private(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """The program makes a folder with both files; no other user reads them, and the pair is one."""
     assert main(["keys", "ann", "--keys", str(tmp_path / "mine")]) == 0
-    assert "secret, for nobody else" in capsys.readouterr().out
+    assert "secret, keep it here" in capsys.readouterr().out
     public, secret = tmp_path / "mine" / "ann.key", tmp_path / "mine" / "ann.key_secret"
     shown, (known, kept) = load_certificate(public), load_certificate(secret)
     assert shown == (known, None)
@@ -80,8 +80,8 @@ def test_a_folder_that_makes_no_sense_is_refused(tmp_path: Path) -> None:
         Keyring(tmp_path)
 
 
-def test_whom_to_connect_to_is_one_key(tmp_path: Path) -> None:
-    """With several keys beside its own a socket does not know whom to connect to; and says so."""
+def test_several_keys_of_others_are_refused_for_connecting(tmp_path: Path) -> None:
+    """With several keys beside its own a socket cannot know which one to connect to, and says so."""
     stage, *_ = folders(tmp_path, "stage", "ann", "ben")
     with Keyring(stage) as keyring, pytest.raises(ValueError, match="to connect to, got ann, ben"):
         ZmqSender(Endpoint(f"tcp://{LOOPBACK}:1", bind=False), keyring)

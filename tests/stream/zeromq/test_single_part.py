@@ -76,7 +76,7 @@ def test_a_map_that_is_wrong_is_refused(changes: dict[str, object]) -> None:
 
 @given(st.one_of(st.binary(max_size=200), st.binary(max_size=40).map(lambda end: msgpack.packb(GOOD)[:-20] + end)))
 def test_any_bytes_are_refused_alike(payload: bytes) -> None:
-    """Whatever comes is a frame or a FormatError."""
+    """Any bytes give a frame or a FormatError."""
     try:
         single_part.decode(payload, 0.0)
     except FormatError as error:

@@ -335,7 +335,7 @@ def test_random_parts_raise_nothing_else(parts: list[bytes]) -> None:
 )
 @settings(max_examples=300)
 def test_any_json_raises_nothing_else(header: dict[str, object], *, full: bool) -> None:
-    """Whatever JSON stands in the header's fields, the result is a frame or a FormatError."""
+    """Any JSON in the header's fields gives a frame or a FormatError."""
     described = json.loads(HEADER) | header if full else header
     try:
         numbered = zeromq.decode([TOPIC, json.dumps(described).encode(), BUFFER], 1.0)
@@ -393,7 +393,7 @@ def test_answers_hold_progress() -> None:
 
 
 def _dumped(recognition: Recognition) -> dict[str, object]:
-    """Give what json.dumps makes of an answer, field by field."""
+    """Give an answer as json.dumps writes it, field by field."""
     second = sorted(range(len(recognition.scores)), key=lambda index: -recognition.scores[index])
     second = [index for index in second if index != recognition.best]
     described = {
@@ -632,7 +632,7 @@ def test_performers_are_counted_apart() -> None:
 
 
 def test_made_up_names_do_not_pile_up() -> None:
-    """After thousands of names old ones are forgotten, and the others are counted on."""
+    """The decoder remembers a bounded number of beginnings, for any number of performers, and reads all frames."""
     gaps = SequenceGaps()
     gaps.see("p", 7)
     for number in range(5000):
@@ -658,7 +658,7 @@ def test_made_up_names_do_not_pile_up() -> None:
     ],
 )
 def test_an_endpoint_says_bind_or_connect(text: str, expected: Endpoint, *, bind: bool) -> None:
-    """An "@" binds and a ">" connects whatever the default, and without either the default decides."""
+    """A "@" binds and a ">" connects, with either default; without both the default decides."""
     assert Endpoint.parse(text, bind=bind) == expected
 
 
@@ -834,7 +834,7 @@ def test_a_message_too_large_does_not_get_in(wire: Wire) -> None:
 
 @pytest.mark.parametrize("bind", [True, False], ids=["bound", "connected"])
 def test_a_message_too_large_is_counted_and_the_sender_comes_back(wire: Wire, *, bind: bool) -> None:
-    """Whoever of the two connected: the break is seen, once each time, and what comes afterwards is heard again."""
+    """Either end may have connected: the break is counted once each time, and later messages are heard again."""
     other = wire.receiver() if bind else wire.sender()
     receiver, sender = (other, wire.sender(other.address, bind=False)) if bind else (None, other)
     receiver = receiver or wire.receiver(sender.address, bind=False)
@@ -898,7 +898,7 @@ def test_a_sender_that_was_switched_off_is_asked_for(wire: Wire) -> None:
     _greet(sender, receiver)
     port = f":{int(receiver.address.rpartition(':')[2]):04X}"
     until, timers = time.monotonic() + PATIENCE_MS / 1000, list[tuple[int, float]]()
-    # What was sent last is acknowledged first.
+    # The last message is acknowledged first.
     while [kind for kind, _ in timers] != [KEEPALIVE, KEEPALIVE] and time.monotonic() < until:
         rows = [line.split() for line in Path("/proc/net/tcp").read_text().splitlines()[1:]]
         ends = [row[5].split(":") for row in rows if row[3] == ESTABLISHED and port in row[1] + row[2]]

@@ -33,9 +33,9 @@ def test_every_figure_has_a_value_and_a_direction() -> None:
 
 
 def test_some_figures_need_no_recordings() -> None:
-    """Noise and the paper's experiment are of the built-in motions; takes are not."""
+    """Noise, progress and the paper's experiment are of the built-in motions; takes are not."""
     without = {name for name, run in figures.RUNS.items() if not run.needs_recordings}
-    assert without == {"noise", *(name for name in figures.RUNS if name.startswith("retrieval"))}
+    assert without == {"noise", "progress", *(name for name in figures.RUNS if name.startswith("retrieval"))}
 
 
 def test_a_figure_is_measured_as_a_person_would() -> None:

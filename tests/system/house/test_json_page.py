@@ -1,4 +1,4 @@
-"""The page about `--json` names every program that has it, and every key of those that print a dataclass."""
+"""The page about `--json` names every program with this option, and every key of programs that print a dataclass."""
 
 from __future__ import annotations
 

@@ -43,7 +43,7 @@ NOT_IN_CORE = {"socket", "time", "threading", "zmq", "asyncio", "pythonosc", "se
 #: Files and folders in one folder, at most: a newcomer reads the list at a glance. Folders of presets are lists.
 MAX_ENTRIES = 13
 LISTS = {"presets", "conventions"}
-#: What keeps another process that reads files, and waits for it.
+#: The module that runs another process to read files, and waits for it.
 KEEPS_A_PROCESS = "c3d_process"
 #: The folders in which people keep their work; no source says where it was written.
 MACHINE_FOLDERS = tuple(f"/{name}/" for name in ("home", "root", "work", "Users"))

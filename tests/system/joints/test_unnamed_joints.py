@@ -1,4 +1,4 @@
-"""Frames without joint names, because the publisher sent the names before we joined: what is shown, and what helps."""
+"""Frames without joint names, because the publisher sent the names before we joined: the message, and the remedies."""
 
 from __future__ import annotations
 

@@ -49,7 +49,7 @@ def _performed(class_name: str, seed: int = 60) -> Clip:
 def test_a_small_library_names_its_motions(
     takes: int, actors: tuple[str, ...], classes: tuple[str, ...], signature: LiveSignature
 ) -> None:
-    """However few takes, people and classes there are, each motion performed anew is guessed right."""
+    """Even with few takes, people and classes, each motion performed anew is guessed right."""
     clips = [clip for clip in stick_clips(takes=takes, actors=actors) if clip.class_name in classes]
     library = MotionLibrary.of_clips(clips)
     for class_name in classes:

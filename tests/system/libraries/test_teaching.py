@@ -150,7 +150,7 @@ def test_impossible_commands_are_refused_and_nothing_is_lost(tmp_path: Path, lib
         assert "no such performer" in is_refused("ss", "bo", "wave")
         assert "expected performer, class" in is_refused("s", "ann")
         assert "repetitions: expected 1 to 50" in is_refused("ssi", "ann", "wave", 1000)
-        assert "not a class that was taught" in is_refused("ss", "squat1Reps", "s", address="/motion/teach/rename")
+        assert "not a taught class" in is_refused("ss", "squat1Reps", "s", address="/motion/teach/rename")
         assert "nothing to undo" in is_refused("", address="/motion/teach/undo")
         assert "expected one of" in is_refused("", address="/motion/teach/fly")
         liblo_tools.send(port, "/motion/teach", "ssif", "ann", "wave", 1, 0)

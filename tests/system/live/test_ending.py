@@ -1,4 +1,4 @@
-"""Every program ends soon when it is asked to, by any signal and whatever comes, in one line and with end events."""
+"""Every program ends soon on any signal and with any feed, in one line and with end events."""
 
 from __future__ import annotations
 

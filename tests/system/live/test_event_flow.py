@@ -254,7 +254,7 @@ def test_several_performers_events_are_their_own(stage: Stage) -> None:
     assert sorted(_told(stage.sinks[0].events)) == [("Ada", START, "bow"), ("Bo", START, "jump")]
 
 
-# --- what a person sees ------------------------------------------------------------------------------------------
+# --- the view of a person --------------------------------------------------------------------------------------
 
 
 def test_plain_lines_tell_events_without_control_characters(capsys: pytest.CaptureFixture[str]) -> None:

@@ -31,9 +31,9 @@ if TYPE_CHECKING:
 #: Everything holds of the compiled loops and of numpy.
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("arithmetic")]
 
-#: How far a log distance may be from the twin's, and a score from those of a recogniser that had the library all along.
+#: The largest difference of a log distance from the twin's, and of a score from a recogniser made with the library.
 SAME, SAME_SCORE = 1e-3, 1e-5
-#: Seconds after which nothing is left of what the guess and the judgement remember.
+#: Seconds after which guess and judgement have forgotten everything.
 FORGOTTEN = 1.5
 
 

@@ -116,7 +116,7 @@ def test_hands_are_shaken_with_qualisys(tmp_path: Path) -> None:
         assert port
         assert fake.told[:2] == [f"Connect {port[1]}", "StreamFrames AllFrames 3D Skeleton:global"]
         assert fake.told[-2:] == ["StreamFrames Stop", "Disconnect"]
-        assert "asked in vain 0" in program.output
+        assert "requests not sent 0" in program.output
 
 
 @pytest.mark.parametrize(

@@ -88,7 +88,7 @@ def test_only_the_default_signature_has_evidence(small_library: MotionLibrary, f
     ],
 )
 def test_settings_of_the_other_signature_are_refused(signature: LiveSignature, name: str, value: float) -> None:
-    """A setting of the other signature is refused by its name, whatever its value; of its own it is taken."""
+    """A setting of the other signature is refused by name, with any value; a setting of its own is taken."""
     with pytest.raises(ValueError, match=f"{name}: expected none with the signature {signature}, got {value}"):
         Settings(signature=signature, **{name: value})
     (other,) = set(LiveSignature) - {signature}
@@ -136,7 +136,7 @@ def test_more_sensitive_names_more(builtin_index: WindowIndex, some_clips: tuple
 def test_stillness_is_a_setting(
     sticks: MotionLibrary, signature: LiveSignature, stillness: float, *, still: bool
 ) -> None:
-    """Movement below the given stillness is still, above it is not, whatever the signature."""
+    """With either signature, movement below the given stillness is still, and movement above it is not."""
     answers = _answers(Recognizer(sticks, Settings(signature=signature, stillness=stillness)), _stick_frames("bow"))
     assert len(answers) > 40
     assert {answer.outcome is Outcome.STILL for answer in answers} == {still}

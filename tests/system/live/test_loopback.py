@@ -98,7 +98,7 @@ def test_recordings_are_answered_across_processes(transport: Transport, recordin
     assert (status, errors) == (0, "")
     described = json.loads(output)
     assert (described["sent"], described["failed"]) == (len(cues), 0)
-    # Who stops listening may miss the last answers on a machine that is busy; who recognises counts them all.
+    # On a busy machine a listener that stops may miss the last answers; the recogniser counts them all.
     assert 0.9 * len(expected) <= described["answers"] <= len(expected)
     assert described["right"] == pytest.approx(right, abs=0.03)
     assert right > 0.6

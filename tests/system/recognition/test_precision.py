@@ -200,7 +200,7 @@ def test_a_still_body_is_never_named(
 
 @pytest.mark.parametrize("signature", LiveSignature)
 def test_a_frozen_feed_is_never_a_class(sticks: MotionLibrary, signature: LiveSignature) -> None:
-    """Whatever the motion before, a tracker that repeats its last frame digit for digit is answered still."""
+    """After any motion, a tracker that repeats its last frame digit for digit is answered still."""
     for seed in range(8):
         generator = np.random.default_rng(seed)
         pose = generator.normal(size=(6, 3))

@@ -167,8 +167,8 @@ def test_at_every_rate(clips: list[Clip], twin: Twin, rate: float, hop: float) -
 
 
 @pytest.mark.parametrize("hop", [0.0, 0.05, 0.3])
-def test_at_every_hop(clips: list[Clip], twin: Twin, hop: float) -> None:
-    """Whatever the distance of hops, down to every frame, the twin answers alike."""
+def test_every_hop_equals_the_twin(clips: list[Clip], twin: Twin, hop: float) -> None:
+    """For any hop, down to every frame, the answers equal the twin's."""
     assert _count(_compare(twin, _frames(clips[0]), Settings(hop=hop))) >= {0.0: 60, 0.05: 10, 0.3: 2}[hop]
 
 
@@ -201,7 +201,7 @@ def test_with_everything_that_goes_wrong(clips: list[Clip], twin: Twin) -> None:
     assert _count(courses) > 60
 
 
-# --- what is hard ------------------------------------------------------------------------------------------------
+# --- hard feeds ------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("noise", [0.0, 1e-5, 1e-3])
@@ -218,7 +218,7 @@ def test_a_stop_right_after_moving(clips: list[Clip], twin: Twin, noise: float) 
 
 
 def test_all_joints_in_one_point(clips: list[Clip], twin: Twin) -> None:
-    """A tracker that sees nobody, then a body, then nobody again, is answered as by the twin."""
+    """A body, and before and after it all joints in one point, get the twin's answers."""
     clip = clips[0]
     nobody = np.full((40, *clip.positions.shape[1:]), 0.5)
     frames = _frames(clip.moved_to(np.concatenate([nobody, clip.positions[:80], nobody])))
@@ -299,7 +299,9 @@ def test_interleaved_performers_get_the_answers_they_get_alone(clips: list[Clip]
 
 
 @pytest.mark.parametrize("window", [0.3, 1.0])
-def test_the_papers_signature_at_every_hop(clips: list[Clip], small_index: WindowIndex, window: float) -> None:
+def test_the_papers_signature_equals_the_twin_at_every_hop(
+    clips: list[Clip], small_index: WindowIndex, window: float
+) -> None:
     """Share, gap and |inner products| equal those of the leading eigenvector of the window's covariance.
 
     The basis holds nearly all of the variance, so that numbers are the twin's but for what it loses.

@@ -149,7 +149,7 @@ class ZmqLine(_Line):
         self._joints = None
 
     def announce(self, performer: str, joints: Sequence[str]) -> None:
-        """Name the joints in the next frame, whoever's it is."""
+        """Name the joints in the next frame of any performer."""
         del performer
         self._joints = joints
 
@@ -465,8 +465,8 @@ def test_time_running_backwards(line: Line, library: MotionLibrary, clip: Clip) 
 
 @pytest.mark.parametrize("transport", ["zmq"])
 @pytest.mark.parametrize("jump", [2, 50, 10**6, 2**62])
-def test_numbers_that_jump(line: Line, library: MotionLibrary, clip: Clip, jump: int) -> None:
-    """Skipped numbers are missing, however many, frames are used all the same, and the status can still be sent."""
+def test_skipped_numbers_are_missing_frames(line: Line, library: MotionLibrary, clip: Clip, jump: int) -> None:
+    """Skipped numbers count as missing, all frames are used, and the status can still be sent."""
     assert isinstance(line, ZmqLine)
     frames = _frames(clip)
     for index, frame in enumerate(frames):

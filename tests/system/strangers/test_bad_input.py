@@ -52,7 +52,7 @@ def one_line(capsys: pytest.CaptureFixture[str], *arguments: object) -> str:
     """
     assert main([str(argument) for argument in arguments]) == 2
     out, err = capsys.readouterr()
-    sent = r"(\d+ frames sent, 0 the system would not take\n(the feed stood still for .*\n)?)?"
+    sent = r"(\d+ frames sent, 0 refused by the system\n(the feed stood still for .*\n)?)?"
     assert re.fullmatch(sent if arguments[0] == "replay" else "", out)
     assert err.startswith("kinespace: ")
     assert err.endswith("\n")
@@ -115,7 +115,7 @@ def _first(text: str, old: str, new: str) -> str:
     return text.replace(old, new, 1)
 
 
-#: What can be wrong with an AMC, and what must stand in the line that says so.
+#: Mistakes in an AMC, and a part of the error that each must cause.
 AMC_FAULTS: dict[str, tuple[Callable[[str], str], str]] = {
     "unknown bone": (lambda text: _first(text, "rlower", "tail"), ":8: .*'tail'"),
     "too many numbers": (lambda text: _first(text, "llower", "llower 1.0"), ":6: expected 1 numbers for 'llower'"),
@@ -373,7 +373,7 @@ class Bad:
 
 
 def _datagram(positions: np.ndarray[Any, Any], performer: bytes = b"good", time: float = 2.0) -> bytes:
-    """Write a `/motion/frame` by hand, whatever it says."""
+    """Write a `/motion/frame` by hand, with any content."""
     head = b"/motion/frame\0\0\0,sd" + b"f" * positions.size
     head += b"\0" * (4 - len(head) % 4)
     return (
@@ -488,7 +488,7 @@ IN_THE_PROGRAM = ("random bytes", "an unknown joint")
 def _feed(begin: float | None) -> tuple[list[Cue], list[Cue]]:
     """Give the good performer's frames before and after: enough for many answers, and older than any that is late."""
     again = begin == 1.0
-    # Further back than any window reaches: what is less late may be a frame that others overtook.
+    # Further back than any window reaches: a frame that is less late may have been overtaken.
     before = ghost_cues("squat1Reps", 1.25, performer=GOOD, begin=3.0 if again else 1.0)
     after = ghost_cues("squat1Reps", 1.25, performer=GOOD, begin=1.0 + 1.25 if begin is None else begin)
     # Only a sender that starts again counts from 0 again.
@@ -497,7 +497,7 @@ def _feed(begin: float | None) -> tuple[list[Cue], list[Cue]]:
 
 @cache
 def _labels(begin: float | None) -> tuple[list[str], list[str]]:
-    """Give the answers to those frames without a fault between them."""
+    """Give the answers to these frames without a fault between them."""
     twin = Recognizer(index())
     before, after = ([twin.push(cue.frame) for cue in part] for part in _feed(begin))
     return [each.label for each in before if each], [each.label for each in after if each]
@@ -610,10 +610,10 @@ def test_labels_without_a_frame_of_their_take_are_named(tmp_path: Path, capsys: 
 
 
 @pytest.mark.parametrize("arrival", [1e300, np.inf, np.nan])
-def test_an_arrival_that_is_no_time_ends_a_recording(
+def test_an_impossible_arrival_ends_a_recording(
     arrival: float, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """A record with an impossible time counts as damage: nobody waits for it."""
+    """A record with an impossible time counts as damage: the replay does not wait for it."""
     path = tmp_path / "far.kinerec"
     with rawfile.RawWriter(path, ["osc 127.0.0.1:9310"]) as writer:
         for time in (1.0, arrival, 2.0):

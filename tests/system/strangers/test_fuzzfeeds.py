@@ -1,4 +1,4 @@
-"""Fuzzing the feeds: ten thousand broken packets, and whatever arguments hypothesis thinks of."""
+"""Fuzzing the feeds: ten thousand broken packets, and any arguments that hypothesis invents."""
 
 from __future__ import annotations
 
@@ -75,8 +75,8 @@ def test_no_argument_raises(preset: object, packets: list[tuple[list[bytes], boo
 
 
 @given(st.lists(st.one_of(st.binary(max_size=60), messages()), max_size=6))
-def test_a_survey_takes_anything(packets: list[bytes]) -> None:
-    """Whatever arrives can be looked at as any preset."""
+def test_a_survey_takes_any_packet(packets: list[bytes]) -> None:
+    """The survey can look at any packet as any preset."""
     survey = Survey()
     for number, packet in enumerate(packets):
         survey.see(packet, "10.0.0.7:1", number / 30)

@@ -39,14 +39,14 @@ pytestmark = pytest.mark.slow
 
 LOOPBACK = "127.0.0.1"
 WINDOWS = Settings(signature=LiveSignature.WINDOWS, hop=1 / 15)
-#: What a body of few joints may lose of the share of answers that are right, label and best guess, beside all 31.
-#: Between laboratories few joints lose much: what one laboratory calls a joint lies elsewhere in another.
+#: The share of right answers, label and best guess, that a body of few joints may lose against all 31.
+#: Between laboratories few joints lose much: laboratories place the same joint differently.
 LOST_LABELS = {"hdm05": {9: 0.2, 15: 0.16}, "cmu": {9: 0.65, 15: 0.45, 19: 0.4, 20: 0.4, 22: 0.3, 25: 0.1}}
 LOST_GUESSES = {"hdm05": {9: 0.15, 15: 0.07}, "cmu": {9: 0.65, 15: 0.3, 19: 0.25, 20: 0.25, 22: 0.12, 25: 0.05}}
-#: What any body may lose: three motions have some 240 answers.
+#: The share that any body may lose: three motions have some 240 answers.
 SLIGHT = 0.12
 FEW_TO_MANY = ("vrchat", "osceleton", "vmc", "kinectv2")
-#: What CMU's labels are called in the built-in library.
+#: The built-in library's names for CMU's labels.
 CMU_NAMES = {"Squat": "squat1Reps", "ArmCircle": "rotateArmsBothBackward1Reps", "Jog": "jogLeftCircle4StepsRstart"}
 #: Seconds by which a frame's time may be wrong where a sender rounds it: Xsens to whole milliseconds.
 _TIME = {"xsens": 6e-4}
@@ -125,8 +125,8 @@ def test_a_packet_written_by_hand_is_read_as_published(name: str) -> None:
 
 
 @pytest.mark.parametrize("layout", LAYOUTS)
-def test_every_frame_sent_is_the_frame_made(layout: str) -> None:
-    """In each layout every frame comes out once, whole, in time, with the very distances that were sent."""
+def test_every_sent_frame_is_made(layout: str) -> None:
+    """In each layout every frame comes out once, whole, in time, with exactly the distances sent."""
     positions = ghost("squat1Reps", 0.5)
     assembler, frames = assembled(layout, positions, 120.0)
     counts, preset = assembler.counts, assembler.preset
@@ -140,7 +140,7 @@ def test_every_frame_sent_is_the_frame_made(layout: str) -> None:
 
 @pytest.mark.parametrize("layout", LAYOUTS)
 def test_axes_are_ours(layout: str) -> None:
-    """The frames stand upright and are not mirrored: their positions are those sent, at most moved as a whole."""
+    """The frames stand upright and are not mirrored: their positions equal the sent ones, at most moved as a whole."""
     positions = ghost("squat1Reps", 0.1)
     assembler, frames = assembled(layout, positions, 120.0)
     kept = positions[:, [SKELETON.joints.index(joint) for joint in assembler.preset.joints]]
@@ -183,7 +183,7 @@ def test_a_feed_is_recognised_over_the_wire(preset_name: str, small_library: Mot
             answer = osc.decode_answer(datagram)
             heard += [answer.label] if answer else []
     hearing.close()
-    # A wire that rounds positions or times may turn an answer at the very edge of what is known.
+    # A wire that rounds positions or times may change an answer at the edge of the known.
     assert len(heard) == len(expected) > 5
     assert sum(one == other for one, other in zip(heard, expected, strict=True)) >= 0.9 * len(expected)
     assert "kickLFront1Reps" in heard

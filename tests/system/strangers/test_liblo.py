@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 
 pytestmark = pytest.mark.slow
 
-#: What a float is off by when it was printed.
+#: The error of a float that was printed.
 PRINTED = 0.6 * 10.0**-DUMPED_TO
 CLASSES = builtin_library().classes
 STATUS = Status(InputCounts(), PerformerCounts(), 0, {"ghost": 120.0}, 0.0, 0.0)
@@ -141,7 +141,7 @@ def test_oscdump_prints_our_answers(liblo_tools: LibloTools, recognition: Recogn
 
 def test_a_file_of_packets_is_answered(liblo_tools: LibloTools) -> None:
     """A feed that oscdump wrote and oscsendfile sends again is named by `kinespace live`."""
-    # OSCeleton's messages: oscsendfile cannot read lines as long as those of our frames.
+    # OSCeleton's messages: oscsendfile cannot read lines as long as our frames.
     cues = ghost_cues("kickLFront1Reps", 2.5)[::4]
     with ExitStack() as stack:
         kept, heard = stack.enter_context(liblo_tools.dumping()), stack.enter_context(liblo_tools.dumping())

@@ -107,8 +107,8 @@ def test_the_standard_figures_come_from_the_results() -> None:
     assert json.loads(json.dumps(figures, allow_nan=False)) == figures
 
 
-def test_the_figures_tell_of_the_signature_asked_for() -> None:
-    """With the signature windows, cost and ratios are those of windows."""
+def test_the_figures_describe_the_chosen_signature() -> None:
+    """With the signature windows, cost and ratios describe that signature."""
     figures = made_up(LiveSignature.WINDOWS).figures()
     assert (figures["us_per_frame"], figures["ratio_svd"], figures["osc_decode_us"]) == (50.0, 3.0, 4.5)
     assert figures["accuracy"] == 0.9

@@ -32,7 +32,7 @@ from kinespace.tools.cli.main import main
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-#: What one recogniser suffers, one after the other, and for how many seconds each.
+#: The attacks on one recogniser, one after the other, and the seconds of each.
 SUFFERED = (
     attacks.garbage,
     attacks.new_names,
@@ -115,8 +115,8 @@ def test_recovery_is_when_answers_come_again_as_they_should() -> None:
     assert recovery(performance(lambda at: 0.001 if at < 5.0 else math.nan), 5.0) == math.inf
 
 
-def test_latencies_are_of_the_frames_between_two_moments() -> None:
-    """Answers are paired with their frames by the time in them; those too late are counted."""
+def test_latencies_cover_the_frames_between_two_moments() -> None:
+    """Answers are paired with their frames by the time in them; answers that come too late are counted."""
     made = performance(lambda at: 2.0 if 3.0 <= at < 4.0 else math.nan if at < 1.0 else 0.01)
     assert made.answered(0.0, 1.0) == 0
     assert made.answered(0.0, 2.0) == 30
@@ -125,9 +125,9 @@ def test_latencies_are_of_the_frames_between_two_moments() -> None:
 
 
 def test_the_table_has_a_row_for_each_trial() -> None:
-    """What was never answered or never recovered is said so."""
+    """The row says when an answer or a recovery never came."""
     outcome = Outcome("a flood", 0, 150, math.nan, 0.01, (90.0, 120.0, 91.0), math.inf, 0, "malformed 7", 1, None)
-    (row,) = zip(*(column._cells for column in table([outcome]).columns), strict=True)  # noqa: SLF001 - what stands there
+    (row,) = zip(*(column._cells for column in table([outcome]).columns), strict=True)  # noqa: SLF001 - the cells' text
     assert row == ("a flood ENDED with 1", "0 / 150", "10.0", "-", "90 / 120 / 91", "never", "malformed 7")
 
 

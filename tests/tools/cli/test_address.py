@@ -37,7 +37,7 @@ def test_an_address_without_a_port_is_refused(text: str) -> None:
 
 @given(st.text(max_size=20))
 def test_any_text_is_an_address_or_refused(text: str) -> None:
-    """Whatever is typed gives a host and a usable port, or the one error."""
+    """Any text gives a host and a usable port, or the one error."""
     try:
         host, port = host_and_port(text)
     except ValueError as error:

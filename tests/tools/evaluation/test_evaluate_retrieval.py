@@ -109,7 +109,7 @@ def test_the_figures_are_the_librarys(
 
 
 def test_json_alone_is_the_papers_own_case(cut: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """By default the JSON object is that of distances, leave one out."""
+    """By default the JSON object holds the figures of distances, leave one out."""
     assert evaluate(cut, "--json") == 0
     described = json.loads(capsys.readouterr().out)
     assert (described["space"], described["protocol"]) == ("distances", "leave-one-out")
@@ -257,10 +257,10 @@ def test_json_holds_seconds_and_persons(cut: Path, capsys: pytest.CaptureFixture
     assert described["splits"] is None
 
 
-def test_intervals_are_of_the_motions_that_asked(
+def test_intervals_draw_the_asking_motions(
     cut: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """An interval is that of the share over motions drawn again, for each figure separately."""
+    """An interval covers the share over motions drawn again, for each figure separately."""
     right = np.array([[index % 2 == 0, index % 4 < 3] for index in range(12)])
     outcome = Retrieval(12, 0.5, 0.75, tuple(sorted(SWINGS)), np.eye(3), np.arange(12), right)
     monkeypatch.setattr("kinespace.tools.evaluation.evaluate_retrieval.retrieve", lambda *_: outcome)
@@ -273,7 +273,7 @@ def test_intervals_are_of_the_motions_that_asked(
 
 
 def test_five_actors_are_split_in_all_ways(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """The mean and the worst of the ten splits equal those of ten retrievals, and the worst library is named."""
+    """The mean and the worst of the ten splits equal ten retrievals, and the worst library is named."""
     actors = ("bd", "bk", "dg", "mm", "tr")
     write_takes(tmp_path, actors=actors, takes=1, frames=60)
     clips = [noisy(clip) for clip in read_recordings(sorted(tmp_path.rglob("*.amc")))]

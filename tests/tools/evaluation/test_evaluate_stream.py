@@ -299,7 +299,7 @@ def test_the_library_may_ask_itself(monkeypatch: pytest.MonkeyPatch, capsys: pyt
     assert "expected takes with --protocol library, got none" in _refused(capsys)
 
 
-# --- takes in which nothing known happens, and of which nobody said when -----------------------------------------
+# --- takes without known motions, and takes whose labels have no times -------------------------------------------
 
 
 def test_of_unknown_takes_all_the_time_counts(

@@ -1,4 +1,4 @@
-"""`kinespace evaluate teach`: whom it refuses."""
+"""`kinespace evaluate teach`: the persons that it refuses."""
 
 from __future__ import annotations
 
@@ -11,6 +11,6 @@ if TYPE_CHECKING:
 
 
 def test_an_unknown_teacher_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
-    """One line says who performs, and nothing is measured."""
+    """One line lists the persons who perform, and nothing is measured."""
     assert main(["evaluate", "teach", "--teachers", "bd", "nobody"]) == 2
     assert capsys.readouterr().err == "kinespace: --teachers: expected some of bd, bk, dg, mm, tr, got 'nobody'\n"

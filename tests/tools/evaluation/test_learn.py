@@ -42,7 +42,7 @@ def test_the_fit_tells_two_kinds_of_windows_apart() -> None:
 
 
 def test_typical_evidence_does_not_change_the_fit() -> None:
-    """It is what moves when there are other joints."""
+    """Typical evidence moves with the joints; the fit does not."""
     lessons = [
         Lesson(_windows([0.5, 1.0]), is_known=True, weight=1.0),
         Lesson(_windows([0.0, 0.25]), is_known=False, weight=1.0),

@@ -195,7 +195,7 @@ def test_all_kinds_are_read_together(folder: Path) -> None:
     assert [take.is_known for take in takes] == [True, False, False]
 
 
-# --- what a sensor delivered -------------------------------------------------------------------------------------
+# --- takes of sensors --------------------------------------------------------------------------------------------
 
 
 def test_a_sensors_frames_are_known(tmp_path: Path) -> None:

@@ -190,7 +190,7 @@ class FakeTime:
 
 
 def test_a_pace_does_not_drift(monkeypatch: pytest.MonkeyPatch) -> None:
-    """However often a sleep is too long, the ten thousandth frame is no later than the first."""
+    """Sleeps may be too long at any time: the ten thousandth frame is no later than the first."""
     clock = FakeTime()
     monkeypatch.setattr("kinespace.tools.feeding.feed.time", clock)
     pace = Pace()

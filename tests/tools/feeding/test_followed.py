@@ -42,7 +42,7 @@ def test_a_recording_says_how_far_each_frame_is(tmp_path: Path, capsys: pytest.C
         phases = told["phase"][named]
         assert phases[-1] > phases[0] + 0.2
         assert all(np.isfinite(told[name][named]).all() for name in ("speed", "amplitude", "sure", "scrub", "cycles"))
-    # What was written is a table that is read again.
+    # The written file is a table that can be read again.
     assert main(["convert", str(tmp_path / "told.npz"), "-o", str(tmp_path / "again.npz")]) == 0
     capsys.readouterr()
     assert main([*asked, str(tmp_path / "other.npz")]) == 2

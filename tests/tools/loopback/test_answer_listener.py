@@ -59,7 +59,7 @@ def zmq_pair(opened: ExitStack) -> tuple[zeromq.ZmqReceiver, zeromq.ZmqSender]:
         sender.send([b"hello/", b""])
         if receiver.socket.poll(20):
             break
-    # The last greeting is the last message: whatever was sent before it has come before it.
+    # The last greeting is the last message: all earlier messages have come before it.
     sender.send([b"met/", b""])
     while receiver.socket.poll(int(PATIENCE * 1000)):
         if receiver.receive() == [b"met/", b""]:

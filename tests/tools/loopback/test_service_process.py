@@ -92,7 +92,7 @@ def test_an_echo_sends_every_packet_back_unread(transport: Transport) -> None:
             echoed: list[Packet] = []
             until = time.monotonic() + PATIENCE
             while len(echoed) < len(packets) and time.monotonic() < until:
-                # What greeted while connecting may still be under way.
+                # Greetings from the time of connecting may still be under way.
                 echoed += [packet for packet in hear(listener, 1) if packet != [b"hello/", b""]]
         finally:
             sender.close()

@@ -1,4 +1,4 @@
-"""`kinespace demo`: the whole loop on this machine, with nothing but the built-in library."""
+"""`kinespace demo`: play motions into a recogniser on this machine, with the built-in library alone."""
 
 from __future__ import annotations
 

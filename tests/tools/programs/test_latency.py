@@ -90,7 +90,7 @@ def test_every_frame_and_answer_is_accounted_for(tmp_path: Path) -> None:
 def test_answers_that_never_come_are_lost(monkeypatch: pytest.MonkeyPatch) -> None:
     """When a recogniser answers something else than was due, every answer due is counted as lost, the last ones too."""
     whole = MotionLibrary.builtin()
-    # Of one class alone the scores are others, whatever the label is.
+    # With one class alone the scores differ, even if the label is the same.
     other = whole.without(classes=whole.classes[:-1])
     monkeypatch.setattr("kinespace.tools.programs.latency.BackgroundService", partial(BackgroundService, library=other))
     latency = measure("osc", rate_hz=100.0, seconds=0.6, settings=Settings(hop=0.05))

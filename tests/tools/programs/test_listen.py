@@ -109,7 +109,7 @@ def test_runs_of_a_type_are_counted() -> None:
 
 def test_missing_joints_are_named() -> None:
     """Joints that do not come are named by the motion library's names; few are done without, for many frames lack."""
-    for without, told in ((2, "done without, because they never came: head, lowerneck"), (5, "missing for")):
+    for without, told in ((2, "not used, because they never came: head, lowerneck"), (5, "missing for")):
         survey = surveyed("osceleton", without=without)
         guess = survey.guess(PRESETS)
         assert guess is not None

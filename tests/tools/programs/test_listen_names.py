@@ -1,4 +1,4 @@
-"""What `kinespace listen` says of a sender of our own messages: its joints, its clock, its mistakes."""
+"""The report of `kinespace listen` on a sender of our own messages: its joints, its clock, its mistakes."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def test_unknown_names_are_reported() -> None:
     guess = survey.looked_at_as(builtin_preset("native"))
     assert guess.frames == 0
     told = " ".join(advice(survey, guess, None))
-    assert "0 of the 5 announced joints have names that are known" in told
+    assert "0 of the 5 announced joints have known names" in told
     assert "--names NAME" in told
 
 

@@ -101,7 +101,7 @@ def _show(desk: Desk, begin: float, class_name: str, take: int = 0) -> list[str]
 
 
 def _teach(desk: Desk, begin: float, name: str, class_name: str) -> None:
-    # On a busy machine the last frames may be long ago: who is taught must be there.
+    # On a busy machine the last frames may be old: the performer who is taught must be present.
     stand = MotionLibrary.builtin().motions[0].positions[0]
     desk.push_all([Frame("ann", begin - 1 + place / 60, stand) for place in range(10)], time.monotonic())
     desk.command(commands.Teach("ann", name, 1, 0.0))
@@ -149,7 +149,7 @@ def test_a_full_disk_loses_nothing(desk: Desk, monkeypatch: pytest.MonkeyPatch) 
     _teach(desk, 10, "my squat", "squat1Reps")
     heard = _until(desk, lambda heard: {Step.DONE, Step.REFUSED} <= set(heard.steps()))
     told = [each.reason for each in heard.notices if isinstance(each, State) and each.step is Step.REFUSED]
-    assert told == ["mine.npz was not saved: No space left on device; what was taught is still known"]
+    assert told == ["mine.npz was not saved: No space left on device; the taught motions are still in memory"]
     assert _show(desk, 20, "squat1Reps", 1)[:1] == ["my squat"]
 
 

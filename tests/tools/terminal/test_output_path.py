@@ -13,7 +13,7 @@ from kinespace.tools.terminal.output_path import require_place_for
 if TYPE_CHECKING:
     from pathlib import Path
 
-#: Programs that draw; of none of them is there anything to read, so that whoever looks at the picture last says that.
+#: Programs that draw. The recordings are missing, so that the error comes after the check of the picture.
 DRAWING = [
     ("demo", "--picture"),
     ("evaluate", "retrieval", "nowhere", "--picture"),

@@ -75,7 +75,7 @@ class LeadingAxis:
         self._rows.append(distance_rows(positions[None], self._skeleton)[0])
 
     def read(self) -> NDArray[np.floating]:
-        """Compare the window's leading eigenvector with those of all windows of the library."""
+        """Compare the window's leading eigenvector with the eigenvectors of all windows of the library."""
         products = np.abs(self._axes @ self._axis(np.array(self._rows)).astype(np.float32))
         best: NDArray[np.floating] = np.maximum.reduceat(products, self._starts)
         return best
@@ -102,7 +102,7 @@ class TimeWarping:
 
     Poses in the body's own frame, thirty a second. A frame of the feed is matched with the motion's frame of the
     previous match, with the next frame, or with the one after that: the asymmetric steps of Sakoe and Chiba (1978),
-    which matching with an open begin needs (Tormene et al. 2009). A class's score is that of the nearest part of a
+    which matching with an open begin needs (Tormene et al. 2009). A class's score is the score of the nearest part of a
     motion.
 
     Parameters

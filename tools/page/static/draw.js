@@ -89,6 +89,8 @@ class Stage {
     // HDM05 calls a joint by the bone that ends there: these are the shoulders and the hips.
     const trunk = ["lclavicle", "rclavicle", "rhipjoint", "lhipjoint"].map((name) => names.indexOf(name));
     this.trunk = trunk.includes(-1) ? [] : trunk;
+    const within = /^(lower|upper)back$|^thorax$|^[lr](clavicle|hipjoint)$/;
+    if (this.trunk.length) this.bones = this.bones.filter(([, joint]) => !within.test(names[joint]));
     this.feet = names.map((name, joint) => (/foot|toe|ankle/i.test(name) ? joint : -1)).filter((joint) => joint >= 0);
   }
 
@@ -216,7 +218,7 @@ class Stage {
       context.beginPath();
       for (let step = 0; step <= 48; step += 1) {
         const angle = 2 * Math.PI * (from + (to - from) * step / 48) - Math.PI / 2;
-        const point = this._project({ x: this.at.x + 0.42 * this.size * Math.cos(angle), y: this.floor, z: this.at.z + 0.42 * this.size * Math.sin(angle) });
+        const point = this._project({ x: this.at.x + 0.36 * this.size * Math.cos(angle), y: this.floor, z: this.at.z + 0.36 * this.size * Math.sin(angle) });
         context.lineTo(point.x, point.y);
       }
       context.stroke();

@@ -1,4 +1,4 @@
-"""What `kinespace live` opens: sources of frames, sinks of answers, the recording, and the ways in for commands."""
+"""The ends that `kinespace live` opens: sources of frames, sinks of answers, the recording, doors for commands."""
 
 from __future__ import annotations
 
@@ -115,7 +115,7 @@ def _require_no_loop(receivers: Sequence[_AnyReceiver], sinks: Sequence[Sink]) -
 
 
 def _reaches(sink: Sink, own: str, listening: int) -> bool:
-    """Say whether what a sink sends comes to one of our own addresses."""
+    """Say whether a sink sends to one of our own addresses."""
     if isinstance(sink, ReplySink):
         # The sender may be on this machine.
         return sink.port == listening

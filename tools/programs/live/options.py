@@ -65,7 +65,7 @@ class Guard:
     merge
         Let several senders send frames of one performer.
     keyring
-        Keys of all who are let in by ZeroMQ; None for no keys.
+        Keys of the peers that are let in by ZeroMQ; None for no keys.
     """
 
     performers: Sequence[str] = ()
@@ -81,7 +81,7 @@ class Teaching:
     Attributes
     ----------
     file
-        The file for taught motions; None: nobody may teach.
+        The file for taught motions; None: teaching is off.
     controls
         Further ways in: `wekinator`, `wekinator=HOST:PORT`, or the ZeroMQ endpoint of a socket that replies.
     """

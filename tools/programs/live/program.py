@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import os
-from contextlib import ExitStack
-from functools import partial
+from contextlib import closing, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -28,7 +27,7 @@ from kinespace.tools.cli.arguments import (
     settings_of,
 )
 from kinespace.tools.programs.live.options import Addresses, Feed, Guard, Teaching, Watched
-from kinespace.tools.programs.live.recognisers import in_this_process
+from kinespace.tools.programs.live.recognisers import Where
 from kinespace.tools.programs.live.session import recognise
 
 if TYPE_CHECKING:
@@ -37,7 +36,6 @@ if TYPE_CHECKING:
 
     from kinespace.library.windows.index import WindowIndex
     from kinespace.stream.recognizer import Performers, SentJoints, Settings
-    from kinespace.stream.workers.crew import WorkerSource
 
 #: Where answers go by default: a port that no usual receiver uses.
 OSC_OUT = "127.0.0.1:9311"
@@ -61,7 +59,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         metavar="NAME[=HOST:PORT]",
-        help="answer as these programs hear it, several at once: " + ", ".join(LAYOUTS) + "; sender:PORT replies",
+        help="answer in the layouts of these programs, several at once: "
+        + ", ".join(LAYOUTS)
+        + "; sender:PORT replies",
     )
     parser.add_argument(
         "--joints",
@@ -78,8 +78,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=names,
         default=(),
         metavar="NETWORK,...",
-        help="let in these networks alone: their packets are read, and they may teach and, as this machine may, hear "
-        "the answers by ZeroMQ",
+        help="read packets from these networks alone; let them teach; let them and this machine hear the answers by "
+        "ZeroMQ",
     )
     add_keys(parser)
     parser.add_argument("--merge", action="store_true", help="let several senders send frames of one performer")
@@ -106,8 +106,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--plain", action="store_true", help="print a line per change instead of a table")
 
 
-def run(options: argparse.Namespace) -> int:
-    """Run the program with these options; return the exit status."""
+def run(options: argparse.Namespace, where: Where | None = None) -> int:
+    """Run the program with these options; return the exit status. Performers are recognised `where` it is said."""
     none_given = not any((options.osc_in, options.osc_out, options.zmq_in, options.zmq_out))
     usual_out = not (options.osc_out or options.zmq_out or options.out)
     usual_in = none_given and not options.feed
@@ -117,11 +117,8 @@ def run(options: argparse.Namespace) -> int:
         zmq_in=options.zmq_in,
         zmq_out=options.zmq_out,
     )
-    answers: list[WorkerSource] = []
-    with ExitStack() as opened:
-        keyring = opened.enter_context(Keyring(options.keys)) if options.keys else None
-        make = partial(in_workers, options.workers, answers) if options.workers else in_this_process
-        opened.callback(_close, answers)
+    where = where or (in_workers(options.workers) if options.workers else Where())
+    with closing(where), Keyring(options.keys) if options.keys else nullcontext() as keyring:
         return recognise(
             addresses,
             library=options.library,
@@ -134,14 +131,8 @@ def run(options: argparse.Namespace) -> int:
             guard=Guard(options.allow, options.allow_from, options.merge, keyring),
             teaching=Teaching(options.teach, tuple(options.control)),
             watched=Watched(options.page, options.bodies, options.keys),
-            make=make,
-            answers=answers,
+            where=where,
         )
-
-
-def _close(answers: Sequence[WorkerSource]) -> None:
-    for each in answers:
-        each.close()
 
 
 def workers(text: str) -> int:
@@ -149,23 +140,25 @@ def workers(text: str) -> int:
     return max((os.cpu_count() or 1) - 1, 1) if text == "auto" else count(text)
 
 
-def in_workers(
-    number: int,
-    answers: list[WorkerSource],
-    library: MotionLibrary | WindowIndex,
-    settings: Settings,
-    *,
-    most: int,
-    joints: SentJoints,
-    classes: Sequence[str] = (),
-) -> Performers:
-    """Make recognisers in processes of their own; append the sources of their answers to `answers`."""
+def in_workers(number: int) -> Where:
+    """Recognise in processes of their own."""
     from kinespace.library.windows.index import opened  # noqa: PLC0415 - only where there are workers
     from kinespace.stream.workers.crew import Crew  # noqa: PLC0415 - as above
     from kinespace.stream.workers.spread import as_performers  # noqa: PLC0415 - as above
 
-    if isinstance(library, MotionLibrary) and settings.signature is LiveSignature.WINDOWS:
-        library = opened(library)
-    crew = Crew(number, library, settings, most=most, joints=joints, classes=classes)
-    answers += crew.sources
-    return as_performers(crew)
+    def make(
+        library: MotionLibrary | WindowIndex,
+        settings: Settings,
+        *,
+        most: int,
+        joints: SentJoints,
+        classes: Sequence[str] = (),
+    ) -> Performers:
+        if isinstance(library, MotionLibrary) and settings.signature is LiveSignature.WINDOWS:
+            library = opened(library)
+        crew = Crew(number, library, settings, most=most, joints=joints, classes=classes)
+        where.sources += crew.sources
+        return as_performers(crew)
+
+    where = Where(make)
+    return where

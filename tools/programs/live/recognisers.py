@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
 from functools import partial
 from pathlib import Path
@@ -22,7 +22,9 @@ if TYPE_CHECKING:
     from kinespace.library import MotionLibrary
     from kinespace.library.windows.index import WindowIndex
     from kinespace.stream.feeds import Preset
+    from kinespace.stream.outputs import Sink
     from kinespace.stream.recognizer import Settings
+    from kinespace.stream.service.loop import Source
     from kinespace.tools.programs.live.options import Feed, Teaching
     from kinespace.tools.teaching.desk import Desk
 
@@ -55,6 +57,28 @@ def in_this_process(
 ) -> Performers:
     """Make recognisers that the service's own loop calls."""
     return Performers(library, settings, most=most, joints=joints, opener=background_windows(), classes=classes)
+
+
+@dataclass(slots=True)
+class Where:
+    """Where performers are recognised: in this process, unless `make` makes recognisers elsewhere.
+
+    Attributes
+    ----------
+    make
+        Makes the recognisers; it appends to `sources` and `sinks`.
+    sources, sinks
+        Where their answers come back, and further sinks.
+    """
+
+    make: Making = in_this_process
+    sources: list[Source] = field(default_factory=list)
+    sinks: list[Sink] = field(default_factory=list)
+
+    def close(self) -> None:
+        """Close the sources, also when the service that would have done so was never made."""
+        for each in self.sources:
+            each.close()
 
 
 def recognisers(

@@ -23,7 +23,7 @@ from kinespace.tools.page.attach import NO_ENDS, ends_for_page
 from kinespace.tools.programs.feeds import preset_named
 from kinespace.tools.programs.live.endpoints import open_doors, open_ends
 from kinespace.tools.programs.live.options import Feed, Guard, Teaching, Watched
-from kinespace.tools.programs.live.recognisers import in_this_process, recognisers
+from kinespace.tools.programs.live.recognisers import Where, recognisers
 from kinespace.tools.teaching.keys import Keys
 from kinespace.tools.terminal.console import console
 from kinespace.tools.terminal.live_table import LiveTable, PlainLines, summary
@@ -35,9 +35,7 @@ if TYPE_CHECKING:
 
     from kinespace.stream.outputs import Sink
     from kinespace.stream.recognizer import Settings
-    from kinespace.stream.service.loop import Source as AnswerSource
     from kinespace.tools.programs.live.options import Addresses
-    from kinespace.tools.programs.live.recognisers import Making
 
 #: Times a second the table is drawn.
 _REDRAWS = 5
@@ -64,14 +62,10 @@ def recognise(
     guard: Guard = _NO_GUARD,
     teaching: Teaching = _NO_TEACHING,
     watched: Watched = _UNWATCHED,
-    make: Making = in_this_process,
-    answers: Sequence[AnswerSource] = (),
+    where: Where | None = None,
 ) -> int:
-    """Open the addresses, recognise until interrupted, print the counts.
-
-    `make` makes the recognisers; where these are not in this process, it appends the sources of their answers to
-    `answers`.
-    """
+    """Open the addresses, recognise until interrupted, print the counts."""
+    where = where or Where()
     _allow_many_connections()
     # A library that is prepared in a thread, and the table that is drawn, must not hold a frame up.
     sys.setswitchinterval(_SWITCH_INTERVAL)
@@ -79,7 +73,9 @@ def recognise(
     if record:
         require_place_for(record, overwrite=overwrite)
     preset = preset_named(feed.preset) if feed.preset else None
-    performers, desk = recognisers(library, preset, feed, teaching=teaching, settings=settings, most=most, make=make)
+    performers, desk = recognisers(
+        library, preset, feed, teaching=teaching, settings=settings, most=most, make=where.make
+    )
     shown: PlainLines | LiveTable = PlainLines() if plain or not console.is_terminal else LiveTable(performers.classes)
     admission = Admission(silence=performers.silence, merge=guard.merge, allowed=guard.performers)
     networks = [ipaddress.ip_network(each, strict=False) for each in guard.networks]
@@ -99,7 +95,10 @@ def recognise(
     with (
         kept or nullcontext(),
         Service(
-            performers, [*sources, *doors, *ends.doors, *answers], [*sinks, shown, *ends.sinks], admission=admission
+            performers,
+            [*sources, *doors, *ends.doors, *where.sources],
+            [*sinks, *where.sinks, shown, *ends.sinks],
+            admission=admission,
         ) as service,
         ends.page or nullcontext() as page,
     ):
@@ -131,7 +130,7 @@ def recognise(
 
 
 def _allow_many_connections() -> None:
-    """Let strangers who connect and say nothing leave room for others until ZeroMQ has ended their connections."""
+    """Raise the limit of open files: silent connections of strangers must leave room until ZeroMQ has ended them."""
     if sys.platform == "win32":
         return
     import resource  # noqa: PLC0415 - there is none on Windows
@@ -152,7 +151,7 @@ def _warn_of_strangers(places: Sequence[str | None]) -> None:
     endpoints = [Endpoint.parse(place, bind=True) for place in places if place and "://" in place]
     if reached := [endpoint.address for endpoint in endpoints if endpoint.is_open_to_others]:
         console.print(
-            f"no --keys: whoever is at the other end of {', '.join(reached)} is believed and hears the answers",
+            f"no --keys: any program at the other end of {', '.join(reached)} can send frames and hear the answers",
             soft_wrap=True,
             markup=False,
         )
@@ -175,13 +174,13 @@ def _run_with_table(service: Service, shown: LiveTable) -> None:
 
 
 def frames_made(source: FeedSource) -> str:
-    """Describe what happened to a feed's joints, and which were missing in refused frames."""
+    """Count a feed's frames and joints by their fate, and name the joints missing in refused frames."""
     counts = source.decoder.assembler.counts
     closed = ", ".join(f"{count} by {closing}" for closing, count in counts.closed_by.most_common())
     line = (
         f"feed {source.preset.name}: {counts.frames} frames made ({closed or 'none closed'}), "
         f"{counts.incomplete} refused, joints held {counts.held}, late {counts.late}, unsure {counts.unsure}, "
-        f"beyond any stage {counts.absurd}, no room {counts.no_room}, asked in vain {source.unasked}"
+        f"beyond any stage {counts.absurd}, no room {counts.no_room}, requests not sent {source.unasked}"
     )
     absent = ", ".join(name for name, _ in counts.absent.most_common(5))
     return f"{line}; absent: {absent}" if absent else line

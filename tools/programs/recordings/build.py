@@ -88,8 +88,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the program's options."""
     parser.description = (
         "Puts the motions of recordings and library files together, over the joints that all of them have. A "
-        "recording's class is in its name (HDM05) or is its folder's name. A file of labels beside a take, called like "
-        "it and ending in .csv, .tsv or .txt, cuts it into motions."
+        "recording's class is in its name (HDM05) or is its folder's name. A file of labels beside a take, with "
+        "the take's name and the ending .csv, .tsv or .txt, cuts it into motions."
     )
     parser.add_argument(
         "sources", nargs="+", type=Path, metavar="SOURCE", help=f"folders, recordings, libraries, or {BUILT_IN}"
@@ -247,7 +247,7 @@ def _filled(clips: Sequence[Clip]) -> Iterator[str]:
     filled = sum(clip.filled for clip in clips)
     if filled:
         every = sum(clip.frames * len(clip.skeleton.joints) for clip in clips)
-        yield f"{filled} of {every} joint positions were missing and stand on straight lines"
+        yield f"{filled} of {every} joint positions were missing and were filled with straight lines"
 
 
 def _short(library: MotionLibrary) -> Iterator[str]:
@@ -267,7 +267,7 @@ def _long(clips: Sequence[Clip]) -> Iterator[str]:
         longest = max(long, key=lambda clip: clip.duration)
         yield (
             f"{len(long)} of {len(clips)} recordings are longer than {_MAX_SECONDS:g} s, {longest.name} "
-            f"({longest.duration:.0f} s) the longest; each is taken as one motion: --labels cuts takes into theirs"
+            f"({longest.duration:.0f} s) the longest; each is taken as one motion; --labels cuts takes into motions"
         )
 
 

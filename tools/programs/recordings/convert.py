@@ -74,10 +74,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=Path,
         required=True,
         metavar="FILE|FOLDER",
-        help="a file that ends in .npz or .csv; of a folder the folder to write to",
+        help="a file that ends in .npz or .csv; for a folder, the folder to write to",
     )
-    parser.add_argument("--csv", action="store_true", help="of a folder: write CSV (default: .npz)")
-    parser.add_argument("--performer", help="whose frames, where there are several performers")
+    parser.add_argument("--csv", action="store_true", help="for a folder: write CSV (default: .npz)")
+    parser.add_argument("--performer", help="the performer to convert, if there are several")
     parser.add_argument(
         "--progress",
         action="store_true",
@@ -117,7 +117,7 @@ def run(options: argparse.Namespace) -> int:
 def _in_folder(folder: Path, output: Path, ending: str) -> list[tuple[Path, Path]]:
     """Pair each recording of a folder with the file to write, in the same layout below another, new folder."""
     if output.suffix.lower() in (".npz", ".csv"):
-        raise ValueError(f"--output: expected a folder to write to, for {folder} is one, got {output}")
+        raise ValueError(f"--output: expected a folder to write to, because {folder} is a folder, got {output}")
     if output.resolve() == folder.resolve():
         raise ValueError(f"--output: expected another folder than {folder}")
     found = [path for path in find_recordings([folder]) if output.resolve() not in path.resolve().parents]
@@ -160,7 +160,7 @@ def convert(
     overwrite
         Whether a file that is there may be written over.
     library
-        Whose motions are recognised, so that an `.npz` says how far in its motion each frame is
+        The library that recognises the motions, so that an `.npz` holds the progress of each frame
         (`kinespace.tools.feeding.followed`); None for none.
     """
     if library and output.suffix.lower() != ".npz":

@@ -24,11 +24,11 @@ COLUMNS = ("start_s", "end_s", "label", "performer")
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the program's options."""
     parser.description = (
-        "Writes start_s,end_s,label,performer for each movement between two stillnesses, each label empty: fill in the "
-        "classes, and kinespace build --labels makes a library of them."
+        "Writes start_s,end_s,label,performer for each movement between two stillnesses, with an empty label. Fill in "
+        "the classes; kinespace build --labels makes a library of them."
     )
     parser.add_argument("source", type=Path, metavar="FILE", help="a .kinerec or a motion file")
-    parser.add_argument("-o", "--output", type=Path, metavar="CSV", help="default: beside the recording, of its name")
+    parser.add_argument("-o", "--output", type=Path, metavar="CSV", help="default: beside the recording, with its name")
     parser.add_argument(
         "--stillness", type=positive, default=STILLNESS, help="movement, relative to the body, at rest (0.01)"
     )
@@ -66,7 +66,7 @@ def propose(source: Path, output: Path | None, *, reading: Reading, stillness: f
     """
     labels = output or source.with_suffix(".csv")
     if labels == source:
-        raise ValueError(f"{source}: expected --output, for the labels cannot take the recording's own place")
+        raise ValueError(f"{source}: expected --output, because the labels would replace the recording")
     require_place_for(labels, overwrite=overwrite)
     with RecordingReader(reading) as reader:
         takes = reader.clips(find_recordings([source])[0])
@@ -82,7 +82,7 @@ def propose(source: Path, output: Path | None, *, reading: Reading, stillness: f
         rows.writerows((f"{each.start:.2f}", f"{each.end:.2f}", "", csv_text(performer)) for each, performer in found)
     whose = ", ".join(printable(take.actor or "one performer") for take in takes)
     console.print(
-        f"{labels}: {len(found)} movements of {whose}; write a class behind each, or nothing to leave it out",
+        f"{labels}: {len(found)} movements of {whose}; write a class behind each; a movement without one is left out",
         soft_wrap=True,
     )
     return 0

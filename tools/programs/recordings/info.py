@@ -46,8 +46,8 @@ if TYPE_CHECKING:
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the program's options."""
     parser.description = (
-        "Sums up by class and by person what a library or the recordings of a folder hold; says of one recording, or "
-        f"of a {ENDING}, what is in it."
+        "Counts the motions of a library, or of a folder of recordings, by class and by person. Describes a single "
+        f"recording, or a {ENDING}."
     )
     parser.add_argument(
         "file",
@@ -140,7 +140,7 @@ def _show_raw(told: Mapping[str, Any]) -> None:
         console.print(f"{printable(sender)}: {count} packets", soft_wrap=True)
     for name, same in told["presets"].items():
         console.print(
-            f"preset {printable(name)}: kept in the recording, {'as' if same else 'not as'} it is built in",
+            f"preset {printable(name)}: kept in the recording, {'same as' if same else 'other than'} the built-in one",
             soft_wrap=True,
         )
     for performer, count in told["frames"].items():

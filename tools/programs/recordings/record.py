@@ -32,7 +32,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the program's options."""
     parser.description = (
         "Keeps every packet with its arrival time and sender until Ctrl-C. A crash costs the last second at most. "
-        "kinespace replay sends the file again bit for bit; kinespace live --record keeps what it hears."
+        "kinespace replay sends the file again bit for bit; kinespace live --record records while it recognises."
     )
     parser.add_argument("output", type=Path, metavar="FILE", help="to make, like tonight.kinerec")
     add_inputs(parser)
@@ -80,7 +80,7 @@ def record(
         recording = _Recording(receivers, writer)
         stop_on_signals(recording.stop)
         console.print(f"recording {', '.join(names)} to {output}; Ctrl-C ends", soft_wrap=True)
-        with Status("nothing has come yet", console=progress_console) as shown:
+        with Status("no packets yet", console=progress_console) as shown:
             recording.run(seconds, shown)
     lost = sum(receiver.kernel_drops for receiver in receivers)
     console.print(

@@ -1,4 +1,4 @@
-"""A feed that is sent and the answers that are heard meanwhile, and what is shown of both."""
+"""A feed that is sent, the answers that are heard meanwhile, and the report on both."""
 
 from __future__ import annotations
 
@@ -90,7 +90,7 @@ class Exchange:
         return bool(self._score.heard)
 
     def _silence(self) -> str:
-        """Say that no answer came, and what to check."""
+        """Say that no answer came, and list checks."""
         if self._heard:
             return (
                 f"no answers about {self._announcement.performer!r} heard, but {self._heard} other packets: do the "
@@ -107,7 +107,7 @@ class Exchange:
             figures |= {"unlabelled": score.unlabelled} if score.unlabelled else {}
             print(json.dumps({**figures, "right": None if share is None else round(share, 4)}))
             return
-        console.print(f"{self._sent} frames sent, {self._sender.failed} the system would not take")
+        console.print(f"{self._sent} frames sent, {self._sender.failed} refused by the system")
         if self._stood_still > _NOTICED:
             console.print(f"the feed stood still for {self._stood_still:.1f} s: a recording took longer to be read")
         if self._listener and not score.heard:

@@ -29,8 +29,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the program's options."""
     parser.description = (
         "Sends recordings as live packets on an absolute schedule. With --listen it hears the answers and prints the "
-        "share that was right; a clip's class is in its name (HDM05) or is its folder's name. Of a take beside which a "
-        "file of labels lies, called like it, the class is the label of the moment. Exit status: 0 sent (and, with "
+        "share that was right; a clip's class is in its name (HDM05) or is its folder's name. If a file of labels "
+        "with a take's name lies beside the take, the class is the label of the moment. Exit status: 0 sent (and, with "
         "--listen, answered), 1 with --listen and without any answer, 2 could not be done."
     )
     parser.add_argument(

@@ -59,7 +59,7 @@ def _require_whole(path: Path) -> None:
     number = 4 if scale < 0 else 2
     frames = last - first + 1
     if data < 2 or points > _MAX_POINTS or (analog and not samples):
-        raise C3dError(f"{path}: byte 2: a header that makes no sense ({points} points, {analog} analog values)")
+        raise C3dError(f"{path}: byte 2: an impossible header ({points} points, {analog} analog values)")
     wanted = (data - 1) * _BLOCK + frames * (4 * points + analog) * number
     # The header does not tell how many frames there are if there are more than 65 535.
     if first <= last < 0xFFFF and size < wanted:
@@ -82,7 +82,7 @@ def _require_sound_parameters(path: Path, start: int) -> None:
         after = place + 2 + abs(name)
         at = after + 2
         if at + 1 > len(section) or not group:
-            raise C3dError(f"{path}: byte {start + place + 3}: a parameter that leads out of the parameters")
+            raise C3dError(f"{path}: byte {start + place + 3}: a parameter that ends outside the parameters")
         (offset,) = struct.unpack_from("<h", section, after)
         if group < 0:
             groups.add(-group)
@@ -94,7 +94,7 @@ def _require_sound_parameters(path: Path, start: int) -> None:
             at = _end_of_data(section, at)
         end = at + 1 + section[at] if 0 < at < len(section) else len(section) + 1
         if end > len(section) or (offset and after + offset < end):
-            raise C3dError(f"{path}: byte {start + place + 3}: a parameter that leads out of the parameters")
+            raise C3dError(f"{path}: byte {start + place + 3}: a parameter that ends outside the parameters")
         if not offset:
             break
         place = after + offset
@@ -219,5 +219,5 @@ def _unit(said: dict[str, list[Any]], positions: NDArray[np.float64]) -> float:
 def _rate(said: dict[str, list[Any]]) -> float:
     rate = float(said["RATE"][0]) if len(said.get("RATE", ())) else 0.0
     if not 0 < rate < np.inf:
-        raise ValueError(f"expected a positive POINT:RATE, got {rate:g}; --frame-rate can say it")
+        raise ValueError(f"expected a positive POINT:RATE, got {rate:g}; give it with --frame-rate")
     return rate

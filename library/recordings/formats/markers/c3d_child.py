@@ -1,6 +1,6 @@
 """The program that reads C3D files by ezc3d in a process of its own.
 
-ezc3d is C++ and trusts what it reads: a broken file can end its process, keep the process busy for ever, or ask for all
+ezc3d is C++ and trusts the file: a broken file can end its process, keep the process busy for ever, or ask for all
 memory there is. So ezc3d runs in this process, and `c3d_process` is the other side. The program is started by its path
 and imports nothing of ours, so that it is ready as soon as numpy and ezc3d are loaded.
 

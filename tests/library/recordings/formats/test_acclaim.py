@@ -234,7 +234,7 @@ def bodies_and_frames(draw: st.DrawFn) -> tuple[TinyBody, list[dict[str, list[fl
 def test_any_body_stands_where_the_recursion_puts_it(
     tmp_path: Path, drawn: tuple[TinyBody, list[dict[str, list[float]]]], header: str
 ) -> None:
-    """Whatever the hierarchy, orders, axes and units, every joint stands where the slow twin's recursion puts it."""
+    """With any hierarchy, orders, axes and units, every joint stands where the slow twin's recursion puts it."""
     body, frames = drawn
     amc = write_pair(tmp_path, body.asf(), amc_text(frames, header=header))
     clip = read_clip(amc)

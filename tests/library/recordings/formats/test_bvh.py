@@ -244,7 +244,7 @@ def test_chosen_joints_hang_on_the_nearest_chosen_above(tmp_path: Path) -> None:
         read_clip(path, joints=("nose",))
 
 
-# --- what cannot be read -----------------------------------------------------------------------------------------
+# --- broken files -------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(

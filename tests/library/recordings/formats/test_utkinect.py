@@ -87,7 +87,7 @@ def test_a_take_is_a_recording(tmp_path: Path) -> None:
 
 
 def test_the_joints_are_kinects() -> None:
-    """The body is that of the joint set `kinect20`, one tree from the hips, left and right hanging alike."""
+    """The body has the joints of the set `kinect20`: one tree from the hips, left and right hanging alike."""
     skeleton = utkinect.SKELETON
     assert skeleton.joints == joints_of("kinect20")
     parents = {name: skeleton.joints[parent] for name, parent in zip(skeleton.joints, skeleton.parents, strict=True)}
@@ -111,7 +111,7 @@ def test_the_joints_are_kinects() -> None:
         ([_line("nan", [1.0] * 60)], ":1: expected a frame's number"),
         ([_line(1, [float("nan")] * 60)], ":1: expected a frame's number"),
         ([_line(4, [1.0] * 60), _line(3, [1.0] * 60)], ":2: expected a frame after 4, got 3"),
-        ([_line(4, [1.0] * 60), _line(5, [0.0] * 60)], ": expected at least 2 frames in which somebody is seen, got 1"),
+        ([_line(4, [1.0] * 60), _line(5, [0.0] * 60)], ": expected at least 2 frames with a person, got 1"),
         ([], ": expected at least 2 frames"),
     ],
 )

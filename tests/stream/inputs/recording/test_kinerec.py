@@ -141,7 +141,7 @@ def test_records_after_a_torn_record_are_read(tmp_path: Path) -> None:
         recording = RawFile(path)
         assert list(recording.packets()) == PACKETS * 2
         assert (recording.lost_from, recording.lost) == (len(whole), 2 * kept)
-        assert f"{2 * kept} bytes are not read, what follows them is" in recording.damage()
+        assert f"{2 * kept} bytes are not read, the bytes after them are" in recording.damage()
 
 
 def test_a_file_made_to_be_searched_for_ever_is_given_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -201,7 +201,7 @@ class _Disk:
         self.room = room
 
     def write(self, written: memoryview) -> int:
-        """Take what there is room for."""
+        """Take the bytes that there is room for."""
         if not self.room:
             raise OSError(errno.ENOSPC, "No space left on device")
         taken = written[: self.room]

@@ -243,7 +243,7 @@ def test_the_sender_and_the_source_are_kept(tmp_path: Path) -> None:
     (packet,) = RawFile(tmp_path / "a.kinerec").packets()
     assert packet == RawPacket(4.5, 0, packet.sender, (b"rubbish",))
     assert packet.sender == f"{LOOPBACK}:{port}"
-    assert host in (LOOPBACK, "0.0.0.0")  # noqa: S104 - what an unconnected socket says of itself
+    assert host in (LOOPBACK, "0.0.0.0")  # noqa: S104 - the address of an unconnected socket
 
 
 def test_silence_is_silence_again() -> None:

@@ -11,52 +11,64 @@ from synthetic import STICK, stick_clip
 from kinespace.library.naming import hdm05
 from kinespace.stream.frame import Announcement, Frame
 from kinespace.stream.recognizer import LiveSignature, Performers, Recognizer, Settings
-from kinespace.stream.recognizer.joints.carried import MAX_PAIRS, carried_by
+from kinespace.stream.recognizer.joints.carried import MAX_PAIRS, carried_by, contributions
 
 if TYPE_CHECKING:
     from kinespace.library.motion_library import MotionLibrary
 
 
-def _naive(weights: list[float], pairs: list[list[int]], order: list[int], joints: int) -> list[float]:
+def _naive(rows: list[list[float]], weights: list[float]) -> list[float]:
+    """Multiply each weight by the distance's scatter with what is seen along all weights."""
+    means = [sum(column) / len(rows) for column in zip(*rows, strict=True)]
+    along = [sum(w * (x - m) for w, x, m in zip(weights, row, means, strict=True)) for row in rows]
+    return [
+        weight * sum((row[place] - means[place]) * seen for row, seen in zip(rows, along, strict=True))
+        for place, weight in enumerate(weights)
+    ]
+
+
+def _naive_shares(given: list[float], pairs: list[list[int]], order: list[int], joints: int) -> list[float]:
     shares = [0.0] * joints
-    for weight, (first, second) in zip(weights, pairs, strict=True):
+    for each, (first, second) in zip(given, pairs, strict=True):
         for end in (first, second):
-            shares[order[end]] += weight * weight / 2
+            shares[order[end]] += max(each, 0.0) / 2
     return [share / sum(shares) for share in shares]
 
 
 @pytest.mark.parametrize("seed", range(5))
 def test_shares_are_those_of_plain_loops(seed: int) -> None:
-    """The shares add up to 1, are those of a loop over the pairs, and the pairs told are the heaviest."""
+    """What pairs give adds up to the scatter; shares are those of loops; the foremost pairs are told."""
     generator = np.random.default_rng(seed)
-    weights = generator.normal(size=len(STICK.pairs))
+    rows, weights = generator.normal(size=(20, len(STICK.pairs))), generator.normal(size=len(STICK.pairs))
+    given = contributions(rows, weights)
+    assert given == pytest.approx(_naive(rows.tolist(), weights.tolist()))
+    assert given.sum() == pytest.approx(19 * (rows @ weights).var(ddof=1))
     order = generator.permutation(8)[: len(STICK.joints)]
-    carried = carried_by(weights, STICK.pairs, order, 8)
+    carried = carried_by(given, STICK.pairs, order, 8)
     assert carried is not None
-    expected = _naive(weights.tolist(), STICK.pairs.tolist(), order.tolist(), 8)
+    expected = _naive_shares(given.tolist(), STICK.pairs.tolist(), order.tolist(), 8)
     assert carried.joints == pytest.approx(expected, abs=1e-4)
-    by_weight = sorted(range(len(weights)), key=lambda place: -abs(weights[place]))[:MAX_PAIRS]
-    assert carried.pairs == tuple(tuple(order[STICK.pairs[place]].tolist()) for place in by_weight)
+    foremost = sorted(range(len(given)), key=lambda place: -max(given[place], 0.0))[:MAX_PAIRS]
+    assert carried.pairs == tuple(tuple(order[STICK.pairs[place]].tolist()) for place in foremost)
     assert carried_by(np.zeros(len(STICK.pairs)), STICK.pairs, None, 6) is None
 
 
 @pytest.mark.parametrize("signature", LiveSignature)
-def test_pair_weights_are_the_leading_eigenvector_over_the_pairs(
-    sticks: MotionLibrary, signature: LiveSignature
-) -> None:
-    """A recogniser tells a unit eigenvector of its last window, number by pair; nothing before the first answer."""
+def test_a_recogniser_tells_what_its_eigenvector_sees(sticks: MotionLibrary, signature: LiveSignature) -> None:
+    """Of a stick that moves one arm, the pairs of this arm's end give most; nothing is told before the first answer."""
     recognizer = Recognizer(sticks, Settings(signature=signature))
-    assert recognizer.pair_weights() is None
-    clip = stick_clip("wave", seed=70, frames=120)
-    for time, positions in zip(clip.times, clip.positions, strict=True):
-        recognizer.push(Frame("ann", time, positions))
-    weights = recognizer.pair_weights()
-    assert weights is not None
-    assert weights.shape == (len(STICK.pairs),)
-    # Projected on it, the window's rows vary more than on any single pair's direction of the same length.
-    rows = np.linalg.norm(clip.positions[:, STICK.pairs[:, 0]] - clip.positions[:, STICK.pairs[:, 1]], axis=2)[-60:]
-    along = (rows @ (weights / np.linalg.norm(weights))).var()
-    assert along > 0.5 * np.linalg.eigvalsh(np.cov(rows, rowvar=False))[-1]
+    assert recognizer.pair_contributions() is None
+    still = stick_clip("wave", seed=70, frames=2).positions[0]
+    mover = len(still) - 1
+    for index in range(120):
+        positions = still.copy()
+        positions[mover] += 0.2 * np.sin(index / 10)
+        recognizer.push(Frame("ann", index / 60, positions))
+    given = recognizer.pair_contributions()
+    assert given is not None
+    assert mover in STICK.pairs[int(given.argmax())]
+    others = given[~(STICK.pairs == mover).any(axis=1)]
+    assert np.abs(others).max() < 1e-6 * given.max()
 
 
 def test_performers_tell_joints_in_the_senders_order(sticks: MotionLibrary) -> None:

@@ -60,7 +60,7 @@ def test_answers_are_implausible_until_fewer_joints_windows_are_ready(
     positions[:, _places(small_library, "lthumb")] = np.nan
     fewer = small_library.restricted_to(set(small_library.skeleton.joints) - {"lthumb"})
     whole = _played(Recognizer(fewer), np.delete(squat.positions, _places(small_library, "lthumb"), axis=1))
-    index = Recognizer(fewer)._matcher._index  # noqa: SLF001 - what an opener gives
+    index = Recognizer(fewer)._matcher._index  # noqa: SLF001 - the opener's index
     late: list[int] = []
 
     def opener(_: MotionLibrary, joints: tuple[str, ...]) -> object:

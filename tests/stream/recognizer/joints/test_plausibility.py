@@ -111,7 +111,7 @@ def test_a_jump_is_judged_by_the_step_of_the_twin(small_library: MotionLibrary, 
     for before, after in ((0, 1), (0, kick.frames // 2), (3, kick.frames - 1)):
         one, other = kick.positions[before], kick.positions[after]
         far = step_length(one.tolist(), other.tolist(), JUMPING)
-        assert watched._step_length(other - one) == pytest.approx(far)  # noqa: SLF001 - what the twin tells
+        assert watched._step_length(other - one) == pytest.approx(far)  # noqa: SLF001 - compared with the twin
         assert watched.jumped(still, Step(other - one, 1 / RATE)) == (far >= 0.12)
 
 

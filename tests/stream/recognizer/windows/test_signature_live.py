@@ -1,4 +1,4 @@
-"""The signature of a live window: every part by definition, whatever came between two readings."""
+"""The signature of a live window: every part equals its definition, with any rows between two readings."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The sliding window: always exactly the rows of the last seconds, whatever the feed does."""
+"""The sliding window: always exactly the rows of the last seconds, for any feed."""
 
 from __future__ import annotations
 
@@ -182,7 +182,7 @@ def test_a_feed_too_fast_shortens_the_window() -> None:
 
 
 def test_the_memory_is_allocated_once() -> None:
-    """However long the feed, the rows are slices of one array in time order."""
+    """For a feed of any length, the rows are slices of one array in time order."""
     window = SlidingWindow(0.5, 2, fastest=240.0)
     _push(window, [0.0])
     memory = window.rows.base

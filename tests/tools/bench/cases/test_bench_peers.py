@@ -1,4 +1,4 @@
-"""`kinespace bench peers`: the alternatives compute what they should, and everybody is judged alike."""
+"""`kinespace bench peers`: the alternatives compute the right numbers, and all are judged alike."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def test_every_peer_finds_a_motion_of_the_library(name: str, few: MotionLibrary)
 
 @pytest.mark.parametrize("axis", [baselines.by_svd, baselines.by_eigh])
 def test_the_axis_is_the_leading_eigenvector(axis: object, few: MotionLibrary) -> None:
-    """By either way it is of unit length and what the covariance stretches most."""
+    """Either way gives a vector of unit length that the covariance stretches most."""
     assert callable(axis)
     rows = distance_rows(few.motions[0].positions, few.skeleton)
     covariance = np.cov(rows, rowvar=False)
@@ -79,7 +79,7 @@ def _warped(library: MotionLibrary, poses: np.ndarray[tuple[int, ...], np.dtype[
 
 
 def test_warping_finds_the_cheapest_path(few: MotionLibrary) -> None:
-    """Scores are those of all allowed paths through each single motion, tried one by one."""
+    """Scores equal the best of all allowed paths through each single motion, tried one by one."""
     warping = TimeWarping(few, 120.0)
     positions = MotionLibrary.builtin().motions[100].positions[:90]
     for each in np.repeat(positions, 2, axis=0):
@@ -124,12 +124,12 @@ def test_answers_come_at_every_hop_and_anew_after_a_gap() -> None:
 
 
 def test_answers_count_after_half_a_second_of_a_motion() -> None:
-    """What is said sooner, or not at all, does not count; what is said then is right or wrong by what is performed."""
+    """Earlier answers, and missing ones, do not count; later ones are right if they name the motion performed."""
     frame = Frame("me", 1.0, np.zeros((2, 3)))
     dues = [*(k / 120 for k in range(120)), *(2 + k / 120 for k in range(90))]
     piece = [Cue(due, frame, seq, "a" if due < 2 else "b") for seq, due in enumerate(dues)]
     answers = [("a" if seq % 2 else None) for seq in range(len(piece))]
-    judged = peers._judged(piece, answers)  # noqa: SLF001 - what decides a published figure
+    judged = peers._judged(piece, answers)  # noqa: SLF001 - decides a published figure
     assert judged == [True] * 31 + [False] * 16
 
 
@@ -152,7 +152,7 @@ def test_everybody_is_timed_and_judged(few: MotionLibrary, monkeypatch: pytest.M
         assert peer.frames_per_second == pytest.approx(1e6 / peer.us_per_frame)
         assert set(peer.ratios) == set(LiveSignature)
         assert all(ratio > 0 for ratio in peer.ratios.values())
-        # Three classes, and people who do the same: by chance it would be a third.
+        # Three classes, and people who perform the same: by chance a third would be right.
         assert 0.5 < peer.accuracy <= 1
     for signature in LiveSignature:
         own = found.peer(signature)

@@ -126,7 +126,7 @@ def test_the_largest_crowd_is_found_to_a_tenth(limit: int, monkeypatch: pytest.M
         assert found is not None
         assert min(limit, 500) / 1.1 - 1 <= found.performers <= min(limit, 500)
     assert max(tried) <= 500
-    # Whatever fails is tried three times and once more from above at most, whatever is held once.
+    # A crowd that fails is tried three times and once more from above at most; a crowd that is held, once.
     assert all(tried.count(each) == 1 if each <= limit else tried.count(each) in (3, 6) for each in tried)
 
 

@@ -49,7 +49,7 @@ NEAREST = {
     (Space.ROTATIONS, Protocol.ACTOR_HELD_OUT): 0.697,
     (Space.ROTATIONS, Protocol.SPLIT): 0.677,
 }
-#: Either of two nearest, leave-one-out, measured likewise.
+#: The same for either of the two nearest, leave-one-out.
 TWO_NEAREST = {Space.DISTANCES: 0.965, Space.POSITIONS: 0.965, Space.ROTATIONS: 0.889}
 ONE_POINT = 0.01
 #: 1-NN by the spread, at least.
@@ -242,8 +242,8 @@ def test_outcomes_equal_sorted_lists(axes: Axes, labels: Labels, space: Space, p
 
 
 @given(st.integers(0, 2**32 - 1), st.integers(3, 14), st.sampled_from(list(Protocol)))
-def test_any_outcome_is_that_of_sorted_lists(seed: int, motions: int, protocol: Protocol) -> None:
-    """For any scores, with ties, and any labels the outcome equals that of sorted Python lists."""
+def test_any_outcome_equals_sorted_lists(seed: int, motions: int, protocol: Protocol) -> None:
+    """For any scores, with ties, and any labels the outcome equals a count over sorted Python lists."""
     generator = np.random.default_rng(seed)
     scores = generator.integers(0, 5, size=(motions, motions)) / 4.0
     classes = generator.choice(["bow", "jump", "wave"], motions)
@@ -286,7 +286,7 @@ def test_a_class_that_never_asks_has_a_row_of_zeros() -> None:
     assert found.confusion.tolist() == [[0.0, 0.0], [1.0, 0.0]]
 
 
-# --- who may find whom -------------------------------------------------------------------------------------------
+# --- candidates -------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("protocol", list(Protocol))

@@ -68,7 +68,7 @@ def test_a_larger_motion_has_nearly_the_same_spread() -> None:
 
 @pytest.mark.parametrize("shrinkage", [0.01, 0.1, 0.5, 1.0])
 @pytest.mark.parametrize("pairs", [3, 20])
-def test_the_metric_is_that_of_the_inverted_scatter(shrinkage: float, pairs: int) -> None:
+def test_the_metric_equals_the_inverted_scatter(shrinkage: float, pairs: int) -> None:
     """Squared distances equal those by the within-class scatter, shrunk and inverted, for few pairs and many."""
     spreads, classes = _random(1, pairs=pairs)
     others = np.random.default_rng(2).normal(size=(5, pairs))

@@ -44,7 +44,7 @@ def test_a_ratio_is_drawn_by_units(seed: int, units: int) -> None:
 
 
 def test_more_units_make_a_figure_surer() -> None:
-    """With nine in ten right, the interval of 400 segments is about a quarter as wide as that of 25."""
+    """With nine in ten right, the interval of 400 segments is about a quarter as wide as the interval of 25."""
     widths = []
     for units in (25, 400):
         right = [float(index % 10 != 0) for index in range(units)]
@@ -65,7 +65,7 @@ def test_a_ratio_of_units_that_agree_is_sure() -> None:
 @settings(max_examples=25)
 @given(st.integers(0, 2**32 - 1), st.sampled_from([50.0, 90.0]))
 def test_a_percentile_is_drawn_by_units(seed: int, percent: float) -> None:
-    """A percentile of drawn units is that of all their values; a unit without values adds none."""
+    """A percentile of drawn units is the percentile of all their values; a unit without values adds none."""
     generator = np.random.default_rng(seed)
     values = [generator.random(generator.integers(0, 3)).tolist() for _ in range(6)]
     figure = Percentile(values, percent)

@@ -33,8 +33,8 @@ def everything() -> WindowIndex:
 
 
 @pytest.mark.parametrize("settings", [Settings(), Settings(sensitivity=0.4, lead=1.0)], ids=["usual", "quick"])
-def test_starts_heard_are_the_recognisers(everything: WindowIndex, settings: Settings) -> None:
-    """A motion that was heard once starts, in a library of other motions, what the recogniser says starts there."""
+def test_replayed_starts_equal_the_recognisers(everything: WindowIndex, settings: Settings) -> None:
+    """A motion heard once, asked in a library of other motions, starts where the recogniser starts it."""
     some = everything.of_some(range(0, len(FEW.motions), 3))
     started = 0
     for clip in FEW.motions[1::20]:

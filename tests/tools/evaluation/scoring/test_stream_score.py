@@ -127,7 +127,7 @@ def test_a_take_twice_has_the_figures_of_once() -> None:
     assert _figures([_course(), _course()]) == pytest.approx({**KNOWN_ANSWERS, "p90_delay_s": 0.875})
 
 
-# --- what figures rest on ----------------------------------------------------------------------------------------
+# --- bases of the figures ---------------------------------------------------------------------------------------
 
 
 def test_figures_carry_seconds_segments_and_persons() -> None:
@@ -176,8 +176,8 @@ def test_a_class_is_found_that_is_named_at_some_time() -> None:
     assert score.frame_accuracy is None
 
 
-def test_every_figure_has_an_interval_around_it() -> None:
-    """Of many takes every figure there is lies in its interval; without any asked for there are none."""
+def test_every_figure_lies_in_its_interval() -> None:
+    """Over many takes every figure lies in its interval; without a request there are no intervals."""
     generator = np.random.default_rng(5)
     courses = [replace(_random_course(generator, 300), name=f"take {index}") for index in range(8)]
     score = score_courses(courses, CLASSES, 0.5, intervals=True)
@@ -194,7 +194,7 @@ def test_every_figure_has_an_interval_around_it() -> None:
 
 
 def test_intervals_come_from_segments_drawn_again() -> None:
-    """An interval is that of shares over segments drawn with replacement, each with all answers to it."""
+    """An interval covers shares over segments drawn with replacement, each with all answers to it."""
     generator = np.random.default_rng(6)
     one, other = (_random_course(generator, 300) for _ in range(2))
     known = sorted({int(index) for index in one.segment[one.truth != NONE]})
@@ -390,7 +390,7 @@ def test_any_course_is_scored_as_a_walk_through_its_moments(seed: int, takes: in
 @given(seed=st.integers(0, 2**32 - 1), levels=st.sampled_from([2, 10, 1000]))
 @settings(max_examples=30)
 def test_the_roc_area_is_the_share_of_pairs_told_apart(seed: int, levels: int) -> None:
-    """However many scores tie, the area is the share of known and unknown pairs in the right order, ties for half."""
+    """With any number of ties, the area is the share of known and unknown pairs in the right order, a tie for half."""
     generator = np.random.default_rng(seed)
     course = _course()
     score = generator.integers(0, levels, 64) / levels
@@ -401,7 +401,7 @@ def test_the_roc_area_is_the_share_of_pairs_told_apart(seed: int, levels: int) -
     assert area == pytest.approx(naive_score.roc_area(known, unknown))
 
 
-# --- what was answered when --------------------------------------------------------------------------------------
+# --- answers over time --------------------------------------------------------------------------------------------
 
 
 def _recognition(time: float, best: int, score: float, outcome: Outcome = Outcome.NAMED) -> Recognition:
@@ -484,7 +484,7 @@ def test_classes_that_the_library_lacks_are_unknown() -> None:
 
 
 def test_the_confusion_is_the_share_of_each_labels_time() -> None:
-    """Each label's row, unknown ones too, says which share of its frames was answered with what, none last."""
+    """Each label's row, unknown ones too, holds the share of its frames by answer, no answer last."""
     labels, answers, shares = confusion([_course(), _course()], CLASSES)
     assert labels == ["bow", "juggle", "jump", "wave"]
     assert answers == [*CLASSES, "none"]

@@ -108,8 +108,8 @@ def test_plain_prints_a_line_per_change() -> None:
 
 
 @pytest.mark.parametrize("options", [("--plain",), ()], ids=["plain", "table"])
-def test_no_performers_name_ends_it(options: tuple[str, ...]) -> None:
-    """Whatever performers are called, each is answered and shown, plain and in the table, and it ends as ever."""
+def test_no_performers_name_ends_live(options: tuple[str, ...]) -> None:
+    """Performers with any name are answered and shown, plain and in the table, and the program ends normally."""
     names = {"[/]": "[/]", "two words": "two words", "\x1b[2J\n": "\ufffd[2J\ufffd", "舞": "舞"}
     with live(*options, environment={"FORCE_COLOR": "1"}) as stage:
         for name, shown in names.items():
@@ -244,7 +244,7 @@ def test_a_failure_closes_the_ports_opened_before(option: str, capsys: pytest.Ca
     osc.OscReceiver(host, port).close()
 
 
-@pytest.mark.parametrize("heard", [LOOPBACK, "0.0.0.0"])  # noqa: S104 - who listens to all networks hears itself
+@pytest.mark.parametrize("heard", [LOOPBACK, "0.0.0.0"])  # noqa: S104 - all networks include this machine
 @pytest.mark.parametrize("target", ["--osc-out {0}:{1}", "--out max={0}:{1}", "--out native=sender:{1}"])
 def test_answers_to_our_own_port_are_refused(heard: str, target: str, capsys: pytest.CaptureFixture[str]) -> None:
     """Answers that would come in again as frames are refused, wherever they would come in."""
@@ -255,7 +255,7 @@ def test_answers_to_our_own_port_are_refused(heard: str, target: str, capsys: py
 
 
 def test_our_own_addresses_are_known() -> None:
-    """The loopback's are ours, an address for documents is nobody's."""
+    """The loopback's addresses belong to this machine, an address for documents does not."""
     assert osc.is_ours("127.0.0.1")
     assert osc.is_ours("127.0.0.7") == (sys.platform == "linux")
     assert not osc.is_ours("192.0.2.1")

@@ -103,7 +103,7 @@ def test_labels_cut_recordings_into_motions(tmp_path: Path, capsys: pytest.Captu
 
 
 def test_labels_beside_recordings_cut_them(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Labels that lie beside a take and are called like it are used, and what is odd about them is said."""
+    """Labels beside a take with its name are used, and odd labels cause a remark."""
     cut, whole = write_take(tmp_path, "bd", "bendLeft", 1), write_take(tmp_path, "bd", "bendLeft", 2)
     cut.with_suffix(".txt").write_text("0.0\t0.75\tup\n0.75\t1.5\tdown\n1.5\t9.0\taway\n")
     output = tmp_path / "library.npz"

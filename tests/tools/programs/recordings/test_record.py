@@ -1,4 +1,4 @@
-"""`kinespace record` and its files: replayed bit for bit, described, converted, however the recorder ended."""
+"""`kinespace record` and its files: replayed bit for bit, described, converted, after any end of the recorder."""
 
 from __future__ import annotations
 
@@ -125,7 +125,7 @@ def test_recorded_packets_are_replayed_bit_for_bit(
 
 
 def test_a_killed_recorder_loses_at_most_the_last_second(tmp_path: Path) -> None:
-    """What came more than a second (and a busy machine's pause) before it was killed is in the file, whole."""
+    """Packets from more than a second (and a busy machine's pause) before the kill are in the file, whole."""
     path, sent = tmp_path / "a.kinerec", datagrams(50)
     with recording(path) as (program, sender):
         for datagram in sent:
@@ -245,7 +245,7 @@ def test_a_part_beyond_the_end_is_an_error(
     to = ("--osc", f"{LOOPBACK}:{stage.address[1]}")
     for options in (("--from", 2), ("--from", 0.3, "--to", 0.4), ("--from", 2, "--loop")):
         assert replay(path, *to, *options) == 2
-        told = f"kinespace: {path}: expected --from and --to around some of its 1.25 s\n"
+        told = f"kinespace: {path}: expected --from and --to within its 1.25 s\n"
         assert capsys.readouterr() == ("", told)
     path.write_bytes(path.read_bytes()[:-1])
     assert replay(path, *to, "--from", 2) == 2
@@ -276,7 +276,7 @@ def test_packets_without_an_address_are_counted(tmp_path: Path, capsys: pytest.C
         receiver.close()
     only_zmq = written(tmp_path / "b.kinerec", sources=("zmq there",))
     assert replay(only_zmq) == 2
-    assert "expected --osc or --zmq, as its packets came: by zmq" in capsys.readouterr().err
+    assert "expected --osc or --zmq, because its packets came by zmq" in capsys.readouterr().err
 
 
 def test_a_cut_off_file_is_replayed_and_said(
@@ -426,7 +426,7 @@ def test_impossible_conversions_end_in_one_line(
 
 
 def an_osceleton(path: Path, *, told: str = "osc here") -> tuple[Path, np.ndarray]:
-    """Write what `kinespace record` would keep of ten of OSCeleton's frames; what was sent, (10, 31, 3), metres."""
+    """Write ten of OSCeleton's frames as `kinespace record` would; give the sent positions, (10, 31, 3), metres."""
     cues = ghost_cues("squat1Reps", 0.5)[:40:4]
     packets = []
     for number, cue in enumerate(cues):
@@ -439,7 +439,7 @@ def an_osceleton(path: Path, *, told: str = "osc here") -> tuple[Path, np.ndarra
 
 
 def test_a_feeds_recording_is_described_and_converted(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Read as what they are, by a preset's name or a file of one's own, packets are frames; unread they are none."""
+    """A preset's name, or a file of one's own, turns the packets into frames; without it there are none."""
     path, positions = an_osceleton(tmp_path / "a.kinerec")
     assert main(["info", str(path)]) == 0
     assert "performer" not in capsys.readouterr().out
@@ -460,7 +460,7 @@ def test_a_feeds_recording_is_described_and_converted(tmp_path: Path, capsys: py
 
 
 def test_a_feeds_recording_holds_its_preset(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """What `kinespace live --feed --record` kept needs no telling; by a preset of one's own it needs the file."""
+    """A file of `kinespace live --feed --record` needs no --feed; an edited preset needs its file."""
     path, _ = an_osceleton(tmp_path / "a.kinerec", told="osc here feed osceleton")
     assert main(["info", str(path)]) == 0
     assert "performer 1: 10 frames" in capsys.readouterr().out
@@ -469,8 +469,8 @@ def test_a_feeds_recording_holds_its_preset(tmp_path: Path, capsys: pytest.Captu
     assert "feed: expected a .toml file or one of captury, " in capsys.readouterr().err
 
 
-def test_live_keeps_the_preset_it_reads_by(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """A recording made with an edited copy of a preset is read by that copy, whatever it is called, and says so."""
+def test_live_records_the_preset_in_use(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A recording made with an edited copy of a preset, of any name, is read by that copy, and says so."""
     assert main(["feeds", "osceleton"]) == 0
     mine = tmp_path / "osceleton.toml"
     mine.write_text(capsys.readouterr().out.replace('"/joint', '"/limb'), encoding="utf-8")
@@ -487,7 +487,7 @@ def test_live_keeps_the_preset_it_reads_by(tmp_path: Path, capsys: pytest.Captur
         assert (program.interrupt(), program.errors) == (0, "")
     assert main(["info", str(path)]) == 0
     told = capsys.readouterr().out
-    assert "preset osceleton: kept in the recording, not as it is built in" in told
+    assert "preset osceleton: kept in the recording, other than the built-in one" in told
     # On a busy machine the sender may pause within a frame, which then is two, or none.
     found = re.search(r"performer 1: (\d+) frames", told)
     assert found

@@ -43,7 +43,7 @@ if TYPE_CHECKING:
 
 pytestmark = pytest.mark.slow
 
-#: Fast enough that nobody waits long, slow enough that a busy machine keeps up.
+#: Fast enough for a short test, slow enough for a busy machine.
 SPEED = 8.0
 KEYS = {"sent", "failed", "answers", "right"}
 
@@ -116,7 +116,7 @@ def test_a_clip_is_sent_as_live_packets(stage: osc.OscReceiver, take: Path, caps
     assert [frame.performer for frame in frames] == ["me"] * clip.frames
     np.testing.assert_allclose([frame.time for frame in frames], 1.0 + clip.times, rtol=1e-12)
     np.testing.assert_array_equal([frame.positions for frame in frames], clip.positions.astype(np.float32))
-    assert capsys.readouterr().out == "180 frames sent, 0 the system would not take\n"
+    assert capsys.readouterr().out == "180 frames sent, 0 refused by the system\n"
 
 
 def test_labels_beside_a_take_give_the_right_class_of_each_moment(take: Path) -> None:
@@ -351,7 +351,7 @@ def test_no_faults_change_nothing() -> None:
 def test_osc_answers_to_any_performer_are_counted(
     performer: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """With --listen every answer is heard and compared with the class performed, whatever the performer is called."""
+    """With --listen every answer is compared with the class performed, for any name of the performer."""
     take = write_take(tmp_path, "bd", "bendLeft", 1)
     clips = list(read_recordings(write_takes(tmp_path, takes=1)))
     library = MotionLibrary.of_clips(clips)
@@ -385,7 +385,7 @@ def test_zmq_answers_are_counted(tmp_path: Path, capsys: pytest.CaptureFixture[s
         # Pauses of a second and a half, so that on a busy machine too an answer comes while its class is performed.
         assert replay(*arguments, "--speed", "2", "--pause", "3") == 0
     printed = capsys.readouterr().out
-    assert "360 frames sent, 0 the system would not take" in printed
+    assert "360 frames sent, 0 refused by the system" in printed
     rows = [[cell.strip() for cell in line.split("│")[1:-1]] for line in printed.splitlines() if "│" in line]
     assert [row[0] for row in rows] == ["bendLeft", "bendRight", "raiseBoth", "all"]
     # Which share is right depends on how soon answers come; a busy machine may give one while the next class is sent.
@@ -402,15 +402,15 @@ def _expected_answers(library: MotionLibrary, clips: Sequence[Clip]) -> tuple[in
 
 
 def test_silence_is_explained(stage: osc.OscReceiver, take: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Without answers the program says what to check instead of printing a table, and the status is 1."""
+    """Without answers the program lists checks instead of printing a table, and the status is 1."""
     assert replay(take, "--osc", target(stage), "--listen", f"{LOOPBACK}:0") == 1
     assert "no answers heard: is a recogniser running" in capsys.readouterr().out
 
 
-def test_answers_to_somebody_else_are_not_ours(
+def test_answers_to_others_are_not_counted(
     stage: osc.OscReceiver, take: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Answers that name another performer, and packets that are none, are not counted."""
+    """Answers that name another performer, and packets that are no answers, are not counted."""
     port = free_udp_port()
     bundle = osc.encode_recognition(_recognition("you"))
     listening = threading.Event()

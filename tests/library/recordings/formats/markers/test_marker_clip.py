@@ -65,7 +65,7 @@ FORMATS = pytest.mark.parametrize(
 Write = "Callable[..., Path]"
 Read = "Callable[..., Clip]"
 
-# --- what is read ------------------------------------------------------------------------------------------------
+# --- sound files ------------------------------------------------------------------------------------------------
 
 
 @FORMATS
@@ -198,7 +198,7 @@ def test_the_same_trc_is_the_same_clip(tmp_path: Path, rewritten: Callable[[str]
     np.testing.assert_array_equal(trc.read_clip(path).positions, expected.positions)
 
 
-# --- what cannot be read -----------------------------------------------------------------------------------------
+# --- broken files -------------------------------------------------------------------------------------------------
 
 GOOD = trc_text(LABELS, walk(3))
 
@@ -230,7 +230,7 @@ def test_a_trc_that_makes_no_sense_is_refused(tmp_path: Path, old: str, new: str
 
 
 def test_a_trc_cut_off_anywhere_is_refused(tmp_path: Path) -> None:
-    """However much of the end is missing the file is refused by name, save for its last digits."""
+    """The file is refused by name, unless only its last digits are missing."""
     path = tmp_path / "walk.trc"
     for end in range(0, len(GOOD.rpartition("\t")[0]), 5):
         path.write_text(GOOD[:end])
@@ -269,9 +269,9 @@ def test_a_c3d_cut_off_anywhere_is_refused(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        (b"UNITS\x08\x00", b"UNITS\x02\x00", "a parameter that leads out of the parameters"),
+        (b"UNITS\x08\x00", b"UNITS\x02\x00", "a parameter that ends outside the parameters"),
         (b"UNITS\x08\x00", b"UNITS\xff\x7f", "the parameters have no end"),
-        (b"LABELS\x13\x00\xff", b"LABELS\x13\x00\x07", "a parameter that leads out of the parameters"),
+        (b"LABELS\x13\x00\xff", b"LABELS\x13\x00\x07", "a parameter that ends outside the parameters"),
         (b"\x04\x01USED\x07\x00\x02\x00\x03\x00", b"\x04\x01USED\x07\x00\x02\x00\x03\x80", "USED is below 0"),
         (b"\x06\xffPOINT"[1:], b"\x80POINT", "parameters of groups that are not there"),
     ],
@@ -407,7 +407,7 @@ def test_names_are_chosen_by_pattern_in_the_files_order() -> None:
 
 
 def test_units_are_known_by_name_and_by_number() -> None:
-    """Names in any case and numbers of metres are units; anything else is none."""
+    """Names in any case and numbers of metres are units; all other texts are refused."""
     assert [metres_of(unit) for unit in ("mm", " CM ", "Meters", "0.0254", "feet")] == [
         0.001,
         0.01,

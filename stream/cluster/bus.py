@@ -1,0 +1,141 @@
+"""Zenoh: opened with our defaults, or as its own configuration file says; what comes is read by one loop."""
+
+from __future__ import annotations
+
+import json
+import socket
+from collections import deque
+from contextlib import suppress
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+    from pathlib import Path
+
+#: Where a gateway listens by default.
+LISTEN = "tcp/127.0.0.1:7447"
+#: Milliseconds after which a silent process counts as gone; Zenoh's own default is ten seconds.
+_LEASE, _ZENOHS_LEASE = 1000, 10_000
+#: Milliseconds in which a connection must be there.
+_MAX_CONNECTING = 5000
+
+
+def open_session(listen: Sequence[str], connect: Sequence[str], file: Path | None) -> Any:  # noqa: ANN401 - Zenoh's
+    """Open Zenoh.
+
+    Parameters
+    ----------
+    listen, connect
+        Endpoints like `tcp/10.0.0.1:7447`; they take the place of those in the file.
+    file
+        A configuration of Zenoh's own, with its keys and access rules; without one nothing is looked for by multicast.
+
+    Raises
+    ------
+    ImportError
+        Zenoh is not installed.
+    ConnectionError
+        An endpoint cannot be listened on or reached.
+    ValueError
+        The file is no configuration.
+    """
+    try:
+        import zenoh  # noqa: PLC0415 - an extra
+    except ImportError as error:
+        raise ImportError("Zenoh is missing: pip install 'kinespace[cluster]'") from error
+    zenoh.init_log_from_env_or("off")
+    try:
+        config = zenoh.Config.from_file(str(file)) if file else zenoh.Config()
+    except zenoh.ZError as error:
+        raise ValueError(f"{file}: not a configuration of Zenoh: {error}") from error
+    told: dict[str, object] = {"timestamping/enabled": True}
+    if not file:
+        told |= {"mode": "peer", "scouting/multicast/enabled": False, "listen/endpoints": list(listen)}
+    if config.get_json("transport/link/tx/lease") == str(_ZENOHS_LEASE):
+        told["transport/link/tx/lease"] = _LEASE
+    if listen:
+        told["listen/endpoints"] = list(listen)
+    if connect:
+        told |= {"connect/endpoints": list(connect), "connect/timeout_ms": _MAX_CONNECTING}
+        told["connect/exit_on_failure"] = True
+    for name, value in told.items():
+        config.insert_json5(name, json.dumps(value))
+    places = ", ".join([*listen, *connect]) or str(file)
+    try:
+        return zenoh.open(config)
+    except zenoh.ZError as error:
+        raise ConnectionError(f"Zenoh: {places}: {_reason(error)}") from error
+
+
+def _reason(error: Exception) -> str:
+    """Give the last reason in Zenoh's chain of reasons, without places in its sources."""
+    return str(error).split(" at ")[0].strip() or "cannot be opened"
+
+
+class Inbox:
+    """What Zenoh's threads bring, for one loop: the loop can poll it, or wait.
+
+    Attributes
+    ----------
+    dropped
+        Messages that were dropped, the oldest first, because the loop was busy.
+    """
+
+    def __init__(self, most: int) -> None:
+        self._most = most
+        self._waiting: deque[tuple[Callable[..., None], tuple[Any, ...]]] = deque()
+        self._frames: deque[tuple[Callable[..., None], tuple[Any, ...]]] = deque()
+        self._wakes, self._woken = socket.socketpair()
+        for end in (self._wakes, self._woken):
+            end.setblocking(False)  # noqa: FBT003 - a socket's own method
+        self._awake = False
+        self.dropped = 0
+
+    def fileno(self) -> int:
+        """Give the number of the socket that can be polled."""
+        return self._woken.fileno()
+
+    def put(self, deal_with: Callable[..., None], *arguments: object) -> None:
+        """Keep something that must not be lost; from any thread."""
+        self._waiting.append((deal_with, arguments))
+        self._wake()
+
+    def put_frames(self, deal_with: Callable[..., None], *arguments: object) -> None:
+        """Keep frames, the newest if there are too many; from any thread."""
+        if len(self._frames) >= self._most:
+            with suppress(IndexError):
+                self._frames.popleft()
+                self.dropped += 1
+        self._frames.append((deal_with, arguments))
+        self._wake()
+
+    def _wake(self) -> None:
+        if not self._awake:
+            self._awake = True
+            with suppress(BlockingIOError):
+                self._wakes.send(b"!")
+
+    def deal(self) -> None:
+        """Deal with all that has come, in the loop's thread: first with what must not be lost."""
+        if self._awake:
+            with suppress(BlockingIOError):
+                self._woken.recv(64)
+            self._awake = False
+        while self._waiting:
+            deal_with, arguments = self._waiting.popleft()
+            deal_with(*arguments)
+        for _ in range(len(self._frames)):
+            deal_with, arguments = self._frames.popleft()
+            deal_with(*arguments)
+            if self._waiting:
+                break
+
+    @property
+    def is_empty(self) -> bool:
+        """Whether nothing waits."""
+        return not (self._waiting or self._frames)
+
+    def close(self) -> None:
+        """Close the sockets."""
+        self._wakes.close()
+        self._woken.close()

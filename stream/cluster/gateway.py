@@ -1,0 +1,349 @@
+"""A gateway: frames go to the workers of their partitions by Zenoh, and the workers' answers come back."""
+
+from __future__ import annotations
+
+import time
+import uuid
+from collections import Counter, deque
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, cast
+from urllib.parse import unquote
+
+from kinespace.stream.cluster import charter as chartered
+from kinespace.stream.cluster.bus import Inbox
+from kinespace.stream.cluster.charter import Charter, decode_back, encode_charter, key
+from kinespace.stream.outputs.sink import Sink
+from kinespace.stream.service.status import InputCounts
+from kinespace.stream.workers.ledger import Ledger
+from kinespace.stream.workers.partition import PARTITIONS
+from kinespace.stream.workers.spread import Spread
+from kinespace.stream.workers.wire import (
+    LEAVE,
+    REJOIN,
+    WELCOME,
+    Handover,
+    encode_frames,
+    encode_handover,
+    encode_number,
+)
+from kinespace.stream.workers.worker import HISTORY
+from kinespace.stream.zeromq import answers
+from kinespace.stream.zeromq.frames import FormatError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from kinespace.library.motion_library import MotionLibrary
+    from kinespace.stream.frame import Admitted
+    from kinespace.stream.recognition import Event, Recognition
+    from kinespace.stream.recognizer import SentJoints, Settings
+    from kinespace.stream.workers.wire import SentFrame
+
+#: Seconds without a report after which a worker counts as gone; it joins again when it wakes.
+MAX_SILENT = 0.8
+#: Seconds between two looks at the workers, above which this process itself was stopped for a while.
+_STOPPED = 0.4
+#: Messages of one partition that are kept for a worker that takes over: the last seconds of four performers and more.
+_KEPT = round(HISTORY * 120 * 4)
+#: Messages of workers that wait, at most; they are never dropped before that.
+_MAX_WAITING = 100_000
+
+
+@dataclass(slots=True)
+class _Member:
+    number: int
+    heard: float
+    ready: bool = False
+
+
+class Gateway(Spread):
+    """Workers anywhere in the place of `Performers`.
+
+    Parameters
+    ----------
+    session
+        An open session of Zenoh; closed with the source.
+    library, settings, most, silence, joints
+        As `Performers` has them.
+    naming
+        The naming of `joints`, as it is typed.
+    clock
+        Seconds, the service's own.
+
+    Attributes
+    ----------
+    name
+        The gateway's name: another one at every start.
+    source
+        Where answers come back: a source for the service, which closes it.
+    strangers
+        Messages of nobody who is a worker.
+    """
+
+    def __init__(  # noqa: PLR0913 - what there may be of performers
+        self,
+        session: Any,  # noqa: ANN401 - Zenoh's
+        library: MotionLibrary,
+        settings: Settings,
+        *,
+        most: int,
+        joints: SentJoints,
+        naming: str,
+        silence: float = 5.0,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        ledger = Ledger(most=most, silence=silence, keeps_frames=False)
+        super().__init__(library.skeleton, library.classes, settings, joints, ledger)
+        self.name = uuid.uuid4().hex[:12]
+        self.strangers = 0
+        self.inbox = Inbox(_MAX_WAITING)
+        self._session, self._clock = session, clock
+        self._looked = clock()
+        self._file = chartered.file_of(library)
+        self._charter = Charter(
+            chartered.own_version(),
+            chartered.PROTOCOL,
+            PARTITIONS,
+            str(session.zid()),
+            chartered.digest_of(self._file),
+            settings,
+            joints.assumed,
+            naming,
+            most,
+            silence,
+        )
+        self._members: dict[str, _Member] = {}
+        self._there: set[str] = set()
+        self._numbers = 0
+        self._lost: Counter[str] = Counter()
+        self._last_lost = ""
+        self._publishers: dict[int, Any] = {}
+        self._declared: list[Any] = []
+        self.source = GatewaySource(self)
+        self._declare()
+
+    def _declare(self) -> None:
+        import zenoh  # noqa: PLC0415 - an extra
+
+        own, put = self._session, self.inbox.put
+        self._declared += [
+            own.declare_queryable(key(self.name, "charter"), lambda query: self._reply(query, self._encoded_charter)),
+            own.declare_queryable(key(self.name, "library"), lambda query: self._reply(query, self._file)),
+            own.declare_subscriber(
+                f"{key(self.name, 'back')}/*",
+                lambda sample: put(self._heard, str(sample.key_expr), bytes(sample.payload)),
+            ),
+            own.liveliness().declare_subscriber(
+                f"{chartered.WORKERS}/*",
+                lambda sample: put(self._seen, str(sample.key_expr), sample.kind == zenoh.SampleKind.PUT),
+                history=True,
+            ),
+            own.liveliness().declare_token(key("gateway", self.name)),
+        ]
+
+    @property
+    def _encoded_charter(self) -> bytes:
+        return encode_charter(self._charter)
+
+    @staticmethod
+    def _reply(query: Any, payload: bytes) -> None:  # noqa: ANN401 - Zenoh's
+        with query:
+            query.reply(query.key_expr, payload)
+
+    @property
+    def _ready(self) -> list[str]:
+        return [name for name, member in self._members.items() if member.ready]
+
+    @property
+    def notes(self) -> list[str]:
+        """Notes for a person, a line each."""
+        workers = len(self._ready)
+        lost = [f"{self._last_lost}; {self._lost.total()} workers left or were lost so far"] if self._last_lost else []
+        strange = [f"{self.strangers} messages of nobody who is a worker"] if self.strangers else []
+        former = [f"{self.former} answers of former owners or to frames answered before"] if self.former else []
+        return [f"{workers} workers of gateway {self.name}", *super().notes, *lost, *strange, *former]
+
+    def _send(self, frames: dict[int, list[SentFrame]]) -> None:
+        for partition, each in frames.items():
+            publisher = self._publishers.get(partition) or self._publish(partition)
+            publisher.put(encode_frames(each))
+            self.unsent += 0 if self._owners else len(each)
+
+    def _publish(self, partition: int) -> Any:  # noqa: ANN401 - Zenoh's
+        from zenoh import ext  # noqa: PLC0415 - an extra
+
+        publisher = self._publishers[partition] = ext.declare_advanced_publisher(
+            self._session,
+            key(self.name, "frame", partition),
+            cache=ext.CacheConfig(max_samples=_KEPT),
+            publisher_detection=True,
+            sample_miss_detection=ext.MissDetectionConfig(heartbeat=None, sporadic_heartbeat=None),
+        )
+        return publisher
+
+    def _tell(self, worker: str, message: bytes) -> None:
+        import zenoh  # noqa: PLC0415 - an extra
+
+        self._session.put(key(self.name, "to", worker), message, congestion_control=zenoh.CongestionControl.BLOCK)
+
+    def _stop_former(self, worker: str, partitions: Sequence[int]) -> None:
+        self._tell(worker, LEAVE + encode_handover(Handover(list(partitions), [], 0)))
+
+    def _seen(self, token: str, is_there: bool) -> None:  # noqa: FBT001 - a sample's kind
+        """Note that a worker has come or has gone."""
+        worker = unquote(token.rpartition("/")[2])
+        if is_there:
+            self._there.add(worker)
+            return
+        self._there.discard(worker)
+        self._drop(worker, "is gone")
+
+    def _drop(self, worker: str, why: str) -> None:
+        member = self._members.pop(worker, None)
+        if member:
+            self._last_lost = f"worker {worker} {why}"
+            self._lost[worker] += 1
+            self._lose(worker, self._ready)
+
+    def _heard(self, place: str, message: bytes) -> None:
+        """Read what a worker sent."""
+        worker = unquote(place.rpartition("/")[2])
+        try:
+            back = decode_back(message)
+        except FormatError:
+            self.unread += 1
+            return
+        member = self._members.get(worker)
+        if worker not in self._there:
+            # A worker's first message may overtake its token, and is repeated.
+            self.strangers += back.member != 0
+        elif back.member == 0:
+            self._welcome(worker, member)
+        elif member is None or member.number != back.member:
+            self.former += len(back.answers.answered)
+            self._tell(worker, REJOIN)
+        else:
+            member.heard = self._clock()
+            self.source.bring(self.take_back(worker, back.answers))
+            if not member.ready:
+                member.ready = True
+                self._assign(self._ready)
+
+    def _welcome(self, worker: str, member: _Member | None) -> None:
+        """Give a worker that begins a number; what it was before is void."""
+        if member is None or member.ready:
+            self._drop(worker, "began anew")
+            self._numbers += 1
+            member = self._members[worker] = _Member(self._numbers, self._clock())
+        self._tell(worker, WELCOME + encode_number(member.number))
+
+    def tend(self, now: float) -> None:
+        """Leave out workers that say nothing."""
+        if now - self._looked > _STOPPED:
+            for member in self._members.values():
+                member.heard = max(member.heard, now - MAX_SILENT / 2)
+        self._looked = now
+        for worker in [name for name, member in self._members.items() if now - member.heard > MAX_SILENT]:
+            self._drop(worker, "says nothing")
+            self._tell(worker, REJOIN)
+
+    def sink(self) -> Sink:
+        """Make a sink that publishes the answers in JSON."""
+        return ZenohSink(self._session, self.name)
+
+    def close(self) -> None:
+        """Leave the bus."""
+        self._session.close()
+        self.inbox.close()
+
+
+class GatewaySource:
+    """The answers of all workers: a source for the service.
+
+    Attributes
+    ----------
+    waited
+        Seconds since the frame of the last answer came.
+    """
+
+    tended = True
+
+    def __init__(self, gateway: Gateway) -> None:
+        self._gateway = gateway
+        self.waited = 0.0
+        self._answers: deque[tuple[Recognition, float]] = deque()
+
+    def bring(self, news: Sequence[tuple[Recognition, float]]) -> None:
+        """Keep answers until they are taken."""
+        self._answers += news
+
+    @property
+    def pollable(self) -> object:
+        """What Zenoh's threads wake."""
+        return self._gateway.inbox
+
+    @property
+    def has_put_aside(self) -> bool:
+        """Whether answers were read and not taken yet."""
+        return bool(self._answers)
+
+    @property
+    def counts(self) -> InputCounts:
+        """Nothing: answers are not what comes in."""
+        return InputCounts()
+
+    @property
+    def notes(self) -> list[str]:
+        """Notes for a person, a line each."""
+        return self._gateway.notes
+
+    def take(self, arrival: float) -> Sequence[Admitted] | None:
+        """Give the next answer as an event, which `Gateway.push_all` gives back; None when none has come."""
+        if not self._answers:
+            self._gateway.inbox.deal()
+        if not self._answers:
+            return None
+        recognition, at = self._answers.popleft()
+        self.waited = max(arrival - at, 0.0)
+        return (cast("Admitted", recognition),)
+
+    def tend(self, now: float) -> Sequence[Admitted]:
+        """Look after the workers."""
+        self._gateway.inbox.deal()
+        self._gateway.tend(now)
+        return ()
+
+    def close(self) -> None:
+        """Leave the bus."""
+        self._gateway.close()
+
+
+class ZenohSink(Sink):
+    """Publishes answers in JSON, as over ZeroMQ.
+
+    Parameters
+    ----------
+    session, gateway
+        An open session, and the gateway's name.
+    """
+
+    def __init__(self, session: Any, gateway: str) -> None:  # noqa: ANN401 - Zenoh's
+        self._session, self._gateway = session, gateway
+
+    def __str__(self) -> str:
+        return f"Zenoh {key(self._gateway, 'answer')}/**"
+
+    def publish(self, recognition: Recognition) -> None:
+        """Publish one recognition."""
+        self._put(recognition.performer, "class", answers.encode_recognition(recognition)[1])
+
+    def publish_event(self, event: Event) -> None:
+        """Publish one event."""
+        self._put(event.performer, "event", answers.encode_event(event)[1])
+
+    def publish_gone(self, performer: str) -> None:
+        """Publish that a performer has left."""
+        self._put(performer, "class", answers.encode_gone(performer)[1])
+
+    def _put(self, performer: str, what: str, message: bytes) -> None:
+        self._session.put(key(self._gateway, "answer", performer, what), message)

@@ -1,0 +1,369 @@
+"""A worker on the bus: it works for every gateway whose charter it can fulfil."""
+
+from __future__ import annotations
+
+import select
+import tempfile
+import threading
+import time
+import uuid
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+from urllib.parse import unquote
+
+import msgspec
+
+from kinespace.library.motion_library import MotionLibrary
+from kinespace.library.naming import Naming
+from kinespace.stream.cluster import charter as chartered
+from kinespace.stream.cluster.bus import Inbox
+from kinespace.stream.cluster.charter import Back, decode_charter, encode, key
+from kinespace.stream.recognizer import LiveSignature, Recognizer
+from kinespace.stream.workers.process import REPORT_EVERY, Start
+from kinespace.stream.workers.wire import (
+    ASK,
+    LEAVE,
+    REJOIN,
+    TAKE_OVER,
+    UNMUTE,
+    WELCOME,
+    Answers,
+    decode_frames,
+    decode_handover,
+    decode_number,
+)
+from kinespace.stream.workers.worker import HISTORY
+from kinespace.stream.zeromq.frames import FormatError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from kinespace.stream.cluster.charter import Charter
+    from kinespace.stream.workers.wire import Handover, SentFrame
+    from kinespace.stream.workers.worker import Worker
+    from kinespace.stream.zeromq.frames import NumberedFrame
+
+#: Messages of frames that wait, at most: a second of a busy worker.
+_MAX_WAITING = 20_000
+#: Seconds within which a worker that takes over has caught up, if no further frame comes.
+_MAX_CATCHING_UP = 0.5
+#: Seconds without a frame after which a performer may come from another gateway.
+_SILENCE = 5.0
+
+
+class Node:
+    """Works until it is stopped.
+
+    Parameters
+    ----------
+    session
+        An open session of Zenoh; closed by `close`.
+    library
+        The only library with which it works; None: it takes every gateway's.
+    tell
+        Prints a line for a person.
+    clock
+        Seconds.
+
+    Attributes
+    ----------
+    name
+        The worker's name.
+    refused
+        Gateways for which it does not work.
+    unread, strangers, conflicts, missed
+        Messages that could not be read; messages of frames from others than their gateway; frames of performers who
+        come from another gateway already; messages of frames that Zenoh lost.
+    """
+
+    def __init__(
+        self,
+        session: Any,  # noqa: ANN401 - Zenoh's
+        library: MotionLibrary | None,
+        tell: Callable[[str], None],
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        import zenoh  # noqa: PLC0415 - an extra
+
+        self.name = uuid.uuid4().hex[:12]
+        self.refused = self.unread = self.strangers = self.conflicts = self.missed = 0
+        self.session, self.inbox, self.tell, self.clock = session, Inbox(_MAX_WAITING), tell, clock
+        self._digest = chartered.digest_of(chartered.file_of(library)) if library else None
+        self._posts: dict[str, Post] = {}
+        #: Opened libraries by digest.
+        self._libraries: dict[str, MotionLibrary] = {self._digest: library} if library and self._digest else {}
+        #: The gateway of each performer, and when it was last heard.
+        self._holders: dict[str, tuple[str, float]] = {}
+        self._stopped = False
+        self._next_report = 0.0
+        self._said: set[str] = set()
+        put = self.inbox.put
+        self._declared = [
+            session.liveliness().declare_token(key("worker", self.name)),
+            session.liveliness().declare_subscriber(
+                f"{chartered.GATEWAYS}/*",
+                lambda sample: put(self._seen, str(sample.key_expr), sample.kind == zenoh.SampleKind.PUT),
+                history=True,
+            ),
+        ]
+
+    @property
+    def counts(self) -> dict[str, int]:
+        """What was not believed, by kind."""
+        counted = {"refused": self.refused, "unread": self.unread, "strangers": self.strangers}
+        return {**counted, "conflicts": self.conflicts, "dropped": self.dropped}
+
+    @property
+    def dropped(self) -> int:
+        """Messages of frames that were lost on the way, or dropped because this worker was busy."""
+        return self.missed + self.inbox.dropped
+
+    def note_missed(self, miss: Any) -> None:  # noqa: ANN401 - Zenoh's
+        """Count messages of frames that Zenoh lost."""
+        self.missed += miss.nb
+
+    def note_stranger(self, gateway: str) -> None:
+        """Count frames of somebody who is not their gateway."""
+        self.strangers += 1
+        self.say_once(f"somebody else publishes on the keys of gateway {gateway}; this is not believed")
+
+    def say_once(self, line: str) -> None:
+        """Print a line for a person, the first time."""
+        if line not in self._said and len(self._said) < 100:
+            self._said.add(line)
+            self.tell(line)
+
+    def stop(self) -> None:
+        """Make `run` return soon; from any thread or signal handler."""
+        self._stopped = True
+
+    def run(self) -> None:
+        """Work until stopped."""
+        while not self._stopped:
+            self.step(max(self._next_report - self.clock(), 0.0))
+
+    def step(self, longest: float) -> None:
+        """Wait at most so many seconds for messages, and deal with them; report when it is time."""
+        if self.inbox.is_empty:
+            select.select([self.inbox], [], [], longest)
+        self.inbox.deal()
+        now = self.clock()
+        if now >= self._next_report:
+            self._next_report = now + REPORT_EVERY
+            for post in self._posts.values():
+                post.report()
+
+    def close(self) -> None:
+        """Leave the bus: the gateways give the performers to others."""
+        self.session.close()
+        self.inbox.close()
+
+    def _seen(self, token: str, is_there: bool) -> None:  # noqa: FBT001 - a sample's kind
+        """Ask a gateway that has come for its charter; forget one that has gone."""
+        gateway = unquote(token.rpartition("/")[2])
+        if not is_there:
+            if post := self._posts.pop(gateway, None):
+                post.leave()
+                self.tell(f"gateway {gateway} is gone")
+            return
+        if gateway not in self._posts:
+            self._query(gateway, "charter", self._chartered)
+
+    def _query(self, gateway: str, what: str, deal_with: Callable[[str, bytes], None]) -> None:
+        def answered(reply: Any) -> None:  # noqa: ANN401 - Zenoh's
+            if reply.ok:
+                self.inbox.put(deal_with, gateway, bytes(reply.ok.payload))
+
+        self.session.get(key(gateway, what), answered)
+
+    def _chartered(self, gateway: str, message: bytes) -> None:
+        try:
+            charter = decode_charter(message)
+            why = charter.refusal(self._digest)
+        except FormatError as error:
+            charter, why = None, str(error)
+        if charter is None or why:
+            self.refused += 1
+            self.say_once(f"not working for gateway {gateway}: {why}")
+        elif charter.digest in self._libraries:
+            self._open(gateway, charter, self._libraries[charter.digest])
+        else:
+            self._query(gateway, "library", lambda _, file: self._fetched(gateway, charter, file))
+
+    def _fetched(self, gateway: str, charter: Charter, file: bytes) -> None:
+        if len(file) > chartered.MAX_LIBRARY or chartered.digest_of(file) != charter.digest:
+            self.refused += 1
+            self.say_once(f"not working for gateway {gateway}: what it sent is not library {charter.digest[:12]}")
+            return
+        try:
+            with tempfile.TemporaryDirectory() as folder:
+                path = Path(folder) / "library.npz"
+                path.write_bytes(file)
+                library = MotionLibrary.load(path)
+        except ValueError as error:
+            self.refused += 1
+            self.say_once(f"not working for gateway {gateway}: {error}")
+            return
+        # One at a time is enough: gateways of one performance have one library.
+        self._libraries = {charter.digest: library}
+        self._open(gateway, charter, library)
+
+    def _open(self, gateway: str, charter: Charter, library: MotionLibrary) -> None:
+        """Open the library's windows in a thread: performers of other gateways are answered meanwhile."""
+
+        def work() -> None:
+            if charter.settings.signature is LiveSignature.WINDOWS:
+                Recognizer(library, charter.settings)
+            self.inbox.put(self._begin, gateway, charter, library)
+
+        threading.Thread(target=work, name="kinespace opening", daemon=True).start()
+
+    def _begin(self, gateway: str, charter: Charter, library: MotionLibrary) -> None:
+        if gateway not in self._posts:
+            self._posts[gateway] = Post(self, gateway, charter, library)
+            self.tell(f"working for gateway {gateway}, library {charter.digest[:12]}")
+
+    def holds(self, gateway: str, performer: str) -> bool:
+        """Say whether a gateway's performer is its own: not one who comes from another gateway."""
+        now = self.clock()
+        holder, heard = self._holders.get(performer, (gateway, now))
+        if holder != gateway and holder in self._posts and now - heard <= _SILENCE:
+            self.conflicts += 1
+            self.say_once(f"two gateways have performer {performer}: {holder}, {gateway}; only the first is answered")
+            return False
+        self._holders[performer] = gateway, now
+        return True
+
+
+class Post:
+    """The work for one gateway.
+
+    Parameters
+    ----------
+    node
+        Whose it is.
+    gateway, charter, library
+        The gateway's name, its charter and its library.
+    """
+
+    def __init__(self, node: Node, gateway: str, charter: Charter, library: MotionLibrary) -> None:
+        self._node, self._gateway, self._charter, self._library = node, gateway, charter, library
+        self._member = 0
+        self._last = 0
+        self._subscribed: dict[int, tuple[Any, Any]] = {}
+        #: A question that is answered when a later frame than this number was seen, or at this time.
+        self._asked: tuple[int, int, float] | None = None
+        self._newest = self._taken_at = 0
+        self._begin()
+        put = node.inbox.put
+        self._orders = node.session.declare_subscriber(
+            key(gateway, "to", node.name), lambda sample: put(self._obey, bytes(sample.payload))
+        )
+        self.report()
+
+    def _begin(self) -> None:
+        charter = self._charter
+        start = Start(
+            charter.settings, charter.assumed, Naming.asked(charter.naming), charter.most, 2 * charter.silence
+        )
+        self._worker: Worker = start.worker(self._library, ())
+
+    def leave(self) -> None:
+        """Stop working for the gateway."""
+        self._unsubscribe(list(self._subscribed))
+        self._orders.undeclare()
+
+    def _unsubscribe(self, partitions: list[int]) -> None:
+        for partition in partitions:
+            for declared in self._subscribed.pop(partition, ()):
+                declared.undeclare()
+
+    def _obey(self, message: bytes) -> None:
+        """Carry out what the gateway says."""
+        kind, content = message[:1], message[1:]
+        try:
+            if kind == WELCOME:
+                self._member = decode_number(content)
+                self.report()
+            elif kind == REJOIN:
+                self._rejoin()
+            elif kind == TAKE_OVER:
+                self._take_over(decode_handover(content))
+            elif kind == UNMUTE:
+                self._worker.unmute(decode_handover(content).entries)
+            elif kind == LEAVE:
+                self._unsubscribe(decode_handover(content).partitions)
+            elif kind == ASK:
+                self._asked = decode_number(content), self._taken_at, self._node.clock() + _MAX_CATCHING_UP
+            else:
+                raise FormatError(f"kind: expected one of ours, got {kind!r}")  # noqa: TRY301 - counted alike
+        except FormatError:
+            self._node.unread += 1
+
+    def _rejoin(self) -> None:
+        """Begin anew: the gateway has given our performers to others."""
+        self._unsubscribe(list(self._subscribed))
+        self._member, self._asked = 0, None
+        self._begin()
+
+    def _take_over(self, handover: Handover) -> None:
+        from zenoh import ext  # noqa: PLC0415 - an extra
+
+        self._worker.take_over(handover.entries, self._node.clock())
+        self._taken_at = handover.sent
+        # A partition that was left a moment ago may be subscribed to still: its history is needed again.
+        self._unsubscribe(handover.partitions)
+        node = self._node
+        for partition in handover.partitions:
+            subscriber = ext.declare_advanced_subscriber(
+                node.session,
+                key(self._gateway, "frame", partition),
+                self._came,
+                history=ext.HistoryConfig(detect_late_publishers=True, max_age=HISTORY),
+            )
+            self._subscribed[partition] = subscriber, subscriber.sample_miss_listener(node.note_missed)
+
+    def _came(self, sample: Any) -> None:  # noqa: ANN401 - Zenoh's
+        """Keep frames for the loop, in one of Zenoh's threads, if they are the gateway's own."""
+        source = sample.source_info
+        if source and str(source.source_id.zid) == self._charter.session:
+            self._node.inbox.put_frames(self._frames, bytes(sample.payload))
+        else:
+            self._node.inbox.put(self._node.note_stranger, self._gateway)
+
+    def _frames(self, message: bytes) -> None:
+        """Recognise frames."""
+        try:
+            frames = decode_frames(message)
+        except FormatError:
+            self._node.unread += 1
+            return
+        own = [each for each in frames if self._node.holds(self._gateway, each[0].performer)]
+        self._recognise(own)
+
+    def _recognise(self, frames: list[tuple[SentFrame, NumberedFrame]]) -> None:
+        if answered := self._worker.push(frames, self._node.clock()):
+            self._send(Answers(answered))
+        self._newest = max([self._newest, *(each.seq or 0 for each, _ in frames)])
+        if self._asked and self._newest > self._asked[1]:
+            self._answer_question()
+
+    def _answer_question(self) -> None:
+        assert self._asked is not None  # noqa: S101 - told to mypy
+        self._last, self._asked = self._asked[0], None
+        self.report()
+
+    def report(self) -> None:
+        """Report; this shows also that the worker is alive, or asks for membership."""
+        now = self._node.clock()
+        if self._asked and now >= self._asked[2]:
+            self._last, self._asked = self._asked[0], None
+        report = self._worker.report(now, self._last)
+        self._send(Answers([], msgspec.structs.replace(report, dropped=self._node.dropped)))
+
+    def _send(self, answers: Answers) -> None:
+        import zenoh  # noqa: PLC0415 - an extra
+
+        back = encode(Back(self._member, answers))
+        place = key(self._gateway, "back", self._node.name)
+        self._node.session.put(place, back, congestion_control=zenoh.CongestionControl.BLOCK)

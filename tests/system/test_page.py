@@ -1,0 +1,216 @@
+"""The page in a real Chromium: what a person sees and does, from a moving body to a taught motion."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import threading
+import time
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Self
+
+import pytest
+from PIL import Image
+from programs import LOOPBACK, PATIENCE, ROOT, builtin_library, free_udp_port, started
+
+from kinespace.stream.frame import Announcement, Frame
+from kinespace.stream.osc import OscSender, encode_announcement
+from kinespace.stream.osc.frames import encode_frame
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+    import numpy as np
+    from numpy.typing import NDArray
+    from playwright.sync_api import Page
+    from programs import Program
+
+pytestmark = pytest.mark.slow
+
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
+#: Set to 1: the pictures of README are taken anew.
+PICTURES = "KINESPACE_PICTURES"
+#: Bytes of a picture, at most, and its colours.
+MAX_PICTURE, COLOURS = 120_000, 256
+SQUAT, KICK, ARMS, GRAB = "squat1Reps", "kickLFront1Reps", "rotateArmsBothBackward1Reps", "grabHighR"
+#: Frames a second; the motions have 30, and are shown half as fast again, so that nobody waits long.
+SENT = 45.0
+#: The body as drawn, the motion that goes on, the state of a lesson.
+DRAWN, DOING, LESSON = (
+    f"document.querySelector('.stage[aria-label=ann] {part}')" for part in ("canvas", ".doing", ".lesson")
+)
+
+
+class Performer:
+    """Shows motions in a thread, standing still between them, so that the browser can be asked meanwhile."""
+
+    def __init__(self, port: int) -> None:
+        self._sender = OscSender(LOOPBACK, port)
+        self._motion = takes(SQUAT)[0]
+        self._begun = -1e9
+        #: Whether another performer sends too few joints.
+        self.bob = False
+        self._ended = threading.Event()
+        self._thread = threading.Thread(target=self._perform)
+
+    def show(self, motion: NDArray[np.float64]) -> None:
+        """Begin a motion."""
+        self._motion, self._begun = motion, time.monotonic()
+
+    def _perform(self) -> None:
+        while not self._ended.wait(1 / SENT):
+            # By the clock, because the page tells by its own how long ago a bar was.
+            moment = time.monotonic()
+            place = min(int((moment - self._begun) * SENT), len(self._motion) - 1)
+            self._sender.send(encode_frame(Frame("ann", moment, self._motion[place])))
+            if self.bob:
+                self._sender.send(encode_frame(Frame("bob", moment, self._motion[0, :7])))
+
+    def __enter__(self) -> Self:
+        self._sender.send(encode_announcement(Announcement("ann", builtin_library().skeleton.joints)))
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._ended.set()
+        self._thread.join()
+        self._sender.close()
+
+
+def takes(class_name: str) -> list[NDArray[np.float64]]:
+    """Give one person's takes of a class."""
+    return [each.positions for each in builtin_library().motions if (each.class_name, each.actor) == (class_name, "bd")]
+
+
+@contextmanager
+def opened(address: str, complaints: list[str]) -> Iterator[Page]:
+    """Open an address in Chromium; what the console says is complained of."""
+    from playwright.sync_api import sync_playwright  # noqa: PLC0415 - only where there is a Chromium
+
+    # The last three: the browser is to ask for nothing by itself.
+    options = ["--no-sandbox", "--disable-quic", "--disable-background-networking", "--disable-component-update"]
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=options)
+        # Without bypass_csp Playwright's own questions die on the page's policy, which forbids to make code of text.
+        context = browser.new_context(
+            bypass_csp=True, viewport={"width": 1180, "height": 720}, color_scheme="dark", reduced_motion="reduce"
+        )
+        page = context.new_page()
+        page.set_default_timeout(1000 * PATIENCE)
+        page.on("console", lambda said: complaints.append(said.text) if said.type in ("error", "warning") else None)
+        page.on("pageerror", lambda error: complaints.append(str(error)))
+        page.goto(address)
+        yield page
+        browser.close()
+
+
+@contextmanager
+def live(port: int, page: str, file: Path) -> Iterator[tuple[Program, str]]:
+    """Run a recogniser with its page; give the page's address."""
+    ends = ("--osc-in", f"{LOOPBACK}:{port}", "--osc-out", f"{LOOPBACK}:{free_udp_port()}")
+    with started("live", *ends, "--page", page, "--teach", file, "--plain", "--progress") as program:
+        yield program, program.expect(r"page: (http://\S+)")[1]
+
+
+def for_readme() -> bool:
+    """Say whether the pictures of README are to be taken anew."""
+    return os.environ.get(PICTURES) == "1"
+
+
+def picture(page: Page, name: str, folder: Path) -> None:
+    """Take a picture of the page; for README, with fewer colours, if this is asked for."""
+    taken = page.screenshot()
+    assert len(taken) > 10_000
+    (folder / name).write_bytes(taken)
+    if for_readme():
+        with Image.open(folder / name) as whole:
+            whole.convert("RGB").quantize(COLOURS, kmeans=2).save(ROOT / ".github" / name, optimize=True)
+        assert (ROOT / ".github" / name).stat().st_size < MAX_PICTURE
+
+
+def until(page: Page, condition: str) -> None:
+    """Wait until an expression is true in the page."""
+    page.wait_for_function(condition)
+
+
+@pytest.mark.skipif(CHROMIUM is None, reason="no chromium here; Debian's package of that name has it")
+@pytest.mark.timeout(400)
+def test_a_person_sees_teaches_and_is_recognised(tmp_path: Path) -> None:
+    """One visit, from an empty stage to a taught motion that is recognised, and beyond a restart of the recogniser."""
+    from axe_playwright_python.sync_playwright import Axe  # noqa: PLC0415 - as above
+
+    port, complaints = free_udp_port(), list[str]()
+    with Performer(port) as performer:
+        with live(port, "0", tmp_path / "mine.npz") as (program, address), opened(address, complaints) as page:
+            sees(page, performer, tmp_path)
+            accessible = Axe().run(page)
+            assert accessible.violations_count == 0, accessible.generate_report()
+            teaches(page, performer)
+            assert complaints == []
+            # The recogniser is started anew on the same address: the page comes back by itself.
+            assert program.interrupt() == 0
+            until(page, "document.querySelector('#state').className === 'lost'")
+            with live(port, address.rstrip("/").rpartition(":")[2], tmp_path / "mine.npz"):
+                until(page, "document.querySelector('#state').textContent.startsWith('live')")
+                until(page, "kinespace.performers.has('ann')")
+        assert all("WebSocket" in each for each in complaints)
+
+
+def sees_motion(page: Page, performer: Performer, name: str, motion: NDArray[np.float64]) -> None:
+    """Show a motion after the last has ended, and see one more bar of its class."""
+    until(page, f"{DOING}.textContent === ''")
+    count = (
+        f"[...kinespace.performers.get('ann').motions.values()].filter((each) => each.className === '{name}').length"
+    )
+    before = page.evaluate(count)
+    performer.show(motion)
+    until(page, f"{count} > {before}")
+
+
+def sees(page: Page, performer: Performer, folder: Path) -> None:
+    """See a body that moves, the class of each motion, in dark and light, a refusal, all of it on a phone."""
+    until(page, "kinespace.drawn > 5 && kinespace.performers.get('ann')?.stage.joints")
+    before = page.evaluate(f"{DRAWN}.toDataURL()")
+    for name in (GRAB, ARMS, KICK, SQUAT) * 3 if for_readme() else (KICK, SQUAT):
+        sees_motion(page, performer, name, takes(name)[1])
+    assert page.evaluate(f"{DRAWN}.toDataURL()") != before
+    assert SQUAT in page.inner_text("#classes")
+    picture(page, "page-dark.png", folder)
+    page.click("#theme")
+    sees_motion(page, performer, KICK, takes(KICK)[2])
+    picture(page, "page-light.png", folder)
+    performer.bob = True
+    until(page, "document.querySelector('#notes').textContent.includes('bob: frames refused')")
+    performer.bob = False
+    page.set_viewport_size({"width": 390, "height": 844})
+    until(page, "document.querySelector('.stage canvas').width < 800")
+    assert page.evaluate("document.documentElement.scrollWidth") <= 390
+    page.set_viewport_size({"width": 1180, "height": 720})
+
+
+def teaches(page: Page, performer: Performer) -> None:
+    """Switch a class off, teach its motion by another name, see it recognised, and say that a bar was wrong."""
+    page.click(f"#classes button:has-text('{SQUAT}')")
+    page.uncheck("#enabled")
+    page.click("#class button:has-text('Close')")
+    until(page, f"kinespace.control.off.includes('{SQUAT}')")
+    page.keyboard.press("t")
+    page.keyboard.type("my squat")
+    page.keyboard.press("Enter")
+    until(page, f"{LESSON}.textContent === '3'")
+    until(page, f"{LESSON}.textContent === 'move now'")
+    performer.show(takes(SQUAT)[0])
+    until(page, "kinespace.control.taught['my squat'] === 1")
+    until(page, f"{LESSON}.textContent === ''")
+    sees_motion(page, performer, "my squat", takes(SQUAT)[2])
+    page.click(f"#motions button:has-text('{KICK}')")
+    page.select_option("#meant", "nothing")
+    page.click("#wrong button.main")
+    until(page, "kinespace.control.taught.nothing === 1")
+    until(page, "[...kinespace.performers.get('ann').motions.values()].some((each) => each.mark === 'wrong')")
+    page.click("#teach button:has-text('Undo')")
+    until(page, "!('nothing' in kinespace.control.taught)")
+    # A refusal is told in words.
+    page.click("#teach button:has-text('Stop')")
+    until(page, "document.querySelector('#said').textContent.startsWith('refused')")

@@ -1,0 +1,226 @@
+"""The page's server with real WebSockets: one message at a time, nothing for a sleeper, rubbish closes."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import socket
+from contextlib import asynccontextmanager
+from typing import TYPE_CHECKING, Any
+
+import pytest
+from websockets.asyncio.client import connect
+from websockets.exceptions import InvalidStatus
+
+from kinespace.tools.page.requests import MAX_MESSAGE, Gate
+from kinespace.tools.page.server import MAX_PAGES, PageServer
+
+if TYPE_CHECKING:
+    from collections.abc import AsyncIterator, Coroutine, Iterator, Mapping
+
+    from websockets.asyncio.client import ClientConnection
+
+PATIENCE = 30.0
+#: Seconds in which nothing may come; a busy machine makes the test easier, never harder.
+SILENCE = 0.15
+
+
+class Published:
+    """What a recogniser publishes, in its place."""
+
+    def __init__(self) -> None:
+        self._ours, self._theirs = socket.socketpair()
+        self._waiting: list[list[bytes]] = []
+        self.bodies = False
+
+    def fileno(self) -> int:
+        """Give a file number that becomes readable."""
+        return self._theirs.fileno()
+
+    def want_bodies(self, *, wanted: bool) -> None:
+        """Note whether somebody looks."""
+        self.bodies = wanted
+
+    def messages(self) -> Iterator[list[bytes]]:
+        """Give what waits."""
+        while self._waiting:
+            self._theirs.recv(1)
+            yield self._waiting.pop(0)
+
+    def publish(self, number: int) -> None:
+        """Publish an answer."""
+        answer = {"performer": "ann", "class": "bow", "guess": "bow", "outcome": "named", "score": number / 1000}
+        self._waiting.append([b"class/ann/", json.dumps(answer).encode()])
+        self._ours.send(b".")
+
+    def close(self) -> None:
+        """Close both ends."""
+        self._ours.close()
+        self._theirs.close()
+
+
+class Door:
+    """A control door that notes what it is asked."""
+
+    def __init__(self) -> None:
+        self.asked: list[dict[str, Any]] = []
+
+    def ask(self, command: Mapping[str, object]) -> dict[str, Any] | None:
+        """Note a command; do not reply to `sleep`."""
+        self.asked.append(dict(command))
+        if command["do"] == "sleep":
+            return None
+        return {"states": [], "classes": ["bow"], "taught": {}, "off": [], "sensitivity": 0.05}
+
+
+class Served:
+    """A running server."""
+
+    def __init__(self, published: Published, door: Door | None, address: str) -> None:
+        self.published, self.door, self.address = published, door, address
+
+    def page(self, **options: Any) -> connect:  # noqa: ANN401 - the library's own options
+        """Open a page as a browser does."""
+        host = self.address.removeprefix("http://").removesuffix("/")
+        return connect(f"ws://{host}/live", **({"origin": f"http://{host}"} | options))
+
+
+@asynccontextmanager
+async def serving(door: Door | None = None) -> AsyncIterator[Served]:
+    """Run a server on a port that the system chooses."""
+    published, addresses, ended = Published(), asyncio.Queue[str](), list[bool]()
+    server = PageServer(published, door, Gate())  # type: ignore[arg-type]  # stand-ins
+    running = asyncio.create_task(server.run("127.0.0.1", 0, addresses.put_nowait, lambda: bool(ended)))
+    try:
+        yield Served(published, door, await asyncio.wait_for(addresses.get(), PATIENCE))
+    finally:
+        ended.append(True)
+        await asyncio.wait_for(running, PATIENCE)
+        published.close()
+
+
+def run(test: Coroutine[Any, Any, None]) -> None:
+    """Run a test."""
+    asyncio.run(asyncio.wait_for(test, PATIENCE))
+
+
+async def told(page: ClientConnection) -> dict[str, Any]:
+    """Wait for the next message, and read its JSON."""
+    message = await page.recv()
+    assert isinstance(message, bytes)
+    read: dict[str, Any] = json.loads(message[4 : 4 + int.from_bytes(message[:4], "little")])
+    return read
+
+
+async def silent(page: ClientConnection) -> bool:
+    """Say whether nothing comes for a while."""
+    try:
+        await asyncio.wait_for(page.recv(), SILENCE)
+    except TimeoutError:
+        return True
+    return False
+
+
+def test_a_sleeping_page_is_sent_nothing_and_then_the_newest() -> None:
+    """Of a hundred answers a page that says nothing gets none; when it says what it has drawn it gets the last."""
+
+    async def test() -> None:
+        async with serving() as served, served.page() as page:
+            first = await told(page)
+            assert served.published.bodies
+            for number in range(1, 101):
+                served.published.publish(number)
+            assert await silent(page)
+            await page.send(json.dumps({"ack": first["number"]}))
+            assert (await told(page))["answer"]["ann"]["score"] == 0.1
+            await page.send(json.dumps({"ack": first["number"]}))
+            served.published.publish(200)
+            assert await silent(page)
+
+    run(test())
+
+
+def test_pages_do_not_wait_for_each_other() -> None:
+    """One page sleeps, another gets every answer, and how long it takes to be drawn."""
+
+    async def test() -> None:
+        async with serving() as served, served.page() as sleeper, served.page() as page:
+            await told(sleeper)
+            news, drawn = await told(page), []
+            for number in range(1, 6):
+                await page.send(json.dumps({"ack": news["number"]}))
+                served.published.publish(number)
+                news = await told(page)
+                while "answer" not in news:
+                    await page.send(json.dumps({"ack": news["number"]}))
+                    news = await told(page)
+                assert news["answer"]["ann"]["score"] == number / 1000
+                drawn += news.get("drawn", [])
+            assert all(0 <= each < PATIENCE for each in drawn)
+            assert drawn
+
+    run(test())
+
+
+def test_commands_go_to_the_door_and_all_pages_learn_of_it() -> None:
+    """A page's command reaches the door as it is; the reply comes back to that page, the classes to every page."""
+
+    async def test() -> None:
+        door = Door()
+        async with serving(door) as served, served.page() as page, served.page() as other:
+            for each in (page, other):
+                news = await told(each)
+                while "control" not in news:
+                    await each.send(json.dumps({"ack": news["number"]}))
+                    news = await told(each)
+                assert news["control"]["classes"] == ["bow"]
+                await each.send(json.dumps({"ack": news["number"]}))
+            for command, refused in (({"do": "undo"}, []), ({"do": "sleep"}, ["refused"])):
+                await page.send(json.dumps({"ask": command}))
+                news = await told(page)
+                while "replies" not in news:
+                    await page.send(json.dumps({"ack": news["number"]}))
+                    news = await told(page)
+                assert [state["state"] for reply in news["replies"] for state in reply["states"]] == refused
+                await page.send(json.dumps({"ack": news["number"]}))
+                assert door.asked[-1] == command
+
+    run(test())
+
+
+@pytest.mark.parametrize(
+    ("rubbish", "code"), [("{", 1008), ('{"ask": 1}', 1008), (b"\x00", 1008), ("x" * (MAX_MESSAGE + 1), 1009)]
+)
+def test_a_page_that_sends_rubbish_is_closed(rubbish: str | bytes, code: int) -> None:
+    """It is told the reason; the server and the other pages go on."""
+
+    async def test() -> None:
+        async with serving() as served, served.page() as other:
+            async with served.page() as page:
+                await told(page)
+                await page.send(rubbish)
+                await page.wait_closed()
+                assert page.close_code == code
+            assert "number" in await told(other)
+
+    run(test())
+
+
+def test_strangers_and_crowds_are_refused() -> None:
+    """A foreign origin gets no WebSocket, and no more pages are served than there is room for."""
+
+    async def test() -> None:
+        async with serving() as served:
+            with pytest.raises(InvalidStatus, match="403"):
+                await served.page(origin="http://evil.example")
+            with pytest.raises(InvalidStatus, match="403"):
+                await served.page(additional_headers={"Host": "evil.example"})
+            pages = [await served.page() for _ in range(MAX_PAGES)]
+            for page in pages:
+                await told(page)
+            with pytest.raises(InvalidStatus, match="503"):
+                await served.page()
+            for page in pages:
+                await page.close()
+
+    run(test())

@@ -1,0 +1,111 @@
+"""Progress in takes: how it agrees with the rounds that a person makes of one motion, one after the other."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.ndimage import gaussian_filter1d
+from scipy.signal import find_peaks
+
+from kinespace.library import distance_rows
+from kinespace.stream.frame import Frame
+from kinespace.stream.recognizer import Recognizer, Settings
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from numpy.typing import NDArray
+
+    from kinespace.library import Clip
+    from kinespace.library.recordings.formats.labels import Segment
+    from kinespace.library.windows.index import WindowIndex
+    from kinespace.stream.recognition import Progress
+    from kinespace.tools.evaluation.takes import Take
+
+#: Seconds over which the course of a motion is smoothed before its turning points are looked for.
+_SMOOTHED = 0.1
+#: A phase with a smaller error is right.
+_NEAR = 0.1
+
+
+@dataclass(frozen=True, slots=True)
+class RoundsScore:
+    """How progress agrees with the rounds of one labelled segment.
+
+    A round lasts from one turning point of the motion's principal axis to the next of its kind; between the two the
+    true phase rises evenly. Where in a round the library's recordings begin is not known, so that the offset of the
+    true phase is the one that fits best.
+
+    Attributes
+    ----------
+    take, class_name, seconds
+        The segment.
+    rounds, rounds_told
+        Rounds between the first turning point and the last, and rounds by which the progress went on meanwhile.
+    followed
+        Share of the hops between them with a progress in the motion.
+    phase_error, within_tenth
+        Mean error of the phase, and the share of the hops with an error below 0.1.
+    """
+
+    take: str
+    class_name: str
+    seconds: float
+    rounds: float
+    rounds_told: float
+    followed: float
+    phase_error: float
+    within_tenth: float
+
+
+def rounds_scored(takes: Sequence[Take], index: WindowIndex) -> Iterator[RoundsScore]:
+    """Recognise takes, and score the progress in each segment of a known class with a whole round at least."""
+    for take in takes:
+        told = _told(take.clip, index)
+        for segment in take.segments:
+            turns = _turns(take.clip, segment) if segment.label in index.classes else []
+            inside = {time: each for time, each in told.items() if len(turns) > 1 and turns[0] <= time < turns[-1]}
+            own = {time: each for time, each in inside.items() if each and each.class_name == segment.label}
+            if own:
+                yield _score(take.clip.name, segment, turns, len(inside), own)
+
+
+def _told(clip: Clip, index: WindowIndex) -> dict[float, Progress | None]:
+    """Recognise a take; give the progress at each hop."""
+    recognizer = Recognizer(index, Settings(progress=True))
+    frames = zip(clip.times.tolist(), clip.as_of(index.library.skeleton).positions, strict=True)
+    answers = ((time, recognizer.push(Frame(clip.name, time, positions))) for time, positions in frames)
+    return {time: answer.progress for time, answer in answers if answer}
+
+
+def _turns(clip: Clip, segment: Segment) -> list[float]:
+    """Find the turning points of a segment's principal axis that are more in number: its maxima or its minima."""
+    inside = slice(round(segment.start * clip.frame_rate), round(segment.end * clip.frame_rate))
+    rows = distance_rows(clip.positions[inside], clip.skeleton)
+    rows -= rows.mean(axis=0)
+    axis = np.linalg.svd(rows, full_matrices=False)[2][0]
+    course = gaussian_filter1d(rows @ axis, _SMOOTHED * clip.frame_rate)
+    both = (find_peaks(each, prominence=course.std())[0] for each in (course, -course))
+    times: list[float] = clip.times[inside][max(both, key=len)].tolist()
+    return times
+
+
+def _score(take: str, segment: Segment, turns: Sequence[float], hops: int, own: dict[float, Progress]) -> RoundsScore:
+    true: NDArray[np.float64] = np.interp(list(own), turns, np.arange(len(turns)))
+    told = np.array([each.phase for each in own.values()])
+    errors = (told - true + 0.5) % 1
+    offset = np.angle(np.exp(2j * np.pi * errors).mean()) / (2 * np.pi)
+    errors = np.abs((errors - offset + 0.5) % 1 - 0.5)
+    gone = np.diff(told)
+    return RoundsScore(
+        take=take,
+        class_name=segment.label,
+        seconds=segment.duration,
+        rounds=float(true[-1] - true[0]),
+        rounds_told=float(((gone + 0.5) % 1 - 0.5).sum()),
+        followed=len(own) / hops,
+        phase_error=float(errors.mean()),
+        within_tenth=float((errors < _NEAR).mean()),
+    )

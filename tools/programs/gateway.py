@@ -1,0 +1,75 @@
+"""`kinespace gateway`: receive and answer as `kinespace live` does, and let workers anywhere recognise."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from kinespace.stream.cluster.bus import LISTEN, open_session
+from kinespace.stream.cluster.gateway import Gateway
+from kinespace.stream.workers.spread import as_performers
+from kinespace.tools.programs.live import program as live
+from kinespace.tools.programs.live.recognisers import Where
+from kinespace.tools.terminal.console import console
+
+if TYPE_CHECKING:
+    import argparse
+    from collections.abc import Sequence
+
+    from kinespace.library import MotionLibrary
+    from kinespace.library.windows.index import WindowIndex
+    from kinespace.stream.recognizer import Performers, SentJoints, Settings
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the program's options."""
+    live.add_arguments(parser)
+    parser.description = (
+        "Receives and answers as kinespace live does, with the same options; kinespace work recognises, on any number "
+        f"of machines. Unless told otherwise workers reach the gateway on {LISTEN}."
+    )
+    add_bus(parser)
+    parser.add_argument("--zenoh-out", action="store_true", help="publish the answers in JSON on Zenoh, too")
+
+
+def add_bus(parser: argparse.ArgumentParser) -> None:
+    """Add the options of Zenoh."""
+    parser.add_argument(
+        "--listen", action="append", default=[], metavar="ENDPOINT", help="let others reach this machine there"
+    )
+    parser.add_argument(
+        "--connect", action="append", default=[], metavar="ENDPOINT", help="reach another machine, or a router, there"
+    )
+    parser.add_argument(
+        "--zenoh", type=Path, metavar="FILE", help="a configuration of Zenoh's own: TLS, access rules, scouting"
+    )
+
+
+def run(options: argparse.Namespace) -> int:
+    """Run the program with these options; return the exit status."""
+    if options.teach or options.control or options.workers:
+        raise ValueError("gateway: expected no --teach, --control or --workers; teach with live, then give --library")
+    if Path(options.naming).suffix:
+        raise ValueError(f"--names: expected a convention by its name, which workers know, too, got {options.naming}")
+
+    def make(
+        library: MotionLibrary | WindowIndex,
+        settings: Settings,
+        *,
+        most: int,
+        joints: SentJoints,
+        classes: Sequence[str] = (),  # noqa: ARG001 - a library's own, because nobody teaches
+    ) -> Performers:
+        listen = options.listen or ([] if options.connect or options.zenoh else [LISTEN])
+        session = open_session(listen, options.connect, options.zenoh)
+        gateway = Gateway(session, library, settings, most=most, joints=joints, naming=options.naming)  # type: ignore[arg-type]  # not opened
+        where.sources.append(gateway.source)
+        where.sinks += [gateway.sink()] if options.zenoh_out else []
+        console.print(
+            f"gateway {gateway.name}; workers reach it by {', '.join([*listen, *options.connect]) or options.zenoh}",
+            soft_wrap=True,
+        )
+        return as_performers(gateway)
+
+    where = Where(make)
+    return live.run(options, where)

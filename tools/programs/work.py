@@ -1,0 +1,42 @@
+"""`kinespace work`: recognise for gateways until Ctrl-C."""
+
+from __future__ import annotations
+
+import gc
+from contextlib import closing
+from typing import TYPE_CHECKING
+
+from kinespace.stream.cluster.bus import LISTEN, open_session
+from kinespace.stream.cluster.node import Node
+from kinespace.tools.cli.arguments import add_library, library_at
+from kinespace.tools.cli.interruption import stop_on_signals
+from kinespace.tools.programs.gateway import add_bus
+from kinespace.tools.terminal.console import console
+
+if TYPE_CHECKING:
+    import argparse
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the program's options."""
+    parser.description = (
+        "Recognises performers for every gateway that it reaches, with the gateway's library and settings. Unless told "
+        f"otherwise it connects to {LISTEN}."
+    )
+    add_bus(parser)
+    add_library(parser)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Run the program with these options; return the exit status."""
+    connect = options.connect or ([] if options.listen or options.zenoh else [LISTEN])
+    library = library_at(options.library) if options.library else None
+    session = open_session(options.listen, connect, options.zenoh)
+    with closing(Node(session, library, lambda line: console.print(line, soft_wrap=True, markup=False))) as node:
+        stop_on_signals(node.stop)
+        console.print(f"worker {node.name}; Ctrl-C ends", soft_wrap=True)
+        gc.freeze()
+        node.run()
+        counts = node.counts
+    console.print(", ".join(f"{name} {count}" for name, count in counts.items()), soft_wrap=True)
+    return 0

@@ -39,13 +39,14 @@ if TYPE_CHECKING:
     from kinespace.stream.recognizer.performers import PerformerCounts
     from kinespace.stream.service.recognising import Teachable
     from kinespace.stream.teaching import Command, Notice
+    from kinespace.stream.teaching.memory import Remembered
 
 #: Seconds for which a thread may keep Python's lock while a frame waits.
 _SWITCH_INTERVAL = 0.0005
 #: Seconds between two answers when an example is tried on the last minutes: enough to count starts.
 _TRIED_EVERY = 0.1
 #: Frames after which the worker pauses for other threads, and the pause in seconds.
-_FRAMES_AT_ONCE, _PAUSE = 15, 0.002
+_FRAMES_AT_ONCE, _PAUSE = 3, 0.003
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -54,7 +55,7 @@ class _Job:
 
     roster: Roster
     number: int = 0
-    before: Clip | None = None
+    before: Remembered | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -319,7 +320,8 @@ class Desk:
         name = next((each.class_name for each in job.roster.examples if each.number == job.number), NOTHING)
         recognizer = Recognizer(index, replace(self.settings, hop=_TRIED_EVERY))
         starts = 0
-        for place, (moment, positions) in enumerate(zip(job.before.times.tolist(), job.before.positions, strict=True)):
+        before = job.before.clip()
+        for place, (moment, positions) in enumerate(zip(before.times.tolist(), before.positions, strict=True)):
             if place % _FRAMES_AT_ONCE == 0:
                 time.sleep(_PAUSE)
             recognition = recognizer.push(Frame("before", moment, positions))
@@ -383,7 +385,9 @@ class Start:
         """Open the windows in whose metrics examples are compared; None when examples learn their own metrics."""
         if self.library:
             return opened(self.library.restricted_to(taught.skeleton.joints) if taught else self.library)
-        builtin = replace(MotionLibrary.builtin(), learned=None)
+        builtin = MotionLibrary.builtin()
+        # What the built-in motions taught makes opening quick; what strangers taught is left out.
+        builtin = replace(builtin, learned=builtin.learned and builtin.learned.of_these_motions())
         joints = taught.skeleton.joints if taught else self.joints or builtin.skeleton.joints
         if not set(joints) <= set(builtin.skeleton.joints):
             return None

@@ -53,8 +53,8 @@ class Decision:
         self._compare_with(index)
 
     def _threshold(self, index: WindowIndex) -> float:
-        usual = SENSITIVITY_LEARNED if index.library.judged_by_strangers else SENSITIVITY_OWN
-        return index.rejection.threshold_at(usual if self._sensitivity is None else self._sensitivity)
+        share = usual_sensitivity(index) if self._sensitivity is None else self._sensitivity
+        return index.rejection.threshold_at(share)
 
     def _compare_with(self, index: WindowIndex) -> None:
         self._classes, self._weighing = index.classes, index.comparison.weighing
@@ -116,3 +116,8 @@ def followed(hysteresis: Hysteresis, distances: NDArray[np.float64], elapsed: fl
 def places_in(before: Sequence[str], after: Sequence[str]) -> dict[int, int]:
     """Say at which index of another list each class stands, if it is there."""
     return {place: after.index(name) for place, name in enumerate(before) if name in after}
+
+
+def usual_sensitivity(index: WindowIndex) -> float:
+    """Give the sensitivity of a library for which nobody has set one."""
+    return SENSITIVITY_LEARNED if index.library.judged_by_strangers else SENSITIVITY_OWN

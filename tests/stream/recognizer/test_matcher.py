@@ -89,6 +89,16 @@ def test_a_reading(small_index: WindowIndex, stranger: dict[str, Clip]) -> None:
         assert len(reading.evidence.distances) == len(small_index.comparison.weighing.groups)
 
 
+def test_fewer_joints_are_judged_more_carefully(small_library: MotionLibrary, small_index: WindowIndex) -> None:
+    """The sensitivity falls with the share of joints that are left; the same joints are judged as before."""
+    matcher, joints = _windows(small_index, sensitivity=0.1), small_library.skeleton.joints
+    fewer = replace(small_index, library=small_library.restricted_to(joints[:24]), judged_by=small_index.rejection)
+    whole, without = matcher.over(small_index), matcher.over(fewer)
+    judged = [each._decision._threshold(small_index) for each in (matcher, whole, without)]  # noqa: SLF001 - not told
+    wanted = [small_index.rejection.threshold_at(0.1 * share) for share in (1, 1, (24 / 31) ** 4)]
+    assert judged == pytest.approx(wanted)
+
+
 def test_nothing_is_read_before_the_first_window(small_index: WindowIndex, stranger: dict[str, Clip]) -> None:
     """0.15 seconds of at least three frames must have come."""
     clip, matcher = stranger["squat1Reps"], _windows(small_index)

@@ -36,6 +36,7 @@ from kinespace.tools.evaluation.scoring.timeline import Course, confusion, cours
 from kinespace.tools.evaluation.takes import Sources, Take, read_takes, takes_of
 from kinespace.tools.feeding.joint_sets import joints_of
 from kinespace.tools.terminal.console import progress
+from kinespace.tools.terminal.output_path import require_place_for
 
 if TYPE_CHECKING:
     import argparse
@@ -50,21 +51,29 @@ _INSIDE = 1.0
 
 @dataclass(frozen=True, slots=True)
 class Pictures:
-    """Files for pictures of the answers over time, and of labels against answers; None for no picture."""
+    """Files for pictures of the answers over time, of labels against answers, and for a page; None for none."""
 
     timeline: Path | None = None
     confusion: Path | None = None
+    page: Path | None = None
 
     def require_places(self) -> None:
         """Refuse files that cannot be written, before the work."""
+        if self.page:
+            require_place_for(self.page)
         for picture in (self.timeline, self.confusion):
             if picture:
                 from kinespace.tools.terminal import pictures  # noqa: PLC0415 - matplotlib is an extra, and slow to load
 
                 pictures.require_place_for_picture(picture)
 
-    def draw(self, courses: Sequence[Course], classes: Sequence[str]) -> None:
-        """Draw the pictures that were asked for."""
+    def draw(self, courses: Sequence[Course], takes: Sequence[Take], classes: Sequence[str]) -> None:
+        """Draw the pictures that were asked for, of the answers to each take."""
+        if self.page:
+            from kinespace.tools.page.report import write_report  # noqa: PLC0415 - seldom needed
+
+            bodies = [take.clip for take in takes]
+            write_report(self.page, list(zip(courses, bodies, strict=True)), classes)
         if not (self.timeline or self.confusion):
             return
         from kinespace.tools.terminal import pictures  # noqa: PLC0415 - matplotlib is an extra, and slow to load
@@ -120,6 +129,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="leave these parts of the signature out, to see what they are worth",
     )
     parser.add_argument("--timeline", type=Path, metavar="FILE", help="draw what was performed and answered over time")
+    parser.add_argument("--page", type=Path, metavar="HTML", help="write takes, answers and bodies to scrub through")
     parser.add_argument("--confusion", type=Path, metavar="FILE", help="draw what was answered to what")
     add_json(parser)
 
@@ -143,7 +153,7 @@ def run(options: argparse.Namespace) -> int:
         protocol=Protocol(options.protocol),
         settings=settings_of(options),
         without=Kind(options.without_part) if options.without_part else None,
-        drawn=Pictures(options.timeline, options.confusion),
+        drawn=Pictures(options.timeline, options.confusion, options.page),
         as_json=options.json,
     )
 
@@ -198,7 +208,7 @@ def evaluate(
     ]
     score = score_courses(courses, classes, _INSIDE, intervals=True)
     persons = _by_person([fold for fold, _ in asked], courses, classes)
-    drawn.draw(courses, classes)
+    drawn.draw(courses, [take for _, take in asked], classes)
     if as_json:
         print(json.dumps(asdict(score) | (_over_persons(persons) if persons else {})))
         return 0

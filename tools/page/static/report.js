@@ -1,0 +1,99 @@
+"use strict";
+// The page of an evaluation: takes to scrub through, what was performed above what was answered.
+
+const byId = (id) => document.getElementById(id);
+const { classes, takes } = JSON.parse(byId("takes").textContent);
+const stage = new Stage(byId("body"));
+const colourOfClass = (name) => colourOf(classes.indexOf(name));
+const report = { take: null, at: 0, playing: false, last: 0, bodies: null, theme: null, hits: [] };
+window.kinespace = report;
+
+function choose(index) {
+  report.take = takes[index];
+  const bytes = Uint8Array.from(atob(report.take.bodies), (letter) => letter.charCodeAt(0));
+  report.bodies = new Int16Array(bytes.buffer);
+  stage.setSkeleton(report.take.names, report.take.parents);
+  byId("scrub").max = report.take.seconds;
+  byId("who").textContent = [report.take.name, report.take.person].filter(Boolean).join(" · ");
+  go(0);
+}
+
+function go(second) {
+  report.at = Math.min(Math.max(second, 0), report.take.seconds);
+  const size = 3 * report.take.names.length;
+  const last = report.bodies.length / size - 1;
+  const place = Math.min(report.at * report.take.rate, last);
+  const [before, share] = [Math.floor(place), place % 1];
+  const body = new Float32Array(size);
+  for (let each = 0; each < size; each += 1) {
+    const [one, next] = [report.bodies[before * size + each], report.bodies[Math.min(before + 1, last) * size + each]];
+    body[each] = (one + (next - one) * share) / 1000;
+  }
+  stage.setBody(body);
+  byId("scrub").value = report.at;
+  draw();
+}
+
+/** The span of a list that holds now. */
+const now = (spans) => spans.find(([begin, end]) => begin <= report.at && report.at < end)?.[2];
+
+function draw() {
+  report.theme ??= themeOf(document.documentElement);
+  const { take, theme } = report;
+  const [performed, event, named, guess] = [now(take.performed), now(take.events), now(take.named), now(take.guesses)];
+  const light = document.documentElement.dataset.theme === "light";
+  stage.draw({ colour: colourOf(named ?? -1, light ? 0.58 : 0.78), carried: null, phase: null, theme });
+  byId("performed").textContent = performed ?? "";
+  byId("answered").textContent = `event ${classes[event] ?? "–"} · named ${classes[named] ?? "–"} · guess ${classes[guess] ?? "–"}`;
+  byId("state").textContent = `${report.at.toFixed(2)} of ${take.seconds.toFixed(2)} s`;
+  const timeline = byId("timeline");
+  const right = ([begin, end, index]) => {
+    const middle = (begin + end) / 2;
+    const truth = take.performed.find(([from, to]) => from <= middle && middle < to);
+    return !take.performed.length || truth?.[2] === classes[index] ? "" : "wrong";
+  };
+  const answered = (spans, marked) => spans.map((span) => ({ begin: span[0], end: span[1], label: classes[span[2]],
+    colour: colourOf(span[2]), mark: marked ? right(span) : "" }));
+  const rows = [{ name: "", line: take.scores, lanes: [
+    { height: 24, bars: take.performed.map(([begin, end, label]) => ({ begin, end, label, colour: colourOfClass(label) })) },
+    { height: 24, bars: answered(take.events, true) }, { height: 9, bars: answered(take.named, false) },
+    { height: 7, bars: answered(take.guesses, false) }] }];
+  timeline.style.height = `${heightOf(rows)}px`;
+  report.hits = drawTimeline(timeline, rows, { from: 0, to: Math.max(take.seconds, 0.1), at: report.at, theme, origin: 0,
+    tick: [1, 2, 5, 10, 20, 60, 120, 300].find((each) => take.seconds / each < 14) ?? 600, told: (second) => `${second} s` });
+}
+
+function play(playing) {
+  report.playing = playing;
+  report.last = performance.now();
+  byId("play").textContent = playing ? "Pause" : "Play";
+  if (playing && report.at >= report.take.seconds) go(0);
+  if (playing) requestAnimationFrame(step);
+}
+
+function step(moment) {
+  if (!report.playing) return;
+  go(report.at + Math.max(moment - report.last, 0) / 1000 * Number(byId("speed").value));
+  report.last = moment;
+  if (report.at >= report.take.seconds) play(false); else requestAnimationFrame(step);
+}
+
+byId("take").append(...takes.map(({ name, person }, index) => new Option([name, person].filter(Boolean).join(" · "), index)));
+byId("take").addEventListener("change", ({ target }) => choose(Number(target.value)));
+byId("play").addEventListener("click", () => play(!report.playing));
+byId("scrub").addEventListener("input", ({ target }) => { play(false); go(Number(target.value)); });
+byId("timeline").addEventListener("click", (event) => go(event.offsetX / byId("timeline").clientWidth * report.take.seconds));
+document.addEventListener("keydown", (event) => {
+  if (event.target.closest("input, select, button, canvas")) return;
+  if (event.key === " ") { event.preventDefault(); play(!report.playing); }
+  if (event.key === "ArrowLeft" || event.key === "ArrowRight") go(report.at + (event.key === "ArrowLeft" ? -0.1 : 0.1));
+});
+function setTheme(theme) {
+  document.documentElement.dataset.theme = theme;
+  byId("theme").textContent = theme === "light" ? "Dark" : "Light";
+  report.theme = null;
+}
+byId("theme").addEventListener("click", () => { setTheme(document.documentElement.dataset.theme === "light" ? "dark" : "light"); draw(); });
+window.addEventListener("resize", () => draw());
+setTheme(matchMedia("(prefers-color-scheme: light)").matches ? "light" : "dark");
+choose(0);

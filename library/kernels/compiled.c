@@ -151,6 +151,8 @@ static struct {
     __typeof__(compare_any) *compare;
     __typeof__(follow_phase_any) *follow_phase;
     __typeof__(moving_any) *moving;
+    __typeof__(steps_any) *steps;
+    __typeof__(extremes_any) *extremes;
 } loops;
 
 #define CHOOSE(kind)                                                                                                    \
@@ -166,6 +168,8 @@ static struct {
         loops.compare = compare_##kind;                                                                                 \
         loops.follow_phase = follow_phase_##kind;                                                                       \
         loops.moving = moving_##kind;                                                                                   \
+        loops.steps = steps_##kind;                                                                                     \
+        loops.extremes = extremes_##kind;                                                                               \
     } while (0)
 
 #if defined(WIDE_REGISTERS)
@@ -611,6 +615,38 @@ static PyObject *moving(PyObject *module, PyObject *const *arguments, Py_ssize_t
     return result;
 }
 
+/* stream.recognizer.joints.plausibility.steps_of: steps(positions, last, steps) -> the largest sum of squares */
+static PyObject *steps(PyObject *module, PyObject *const *arguments, Py_ssize_t given) {
+    static const Wanted wanted[] = {{"positions", "d", "fj3", 0}, {"last", "d", "j3", 0}, {"steps", "d", "fj3", WRITTEN}};
+    Taken taken;
+    PyObject *result = NULL;
+    (void)module;
+    if (TAKE(&taken, wanted) == 0) {
+        Py_buffer *held = taken.held;
+        result = PyFloat_FromDouble(
+            loops.steps(held[0].buf, taken.length['f'], taken.length['j'], held[1].buf, held[2].buf));
+    }
+    let_go(&taken);
+    return result;
+}
+
+/* stream.recognizer.joints.plausibility.extremes_of: extremes(looks, ends, lengths, moved) */
+static PyObject *extremes(PyObject *module, PyObject *const *arguments, Py_ssize_t given) {
+    static const Wanted wanted[] = {
+        {"looks", "d", "fj3", 0}, {"ends", INDEX, "s2", 0}, {"lengths", "d", "2s", WRITTEN}, {"moved", "d", "j", WRITTEN}};
+    Taken taken;
+    PyObject *result = NULL;
+    (void)module;
+    if (TAKE(&taken, wanted) == 0 && expect_indices("ends", &taken.held[1], taken.length['j']) == 0) {
+        Py_buffer *held = taken.held;
+        loops.extremes(held[0].buf, taken.length['f'], taken.length['j'], held[1].buf, taken.length['s'], held[2].buf,
+                       held[3].buf);
+        result = Py_NewRef(Py_None);
+    }
+    let_go(&taken);
+    return result;
+}
+
 /* ---- windows compared: library.windows.index.WindowIndex ----------------------------------------------------------*/
 
 /* Give zeros that begin with a cache line; NULL and an error when there is no memory. */
@@ -892,6 +928,8 @@ static PyMethodDef methods[] = {
     {"eigenpairs", FUNCTION(eigenpairs)},
     {"follow_phase", FUNCTION(follow_phase)},
     {"moving", FUNCTION(moving)},
+    {"steps", FUNCTION(steps)},
+    {"extremes", FUNCTION(extremes)},
     {"kind", FUNCTION(kind)},
     {"use", use, METH_O, NULL},
     {NULL, NULL, 0, NULL},

@@ -221,6 +221,27 @@ class Loops(Protocol):
             Where to write, (axes,).
         """
 
+    def steps(self, positions: Numbers, last: Numbers, steps: Numbers, /) -> float:
+        """Write the steps of joints from frame to frame, (frames, joints, 3), the first from `last`, (joints, 3).
+
+        Return the largest sum of squares of a frame's steps about their mean; NaN when there is one.
+        """
+
+    def extremes(self, looks: Numbers, ends: Indices, lengths: Numbers, moved: Numbers, /) -> None:
+        """Write how segments and joints change in some frames; NaN counts only where there is nothing else.
+
+        Parameters
+        ----------
+        looks
+            The frames, (frames, joints, 3).
+        ends
+            The joints at the ends of each segment, (segments, 2).
+        lengths
+            Where to write the mean of the least and greatest length, and their difference, (2, segments).
+        moved
+            Where to write how far each joint moves along an axis at most, (joints,).
+        """
+
     def Table(  # noqa: N802 - a class of the C module
         self, windows: int, block_starts: Indices, class_starts: Indices, weights: Floats, nearest: float, /
     ) -> Table:

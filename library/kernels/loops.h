@@ -770,6 +770,66 @@ LOOP static void KIND(moving)(const double *restrict points, Py_ssize_t count, P
     }
 }
 
+/* The steps of a body's joints (frames, joints, 3) from frame to frame, the first from `last` (joints, 3); give the largest
+ * sum of squares of a frame's steps about their mean, NaN if there is one. */
+LOOP static double KIND(steps)(const double *restrict positions, Py_ssize_t frames, Py_ssize_t joints,
+                               const double *restrict last, double *restrict steps) {
+    double largest = 0.0;
+    for (Py_ssize_t f = 0; f < frames; f++) {
+        const double *restrict now = positions + f * joints * 3;
+        const double *restrict before = f > 0 ? now - joints * 3 : last;
+        double *restrict step = steps + f * joints * 3, sums[3] = {0.0}, squares[3] = {0.0};
+        for (Py_ssize_t j = 0; j < joints; j++) {
+            for (int axis = 0; axis < 3; axis++) {
+                const double difference = now[3 * j + axis] - before[3 * j + axis];
+                step[3 * j + axis] = difference;
+                sums[axis] += difference;
+                squares[axis] += difference * difference;
+            }
+        }
+        double about_mean = 0.0;
+        for (int axis = 0; axis < 3; axis++) {
+            about_mean += squares[axis] - sums[axis] * sums[axis] / (double)joints;
+        }
+        largest = about_mean > largest || about_mean != about_mean ? about_mean : largest;
+    }
+    return largest;
+}
+
+/* Of segments between joints (segments, 2), in some frames (frames, joints, 3): the mean of the least and greatest length,
+ * and how far they are apart, (2, segments); and how far each joint moves along an axis at most, (joints). NaN counts only
+ * where there is nothing else. */
+LOOP static void KIND(extremes)(const double *restrict positions, Py_ssize_t frames, Py_ssize_t joints,
+                                const Py_ssize_t *restrict ends, Py_ssize_t segments, double *restrict lengths,
+                                double *restrict moved) {
+    for (Py_ssize_t s = 0; s < segments; s++) {
+        double least = (double)NAN, greatest = (double)NAN;
+        for (Py_ssize_t f = 0; f < frames; f++) {
+            const double *one = positions + 3 * (f * joints + ends[2 * s]);
+            const double *other = positions + 3 * (f * joints + ends[2 * s + 1]);
+            const double x = one[0] - other[0], y = one[1] - other[1], z = one[2] - other[2];
+            const double length = sqrt(x * x + y * y + z * z);
+            least = length < least || least != least ? length : least;
+            greatest = length > greatest || greatest != greatest ? length : greatest;
+        }
+        lengths[s] = (least + greatest) / 2;
+        lengths[segments + s] = greatest - least;
+    }
+    for (Py_ssize_t j = 0; j < joints; j++) {
+        double most = 0.0;
+        for (int axis = 0; axis < 3; axis++) {
+            double near = (double)NAN, far = (double)NAN;
+            for (Py_ssize_t f = 0; f < frames; f++) {
+                const double place = positions[3 * (f * joints + j) + axis];
+                near = place < near || near != near ? place : near;
+                far = place > far || far != far ? place : far;
+            }
+            most = far - near > most || far != far ? far - near : most;
+        }
+        moved[j] = most;
+    }
+}
+
 #undef HELPER
 #undef BYTES
 #undef FLOATS

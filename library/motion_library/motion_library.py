@@ -158,6 +158,11 @@ class MotionLibrary:
         return tuple(sorted({motion.actor for motion in self.motions} - {""}))
 
     @property
+    def judged_by_strangers(self) -> bool:
+        """Whether numbers learned from other people's motions tell what is unknown."""
+        return self.learned is not None and bool(self.learned.for_other_motions().named)
+
+    @property
     def licence(self) -> str:
         """Terms under which the motions may be passed on, each once; empty where none are known."""
         return _joined(motion.licence for motion in self.motions)

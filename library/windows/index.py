@@ -251,7 +251,7 @@ class WindowIndex:
 @lru_cache(maxsize=8)
 def _rejection(index: WindowIndex) -> Rejection:
     learned = index.library.learned
-    if learned is None:
+    if learned is None or not index.library.judged_by_strangers:
         return learned_rejection(index)
     rejection = Rejection.of_kept(learned, len(index.comparison.weighing.groups))
     fewer = len(index.library.skeleton.joints) < rejection.joints
@@ -278,7 +278,7 @@ def opened(library: MotionLibrary) -> WindowIndex:
 
 def usual_weighing(library: MotionLibrary) -> Weighing:
     """Choose the weighing: between laboratories for numbers learned from another laboratory, else within one."""
-    return ACROSS_LABORATORIES if library.learned else WITHIN_LABORATORY
+    return ACROSS_LABORATORIES if library.judged_by_strangers else WITHIN_LABORATORY
 
 
 def teacher_of(library: MotionLibrary) -> MotionLibrary:

@@ -93,7 +93,7 @@ class Gateway(Spread):
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         ledger = Ledger(most=most, silence=silence, keeps_frames=False)
-        super().__init__(library.skeleton, library.classes, settings, joints, ledger)
+        super().__init__(library, library.classes, settings, joints, ledger)
         self.name = uuid.uuid4().hex[:12]
         self.strangers = 0
         self.inbox = Inbox(_MAX_WAITING)

@@ -53,7 +53,7 @@ class Decision:
         self._compare_with(index)
 
     def _threshold(self, index: WindowIndex) -> float:
-        usual = SENSITIVITY_LEARNED if index.library.learned else SENSITIVITY_OWN
+        usual = SENSITIVITY_LEARNED if index.library.judged_by_strangers else SENSITIVITY_OWN
         return index.rejection.threshold_at(usual if self._sensitivity is None else self._sensitivity)
 
     def _compare_with(self, index: WindowIndex) -> None:

@@ -182,7 +182,7 @@ class Performers:
     @property
     def sensitivity(self) -> float:
         """The sensitivity of all recognisers."""
-        usual = SENSITIVITY_LEARNED if self.library.learned else SENSITIVITY_OWN
+        usual = SENSITIVITY_LEARNED if self.library.judged_by_strangers else SENSITIVITY_OWN
         return usual if self.settings.sensitivity is None else self.settings.sensitivity
 
     def set_sensitivity(self, share: float) -> None:

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from kinespace.stream.frame import Admitted
     from kinespace.stream.recognition import Recognition
-    from kinespace.stream.recognizer import Performers
+    from kinespace.stream.service.recognising import Recognising
 
 #: Seconds between two statuses, and between two lists of classes.
 STATUS_EVERY = 1.0
@@ -112,7 +112,7 @@ class Service:
 
     def __init__(
         self,
-        performers: Performers,
+        performers: Recognising,
         sources: Sequence[Source],
         sinks: Sequence[Sink],
         *,

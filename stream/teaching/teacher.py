@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from kinespace.library.teaching.examples import Check
     from kinespace.stream.frame import Frame
     from kinespace.stream.teaching.commands import Command
+    from kinespace.stream.teaching.memory import Remembered
 
 #: Seconds without a frame after which a performer counts as absent.
 _GONE = 2.0
@@ -147,7 +148,7 @@ class Teacher:
         self.roster = replace(self.roster, examples=kept)
         return [State(performer, Step.REFUSED, 0.0, reason), Changed(self.roster)]
 
-    def recent(self, number: int) -> Clip | None:
+    def recent(self, number: int) -> Remembered | None:
         """Give the performer's last minutes before an example that is being checked; None when they are not known."""
         performer, began = self._checking.get(number, ("", 0.0))
         memory = self._memories.get(performer)

@@ -13,6 +13,7 @@ import threading
 import time
 from collections import deque
 from contextlib import suppress
+from dataclasses import replace
 from typing import TYPE_CHECKING, cast
 
 from kinespace.stream.recognition import Recognition
@@ -214,7 +215,7 @@ class Crew(Spread):
             raise ValueError(f"count: expected at least 1 worker, got {count}")
         motions = library_of(library)
         ledger = Ledger(most=most, silence=silence, keeps_frames=True)
-        super().__init__(motions.skeleton, classes or motions.classes, settings, joints, ledger)
+        super().__init__(motions, classes or motions.classes, settings, joints, ledger)
         self._start = child.Start(settings, joints.assumed, joints.naming, most, silence)
         self._library = child.packed(library, tuple(classes), 0)
         self._clock = clock
@@ -233,7 +234,8 @@ class Crew(Spread):
 
     def _begin(self, source: WorkerSource, now: float) -> None:
         source.starts += 1
-        source.process = _Process(source.name, self._library, self._start, now)
+        start = replace(self._start, settings=self.settings)
+        source.process = _Process(source.name, self._library, start, now)
 
     def _wait_until_ready(self) -> None:
         until = self._clock() + MAX_START

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from collections.abc import Collection
 
     from kinespace.stream.frame import Announcement, Frame
+    from kinespace.stream.recognizer.joints.carried import Carried
     from kinespace.stream.workers.wire import Answered
 
 #: Seconds after which the joints are sent again, so that they are among the frames of the last seconds.
@@ -40,6 +41,9 @@ class _Performer:
     #: When the joints were last sent.
     told_joints: float = 0.0
     anew: bool = True
+    #: What carried an answer, and whether the next one is to say it.
+    carried: Carried | None = None
+    asks: bool = False
     #: The frames of the last seconds, where the ledger keeps them.
     recent: deque[SentFrame] = field(default_factory=deque)
 
@@ -85,6 +89,13 @@ class Ledger:
         """Give the joints that a performer's sender announced; None without an announcement."""
         return self._joints.get(performer)
 
+    def carried(self, name: str) -> Carried | None:
+        """Give what carried an answer, as it was asked for before; ask for it with the next frame."""
+        if (performer := self._performers.get(name)) is None:
+            return None
+        performer.asks = True
+        return performer.carried
+
     def announce(self, announcement: Announcement) -> None:
         """Note the joints of a performer; they travel with the next frame."""
         name = announcement.performer
@@ -114,7 +125,8 @@ class Ledger:
             performer.told_joints = now
         self._seq += 1
         sent = sent_frame(frame, self._seq, now, joints, anew=performer.anew)
-        performer.anew = False
+        sent.asks = performer.asks
+        performer.anew = performer.asks = False
         performer.heard, performer.time, performer.sent = now, frame.time, self._seq
         if self._keeps_frames:
             recent = performer.recent
@@ -148,6 +160,7 @@ class Ledger:
         if performer is None or not performer.answered < answer.seq <= performer.sent:
             return None
         performer.answered = answer.seq
+        performer.carried = answer.carried or performer.carried
         told: list[Event] = []
         for event in answer.events:
             going_on = performer.going_on

@@ -19,12 +19,14 @@ from kinespace.stream.workers.channel import Channel
 from kinespace.stream.workers.wire import (
     ASK,
     FRAMES,
+    SENSE,
     TAKE_OVER,
     UNMUTE,
     Answers,
     decode_frames,
     decode_handover,
     decode_number,
+    decode_share,
     encode_answers,
 )
 from kinespace.stream.workers.worker import Worker
@@ -155,6 +157,8 @@ class Loop:
             self.worker.take_over(decode_handover(content).entries, time.monotonic())
         elif kind == UNMUTE:
             self.worker.unmute(decode_handover(content).entries)
+        elif kind == SENSE:
+            self.worker.performers.set_sensitivity(decode_share(content))
         elif kind == ASK:
             self._last = decode_number(content)
             self.report()

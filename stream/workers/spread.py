@@ -8,28 +8,35 @@ from typing import TYPE_CHECKING, cast
 
 import msgspec
 
+from kinespace.library.naming import hdm05
 from kinespace.stream.frame import Announcement, Frame, NewSender
 from kinespace.stream.recognizer.performers import PerformerCounts
 from kinespace.stream.recognizer.recognizer import RecognizerCounts
+from kinespace.stream.recognizer.settings import SENSITIVITY_LEARNED, SENSITIVITY_OWN
 from kinespace.stream.workers.partition import owners
 from kinespace.stream.workers.wire import (
     ASK,
     MAX_TOGETHER,
+    SENSE,
     TAKE_OVER,
     UNMUTE,
     Handover,
     encode_handover,
     encode_number,
+    encode_share,
 )
 from kinespace.stream.zeromq.frames import MAX_SEQ, FormatError
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Sequence
 
+    from kinespace.library.motion_library import MotionLibrary
     from kinespace.library.skeleton import Skeleton
+    from kinespace.library.windows.index import WindowIndex
     from kinespace.stream.frame import Admitted
     from kinespace.stream.recognition import Event, Recognition
-    from kinespace.stream.recognizer import Performers, Settings
+    from kinespace.stream.recognizer import Settings
+    from kinespace.stream.recognizer.joints.carried import Carried
     from kinespace.stream.recognizer.joints.fewer_joints import SentJoints
     from kinespace.stream.workers.ledger import Ledger
     from kinespace.stream.workers.wire import Answers, Report, SentFrame
@@ -40,8 +47,8 @@ class Spread:
 
     Parameters
     ----------
-    skeleton, classes, settings, joints
-        The library's skeleton and classes, the settings of the recognisers, and what is known of senders' joints.
+    library, classes, settings, joints
+        The library and its classes, the settings of the recognisers, and what is known of senders' joints.
     ledger
         Keeps what is known of each performer.
 
@@ -56,11 +63,12 @@ class Spread:
     """
 
     def __init__(
-        self, skeleton: Skeleton, classes: Sequence[str], settings: Settings, joints: SentJoints, ledger: Ledger
+        self, library: MotionLibrary, classes: Sequence[str], settings: Settings, joints: SentJoints, ledger: Ledger
     ) -> None:
         self.settings = settings
         self.former = self.unread = self.unsent = 0
-        self._skeleton, self._joints, self._ledger = skeleton, joints, ledger
+        self._skeleton, self._joints, self._ledger = library.skeleton, joints, ledger
+        self._usual_sensitivity = SENSITIVITY_LEARNED if library.learned else SENSITIVITY_OWN
         #: The lists of classes so far; an answer names the number of its own.
         self._books = [tuple(classes)]
         #: The owner of each partition; empty without workers.
@@ -150,11 +158,40 @@ class Spread:
         """Send frames, by partition, to the workers that own the partitions."""
         raise NotImplementedError
 
+    @property
+    def sensitivity(self) -> float:
+        """The sensitivity of all recognisers."""
+        return self._usual_sensitivity if self.settings.sensitivity is None else self.settings.sensitivity
+
+    def set_sensitivity(self, share: float) -> None:
+        """Recognise all performers with another sensitivity from the next hop on."""
+        self.settings = replace(self.settings, sensitivity=share)
+        for worker in set(self._owners):
+            self._tell(worker, SENSE + encode_share(share))
+
+    def exchange(self, library: MotionLibrary | WindowIndex, order: Sequence[str] = ()) -> list[Event]:
+        """Compare all performers with another library, where workers can get it."""
+        raise NotImplementedError
+
+    def skeleton_of(self, name: str) -> Skeleton | None:
+        """Give the joints of a performer's frames, by our names where they are known; None for a stranger."""
+        if name not in self.names:
+            return None
+        own = self._skeleton if self._skeleton.parents else hdm05.SKELETON
+        return own.linked(self._joints_of(name))
+
+    def carried(self, name: str) -> Carried | None:
+        """Say which joints carried the last answer for which this was asked; ask for the next one."""
+        return self._ledger.carried(name)
+
+    def _joints_of(self, name: str) -> tuple[str, ...]:
+        wanted = self._skeleton.joints
+        announced = self._ledger.joints_of(name) or self._joints.assumed or wanted
+        return self._joints.naming.met(announced, wanted).joints
+
     def ordered(self, frame: Frame) -> Frame | None:
         """Give a frame in the order of the library's joints; None where it has not all of them."""
-        wanted = self._skeleton.joints
-        announced = self._ledger.joints_of(frame.performer) or self._joints.assumed or wanted
-        joints = self._joints.naming.met(announced, wanted).joints
+        wanted, joints = self._skeleton.joints, self._joints_of(frame.performer)
         if len(frame.positions) != len(joints) or not set(joints) >= set(wanted):
             return None
         if joints == wanted:
@@ -267,11 +304,6 @@ questions = itertools.count(1)
 def together(frames: Sequence[SentFrame]) -> list[list[SentFrame]]:
     """Divide frames into messages."""
     return [list(frames[first : first + MAX_TOGETHER]) for first in range(0, len(frames), MAX_TOGETHER)]
-
-
-def as_performers(spread: Spread) -> Performers:
-    """Give the workers as the performers that a service needs."""
-    return cast("Performers", spread)
 
 
 def _add(total: RecognizerCounts, counts: RecognizerCounts) -> None:

@@ -13,6 +13,7 @@ import numpy as np
 
 from kinespace.stream.frame import MAX_PERFORMER_LENGTH, Announcement
 from kinespace.stream.recognition import Event, Outcome, Progress, Recognition
+from kinespace.stream.recognizer.joints.carried import Carried  # noqa: TC001 - msgspec reads annotations
 from kinespace.stream.recognizer.performers import PerformerCounts  # noqa: TC001 - msgspec reads annotations
 from kinespace.stream.workers.partition import PARTITIONS
 from kinespace.stream.zeromq.frames import MAX_SEQ, VERSION, FormatError, NumberedFrame, numbered
@@ -22,9 +23,9 @@ if TYPE_CHECKING:
     from kinespace.stream.frame import Frame
 
 #: The first byte of a message to a worker: frames; performers whom it takes over, their frames follow; performers whose
-#: former worker stops; a question, to which a report is the answer. Over a network also: partitions that it leaves to
-#: another worker; its membership; that it is no member any more.
-FRAMES, TAKE_OVER, UNMUTE, ASK, LEAVE, WELCOME, REJOIN = b"F", b"T", b"U", b"A", b"L", b"W", b"J"
+#: former worker stops; a question, to which a report is the answer; another sensitivity. Over a network also:
+#: partitions that it leaves to another worker; its membership; that it is no member any more.
+FRAMES, TAKE_OVER, UNMUTE, ASK, SENSE, LEAVE, WELCOME, REJOIN = b"F", b"T", b"U", b"A", b"S", b"L", b"W", b"J"
 #: Frames in a message, at most.
 MAX_TOGETHER = 256
 _Seq = Annotated[int, msgspec.Meta(ge=0, le=MAX_SEQ)]
@@ -41,10 +42,13 @@ class SentFrame(Packed, kw_only=True, omit_defaults=True):
         When its packet came.
     anew
         Whether the performer begins anew: what the worker knows of an earlier performer of this name is void.
+    asks
+        Whether the next answer is to say what carries it.
     """
 
     at: float = 0.0
     anew: bool = False
+    asks: bool = False
 
 
 class Entry(msgspec.Struct, array_like=True, frozen=True):
@@ -96,6 +100,7 @@ class Answered(msgspec.Struct, array_like=True, frozen=True):
     progress: Progress | None
     events: tuple[Event, ...]
     doubted: tuple[str, ...]
+    carried: Carried | None = None
 
     def recognition(self, classes: tuple[str, ...]) -> Recognition:
         """Give the recognition; FormatError where it does not fit the classes."""
@@ -160,6 +165,7 @@ _encode = msgspec.msgpack.Encoder().encode
 _read_frames = msgspec.msgpack.Decoder(Annotated[list[SentFrame], msgspec.Meta(max_length=MAX_TOGETHER)]).decode
 _read_handover = msgspec.msgpack.Decoder(Handover).decode
 _read_number = msgspec.msgpack.Decoder(int).decode
+_read_share = msgspec.msgpack.Decoder(Annotated[float, msgspec.Meta(ge=0, le=1)]).decode
 _read_answers = msgspec.msgpack.Decoder(Answers).decode
 
 
@@ -216,6 +222,17 @@ def decode_handover(message: bytes) -> Handover:
 def encode_number(number: int) -> bytes:
     """Encode the number of a question or of a membership."""
     return _encode(number)
+
+
+def encode_share(share: float) -> bytes:
+    """Encode a sensitivity."""
+    return _encode(share)
+
+
+def decode_share(message: bytes) -> float:
+    """Decode a sensitivity; FormatError for a message that is not ours."""
+    share: float = _read(_read_share, message)
+    return share
 
 
 def decode_number(message: bytes) -> int:

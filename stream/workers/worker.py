@@ -9,6 +9,8 @@ from __future__ import annotations
 from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING
 
+import msgspec
+
 from kinespace.stream.frame import NewSender
 from kinespace.stream.recognition import EventKind
 from kinespace.stream.recognizer.event_detector import EventDetector
@@ -26,8 +28,9 @@ if TYPE_CHECKING:
     from kinespace.stream.workers.wire import SentFrame
     from kinespace.stream.zeromq.frames import NumberedFrame
 
-#: Seconds of frames with which a performer is taken over: the longest window, and the averages around it.
-HISTORY = 2.5
+#: Seconds of frames with which a performer is taken over. The longest window is two seconds; then the averages must
+#: forget the first, short windows (`kinespace bench scale` counts the events that differ).
+HISTORY = 3.5
 
 
 class _Resumed(EventDetector):
@@ -95,6 +98,8 @@ class Worker:
         self.book = 0
         self._newest: dict[str, int] = {}
         self._taken_over: dict[str, _TakenOver] = {}
+        #: Performers whose next answer is to say what carries it.
+        self._asked: set[str] = set()
         #: Counts of warming up, which the former worker has counted.
         self._warmed = RecognizerCounts()
 
@@ -123,6 +128,8 @@ class Worker:
         answers = []
         for sent, (frame, number, announced) in frames:
             name, seq = frame.performer, number or 0
+            if sent.asks:
+                self._asked.add(name)
             over = self._taken_over.get(name)
             known = over is not None and seq <= over.answered
             if sent.anew and not known:
@@ -138,7 +145,11 @@ class Worker:
                 continue
             if recognition := self.performers.push(frame, now):
                 events = self._events(over, recognition) if over else recognition.events
-                answers.append(answered(recognition, seq, sent.at, self.book, events))
+                answer = answered(recognition, seq, sent.at, self.book, events)
+                if name in self._asked:
+                    self._asked.discard(name)
+                    answer = msgspec.structs.replace(answer, carried=self.performers.carried(name))
+                answers.append(answer)
         return answers
 
     def _warm_up(self, over: _TakenOver, frame: Frame, now: float) -> None:

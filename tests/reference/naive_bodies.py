@@ -22,9 +22,35 @@ def segment_lengths(posture: Posture, parents: Sequence[int]) -> list[float]:
     return [length(posture[joint], posture[parent]) for joint, parent in enumerate(parents) if parent >= 0]
 
 
+def steps_between(before: Posture, after: Posture) -> list[list[float]]:
+    """Give each joint's step on each axis, metres."""
+    return [[b - a for a, b in zip(*pair, strict=True)] for pair in zip(before, after, strict=True)]
+
+
+def squares_about_mean(steps: Posture) -> float:
+    """Add up the squares of the steps about their mean, m²."""
+    mean = [sum(step[axis] for step in steps) / len(steps) for axis in range(3)]
+    return sum(length(step, mean) ** 2 for step in steps)
+
+
+def extremes(postures: Sequence[Posture], parents: Sequence[int]) -> tuple[list[tuple[float, float]], list[float]]:
+    """Give the middle and the change of each segment's length, and how far each joint moves, NaN left out."""
+    lengths = zip(*(segment_lengths(posture, parents) for posture in postures), strict=True)
+    ranges = [_range(each) for each in lengths]
+    places = list(zip(*postures, strict=True))
+    on_axes = [[_range([place[axis] for place in joint]) for axis in range(3)] for joint in places]
+    moved = [max(high - low for low, high in axes) for axes in on_axes]
+    return [((low + high) / 2, high - low) for low, high in ranges], moved
+
+
+def _range(numbers: Sequence[float]) -> tuple[float, float]:
+    known = [number for number in numbers if not math.isnan(number)]
+    return (min(known), max(known)) if known else (math.nan, math.nan)
+
+
 def step_length(before: Posture, after: Posture, jumping: int) -> float:
     """Give how far the so-many-th farthest joint steps, the body's own step, the middle one on each axis, apart."""
-    steps = [[b - a for a, b in zip(*pair, strict=True)] for pair in zip(before, after, strict=True)]
+    steps = steps_between(before, after)
     own = [_median([step[axis] for step in steps]) for axis in range(3)]
     return sorted((length(step, own) for step in steps), reverse=True)[jumping - 1]
 

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 
     from kinespace.tools.bench.cases.capacity import Crowd
     from kinespace.tools.bench.cases.peers import Peers
+    from kinespace.tools.bench.cases.scale import Scale
     from kinespace.tools.bench.cases.scaling import Growth
     from kinespace.tools.bench.cases.soak import Soak
     from kinespace.tools.bench.cases.sockets import Sockets
@@ -43,11 +44,13 @@ class Report:
     growth: tuple[Growth, ...] | None = None
     sockets: Sockets | None = None
     soak: Soak | None = None
+    scale: Scale | None = None
     notes: list[str] = field(default_factory=list)
 
     def figures(self) -> dict[str, float | int | None]:
         """Give the standard figures by name, always every name; None for a figure that was not measured."""
         found = {**self._of_stages(), **self._of_peers(), **self._of_growth(), **self._of_sockets(), **self._of_soak()}
+        found |= self._of_scale()
         return {name: _rounded(value) for name, value in found.items()}
 
     def _of_stages(self) -> dict[str, float | None]:
@@ -98,6 +101,19 @@ class Report:
     def _of_soak(self) -> dict[str, float | None]:
         return {"max_eigenvector_error": self.soak.day.max_error if self.soak else None}
 
+    def _of_scale(self) -> dict[str, float | None]:
+        scale = self.scale
+        return {
+            "added_p50_ms": scale.added_ms(50) if scale else None,
+            "added_p99_ms": scale.added_ms(99) if scale else None,
+            "performers_per_core_ratio": scale.ratio if scale else None,
+            "kill_gap_s": scale.runs["kill"].worst if scale else None,
+            "hang_gap_s": scale.runs["hang"].worst if scale else None,
+            "gateway_gap_s": scale.gateway_gap_s if scale else None,
+            "lost_events": scale.lost_events if scale else None,
+            "false_events": scale.false_events if scale else None,
+        }
+
     def tables(self) -> Iterator[Table]:
         """Give a table for each part that was run."""
         if self.stages:
@@ -112,6 +128,8 @@ class Report:
             yield _outside_table(self.sockets)
         if self.soak:
             yield _soak_table(self.soak)
+        if self.scale:
+            yield _scale_table(self.scale)
 
 
 def _rounded(value: float | None) -> float | int | None:
@@ -222,6 +240,22 @@ def _soak_table(soak: Soak) -> Table:
         samples = crowd.resident_mb
         ends = (samples[0], samples[len(samples) // 2], samples[-1]) if samples else (None,) * 3
         table.add_row("its resident memory at start, middle, end", ", ".join(map(_megabytes, ends)))
+    return table
+
+
+def _scale_table(scale: Scale) -> Table:
+    headings = ("p50, ms", "p99, ms", "worst after, s", "answers", "events lost", "false", "here, µs", "workers, µs")
+    table = _table("Gateway and two workers; µs of a core a frame", ("",), headings)
+    for run in (scale.alone, *scale.runs.values()):
+        lags = (f"{run.percentile(50):.2f}", f"{run.percentile(99):.2f}", f"{run.worst:.3f}")
+        used = (f"{run.loop_us:.1f}", _NOTHING if run.core_us is None else f"{run.core_us:.1f}")
+        table.add_row(
+            run.what, *lags, f"{run.answered} of {run.expected}", f"{run.lost_events}", f"{run.false_events}", *used
+        )
+    tried, differ = scale.takeovers
+    table.add_section()
+    table.add_row("gateway killed, started", "", "", f"{scale.gateway_gap_s:.3f}", "", "", "", "", "")
+    table.add_row("takeovers with other events", "", "", "", f"{differ} of {tried}", "", "", "", "")
     return table
 
 

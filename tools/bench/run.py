@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-Part = Literal["stages", "peers", "growth", "sockets", "soak"]
+Part = Literal["stages", "peers", "growth", "sockets", "soak", "scale"]
 PARTS: tuple[Part, ...] = get_args(Part)
 
 
@@ -70,8 +70,9 @@ class Effort:
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the program's options."""
     parser.description = (
-        "Times every step, the alternatives, growth, sockets and a long run, on real motions and one core. pip install "
-        "kinespace[bench] lets it keep linear algebra to one thread. Everything takes an hour."
+        "Times every step, the alternatives, growth, sockets, a long run, and workers on a bus, on real motions and "
+        "one core. pip install kinespace[bench,cluster] lets it keep linear algebra to one thread. Everything takes "
+        "an hour."
     )
     parser.add_argument("part", nargs="?", choices=(*PARTS, "all"), default="all", help="default: %(default)s")
     parser.add_argument(
@@ -86,7 +87,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="the signature of --json, growth and sockets (default: the recogniser's own)",
     )
     parser.add_argument("--rounds", type=count, default=9, help="medians are of so many (default %(default)s)")
-    parser.add_argument("--seconds", type=positive, default=20.0, help="of a latency run (default %(default)s)")
+    parser.add_argument(
+        "--seconds",
+        type=positive,
+        default=20.0,
+        help="of a run of sockets or scale (default %(default)s)",
+    )
     parser.add_argument("--frames", type=count, default=soak.DAY, help="of soak (default: a day, %(default)s)")
     parser.add_argument(
         "--minutes", type=not_negative, default=10.0, help="of soak over sockets, 0 for none (default %(default)s)"
@@ -184,12 +190,18 @@ def measured(
     def run_soak() -> None:
         report.soak = soak.measure(positions, signature=usual, frames=effort.frames, minutes=effort.minutes)
 
+    def run_scale() -> None:
+        from kinespace.tools.bench.cases import scale  # noqa: PLC0415 - Zenoh is an extra
+
+        report.scale = scale.measure(positions, seconds=effort.seconds)
+
     runs: dict[Part, Callable[[], None]] = {
         "stages": run_stages,
         "peers": run_peers,
         "growth": run_growth,
         "sockets": run_sockets,
         "soak": run_soak,
+        "scale": run_scale,
     }
     for part, run_part in runs.items():
         if part in parts:

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 
 from kinespace.stream.cluster.bus import LISTEN, open_session
 from kinespace.stream.cluster.gateway import Gateway
-from kinespace.stream.workers.spread import as_performers
 from kinespace.tools.programs.live import program as live
 from kinespace.tools.programs.live.recognisers import Where
 from kinespace.tools.terminal.console import console
@@ -18,7 +17,8 @@ if TYPE_CHECKING:
 
     from kinespace.library import MotionLibrary
     from kinespace.library.windows.index import WindowIndex
-    from kinespace.stream.recognizer import Performers, SentJoints, Settings
+    from kinespace.stream.recognizer import SentJoints, Settings
+    from kinespace.stream.service.recognising import Teachable
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -59,7 +59,7 @@ def run(options: argparse.Namespace) -> int:
         most: int,
         joints: SentJoints,
         classes: Sequence[str] = (),  # noqa: ARG001 - a library's own, because nobody teaches
-    ) -> Performers:
+    ) -> Teachable:
         listen = options.listen or ([] if options.connect or options.zenoh else [LISTEN])
         session = open_session(listen, options.connect, options.zenoh)
         gateway = Gateway(session, library, settings, most=most, joints=joints, naming=options.naming)  # type: ignore[arg-type]  # not opened
@@ -69,7 +69,7 @@ def run(options: argparse.Namespace) -> int:
             f"gateway {gateway.name}; workers reach it by {', '.join([*listen, *options.connect]) or options.zenoh}",
             soft_wrap=True,
         )
-        return as_performers(gateway)
+        return gateway
 
     where = Where(make)
     return live.run(options, where)

@@ -37,6 +37,8 @@ _LINGER = 0.5
 _SETTLE = 0.2
 #: Seconds of feed whose latencies do not count: caches fill, ZeroMQ peers connect.
 _WARM_UP = 0.5
+#: The percentiles that are printed, by name.
+_PERCENTILES = {"p50": 50, "p95": 95, "p99": 99, "p999": 99.9, "max": 100}
 #: One in so many of the library's motions is played, so that there are some of each class.
 _EVERY = 8
 
@@ -77,16 +79,9 @@ class Latency:
     def as_json(self) -> dict[str, object]:
         """Give the figures by name; milliseconds, null where there is none."""
         percentiles = {
-            "p50_ms": self.percentile(50),
-            "p95_ms": self.percentile(95),
-            "p99_ms": self.percentile(99),
-            "p999_ms": self.percentile(99.9),
-            "max_ms": self.percentile(100),
-            "echo_p50_ms": self.percentile(50, echo=True),
-            "echo_p95_ms": self.percentile(95, echo=True),
-            "echo_p99_ms": self.percentile(99, echo=True),
-            "echo_p999_ms": self.percentile(99.9, echo=True),
-            "echo_max_ms": self.percentile(100, echo=True),
+            f"{prefix}{name}_ms": self.percentile(percent, echo=bool(prefix))
+            for prefix in ("", "echo_")
+            for name, percent in _PERCENTILES.items()
         }
         return {
             "transport": self.transport,
@@ -255,4 +250,4 @@ def compare_with_echo(
 
 
 def _percentiles(latency: Latency, *, echo: bool) -> list[str]:
-    return [f"{latency.percentile(percent, echo=echo):.2f}" for percent in (50, 95, 99, 99.9, 100)]
+    return [f"{latency.percentile(percent, echo=echo):.2f}" for percent in _PERCENTILES.values()]

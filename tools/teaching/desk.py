@@ -12,7 +12,7 @@ import sys
 import threading
 import time
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -23,7 +23,7 @@ from kinespace.library.teaching.examples import Roster, TaughtWindows, checked
 from kinespace.library.windows.index import WindowIndex, opened
 from kinespace.stream.frame import Frame
 from kinespace.stream.recognition import EventKind
-from kinespace.stream.recognizer import Performers, Recognizer, Settings
+from kinespace.stream.recognizer import Recognizer, Settings
 from kinespace.stream.teaching import Changed, State, Step, Teacher, commands
 from kinespace.stream.teaching.notices import Running, Saving, Sensed
 
@@ -32,20 +32,22 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from kinespace.library.teaching.examples import Check
-    from kinespace.stream.frame import Input
+    from kinespace.stream.frame import Admitted
     from kinespace.stream.inputs.recording.session import RecordingSession
     from kinespace.stream.outputs.sink import Sink
     from kinespace.stream.recognition import Event, Recognition
     from kinespace.stream.recognizer.joints.carried import Carried
     from kinespace.stream.recognizer.performers import PerformerCounts
+    from kinespace.stream.service.recognising import Teachable
     from kinespace.stream.teaching import Command, Notice
+    from kinespace.stream.teaching.memory import Remembered
 
 #: Seconds for which a thread may keep Python's lock while a frame waits.
 _SWITCH_INTERVAL = 0.0005
 #: Seconds between two answers when an example is tried on the last minutes: enough to count starts.
 _TRIED_EVERY = 0.1
 #: Frames after which the worker pauses for other threads, and the pause in seconds.
-_FRAMES_AT_ONCE, _PAUSE = 15, 0.002
+_FRAMES_AT_ONCE, _PAUSE = 3, 0.003
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -54,7 +56,7 @@ class _Job:
 
     roster: Roster
     number: int = 0
-    before: Clip | None = None
+    before: Remembered | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -102,7 +104,7 @@ class Desk:
 
     def __init__(
         self,
-        performers: Performers,
+        performers: Teachable,
         teacher: Teacher,
         windows: TaughtWindows,
         file: Path,
@@ -179,7 +181,7 @@ class Desk:
         """Give the performers who were dropped since the last call."""
         return self._performers.take_gone()
 
-    def push_all(self, events: Sequence[Input], arrival: float) -> list[Recognition | None]:
+    def push_all(self, events: Sequence[Admitted], arrival: float) -> list[Recognition | None]:
         """Recognise frames, and show them to the teacher."""
         answers = self._performers.push_all(events, arrival)
         for event in events:
@@ -339,7 +341,8 @@ class Desk:
         name = next((each.class_name for each in job.roster.examples if each.number == job.number), NOTHING)
         recognizer = Recognizer(index, replace(self.settings, hop=_TRIED_EVERY))
         starts = 0
-        for place, (moment, positions) in enumerate(zip(job.before.times.tolist(), job.before.positions, strict=True)):
+        before = job.before.clip()
+        for place, (moment, positions) in enumerate(zip(before.times.tolist(), before.positions, strict=True)):
             if place % _FRAMES_AT_ONCE == 0:
                 time.sleep(_PAUSE)
             recognition = recognizer.push(Frame("before", moment, positions))
@@ -403,14 +406,16 @@ class Start:
         """Open the windows in whose metrics examples are compared; None when examples learn their own metrics."""
         if self.library:
             return opened(self.library.restricted_to(taught.skeleton.joints) if taught else self.library)
-        builtin = replace(MotionLibrary.builtin(), learned=None)
+        builtin = MotionLibrary.builtin()
+        # What the built-in motions taught makes opening quick; what strangers taught is left out.
+        builtin = replace(builtin, learned=builtin.learned and builtin.learned.of_these_motions())
         joints = taught.skeleton.joints if taught else self.joints or builtin.skeleton.joints
         if not set(joints) <= set(builtin.skeleton.joints):
             return None
         return opened(builtin.restricted_to(joints))
 
 
-def open_desk(start: Start, performers: Callable[[WindowIndex, Sequence[str]], Performers]) -> Desk:
+def open_desk(start: Start, performers: Callable[[WindowIndex, Sequence[str]], Teachable]) -> Desk:
     """Open the taught library and make the desk.
 
     Parameters
@@ -449,11 +454,6 @@ def _any_motion(joints: Sequence[str]) -> MotionLibrary:
     generator = np.random.default_rng(0)
     positions = np.cumsum(generator.normal(0, 0.05, (60, len(joints), 3)), axis=0)
     return MotionLibrary.of_clips([Clip(Skeleton(tuple(joints)), positions, 30.0, class_name="motion")])
-
-
-def as_performers(desk: Desk) -> Performers:
-    """Give the desk as the performers that a service needs."""
-    return cast("Performers", desk)
 
 
 def _told(reason: str) -> State:

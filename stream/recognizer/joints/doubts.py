@@ -17,7 +17,7 @@ import numpy as np
 from kinespace.library.motion_library import MIN_JOINTS
 from kinespace.stream.recognition import Outcome
 from kinespace.stream.recognizer.joints.fewer_joints import opened_restricted
-from kinespace.stream.recognizer.joints.plausibility import Change, Jump, Plausibility, Step, expected_body
+from kinespace.stream.recognizer.joints.plausibility import Change, Jump, Plausibility, Step, expected_body, steps_of
 from kinespace.stream.recognizer.matcher import WindowMatcher
 from kinespace.stream.recognizer.windows.sliding_window import MAX_PENDING
 
@@ -144,14 +144,13 @@ class Doubts:
             self._plausibility.begin(self._last)
             self._steps[0], self._elapsed = 0.0, math.inf
         steps = self._steps[1 : count + 1]
-        np.subtract(positions[0], self._last, out=steps[0])
-        np.subtract(positions[1:], positions[:-1], out=steps[1:])
+        squares = steps_of(positions, self._last, steps)
         usual = (times[-1] - self._last_time) / count
         begun = None
-        if self._any_lost or self._plausibility.may_jump(float(np.vdot(steps, steps)), usual):
+        if self._any_lost or self._plausibility.may_jump(squares, usual):
             begun = self._follow(times, positions, usual)
         self._steps[0], self._elapsed = steps[-1], usual or math.inf
-        self._last, self._last_time = positions[-1].copy(), times[-1]
+        self._last[...], self._last_time = positions[-1], times[-1]
         # A position that we made up says nothing about the body.
         seen = np.where(self._lost[:, None], math.nan, positions[-1]) if self._any_lost else positions[-1]
         if self._plausibility.look(times[-1], seen):

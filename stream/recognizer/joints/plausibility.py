@@ -12,12 +12,15 @@ checked once a hop; lengths and positions are collected once a hop and judged th
 from __future__ import annotations
 
 import math
+from bisect import bisect_left, bisect_right
 from dataclasses import dataclass, field
 from enum import StrEnum
 from functools import lru_cache
 from typing import TYPE_CHECKING, NamedTuple, Self
 
 import numpy as np
+
+from kinespace.library.kernels import compiled
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -93,8 +96,11 @@ class ExpectedBody:
         The parent of each joint, as in `Skeleton`; empty when parents are not known: then segments are not judged.
     children
         The joint at the lower end of each segment, shape (segments,).
+    ends
+        The joints at the ends of each segment, the child first, shape (segments, 2).
     mean, shortest, longest, spread
-        Length of each segment in metres: mean, least, greatest, and the greatest change in one motion.
+        Length of each segment in metres: mean, the least and greatest that are allowed, and the greatest change in one
+        motion.
     mirrored
         Index of each joint on the other side of the body, a joint's own index in the middle, shape (joints,); None when
         the names tell no sides.
@@ -102,6 +108,7 @@ class ExpectedBody:
 
     parents: NDArray[np.intp]
     children: NDArray[np.intp]
+    ends: NDArray[np.intp] = field(repr=False)
     mean: NDArray[np.float64] = field(repr=False)
     shortest: NDArray[np.float64] = field(repr=False)
     longest: NDArray[np.float64] = field(repr=False)
@@ -119,9 +126,10 @@ class ExpectedBody:
         return cls(
             parents=parents,
             children=children,
+            ends=np.column_stack([children, parents[children]]) if len(children) else np.empty((0, 2), dtype=np.intp),
             mean=every.mean(axis=0),
-            shortest=every.min(axis=0),
-            longest=every.max(axis=0),
+            shortest=every.min(axis=0) / PROPORTION - BEYOND,
+            longest=PROPORTION * every.max(axis=0) + BEYOND,
             spread=np.max([np.ptp(each, axis=0) for each in lengths], axis=0),
             mirrored=mirrored_places(skeleton.joints),
         )
@@ -188,7 +196,13 @@ class Plausibility:
     def __init__(self, body: ExpectedBody, joints: int) -> None:
         self._body = body
         self._jumping = min(_JUMPING_JOINTS, max(2, -(-joints // 6)))
-        self._looks = np.empty((_MAX_LOOKS, joints, 3))
+        # If so many joints step by 1 m from the median, the squares of all steps about their mean add up to this at
+        # least: the median is at most one standard deviation from the mean.
+        self._least_squares = self._jumping / (1 + math.sqrt(self._jumping / joints)) ** 2
+        #: The frames looked at in the span before and in this span, and what they show (`extremes_of`).
+        self._looks = np.empty((2 * _MAX_LOOKS, joints, 3))
+        self._lengths, self._moved = np.empty((2, len(body.children))), np.empty(joints)
+        self._every_joint = frozenset(range(joints))
         self.clear()
 
     def clear(self) -> None:
@@ -196,7 +210,8 @@ class Plausibility:
         self.doubted: frozenset[int] = frozenset()
         self._scale = 1.0
         self._tremble = 0.0
-        self._in_a_row = np.zeros(self._looks.shape[1], dtype=np.intp)
+        #: For each joint that was blamed in the last judgement, in how many judgements in a row.
+        self._in_a_row: dict[int, int] = {}
         self._forget_spans()
 
     def begin(self, positions: NDArray[np.float64]) -> None:
@@ -206,13 +221,17 @@ class Plausibility:
 
     def _measure_size(self, lengths: NDArray[np.float64]) -> None:
         measured = lengths > 0
-        if measured.any():
-            self._scale = _middle(self._body.mean[measured] / lengths[measured])
+        self._all_known = bool(measured.all())
+        # Picking out takes longer than all the rest.
+        known = (self._body.mean, lengths) if self._all_known else (self._body.mean[measured], lengths[measured])
+        self._ratios: list[float] = np.divide(*known).tolist()
+        self._ratios.sort()
+        if self._ratios:
+            self._scale = self._ratios[len(self._ratios) // 2]
 
     def _forget_spans(self) -> None:
-        self._count = 0
+        self._before = self._count = 0
         self._since = math.inf
-        self._before: _Span | None = None
 
     # --- steps ---
 
@@ -229,10 +248,10 @@ class Plausibility:
         )
 
     def may_jump(self, squares: float, elapsed: float) -> bool:
-        """Say quickly, from the sum of squares of steps, m², whether a jump or a lost joint may be among them."""
+        """Say quickly, by `steps_of`, whether a jump or a lost joint may be among some steps."""
         least = max(JUMP_STEP, JUMP_SPEED * elapsed) / self._scale
         # NaN means a lost joint.
-        return not squares < self._jumping * least * least
+        return not squares < self._least_squares * least * least
 
     def _step_length(self, step: NDArray[np.float64]) -> float:
         """Give how far a sixth of the joints step, metres, relative to the step of the body as a whole."""
@@ -265,52 +284,57 @@ class Plausibility:
         """Look at one frame (joints, 3) of a hop, lost joints NaN; say whether a span is over and `doubted` is new."""
         self._since = min(self._since, time)
         if self._count < _MAX_LOOKS:
-            self._looks[self._count] = positions
+            self._looks[self._before + self._count] = positions
             self._count += 1
         if time - self._since < SPAN or self._count < _MIN_LOOKS or not len(self._body.children):
             return False
-        span = _Span.of(self._looks[: self._count], self._body)
-        self._judge(span if self._before is None else span.after(self._before))
-        self._before, self._count, self._since = span, 0, time
+        before, both = self._before, self._before + self._count
+        extremes_of(self._looks[:both], self._body, self._lengths, self._moved)
+        self._judge(self._lengths[0], self._lengths[1], self._moved)
+        self._looks[: self._count] = self._looks[before:both]
+        self._before, self._count, self._since = self._count, 0, time
         return True
 
     def begin_again(self) -> None:
         """Forget the frames before a jump: a segment did not stretch between them and the frames after it."""
         self._forget_spans()
 
-    def _judge(self, span: _Span) -> None:
+    def _judge(self, mean: NDArray[np.float64], stretch: NDArray[np.float64], moved: NDArray[np.float64]) -> None:
+        """Judge by the segments' lengths and changes, and by how far joints moved; all in the feed's metres."""
         body = self._body
-        mean = (span.lowest + span.highest) / 2
         self._measure_size(mean)
-        stretch = (span.highest - span.lowest) * self._scale
-        known = stretch[np.isfinite(stretch)]
+        stretch *= self._scale
+        known = stretch if self._all_known else stretch[np.isfinite(stretch)]
         self._tremble = tremble = max(_middle(known) if len(known) else 0.0, _KEPT * self._tremble)
-        rigid = tremble < TREMBLES
-        mean *= self._scale
-        allowed = min(RIGID + PER_TREMBLE * tremble, MAX_STRETCH)
-        broken = stretch > body.spread + allowed
-        if rigid:
-            broken |= (mean > PROPORTION * body.longest + BEYOND) | (mean < body.shortest / PROPORTION - BEYOND)
-        if self._in_disorder(mean):
-            self.doubted = frozenset(range(len(self._in_a_row)))
+        if self._in_disorder():
+            self.doubted = self._every_joint
             return
-        changed = (stretch > max(FROZEN_STRETCH, 4 * tremble) + body.spread) | (not rigid)
-        frozen = self._frozen((span.far - span.near).max(axis=1) * self._scale < SAME_PLACE, changed)
-        blamed = np.zeros(len(self._in_a_row), dtype=bool)
-        blamed[[*frozen, *_blamed(broken, body, frozen)]] = True
-        self._in_a_row = np.where(blamed, self._in_a_row + 1, 0)
-        self.doubted = frozenset(np.flatnonzero(self._in_a_row >= (1 if rigid else _LASTING)).tolist())
+        rigid = tremble < TREMBLES
+        broken = stretch > body.spread + min(RIGID + PER_TREMBLE * tremble, MAX_STRETCH)
+        if rigid:
+            mean *= self._scale
+            broken |= mean > body.longest
+            broken |= mean < body.shortest
+        kept = moved < SAME_PLACE / self._scale
+        frozen = set[int]()
+        if kept.any():
+            changed = (stretch > max(FROZEN_STRETCH, 4 * tremble) + body.spread) | (not rigid)
+            frozen = self._frozen(kept, changed)
+        blamed = frozen | _blamed(broken, body, frozen) if broken.any() else frozen
+        self._in_a_row = {joint: self._in_a_row.get(joint, 0) + 1 for joint in blamed}
+        lasting = 1 if rigid else _LASTING
+        self.doubted = frozenset(joint for joint, times in self._in_a_row.items() if times >= lasting)
 
-    def _in_disorder(self, lengths: NDArray[np.float64]) -> bool:
+    def _in_disorder(self) -> bool:
         """Say whether the lengths of segments look as if the joints were in another order."""
-        known = lengths > 0
-        ratios = np.log(lengths[known] / self._body.mean[known])
-        return len(ratios) > 0 and _middle(np.abs(ratios)) > DISORDER
+        ratios, limit = self._ratios, math.exp(DISORDER)
+        alike = bisect_right(ratios, self._scale * limit) - bisect_left(ratios, self._scale / limit)
+        return len(ratios) > 0 and alike <= len(ratios) // 2
 
     def _frozen(self, kept: NDArray[np.bool_], changed: NDArray[np.bool_]) -> set[int]:
         """Give the joints that keep their position though a segment between them and the moving body changes."""
         body = self._body
-        if not kept.any() or kept.all():
+        if kept.all():
             return set()
         above = body.parents[body.children]
         border = changed & (kept[body.children] != kept[above])
@@ -324,29 +348,53 @@ class Plausibility:
         return frozen
 
 
-class _Span(NamedTuple):
-    """The extremes of a span: least and greatest length of each segment, least and greatest position of each joint.
+def extremes_of(
+    looks: NDArray[np.float64], body: ExpectedBody, lengths: NDArray[np.float64], moved: NDArray[np.float64]
+) -> None:
+    """Find how segments and joints change in some frames; a lost joint's NaN counts only where there is nothing else.
 
-    All numbers of a joint that was never there are NaN, which compares as neither less nor greater.
+    Parameters
+    ----------
+    looks
+        Shape (frames, joints, 3), metres.
+    body
+        The segments.
+    lengths
+        Where to write the mean of each segment's least and greatest length, and their difference, shape (2, segments).
+    moved
+        Where to write how far each joint moves along an axis at most, shape (joints,).
     """
+    if compiled.loops:
+        compiled.loops.extremes(looks, body.ends, lengths, moved)
+        return
+    measured = body.lengths(looks)
+    least, greatest = np.fmin.reduce(measured), np.fmax.reduce(measured)
+    lengths[0], lengths[1] = (least + greatest) / 2, greatest - least
+    moved[...] = (np.fmax.reduce(looks) - np.fmin.reduce(looks)).max(axis=1)
 
-    lowest: NDArray[np.float64]
-    highest: NDArray[np.float64]
-    near: NDArray[np.float64]
-    far: NDArray[np.float64]
 
-    @classmethod
-    def of(cls, looks: NDArray[np.float64], body: ExpectedBody) -> Self:
-        lengths = body.lengths(looks)
-        return cls(np.fmin.reduce(lengths), np.fmax.reduce(lengths), np.fmin.reduce(looks), np.fmax.reduce(looks))
+def steps_of(positions: NDArray[np.float64], last: NDArray[np.float64], steps: NDArray[np.float64]) -> float:
+    """Take the steps of joints from frame to frame.
 
-    def after(self, before: _Span) -> _Span:
-        return _Span(
-            np.fmin(self.lowest, before.lowest),
-            np.fmax(self.highest, before.highest),
-            np.fmin(self.near, before.near),
-            np.fmax(self.far, before.far),
-        )
+    Parameters
+    ----------
+    positions
+        Shape (frames, joints, 3), metres.
+    last
+        The frame before them, shape (joints, 3).
+    steps
+        Where to write the steps, shape (frames, joints, 3).
+
+    Returns
+    -------
+    The largest sum of squares of a frame's steps about their mean, m²; NaN when there is one.
+    """
+    if compiled.loops:
+        return compiled.loops.steps(positions, last, steps)
+    np.subtract(positions[0], last, out=steps[0])
+    np.subtract(positions[1:], positions[:-1], out=steps[1:])
+    own = steps - steps.mean(axis=1, keepdims=True)
+    return float(np.einsum("fjc,fjc->f", own, own).max())
 
 
 def _middle(numbers: NDArray[np.float64]) -> float:

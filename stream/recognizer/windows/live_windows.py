@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -24,7 +25,7 @@ from kinespace.stream.recognizer.windows.rolling import RollingCovariance, Rolli
 from kinespace.stream.recognizer.windows.sliding_window import MAX_PENDING, ShorterWindow, SlidingWindow
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
+    from collections.abc import Mapping, Sequence
 
     from numpy.typing import NDArray
 
@@ -58,7 +59,33 @@ class LiveSignature(NamedTuple):
     gap: float
 
 
-class LiveWindows:
+class _RowsAndPoints(ABC):
+    """Distance rows of the last seconds, and their points in a basis."""
+
+    _distances: SlidingWindow
+    _points: SlidingWindow
+    _directions: NDArray[np.float64]
+
+    def push(self, times: Sequence[float], rows: NDArray[np.float64]) -> None:
+        """Take in distance rows, shape (frames, pairs), metres; `MAX_PENDING` at most, later than the rows before."""
+        if self._points.pending + len(times) > MAX_PENDING:
+            self._settle()
+        self._distances.push(times, rows)
+        self._points.push(times, rows @ self._directions)
+
+    @abstractmethod
+    def _settle(self) -> None:
+        """Let moments and covariances follow the rows that were pushed."""
+
+    def _place_anew(self) -> None:
+        """Fill a new window of points from the rows, as many at a time as may be pushed."""
+        for begin in range(0, len(self._distances), MAX_PENDING):
+            some = slice(begin, begin + MAX_PENDING)
+            self._points.push(self._distances.times[some].tolist(), self._distances.rows[some] @ self._directions)
+            self._settle()
+
+
+class LiveWindows(_RowsAndPoints):
     """Follows the windows of one performer.
 
     A window reaches back as far as the feed has been followed, at most its length.
@@ -111,9 +138,7 @@ class LiveWindows:
             return
         self._settle()
         self._set_basis(basis)
-        for times, rows in _batches(self._distances):
-            self._points.push(times, rows @ self._directions)
-            self._settle()
+        self._place_anew()
 
     def clear(self) -> None:
         """Forget all rows."""
@@ -121,13 +146,6 @@ class LiveWindows:
             window.clear()
         for rolling in self._rolling:
             rolling.clear()
-
-    def push(self, times: Sequence[float], rows: NDArray[np.float64]) -> None:
-        """Take in distance rows, shape (frames, pairs), metres; `MAX_PENDING` at most, later than those before."""
-        if self._points.pending + len(times) > MAX_PENDING:
-            self._settle()
-        self._distances.push(times, rows)
-        self._points.push(times, rows @ self._directions)
 
     def _settle(self) -> None:
         for each in self._rolling:
@@ -198,13 +216,6 @@ _PLACES = tuple(
 )
 
 
-def _batches(window: SlidingWindow) -> Iterator[tuple[list[float], NDArray[np.float64]]]:
-    """Give the times and rows in a window, as many at a time as may be pushed to another window."""
-    for begin in range(0, len(window), MAX_PENDING):
-        some = slice(begin, begin + MAX_PENDING)
-        yield window.times[some].tolist(), window.rows[some]
-
-
 class Leading(NamedTuple):
     """The leading eigenvector of one window; the fields are as in `LiveSignature`."""
 
@@ -221,7 +232,7 @@ class Leading(NamedTuple):
         return cls(eigenvector, min(first / total, 1.0) if moves else 0.0, (first - second) / first if moves else 0.0)
 
 
-class PaperWindow:
+class PaperWindow(_RowsAndPoints):
     """Follows the one window of the paper's signature.
 
     Parameters
@@ -248,21 +259,12 @@ class PaperWindow:
         """Follow the same rows in another basis of the same distances."""
         self._settle()
         self._set_basis(basis)
-        for times, rows in _batches(self._distances):
-            self._points.push(times, rows @ self._directions)
-            self._settle()
+        self._place_anew()
 
     def clear(self) -> None:
         """Forget all rows."""
         for each in (self._points, self._distances, self._covariance, self._moments):
             each.clear()
-
-    def push(self, times: Sequence[float], rows: NDArray[np.float64]) -> None:
-        """Take in distance rows, shape (frames, pairs), metres; `MAX_PENDING` at most, later than those before."""
-        if self._points.pending + len(times) > MAX_PENDING:
-            self._settle()
-        self._distances.push(times, rows)
-        self._points.push(times, rows @ self._directions)
 
     def _settle(self) -> None:
         self._covariance.update()

@@ -684,6 +684,18 @@ _REFUSED: dict[str, tuple[Callable[[compiled.Loops], object], str]] = {
         lambda loops: loops.moving(np.zeros((3, 2)), 1, 1.0, np.zeros((3, 4)), np.zeros(4, _F)),
         "whitening: expected 4, got 3",
     ),
+    "steps: last": (
+        lambda loops: loops.steps(np.zeros((2, 5, 3)), np.zeros((4, 3)), np.zeros((2, 5, 3))),
+        "last: expected 5, got 4",
+    ),
+    "extremes: ends": (
+        lambda loops: loops.extremes(np.zeros((2, 5, 3)), np.array([[0, 5]]), np.zeros((2, 1)), np.zeros(5)),
+        "ends: expected indices below 5, got 5",
+    ),
+    "extremes: lengths": (
+        lambda loops: loops.extremes(np.zeros((2, 5, 3)), np.array([[0, 1]]), np.zeros((2, 2)), np.zeros(5)),
+        "lengths: expected 1, got 2",
+    ),
     "followed: bins": (lambda loops: _followed(loops, indices=np.array([[0, 64], [0, 1]])), "indices: expected bins"),
     "followed: order": (lambda loops: _followed(loops, indices=np.array([[0, 1], [0, 2]])), "indices: expected bins"),
     "followed: starts": (lambda loops: _followed(loops, starts=np.array([1])), "indices: expected bins below 64"),
@@ -717,6 +729,8 @@ def test_arrays_that_do_not_fit_are_refused(loops: compiled.Loops, name: str) ->
         "eigenpairs",
         "follow_phase",
         "moving",
+        "steps",
+        "extremes",
         "Table",
     ],
 )

@@ -564,10 +564,10 @@ NO_LIBRARY = "not a motion library"
                 ("motions", "name"),
             )
         ),
-        pytest.param(_array("further", np.copy), "arrays: expected those", id="an array more"),
-        pytest.param(_array("learned_more", np.copy), "arrays: expected those", id="more learned"),
-        pytest.param(_no_array("positions"), "arrays: expected those", id="no positions"),
-        pytest.param(_no_array("learned_weights"), "arrays: expected those", id="nothing learned"),
+        pytest.param(_array("further", np.copy), "arrays: expected exactly the arrays", id="an array more"),
+        pytest.param(_array("learned_more", np.copy), "arrays: expected exactly the arrays", id="more learned"),
+        pytest.param(_no_array("positions"), "arrays: expected exactly the arrays", id="no positions"),
+        pytest.param(_no_array("learned_weights"), "arrays: expected exactly the arrays", id="nothing learned"),
         pytest.param(_array("starts", _far), "positions: expected at most 1000 m", id="far away"),
         pytest.param(_array("positions", _wandering), "positions: expected at most 1000 m", id="wandering"),
         *(
@@ -669,7 +669,7 @@ def test_an_array_twice_is_refused(content: bytes, tmp_path: Path) -> None:
     file = io.BytesIO(content)
     with zipfile.ZipFile(file, "a") as archive, pytest.warns(UserWarning, match="Duplicate name"):
         archive.writestr("starts.npy", archive.read("starts.npy"))
-    _assert_refused(tmp_path / "twice.npz", file.getvalue(), "arrays: expected those")
+    _assert_refused(tmp_path / "twice.npz", file.getvalue(), "arrays: expected exactly the arrays")
 
 
 def test_a_zip_of_very_many_files_is_refused(content: bytes, tmp_path: Path) -> None:

@@ -119,3 +119,14 @@ def test_arrays_that_do_not_fit_are_refused(
     """An array of another shape or type raises ValueError with its name, the expectation and the value found."""
     with pytest.raises(ValueError, match=said):
         kept_of(_with(keeping, name, array), WEIGHINGS["across"])
+
+
+def test_lessons_do_not_tell_what_is_unknown(keeping: MotionLibrary, builtin: MotionLibrary) -> None:
+    """A library that keeps only what its own motions teach is weighed and judged as one that keeps nothing."""
+    assert builtin.judged_by_strangers
+    assert not keeping.judged_by_strangers
+    assert WindowIndex.of(keeping).comparison.weighing is WEIGHINGS["within"]
+    assert builtin.learned is not None
+    own = replace(builtin, learned=builtin.learned.of_these_motions())
+    assert not own.judged_by_strangers
+    assert kept_of(own, WEIGHINGS["within"]) is not None

@@ -264,6 +264,40 @@ def test_another_library_reaches_every_worker(stage: Callable[..., Stage], stick
     assert {each.performer for each in on.heard[before:]} == set(NAMES)
 
 
+def test_what_carries_an_answer_comes_when_it_is_asked_for(
+    stage: Callable[..., Stage], sticks: MotionLibrary, feed: Sequence[Sequence[Frame]]
+) -> None:
+    """A sink that draws bodies is told the skeleton and what carries the decision, as in one process."""
+    on, performers = stage(2), Performers(opened(sticks))
+    assert (on.crew.carried("ann"), on.crew.skeleton_of("ann")) == (None, None)
+    told = {}
+    for frames in feed[:60]:
+        asks = on.crew.carried("ann")
+        on.turn(frames)
+        if any(performers.push_all(frames, 1.0)[:1]):
+            told[frames[0].time] = performers.carried("ann")
+    assert asks in [*told.values()][-3:]
+    assert asks is not None
+    assert on.crew.skeleton_of("ann") == performers.skeleton_of("ann")
+
+
+def test_another_sensitivity_reaches_every_worker(
+    stage: Callable[..., Stage], sticks: MotionLibrary, feed: Sequence[Sequence[Frame]]
+) -> None:
+    """Answers are those of one process whose sensitivity is changed at the same moment, in all workers."""
+    on, performers = stage(2), Performers(opened(sticks))
+    assert on.crew.sensitivity == performers.sensitivity
+    expected = []
+    for k, frames in enumerate(feed[:240]):
+        if k == 100:
+            on.crew.set_sensitivity(0.0)
+            performers.set_sensitivity(0.0)
+        on.turn(frames)
+        expected += [each for each in performers.push_all(frames, frames[0].time) if each]
+    assert (on.crew.sensitivity, on.crew.settings.sensitivity) == (0.0, 0.0)
+    assert described(on.heard) == described(expected)
+
+
 def test_what_cannot_be_read_is_counted(stage: Callable[..., Stage], feed: Sequence[Sequence[Frame]]) -> None:
     """Broken messages and answers of nobody's frames are counted and change nothing."""
     on = stage(2)

@@ -32,6 +32,8 @@ KEYS = (
     *("latency_p99_ms", "echo_p99_ms", "lost_360"),
     *("performers_at_120hz", "floor_performers_at_120hz", "performers_share_of_floor"),
     *("pairs_exponent", "match_200k_ms", "rss_mb", "rss_100_mb", "startup_s", "max_eigenvector_error"),
+    *("added_p50_ms", "added_p99_ms", "performers_per_core_ratio", "kill_gap_s", "hang_gap_s", "gateway_gap_s"),
+    *("lost_events", "false_events"),
 )
 
 

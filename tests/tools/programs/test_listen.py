@@ -128,7 +128,7 @@ def test_silence_and_foreign_packets_have_messages() -> None:
     assert advice(survey, None, None)[0] == "1 of 1 packets are no OSC: another protocol on this port?"
     survey.see(message("/fader", "f", 0.5), "h:1", 0.0)
     assert survey.guess(PRESETS) is None
-    assert advice(survey, None, None)[-1].startswith("no feed we know")
+    assert advice(survey, None, None)[-1].startswith("no known feed")
 
 
 @contextmanager

@@ -3,6 +3,7 @@
 
 const SHOWN = 60; // seconds of the timeline
 const KEPT_SCORES = 620; // points of a score's line: a minute at ten a second
+const OLD = 3; // seconds after which a notice is neither said nor sounded
 const SILENT = 2.5; // seconds without a status after which the recogniser counts as away
 const byId = (id) => document.getElementById(id);
 /** Make an element with text; text from outside never becomes markup. */
@@ -84,7 +85,7 @@ function take(news) {
   for (const [name, answer] of Object.entries(news.answer ?? {})) takeAnswer(page.performers.get(name), answer);
   for (const [name, at, guess] of news.guesses ?? []) page.performers.get(name)?.guesses.push([at, guess]);
   for (const motion of news.motions ?? []) takeMotion(motion);
-  (news.notices ?? []).filter((notice) => page.now - notice.at < 3).forEach(takeNotice);
+  (news.notices ?? []).forEach(takeNotice);
   (news.replies ?? []).forEach(takeReply);
 }
 
@@ -292,14 +293,16 @@ for (const button of document.querySelectorAll("[data-do]")) button.addEventList
 byId("sensitivity").addEventListener("change", ({ target }) => ask({ do: "sensitivity", share: Number(target.value) }));
 byId("record").addEventListener("click", () => ask({ do: "record", on: !page.control.recording }));
 
-function takeNotice({ performer: name, state, seconds, reason, taught, check, examples }) {
-  if (taught) { say(`${taught}: ${examples} ${examples === 1 ? "example" : "examples"}, ${check}`); return; }
+function takeNotice({ at, performer: name, state, seconds, reason, taught, check, examples }) {
+  const old = page.now - at > OLD;
+  if (taught && !old) { say(`${taught}: ${examples} ${examples === 1 ? "example" : "examples"}, ${check}`); return; }
   const performer = page.performers.get(name);
   const words = { waiting: "move now", recording: "recording", checking: "checking" }[state];
   if (performer) {
     performer.lesson.textContent = state === "countdown" ? String(Math.round(seconds)) : words ?? "";
     performer.lesson.classList.toggle("words", state !== "countdown");
   }
+  if (old) return;
   if (state === "countdown") { beep(440, 0.12); say(String(Math.round(seconds))); }
   if (state === "waiting") { beep(880, 0.3); say("move now"); }
   if (state === "checking") beep(660, 0.15);

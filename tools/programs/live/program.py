@@ -35,7 +35,8 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from kinespace.library.windows.index import WindowIndex
-    from kinespace.stream.recognizer import Performers, SentJoints, Settings
+    from kinespace.stream.recognizer import SentJoints, Settings
+    from kinespace.stream.service.recognising import Teachable
 
 #: Where answers go by default: a port that no usual receiver uses.
 OSC_OUT = "127.0.0.1:9311"
@@ -147,7 +148,6 @@ def in_workers(number: int) -> Where:
     """Recognise in processes of their own."""
     from kinespace.library.windows.index import opened  # noqa: PLC0415 - only where there are workers
     from kinespace.stream.workers.crew import Crew  # noqa: PLC0415 - as above
-    from kinespace.stream.workers.spread import as_performers  # noqa: PLC0415 - as above
 
     def make(
         library: MotionLibrary | WindowIndex,
@@ -156,12 +156,12 @@ def in_workers(number: int) -> Where:
         most: int,
         joints: SentJoints,
         classes: Sequence[str] = (),
-    ) -> Performers:
+    ) -> Teachable:
         if isinstance(library, MotionLibrary) and settings.signature is LiveSignature.WINDOWS:
             library = opened(library)
         crew = Crew(number, library, settings, most=most, joints=joints, classes=classes)
         where.sources += crew.sources
-        return as_performers(crew)
+        return crew
 
     where = Where(make)
     return where

@@ -13,7 +13,7 @@ from kinespace.stream.recognizer import Performers, Recognizer, SentJoints
 from kinespace.stream.service.background_opener import background_restricter, background_windows
 from kinespace.tools.cli.arguments import library_at
 from kinespace.tools.feeding.joint_sets import joints_in_order
-from kinespace.tools.teaching.desk import Start, as_performers, open_desk
+from kinespace.tools.teaching.desk import Start, open_desk
 from kinespace.tools.terminal.console import console
 
 if TYPE_CHECKING:
@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from kinespace.stream.outputs import Sink
     from kinespace.stream.recognizer import Settings
     from kinespace.stream.service.loop import Source
+    from kinespace.stream.service.recognising import Recognising, Teachable
     from kinespace.tools.programs.live.options import Feed, Teaching
     from kinespace.tools.teaching.desk import Desk
 
@@ -43,7 +44,7 @@ class Making(Protocol):
         most: int,
         joints: SentJoints,
         classes: Sequence[str] = (),
-    ) -> Performers:
+    ) -> Teachable:
         """Make them."""
 
 
@@ -54,7 +55,7 @@ def in_this_process(
     most: int,
     joints: SentJoints,
     classes: Sequence[str] = (),
-) -> Performers:
+) -> Teachable:
     """Make recognisers that the service's own loop calls."""
     return Performers(library, settings, most=most, joints=joints, opener=background_windows(), classes=classes)
 
@@ -90,7 +91,7 @@ def recognisers(
     settings: Settings,
     most: int,
     make: Making = in_this_process,
-) -> tuple[Performers, Desk | None]:
+) -> tuple[Recognising, Desk | None]:
     """Make the recognisers, and the desk in front of them if people may teach."""
     nothing = library == _NO_LIBRARY
     if nothing and not teaching.file:
@@ -108,7 +109,7 @@ def recognisers(
     sent = SentJoints(joints, feed.naming, background_restricter(settings))
     if teaching.file:
         desk = _desk(teaching, None if nothing else motions, sent, partial(make, settings=settings, most=most))
-        return as_performers(desk), desk
+        return desk, desk
     _require_room_for(motions, settings)
     return make(motions, settings, most=most, joints=sent), None
 
@@ -143,11 +144,11 @@ def fitted(motions: MotionLibrary, whose: str, joints: Sequence[str]) -> MotionL
     return shared
 
 
-def _desk(teaching: Teaching, motions: MotionLibrary | None, sent: SentJoints, make: Callable[..., Performers]) -> Desk:
+def _desk(teaching: Teaching, motions: MotionLibrary | None, sent: SentJoints, make: Callable[..., Teachable]) -> Desk:
     """Open the taught library."""
     assert teaching.file is not None  # noqa: S101 - told to mypy
 
-    def performers(index: WindowIndex, classes: Sequence[str]) -> Performers:
+    def performers(index: WindowIndex, classes: Sequence[str]) -> Teachable:
         covers = set(index.library.skeleton.joints) <= set(sent.assumed)
         joints = sent if covers else replace(sent, assumed=())
         return make(index, joints=joints, classes=classes)

@@ -35,7 +35,8 @@ if TYPE_CHECKING:
 
     from kinespace.stream.feeds import Preset
     from kinespace.stream.outputs import Sink
-    from kinespace.stream.recognizer import Performers, Settings
+    from kinespace.stream.recognizer import Settings
+    from kinespace.stream.service.recognising import Recognising
     from kinespace.tools.page.attach import Ends
     from kinespace.tools.programs.live.options import Addresses
     from kinespace.tools.teaching.desk import Desk
@@ -148,7 +149,7 @@ def _page_ends(
     preset: Preset | None,
     guard: Guard,
     *,
-    performers: Performers,
+    performers: Recognising,
     desk: Desk | None,
 ) -> Ends:
     """Start the page that is asked for, and open the ends of the link to it."""

@@ -252,7 +252,7 @@ def test_chosen_joints_hang_on_the_nearest_chosen_above(tmp_path: Path) -> None:
     [
         ("HIERARCHY", "HIERARCHIE", ":1: expected a word of a BVH hierarchy, got 'HIERARCHIE'"),
         ("ROOT hip", "ROOT", ":2: expected a name"),
-        ("ROOT", "JOINT", ":2: expected one ROOT that holds all joints"),
+        ("ROOT", "JOINT", ":2: expected one ROOT with all joints"),
         ("JOINT lower", "JOINT upper", ":10: joint 'upper' stands in it twice"),
         ("OFFSET 0.0 1.0 0.0", "OFFSET 0.0 1.0", ":8: expected 3 numbers, got 2"),
         ("OFFSET 0.0 1.0 0.0", "OFFSET 0.0 one 0.0", ":8: expected numbers, got '0.0 one 0.0'"),

@@ -2,12 +2,22 @@
 
 from __future__ import annotations
 
+import itertools
+from contextlib import nullcontext
 from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-from naive_bodies import keeps_its_place, segment_lengths, step_length
+from naive_bodies import (
+    extremes,
+    keeps_its_place,
+    segment_lengths,
+    squares_about_mean,
+    step_length,
+    steps_between,
+)
 
+from kinespace.library.kernels.compiled import left_aside
 from kinespace.stream.recognizer.joints.plausibility import (
     SAME_PLACE,
     SPAN,
@@ -15,7 +25,9 @@ from kinespace.stream.recognizer.joints.plausibility import (
     Plausibility,
     Step,
     expected_body,
+    extremes_of,
     mirrored_places,
+    steps_of,
 )
 from kinespace.tools.feeding.feed import resampled
 
@@ -59,6 +71,38 @@ def test_lengths_equal_the_slow_twins(small_library: MotionLibrary, kick: Clip) 
         assert found == pytest.approx(segment_lengths(frame, small_library.skeleton.parents))
     assert (body.shortest <= lengths + 2e-3).all()
     assert (lengths <= body.longest + 2e-3).all()
+
+
+@pytest.mark.parametrize("aside", [False, True], ids=["compiled", "numpy"])
+def test_steps_and_extremes_equal_the_slow_twins(small_library: MotionLibrary, kick: Clip, *, aside: bool) -> None:
+    """Of every joint and segment, also where a joint is lost in some frames or in all; NaN spoils the sum."""
+    body, positions = expected_body(small_library), kick.positions[:7].copy()
+    steps, lengths, moved = np.empty((6, 31, 3)), np.empty((2, len(body.children))), np.empty(31)
+    with left_aside() if aside else nullcontext():
+        squares = steps_of(positions[1:], positions[0], steps)
+        positions[2:4, 5] = np.nan
+        positions[:, 9] = np.nan
+        extremes_of(positions, body, lengths, moved)
+        assert np.isnan(steps_of(positions[1:], positions[0], np.empty_like(steps)))
+    pairs = list(itertools.pairwise(kick.positions[:7].tolist()))
+    np.testing.assert_allclose(steps, [steps_between(*pair) for pair in pairs])
+    assert squares == pytest.approx(max(squares_about_mean(steps_between(*pair)) for pair in pairs))
+    expected_lengths, expected_moved = extremes(positions.tolist(), small_library.skeleton.parents)
+    np.testing.assert_allclose(lengths.T, expected_lengths, atol=1e-12)
+    np.testing.assert_allclose(moved, expected_moved, atol=1e-12)
+
+
+def test_no_jump_is_overlooked_for_its_small_sum(small_library: MotionLibrary, kick: Clip) -> None:
+    """The quick sum asks for a closer look whenever a sixth of the joints step as far as a jump."""
+    watched, generator = _watch(small_library), np.random.default_rng(5)
+    watched.begin(kick.positions[0])
+    for _ in range(300):
+        step = generator.normal(0.0, 0.03, 3) + generator.normal(0.0, 0.01, (31, 3))
+        some = generator.choice(31, generator.integers(5, 9), replace=False)
+        step[some] += generator.normal(0.0, 0.12, 3)
+        squares = steps_of(step[None], np.zeros((31, 3)), np.empty((1, 31, 3)))
+        far = step_length(np.zeros((31, 3)).tolist(), step.tolist(), JUMPING) >= 0.12
+        assert watched.may_jump(squares * watched._scale**2, 0.0) or not far  # noqa: SLF001 - in the library's metres
 
 
 def test_a_jump_is_judged_by_the_step_of_the_twin(small_library: MotionLibrary, kick: Clip) -> None:

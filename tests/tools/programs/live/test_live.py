@@ -73,7 +73,7 @@ def test_without_an_output_it_answers_to_the_usual_port() -> None:
         assert (program.interrupt(), program.errors) == (0, "")
 
 
-@pytest.mark.parametrize("options", [(), ("--workers", 2)])
+@pytest.mark.parametrize("options", [(), ("--workers", 2, "--zmq-out", f"tcp://{LOOPBACK}:*", "--bodies")])
 def test_every_frame_is_answered_that_is_due(options: tuple[object, ...]) -> None:
     """Over OSC the answers equal the expected ones, one by one, and the counts at the end are exact."""
     cues = ghost_cues("squat1Reps", 2.0)

@@ -161,7 +161,7 @@ def test_long_takes_without_labels_cause_a_remark(tmp_path: Path, capsys: pytest
     path = write_take(tmp_path, "bd", "bendRight", 1, frames=120 * 16)
     assert build(tmp_path, "-o", tmp_path / "mine.npz") == 0
     told = (
-        f"1 of 2 recordings are longer than 15 s, {path.stem} (16 s) the longest; each is taken as one motion: --labels"
+        f"1 of 2 recordings are longer than 15 s, {path.stem} (16 s) the longest; each is taken as one motion; --labels"
     )
     (line,) = [line for line in capsys.readouterr().out.splitlines() if "--labels" in line]
     assert line.startswith(told)

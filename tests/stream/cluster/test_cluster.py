@@ -1,0 +1,300 @@
+"""Gateways and workers on one bus, in the test's own process: what comes back, and who is not believed."""
+
+from __future__ import annotations
+
+import json
+import socket
+import time
+from contextlib import ExitStack
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pytest
+from synthetic import STICK_CLASSES, stick_clip
+
+from kinespace.library.windows.index import opened
+from kinespace.stream.cluster import bus
+from kinespace.stream.cluster import charter as chartered
+from kinespace.stream.cluster.bus import open_session
+from kinespace.stream.cluster.charter import Back, encode, key
+from kinespace.stream.cluster.gateway import Gateway
+from kinespace.stream.cluster.node import Node
+from kinespace.stream.frame import Frame
+from kinespace.stream.recognizer import Performers, SentJoints, Settings
+from kinespace.stream.workers.partition import partition_of
+from kinespace.stream.workers.wire import Answers, encode_frames, sent_frame
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator, Sequence
+
+    from kinespace.library.motion_library import MotionLibrary
+    from kinespace.stream.recognition import Recognition
+
+pytest.importorskip("zenoh")
+NAMES = ("ann", "bob", "cleo")
+RATE = 60
+PATIENCE = 15.0
+
+
+def free_port() -> int:
+    """Give a TCP port that nobody listens on."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        port: int = probe.getsockname()[1]
+        return port
+
+
+class Bus:
+    """Gateways and workers that take their turns in this thread."""
+
+    def __init__(self, library: MotionLibrary, opened: ExitStack) -> None:
+        self.library, self._opened = library, opened
+        self.place = f"tcp/127.0.0.1:{free_port()}"
+        self.gateways: list[Gateway] = []
+        self.nodes: list[Node] = []
+        self.told: list[str] = []
+        self.heard: dict[str, list[Recognition]] = {}
+        self._listens = False
+
+    def session(self) -> Any:  # noqa: ANN401 - Zenoh's
+        """Open a session: the others connect to the first one, which tells them of each other."""
+        first, self._listens = not self._listens, True
+        return open_session([self.place if first else "tcp/127.0.0.1:0"], [] if first else [self.place], None)
+
+    def gateway(self, library: MotionLibrary | None = None) -> Gateway:
+        """Add a gateway."""
+        made = Gateway(self.session(), library or self.library, Settings(), most=32, joints=SentJoints(), naming="auto")
+        self.gateways.append(made)
+        self._opened.callback(made.close)
+        return made
+
+    def node(self, library: MotionLibrary | None = None) -> Node:
+        """Add a worker."""
+        made = Node(self.session(), library, self.told.append)
+        self.nodes.append(made)
+        self._opened.callback(made.close)
+        return made
+
+    def leave(self, node: Node) -> None:
+        """Let a worker leave, as Ctrl-C does, or as its death does."""
+        self.nodes.remove(node)
+        node.session.close()
+
+    def turn(self) -> None:
+        """Let everybody work once."""
+        for node in self.nodes:
+            node.step(0.0)
+        now = time.monotonic()
+        for gateway in self.gateways:
+            gateway.source.tend(now)
+            while (taken := gateway.source.take(now)) is not None:
+                heard = self.heard.setdefault(gateway.name, [])
+                heard += [each for each in gateway.push_all(taken, now) if each]
+
+    def until(self, reached: Callable[[], bool]) -> None:
+        """Let everybody work until something is reached."""
+        end = time.monotonic() + PATIENCE
+        while not reached():
+            assert time.monotonic() < end, (
+                self.told,
+                [each.notes for each in self.gateways],
+                [each.counts for each in self.nodes],
+            )
+            self.turn()
+            time.sleep(0.001)
+
+    def has_workers(self, gateway: Gateway, count: int) -> bool:
+        """Say whether a gateway has so many workers."""
+        return gateway.notes[0] == f"{count} workers of gateway {gateway.name}"
+
+
+@pytest.fixture
+def on(sticks: MotionLibrary) -> Iterator[Bus]:
+    """Give an empty bus."""
+    opened(sticks)
+    with ExitStack() as stack:
+        yield Bus(sticks, stack)
+
+
+@pytest.fixture(scope="module")
+def feed() -> list[list[Frame]]:
+    """Give each moment's frames: each performer plays all classes, each from another one on."""
+    clips = [stick_clip(name, seed=80, frames=5 * RATE).positions[::2] for name in STICK_CLASSES]
+    played = [np.concatenate(clips[place:] + clips[:place]) for place in range(len(NAMES))]
+    return [
+        [Frame(name, 1 + k / RATE, own[k]) for name, own in zip(NAMES, played, strict=True)]
+        for k in range(len(played[0]))
+    ]
+
+
+def events(recognitions: Sequence[Recognition]) -> dict[str, list[tuple[str, str]]]:
+    """List each performer's events in order: what happened, and to which class."""
+    told: dict[str, list[tuple[str, str]]] = {}
+    for each in recognitions:
+        told.setdefault(each.performer, []).extend((str(event.kind), event.label) for event in each.events)
+    return told
+
+
+def test_workers_come_and_go_without_a_lost_event(on: Bus, feed: Sequence[Sequence[Frame]]) -> None:
+    """A worker fetches the library, a second one joins, the first one dies: the events are those of one process."""
+    performers = Performers(opened(on.library))
+    expected = [each for frames in feed for each in performers.push_all(frames, frames[0].time) if each]
+    gateway = on.gateway()
+    first = on.node()
+    on.until(lambda: on.has_workers(gateway, 1))
+    due = {(each.performer, each.time) for each in expected}
+    for k, frames in enumerate(feed):
+        gateway.push_all(frames, time.monotonic())
+        on.turn()
+        if k == len(feed) // 3:
+            on.node(on.library)
+            on.until(lambda: on.has_workers(gateway, 2))
+        if k == 2 * len(feed) // 3:
+            on.until(lambda k=k: len(on.heard[gateway.name]) >= sum(time <= 1 + k / RATE for _, time in due) - 9)
+            on.leave(first)
+            on.until(lambda: on.has_workers(gateway, 1))
+    last = {name: max(time for performer, time in due if performer == name) for name in NAMES}
+    heard = on.heard[gateway.name]
+    on.until(lambda: last.items() <= {each.performer: each.time for each in heard}.items())
+    assert events(heard) == events(expected)
+    # Hops begin anew with the first frame that a worker sees, so that one may fall on the frame beside it.
+    assert abs(len(heard) - len(expected)) <= 3 * len(NAMES)
+    assert on.told[0].startswith(f"working for gateway {gateway.name}, library ")
+    assert "is gone; 1 workers left or were lost so far" in " ".join(gateway.notes)
+
+
+def test_another_version_or_library_or_map_is_refused(
+    on: Bus, sticks: MotionLibrary, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Workers of another version, library or number of partitions say so in a line each, and are no members."""
+    gateway = on.gateway()
+    on.node(sticks.without(classes=[sticks.classes[0]]))
+    on.until(lambda: len(on.told) == 1)
+    for name, other in (("own_version", lambda: "99.0"), ("PARTITIONS", 32)):
+        with monkeypatch.context() as changed:
+            changed.setattr(chartered, name, other)
+            node = on.node()
+            on.until(lambda node=node: node.counts["refused"] == 1)
+    why = [line.removeprefix(f"not working for gateway {gateway.name}: the gateway has ") for line in on.told]
+    assert [line.partition(" ")[0] for line in why] == ["library", "version", "partitions"]
+    assert on.has_workers(gateway, 0)
+
+
+def test_a_library_that_is_not_the_one_is_refused(on: Bus) -> None:
+    """A file whose digest is not the one of the charter is not opened."""
+    gateway = on.gateway()
+    gateway._file = b"something else"  # noqa: SLF001 - as a broken gateway would send it
+    node = on.node()
+    on.until(lambda: node.counts["refused"] == 1)
+    assert "is not library" in on.told[0]
+
+
+def test_two_gateways_for_one_performer(on: Bus, feed: Sequence[Sequence[Frame]]) -> None:
+    """The first gateway's performer is answered, the second one's frames are counted and answered by nobody."""
+    one, two = on.gateway(), on.gateway()
+    node = on.node()
+    on.until(lambda: on.has_workers(one, 1) and on.has_workers(two, 1))
+    for frames in feed[:30]:
+        one.push_all(frames[:1], time.monotonic())
+        on.turn()
+    on.until(lambda: len(on.heard.get(one.name, [])) > 5)
+    for frames in feed[30:60]:
+        two.push_all(frames[:1], time.monotonic())
+        on.turn()
+    on.until(lambda: node.counts["conflicts"] == 30)
+    assert two.name not in on.heard or not on.heard[two.name]
+    assert f"two gateways have performer ann: {one.name}, {two.name}; only the first is answered" in on.told
+
+
+def test_a_stranger_on_the_keys_is_not_believed(on: Bus, feed: Sequence[Sequence[Frame]]) -> None:
+    """Frames, answers and orders of somebody else are counted, and nobody is answered by them."""
+    gateway, node = on.gateway(), on.node()
+    on.until(lambda: on.has_workers(gateway, 1))
+    stranger = on.session()
+    frames = encode_frames([sent_frame(feed[0][0], 1, 0.0, anew=True)])
+
+    def believed_nowhere() -> bool:
+        stranger.put(key(gateway.name, "frame", partition_of("ann")), frames)
+        return node.counts["strangers"] > 0
+
+    try:
+        # It takes a moment until both know of each other.
+        on.until(believed_nowhere)
+        stranger.put(key(gateway.name, "back", "me"), encode(Back(1, Answers([]))))
+        stranger.put(key(gateway.name, "back", node.name), b"\xc1")
+        stranger.put(key(gateway.name, "back", node.name), encode(Back(77, Answers([]))))
+        stranger.put(key(gateway.name, "to", node.name), b"?")
+        on.until(lambda: node.counts["unread"] == 1)
+        on.until(lambda: (gateway.strangers, gateway.unread) == (1, 1))
+        # It was told to begin anew, and has done so.
+        on.until(lambda: on.has_workers(gateway, 1) and "began anew" in " ".join(gateway.notes))
+    finally:
+        stranger.close()
+    assert not on.heard.get(gateway.name)
+    assert f"somebody else publishes on the keys of gateway {gateway.name}; this is not believed" in on.told
+
+
+def test_a_gateway_that_is_gone_is_left(on: Bus) -> None:
+    """When a gateway closes, its workers say so and wait for others."""
+    on.gateway()
+    gateway, node = on.gateway(), on.node()
+    on.until(lambda: on.has_workers(gateway, 1))
+    on.gateways.remove(gateway)
+    gateway._session.close()  # noqa: SLF001 - as its end closes it
+    on.until(lambda: f"gateway {gateway.name} is gone" in on.told)
+    assert node.counts["refused"] == 0
+
+
+def test_a_worker_that_says_nothing_is_left_out_and_comes_back(on: Bus, feed: Sequence[Sequence[Frame]]) -> None:
+    """A worker whose reports stop is no member; when it goes on it begins anew, and answers."""
+    gateway = on.gateway()
+    node = on.node()
+    on.until(lambda: on.has_workers(gateway, 1))
+    on.nodes.clear()
+    on.until(lambda: on.has_workers(gateway, 0))
+    assert f"worker {node.name} says nothing" in " ".join(gateway.notes)
+    on.nodes.append(node)
+    on.until(lambda: on.has_workers(gateway, 1))
+    for frames in feed[:60]:
+        gateway.push_all(frames, time.monotonic())
+        on.turn()
+    on.until(lambda: {each.performer for each in on.heard.get(gateway.name, [])} == set(NAMES))
+
+
+def test_answers_are_published_for_anybody(on: Bus, feed: Sequence[Sequence[Frame]]) -> None:
+    """The sink's JSON is that of ZeroMQ, on a key of the performer's own."""
+    gateway = on.gateway()
+    on.node()
+    on.until(lambda: on.has_workers(gateway, 1))
+    listening, heard = on.session(), []
+    subscriber = listening.declare_subscriber(
+        "kin/*/answer/**", lambda sample: heard.append((str(sample.key_expr), json.loads(bytes(sample.payload))))
+    )
+    sink = gateway.sink()
+    performers = Performers(opened(on.library))
+    answers = [each for frames in feed[:60] if (each := performers.push_all(frames, 1.0)[0])]
+    end = time.monotonic() + PATIENCE
+    while not heard and time.monotonic() < end:
+        sink.publish(answers[-1])
+        time.sleep(0.01)
+    assert heard[0][0] == key(gateway.name, "answer", "ann", "class")
+    assert heard[0][1]["performer"] == "ann"
+    subscriber.undeclare()
+    listening.close()
+
+
+def test_what_cannot_be_reached_is_said_in_a_line(monkeypatch: pytest.MonkeyPatch, tmp_path: Any) -> None:  # noqa: ANN401
+    """A router that is not there, a port that is taken and a broken configuration are errors of one line each."""
+    monkeypatch.setattr(bus, "_MAX_CONNECTING", 200)
+    place = f"tcp/127.0.0.1:{free_port()}"
+    with pytest.raises(ConnectionError, match=f"Zenoh: {place}: ") as unreached:
+        open_session([], [place], None)
+    assert "\n" not in str(unreached.value)
+    session = open_session([place], [], None)
+    with pytest.raises(ConnectionError, match=f"Zenoh: {place}: "):
+        open_session([place], [], None)
+    session.close()
+    broken = tmp_path / "zenoh.json5"
+    broken.write_text("{ nonsense", encoding="utf-8")
+    with pytest.raises(ValueError, match="not a configuration of Zenoh"):
+        open_session([], [], broken)

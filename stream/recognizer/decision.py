@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
+    from kinespace.library.motion_library import MotionLibrary
     from kinespace.library.windows.index import WindowIndex
 
 #: Seconds that the first hop counts for.
@@ -53,8 +54,8 @@ class Decision:
         self._compare_with(index)
 
     def _threshold(self, index: WindowIndex) -> float:
-        share = usual_sensitivity(index) if self._sensitivity is None else self._sensitivity
-        return index.rejection.threshold_at(share)
+        usual = usual_sensitivity(index.library)
+        return index.rejection.threshold_at(usual if self._sensitivity is None else self._sensitivity)
 
     def _compare_with(self, index: WindowIndex) -> None:
         self._classes, self._weighing = index.classes, index.comparison.weighing
@@ -98,6 +99,11 @@ class Decision:
         return Decided(Outcome.STILL if movement < self._stillness else outcome, distances, guess, lead, evidence)
 
 
+def usual_sensitivity(library: MotionLibrary) -> float:
+    """Give the sensitivity for a library when none is set."""
+    return SENSITIVITY_LEARNED if library.judged_by_strangers else SENSITIVITY_OWN
+
+
 def followed(hysteresis: Hysteresis, distances: NDArray[np.float64], elapsed: float) -> tuple[int, float]:
     """Let the guess follow the nearest class; give the guess and its lead over all other classes."""
     # For some ten numbers Python finds the least two before numpy has begun.
@@ -116,8 +122,3 @@ def followed(hysteresis: Hysteresis, distances: NDArray[np.float64], elapsed: fl
 def places_in(before: Sequence[str], after: Sequence[str]) -> dict[int, int]:
     """Say at which index of another list each class stands, if it is there."""
     return {place: after.index(name) for place, name in enumerate(before) if name in after}
-
-
-def usual_sensitivity(index: WindowIndex) -> float:
-    """Give the sensitivity of a library for which nobody has set one."""
-    return SENSITIVITY_LEARNED if index.library.judged_by_strangers else SENSITIVITY_OWN

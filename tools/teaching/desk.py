@@ -125,6 +125,7 @@ class Desk:
         self._jobs: queue.SimpleQueue[_Job | None] = queue.SimpleQueue()
         self._results: queue.SimpleQueue[_Opened | _Found | _Failed] = queue.SimpleQueue()
         self._asked: queue.SimpleQueue[Command] = queue.SimpleQueue()
+        self._ending = threading.Event()
         self._worker = threading.Thread(target=self._work, name="kinespace teaching", daemon=True)
         sys.setswitchinterval(_SWITCH_INTERVAL)
         self._worker.start()
@@ -262,6 +263,7 @@ class Desk:
 
     def close(self) -> None:
         """Let the worker save the last changes, and end."""
+        self._ending.set()
         if self.recording:
             self.recording.stop()
         self._jobs.put(None)
@@ -343,8 +345,9 @@ class Desk:
         starts = 0
         before = job.before.clip()
         for place, (moment, positions) in enumerate(zip(before.times.tolist(), before.positions, strict=True)):
-            if place % _FRAMES_AT_ONCE == 0:
-                time.sleep(_PAUSE)
+            # Whoever ends the program does not wait for a count.
+            if place % _FRAMES_AT_ONCE == 0 and self._ending.wait(_PAUSE):
+                break
             recognition = recognizer.push(Frame("before", moment, positions))
             for event in recognition.events if recognition else ():
                 starts += event.kind is EventKind.START and event.label == name

@@ -42,6 +42,8 @@ class Source:
 
     Attributes
     ----------
+    recorder
+        As given; it may change while the source is open.
     waited
         Seconds for which the last packet waited before it was taken in.
     """
@@ -55,7 +57,7 @@ class Source:
     ) -> None:
         self.receiver = receiver
         self.decoder = decoder
-        self._recorder = recorder
+        self.recorder = recorder
         self._admission = admission
         self.waited = 0.0
         self._turns = Turns()
@@ -92,7 +94,7 @@ class Source:
     @property
     def notes(self) -> list[str]:
         """Notes on this source for a person, a line each."""
-        recording = [self._recorder.note] if self._recorder and self._recorder.note else []
+        recording = [self.recorder.note] if self.recorder and self.recorder.note else []
         last = [f"{_named(sender)} sends more than its share: served last" for sender in self._turns.last(self._now)]
         return [*recording, *last[:_MAX_TOLD], *self.decoder.refusals.lines()]
 
@@ -121,8 +123,8 @@ class Source:
             if packet is None:
                 break
             waited, sender = receiver.waited, receiver.sender
-            if self._recorder:
-                self._recorder.keep(packet, now - waited, sender)
+            if self.recorder:
+                self.recorder.keep(packet, now - waited, sender)
             taken = Waiting(packet, now - waited, waited, sender)
             if not turns.comes_last(sender, now):
                 self._last_was_aside = False

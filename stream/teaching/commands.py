@@ -160,7 +160,30 @@ class List:
     """Change nothing; the reply tells classes and settings, as every reply does."""
 
 
-Command = Teach | Last | Rename | Forget | Enable | Trim | Stop | Cancel | Undo | Redo | Save | Run | Sensitivity | List
+@dataclass(frozen=True, slots=True)
+class Record:
+    """Begin a recording of all packets, or end it."""
+
+    on: bool
+
+
+Command = (
+    Teach
+    | Last
+    | Rename
+    | Forget
+    | Enable
+    | Trim
+    | Stop
+    | Cancel
+    | Undo
+    | Redo
+    | Save
+    | Run
+    | Sensitivity
+    | List
+    | Record
+)
 
 
 def require_class(name: str) -> None:

@@ -126,7 +126,7 @@ class Teacher:
                 return [Running(on), State("", Step.DONE, 0.0, "running" if on else "not running")]
             case commands.Sensitivity(share):
                 return [Sensed(share), State("", Step.DONE, 0.0, f"sensitivity {share:g}")]
-            case commands.List():
+            case commands.List() | commands.Record():
                 return []
 
     def checked(self, number: int, check: Check | None, would_have_started: int) -> list[Notice]:

@@ -2,7 +2,7 @@
 
 `/motion/teach s performer s class [i repetitions f countdown]`; `/motion/teach/stop`, `/cancel`, `/undo`, `/redo`,
 `/save`; `/rename s s`, `/forget [s]`, `/enable s i`, `/trim i`, `/last s f s [f]`,
-`/sensitivity f`, `/list`. JSON has the same words: `{"do":
+`/sensitivity f`, `/record i`, `/list`. JSON has the same words: `{"do":
 "teach", "performer": "ann", "class": "wave"}`.
 """
 
@@ -48,6 +48,7 @@ _ARGUMENTS: dict[str, tuple[Callable[..., Command], tuple[tuple[str, type], ...]
     "enable": (commands.Enable, (("class", str), ("on", bool)), 2),
     "trim": (commands.Trim, (("on", bool),), 1),
     "sensitivity": (commands.Sensitivity, (("share", float),), 1),
+    "record": (commands.Record, (("on", bool),), 1),
     "run": (commands.Run, (("on", bool),), 1),
 }
 

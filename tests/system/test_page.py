@@ -13,9 +13,13 @@ import pytest
 from PIL import Image
 from programs import LOOPBACK, PATIENCE, ROOT, builtin_library, free_udp_port, started
 
+from kinespace.library.recordings.formats.labels import Segment
 from kinespace.stream.frame import Announcement, Frame
 from kinespace.stream.osc import OscSender, encode_announcement
 from kinespace.stream.osc.frames import encode_frame
+from kinespace.stream.recognizer import Settings
+from kinespace.tools.evaluation.evaluate_stream import replay
+from kinespace.tools.page.report import write_report
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -25,6 +29,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
     from playwright.sync_api import Page
     from programs import Program
+
+    from kinespace.library import MotionLibrary
 
 pytestmark = pytest.mark.slow
 
@@ -109,7 +115,8 @@ def opened(address: str, complaints: list[str]) -> Iterator[Page]:
 def live(port: int, page: str, file: Path) -> Iterator[tuple[Program, str]]:
     """Run a recogniser with its page; give the page's address."""
     ends = ("--osc-in", f"{LOOPBACK}:{port}", "--osc-out", f"{LOOPBACK}:{free_udp_port()}")
-    with started("live", *ends, "--page", page, "--teach", file, "--plain", "--progress") as program:
+    options = ("--teach", file, "--recordings", file.parent, "--plain", "--progress")
+    with started("live", *ends, "--page", page, *options) as program:
         yield program, program.expect(r"page: (http://\S+)")[1]
 
 
@@ -146,7 +153,10 @@ def test_a_person_sees_teaches_and_is_recognised(tmp_path: Path) -> None:
             sees(page, performer, tmp_path)
             accessible = Axe().run(page)
             assert accessible.violations_count == 0, accessible.generate_report()
+            page.click("#record")
+            until(page, "kinespace.control.recording !== ''")
             teaches(page, performer)
+            plays(page)
             assert complaints == []
             # The recogniser is started anew on the same address: the page comes back by itself.
             assert program.interrupt() == 0
@@ -198,11 +208,9 @@ def teaches(page: Page, performer: Performer) -> None:
     page.keyboard.press("t")
     page.keyboard.type("my squat")
     page.keyboard.press("Enter")
-    until(page, f"{LESSON}.textContent === '3'")
     until(page, f"{LESSON}.textContent === 'move now'")
     performer.show(takes(SQUAT)[0])
     until(page, "kinespace.control.taught['my squat'] === 1")
-    until(page, f"{LESSON}.textContent === ''")
     sees_motion(page, performer, "my squat", takes(SQUAT)[2])
     page.click(f"#motions button:has-text('{KICK}')")
     page.select_option("#meant", "nothing")
@@ -214,3 +222,35 @@ def teaches(page: Page, performer: Performer) -> None:
     # A refusal is told in words.
     page.click("#teach button:has-text('Stop')")
     until(page, "document.querySelector('#said').textContent.startsWith('refused')")
+    page.click("#record")
+    until(page, "kinespace.control.recording === ''")
+
+
+def plays(page: Page) -> None:
+    """Play what was recorded, pause it, go to another second."""
+    until(page, "kinespace.player?.recordings.length === 1")
+    page.click("#play")
+    until(page, "kinespace.player.speed === 1 && kinespace.player.at > 0")
+    page.click("#play")
+    until(page, "kinespace.player.speed === 0")
+    page.focus("#scrub")
+    page.keyboard.press("Home")
+    until(page, "kinespace.player.at === 0")
+
+
+@pytest.mark.skipif(CHROMIUM is None, reason="no chromium here; Debian's package of that name has it")
+def test_an_evaluation_is_scrubbed_through(tmp_path: Path, small_library: MotionLibrary) -> None:
+    """The page of an evaluation shows what was performed and answered at any second, and the body moves."""
+    motion, complaints = small_library.motions[0], list[str]()
+    segments = (Segment(0.0, motion.duration, motion.class_name),)
+    classes = small_library.classes
+    course = replay(motion, segments, library=small_library, classes=classes, settings=Settings())
+    write_report(tmp_path / "out.html", [(course, motion)], classes)
+    with opened((tmp_path / "out.html").as_uri(), complaints) as page:
+        before = page.evaluate("document.querySelector('#body').toDataURL()")
+        page.evaluate(f"go({motion.duration / 2})")
+        assert page.inner_text("#performed") == motion.class_name
+        assert page.evaluate("document.querySelector('#body').toDataURL()") != before
+        page.click("#play")
+        until(page, f"kinespace.at > {motion.duration / 2}")
+    assert complaints == []

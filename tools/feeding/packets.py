@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 #: Seconds for ZeroMQ peers to connect before the first message.
 _MEETING = 0.5
 
-_Senders = dict[str, osc.OscSender | zeromq.ZmqSender]
+Senders = dict[str, osc.OscSender | zeromq.ZmqSender]
 
 
 def replay(
@@ -66,7 +66,7 @@ def replay(
     recording = RawFile(path)
     counts: Counter[str] = Counter()
     with ExitStack() as opened:
-        senders = _open(opened, recording, osc_to, zmq_to, keys)
+        senders = open_senders(opened, recording, osc_to, zmq_to, keys)
         # Ctrl-C ends the feed, not the report.
         with suppress(KeyboardInterrupt):
             pace, start = Pace(), 0.0
@@ -75,7 +75,7 @@ def replay(
                 for due, packet in progress(cut(recording.packets(), begin, end), "Sending", None):
                     last = start + due / speed
                     pace.wait_for(last)
-                    counts[_send(packet, recording, senders)] += 1
+                    counts[send_packet(packet, recording, senders)] += 1
                 if not counts:
                     raise ValueError(_nothing_to_send(recording))
                 if not loop:
@@ -121,9 +121,12 @@ def _kind(recording: RawFile, source: int) -> str:
     return recording.header.sources[source].partition(" ")[0]
 
 
-def _open(opened: ExitStack, recording: RawFile, osc_to: str | None, zmq_to: str | None, keys: Path | None) -> _Senders:
+def open_senders(
+    opened: ExitStack, recording: RawFile, osc_to: str | None, zmq_to: str | None, keys: Path | None
+) -> Senders:
+    """Open the senders of a recording's kinds of packets; ValueError when none of them has an address."""
     kinds = [_kind(recording, source) for source in range(len(recording.header.sources))]
-    senders: _Senders = {}
+    senders: Senders = {}
     if osc_to and "osc" in kinds:
         senders["osc"] = osc.OscSender(*host_and_port(osc_to))
         opened.callback(senders["osc"].close)
@@ -139,7 +142,8 @@ def _open(opened: ExitStack, recording: RawFile, osc_to: str | None, zmq_to: str
     return senders
 
 
-def _send(packet: RawPacket, recording: RawFile, senders: _Senders) -> str:
+def send_packet(packet: RawPacket, recording: RawFile, senders: Senders) -> str:
+    """Send a packet as it came; give `sent`, or `left out` for a kind without an address."""
     match senders.get(_kind(recording, packet.source)):
         case osc.OscSender() as sender:
             sender.send(b"".join(packet.parts))

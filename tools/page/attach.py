@@ -40,6 +40,9 @@ def ends_for_page(
     *,
     keyring: Keyring | None = None,
     keys: Path | None = None,
+    recordings: Path | None = None,
+    osc_to: str | None = None,
+    zmq_to: str | None = None,
 ) -> Ends:
     """Start a page, and open the ends of the link to it.
 
@@ -53,6 +56,8 @@ def ends_for_page(
         Carries out the page's commands; None: the page only looks.
     keyring, keys
         The keys of all ZeroMQ, and their folder; None for none.
+    recordings, osc_to, zmq_to
+        The folder of recordings that may be played, and where they go.
 
     Raises
     ------
@@ -62,5 +67,6 @@ def ends_for_page(
     require_websockets()
     sender = ZmqSender(_HERE, keyring)
     doors = [RequestDoor(_HERE, desk, Allowed(), keyring)] if desk else []
-    plan = PagePlan(sender.address, address, doors[0].address if doors else None, keys)
+    control = doors[0].address if doors else None
+    plan = PagePlan(sender.address, address, control, recordings, osc_to, zmq_to, keys)
     return Ends([ZmqSink(sender), BodySink(sender, performers)], doors, PageProcess(plan))

@@ -170,7 +170,7 @@ class Board:
         self._performers: dict[str, _Performer] = {}
         self._further: dict[str, float] = {}
         self._here = _Noted([])
-        self._classes, self._status, self._control = _Noted([]), _Noted(), _Noted()
+        self._classes, self._status, self._control, self._player = _Noted([]), _Noted(), _Noted(), _Noted()
         self._notices: deque[tuple[int, dict[str, object]]] = deque(maxlen=_MAX_NOTICES)
         self._keys = count(1)
         self._checking = ""
@@ -314,6 +314,12 @@ class Board:
             self.number += 1
             self._control = _Noted(control, self.number)
 
+    def take_player(self, described: dict[str, object]) -> None:
+        """Take in which recordings there are, and what is played."""
+        if described != self._player.told:
+            self.number += 1
+            self._player = _Noted(described, self.number)
+
     def bar(self, performer: str, key: int, now: float) -> tuple[str, float, float] | None:
         """Find a bar of the timeline: its class, its seconds, and how many seconds ago it ended; None when it is gone.
 
@@ -353,7 +359,7 @@ class Board:
             Fields to add.
         """
         told: dict[str, object] = {"number": self.number, "now": now, **further}
-        for name in ("here", "classes", "status", "control"):
+        for name in ("here", "classes", "status", "control", "player"):
             noted: _Noted = getattr(self, f"_{name}")
             if noted.number > seen:
                 told[name] = noted.told

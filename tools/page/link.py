@@ -29,7 +29,7 @@ class _Reply(msgspec.Struct):
     taught: dict[str, int] = {}
     off: list[str] = []
     sensitivity: float | None = None
-    recording: str | None = None
+    recording: str = ""
     records: bool = False
 
 

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Self
 from kinespace.stream.zeromq import Endpoint, Keyring
 from kinespace.tools.cli.address import host_and_port
 from kinespace.tools.page.link import ControlDoor, Subscription
+from kinespace.tools.page.player import Player, Stage
 from kinespace.tools.page.requests import Gate
 
 if TYPE_CHECKING:
@@ -35,13 +36,20 @@ class PagePlan:
         HOST:PORT of the page.
     control
         The ZeroMQ endpoint of the recogniser's control door; None: pages only look.
+    recordings
+        The folder of recordings that may be played; None: none may.
+    osc_to, zmq_to
+        Where their packets go: the addresses on which the recogniser listens.
     keys
-        Folder of the keys of both; None for none.
+        Folder of the keys of all ZeroMQ; None for none.
     """
 
     source: str
     address: str
     control: str | None = None
+    recordings: Path | None = None
+    osc_to: str | None = None
+    zmq_to: str | None = None
     keys: Path | None = None
 
 
@@ -73,7 +81,8 @@ def serve_page(plan: PagePlan, started: Callable[[str], None], wants_end: Callab
     subscription = Subscription(Endpoint.parse(plan.source, bind=False), keyring)
     door = ControlDoor(Endpoint.parse(plan.control, bind=False), keyring) if plan.control else None
 
-    server = PageServer(subscription, door, Gate.for_host(host))
+    stage = Stage(plan.recordings, plan.osc_to, plan.zmq_to, plan.keys) if plan.recordings else None
+    server = PageServer(subscription, door, Gate.for_host(host), Player(stage) if stage else None)
     try:
         # Windows' own loop cannot wait for ZeroMQ.
         with asyncio.Runner(loop_factory=asyncio.SelectorEventLoop) as runner:
@@ -122,6 +131,11 @@ class PageProcess:
             self._end()
             raise told
         self.address = str(told)
+
+    @property
+    def process_id(self) -> int | None:
+        """The number of the process."""
+        return self._process.pid
 
     def __enter__(self) -> Self:
         return self

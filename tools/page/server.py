@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from websockets.http11 import Request
 
     from kinespace.tools.page.link import ControlDoor, Subscription
+    from kinespace.tools.page.player import Player
     from kinespace.tools.page.requests import Message, Wrong
 
 #: Open pages, at most.
@@ -92,11 +93,16 @@ class PageServer:
         The recogniser's control door; None: pages only look.
     gate
         Who is let in.
+    player
+        Plays recordings; None: pages play nothing.
     """
 
-    def __init__(self, subscription: Subscription, door: ControlDoor | None, gate: Gate) -> None:
+    def __init__(
+        self, subscription: Subscription, door: ControlDoor | None, gate: Gate, player: Player | None = None
+    ) -> None:
         self.board = Board()
-        self._subscription, self._door, self._gate = subscription, door, gate
+        self._subscription, self._door, self._gate, self._player = subscription, door, gate, player
+        self._listed = 0.0
         self._pages: set[_Page] = set()
         self._clock = time.monotonic
         #: Whether the door's classes and settings may have changed, and the question that is on its way.
@@ -126,7 +132,10 @@ class PageServer:
                 # The file number wakes us for the first of several messages alone, and at times for none.
                 self._hear()
                 self._ask_for_state()
+                await self._list_recordings()
                 await asyncio.sleep(_LOOK)
+        if self._player:
+            self._player.stop()
         loop.remove_reader(self._subscription.fileno())
 
     def _hear(self) -> None:
@@ -143,6 +152,13 @@ class PageServer:
         """Ask the door again while it has not replied: it may have come later than we, or anew."""
         if self._stale and self._door and self._pages and (self._asking is None or self._asking.done()):
             self._asking = asyncio.create_task(self._ask({"do": "list"}))
+
+    async def _list_recordings(self, *, at_once: bool = False) -> None:
+        """Tell every second which recordings there are, and what is played."""
+        if self._player and self._pages and (at_once or self._clock() >= self._listed + _REPORT):
+            self._listed = self._clock()
+            self.board.take_player(await asyncio.to_thread(self._player.described))
+            self._wake()
 
     def _wake(self) -> None:
         for page in self._pages:
@@ -205,7 +221,11 @@ class PageServer:
             return await self._correct(message.wrong)
         if message.ask is not None:
             return await self._ask(message.ask)
-        return {"states": [_refused("there is nothing to play here")]}
+        if self._player is None or message.play is None:
+            return {"states": [_refused("there is nothing to play here")]}
+        why = await asyncio.to_thread(self._player.play, message.play)
+        await self._list_recordings(at_once=True)
+        return {"states": [_refused(why)] if why else []}
 
     async def _correct(self, wrong: Wrong) -> dict[str, Any]:
         """Teach that a bar of the timeline was another class."""

@@ -24,7 +24,7 @@ from kinespace.library.windows.index import WindowIndex, opened
 from kinespace.stream.frame import Frame
 from kinespace.stream.recognition import EventKind
 from kinespace.stream.recognizer import Recognizer, Settings
-from kinespace.stream.teaching import Changed, State, Step, Teacher
+from kinespace.stream.teaching import Changed, State, Step, Teacher, commands
 from kinespace.stream.teaching.notices import Running, Saving, Sensed
 
 if TYPE_CHECKING:
@@ -33,6 +33,7 @@ if TYPE_CHECKING:
 
     from kinespace.library.teaching.examples import Check
     from kinespace.stream.frame import Admitted
+    from kinespace.stream.inputs.recording.session import RecordingSession
     from kinespace.stream.outputs.sink import Sink
     from kinespace.stream.recognition import Event, Recognition
     from kinespace.stream.recognizer.joints.carried import Carried
@@ -97,6 +98,8 @@ class Desk:
     ----------
     sinks
         The sinks for notices, and for the classes when they change.
+    recording
+        Begins and ends recordings; None: nobody may record.
     """
 
     def __init__(
@@ -109,6 +112,7 @@ class Desk:
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self.sinks: Sequence[Sink] = ()
+        self.recording: RecordingSession | None = None
         self._performers, self._teacher, self._windows, self._file = performers, teacher, windows, file
         self._clock = clock
         self._places = ClassPlaces(windows.base_classes)
@@ -121,6 +125,7 @@ class Desk:
         self._jobs: queue.SimpleQueue[_Job | None] = queue.SimpleQueue()
         self._results: queue.SimpleQueue[_Opened | _Found | _Failed] = queue.SimpleQueue()
         self._asked: queue.SimpleQueue[Command] = queue.SimpleQueue()
+        self._ending = threading.Event()
         self._worker = threading.Thread(target=self._work, name="kinespace teaching", daemon=True)
         sys.setswitchinterval(_SWITCH_INTERVAL)
         self._worker.start()
@@ -201,11 +206,24 @@ class Desk:
 
     def command(self, command: Command) -> list[Notice]:
         """Carry out a command; give its notices."""
-        notices = self._teacher.command(command, self._clock())
+        if isinstance(command, commands.Record):
+            notices: list[Notice] = [self._record(on=command.on)]
+        else:
+            notices = self._teacher.command(command, self._clock())
         self._other_joints &= {*self._performers.names}
         notices = [self._explained(notice) for notice in notices]
         self._deal_with(notices)
         return [notice for notice in notices if isinstance(notice, State)]
+
+    def _record(self, *, on: bool) -> State:
+        """Begin or end a recording."""
+        if self.recording is None:
+            return State("", Step.REFUSED, 0.0, "there is no folder for recordings: start live with --recordings DIR")
+        try:
+            name = self.recording.start() if on else self.recording.stop()
+        except OSError as error:
+            return State("", Step.REFUSED, 0.0, f"cannot record: {error.strerror}")
+        return State("", Step.DONE, 0.0, f"recording {name}" if on else f"recorded {name}" if name else "not recording")
 
     def _explained(self, notice: Notice) -> Notice:
         """Explain to a performer why too few joints prevent teaching."""
@@ -221,6 +239,8 @@ class Desk:
             "taught": {name: len(roster.of(name)) for name in roster.classes},
             "off": sorted(roster.disabled),
             "sensitivity": self._performers.sensitivity,
+            "records": self.recording is not None,
+            "recording": self.recording.name if self.recording else "",
         }
 
     def ask(self, command: Command) -> None:
@@ -243,6 +263,9 @@ class Desk:
 
     def close(self) -> None:
         """Let the worker save the last changes, and end."""
+        self._ending.set()
+        if self.recording:
+            self.recording.stop()
         self._jobs.put(None)
         self._worker.join()
         self.tend(self._clock())
@@ -322,8 +345,9 @@ class Desk:
         starts = 0
         before = job.before.clip()
         for place, (moment, positions) in enumerate(zip(before.times.tolist(), before.positions, strict=True)):
-            if place % _FRAMES_AT_ONCE == 0:
-                time.sleep(_PAUSE)
+            # Whoever ends the program does not wait for a count.
+            if place % _FRAMES_AT_ONCE == 0 and self._ending.wait(_PAUSE):
+                break
             recognition = recognizer.push(Frame("before", moment, positions))
             for event in recognition.events if recognition else ():
                 starts += event.kind is EventKind.START and event.label == name

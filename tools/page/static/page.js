@@ -3,6 +3,7 @@
 
 const SHOWN = 60; // seconds of the timeline
 const KEPT_SCORES = 620; // points of a score's line: a minute at ten a second
+const OLD = 3; // seconds after which a notice is neither said nor sounded
 const SILENT = 2.5; // seconds without a status after which the recogniser counts as away
 const byId = (id) => document.getElementById(id);
 /** Make an element with text; text from outside never becomes markup. */
@@ -16,7 +17,7 @@ function made(kind, { className = "", text = "" } = {}, ...children) {
 const number = (value, digits = 2) => (Number.isFinite(value) ? value.toFixed(digits) : "–");
 
 /** All that the page knows. `drawn` counts pictures; tests and the curious may look. */
-const page = { performers: new Map(), classes: [], control: null, status: null, chosen: "", now: 0, since: 0, drawn: 0,
+const page = { performers: new Map(), classes: [], control: null, player: null, status: null, chosen: "", now: 0, since: 0, drawn: 0,
   hits: [], sound: true, theme: null, drawnAfter: null };
 window.kinespace = page;
 
@@ -43,7 +44,7 @@ function send(message) {
 
 function forget() {
   for (const name of [...page.performers.keys()]) leave(name);
-  page.status = page.control = null;
+  page.status = page.control = page.player = null;
   page.classes = [];
 }
 
@@ -77,13 +78,14 @@ function take(news) {
   if (news.classes) { page.classes = news.classes; listClasses(); }
   if (news.control) { page.control = news.control; listClasses(); showControl(); }
   if (news.status) { page.status = news.status; showStatus(); }
+  if (news.player) { page.player = { ...news.player, since: performance.now() }; showPlayer(); }
   if (news.drawn) { page.drawnAfter = news.drawn; }
   for (const [name, { names, parents }] of Object.entries(news.skeleton ?? {})) page.performers.get(name)?.stage.setSkeleton(names, parents);
   for (const [name, carried] of Object.entries(news.carried ?? {})) { const each = page.performers.get(name); if (each) each.carried = carried; }
   for (const [name, answer] of Object.entries(news.answer ?? {})) takeAnswer(page.performers.get(name), answer);
   for (const [name, at, guess] of news.guesses ?? []) page.performers.get(name)?.guesses.push([at, guess]);
   for (const motion of news.motions ?? []) takeMotion(motion);
-  (news.notices ?? []).filter((notice) => page.now - notice.at < 3).forEach(takeNotice);
+  (news.notices ?? []).forEach(takeNotice);
   (news.replies ?? []).forEach(takeReply);
 }
 
@@ -157,6 +159,7 @@ function draw() {
   for (const performer of page.performers.values()) drawPerformer(performer, light);
   drawScores();
   drawPast();
+  if (page.player?.speed && document.activeElement !== byId("scrub")) showPlace(placeNow());
 }
 
 function drawPerformer(performer, light) {
@@ -290,14 +293,16 @@ for (const button of document.querySelectorAll("[data-do]")) button.addEventList
 byId("sensitivity").addEventListener("change", ({ target }) => ask({ do: "sensitivity", share: Number(target.value) }));
 byId("record").addEventListener("click", () => ask({ do: "record", on: !page.control.recording }));
 
-function takeNotice({ performer: name, state, seconds, reason, taught, check, examples }) {
-  if (taught) { say(`${taught}: ${examples} ${examples === 1 ? "example" : "examples"}, ${check}`); return; }
+function takeNotice({ at, performer: name, state, seconds, reason, taught, check, examples }) {
+  const old = page.now - at > OLD;
+  if (taught && !old) { say(`${taught}: ${examples} ${examples === 1 ? "example" : "examples"}, ${check}`); return; }
   const performer = page.performers.get(name);
   const words = { waiting: "move now", recording: "recording", checking: "checking" }[state];
   if (performer) {
     performer.lesson.textContent = state === "countdown" ? String(Math.round(seconds)) : words ?? "";
     performer.lesson.classList.toggle("words", state !== "countdown");
   }
+  if (old) return;
   if (state === "countdown") { beep(440, 0.12); say(String(Math.round(seconds))); }
   if (state === "waiting") { beep(880, 0.3); say("move now"); }
   if (state === "checking") beep(660, 0.15);
@@ -367,6 +372,50 @@ byId("timeline").addEventListener("click", (event) => {
   const performer = page.performers.get(hit.row.key);
   openWrong(performer, performer.motions.get(hit.bar.key));
 });
+
+// --- recordings ---
+
+function showPlayer() {
+  const { recordings, playing, speed, trouble, at } = page.player;
+  byId("player").hidden = false;
+  const list = byId("recordings");
+  const names = recordings.map(([name]) => name);
+  if ([...list.options].map(({ value }) => value).join() !== names.join()) {
+    const chosen = list.value || playing;
+    list.replaceChildren(...names.map((name) => new Option(name)));
+    if (names.includes(chosen)) list.value = chosen;
+  }
+  byId("play").textContent = speed ? "Pause" : "Play";
+  byId("play").disabled = !names.length;
+  const seconds = recordings.find(([name]) => name === list.value)?.[1] ?? 1;
+  byId("scrub").max = seconds;
+  if (!speed && playing === list.value && document.activeElement !== byId("scrub")) showPlace(at);
+  if (trouble) say(trouble);
+}
+
+/** The second that is played now: the server tells it once a second. */
+const placeNow = () => page.player.at + page.player.speed * (performance.now() - page.player.since) / 1000;
+
+function showPlace(second) {
+  byId("scrub").value = second;
+  byId("played").textContent = `${number(second, 1)} s`;
+}
+
+function play(speed) {
+  const recording = byId("recordings").value;
+  if (recording) send({ play: { recording, at: Number(byId("scrub").value), speed } });
+}
+const speedChosen = () => Number(byId("speed").value);
+byId("play").addEventListener("click", () => {
+  const { recordings, speed } = page.player;
+  const over = Number(byId("scrub").value) >= recordings.find(([name]) => name === byId("recordings").value)[1] - 0.2;
+  if (!speed && over) byId("scrub").value = 0;
+  play(speed ? 0 : speedChosen());
+});
+byId("scrub").addEventListener("input", ({ target }) => { byId("played").textContent = `${number(Number(target.value), 1)} s`; });
+byId("scrub").addEventListener("change", ({ target }) => { play(page.player.speed ? speedChosen() : 0); target.blur(); });
+byId("speed").addEventListener("change", () => page.player.speed && play(speedChosen()));
+byId("recordings").addEventListener("change", () => { showPlace(0); play(0); });
 
 // --- the page ---
 

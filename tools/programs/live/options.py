@@ -6,12 +6,15 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from kinespace.library.naming import Naming
+from kinespace.stream.inputs.recording.session import RecordingSession
 from kinespace.stream.recognizer import LiveSignature
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
 
+    from kinespace.stream.feeds import Preset
+    from kinespace.stream.inputs import Source
     from kinespace.stream.recognizer import Settings
     from kinespace.stream.zeromq import Keyring
 
@@ -107,10 +110,26 @@ class Watched:
         HOST:PORT of our own page in the browser; None for none.
     bodies
         Whether bodies are published beside the ZeroMQ answers.
+    recordings
+        The folder in which the page begins recordings, and from which it plays them; None for none.
     keys
         The folder of the keys of all ZeroMQ; None for none.
     """
 
     page: str | None = None
     bodies: bool = False
+    recordings: Path | None = None
     keys: Path | None = None
+
+    def require_folder(self, record: Path | None) -> None:
+        """Refuse recordings without a page, beside a recording from the beginning, or without their folder."""
+        if self.recordings is None:
+            return
+        if not self.page or record:
+            raise ValueError("--recordings: expected --page with it, and no --record")
+        if not self.recordings.is_dir():
+            raise FileNotFoundError(f"{self.recordings}: no such folder")
+
+    def session(self, sources: Sequence[Source], preset: Preset | None) -> RecordingSession | None:
+        """Give what begins and ends recordings; None where nobody may record."""
+        return RecordingSession(self.recordings, sources, preset) if self.recordings else None

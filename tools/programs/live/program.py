@@ -104,6 +104,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--bodies", action="store_true", help="publish bodies on --zmq-out, for kinespace page elsewhere"
     )
     add_page(parser)
+    parser.add_argument(
+        "--recordings", type=Path, metavar="DIR", help="let the page begin recordings there, and play them"
+    )
     parser.add_argument("--plain", action="store_true", help="print a line per change instead of a table")
 
 
@@ -131,7 +134,7 @@ def run(options: argparse.Namespace, where: Where | None = None) -> int:
             feed=Feed(options.feed, options.sender, tuple(options.out), options.joints, Naming.asked(options.naming)),
             guard=Guard(options.allow, options.allow_from, options.merge, keyring),
             teaching=Teaching(options.teach, tuple(options.control)),
-            watched=Watched(options.page, options.bodies, options.keys),
+            watched=Watched(options.page, options.bodies, options.recordings, options.keys),
             where=where,
         )
 

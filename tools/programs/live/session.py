@@ -33,9 +33,13 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
 
+    from kinespace.stream.feeds import Preset
     from kinespace.stream.outputs import Sink
     from kinespace.stream.recognizer import Settings
+    from kinespace.stream.service.recognising import Recognising
+    from kinespace.tools.page.attach import Ends
     from kinespace.tools.programs.live.options import Addresses
+    from kinespace.tools.teaching.desk import Desk
 
 #: Times a second the table is drawn.
 _REDRAWS = 5
@@ -70,6 +74,7 @@ def recognise(
     # A library that is prepared in a thread, and the table that is drawn, must not hold a frame up.
     sys.setswitchinterval(_SWITCH_INTERVAL)
     teaching.require_file(settings)
+    watched.require_folder(record)
     if record:
         require_place_for(record, overwrite=overwrite)
     preset = preset_named(feed.preset) if feed.preset else None
@@ -80,11 +85,7 @@ def recognise(
     admission = Admission(silence=performers.silence, merge=guard.merge, allowed=guard.performers)
     networks = [ipaddress.ip_network(each, strict=False) for each in guard.networks]
     # Before the sockets are open: no packet is to wait until the page runs.
-    ends = (
-        ends_for_page(watched.page, performers, desk, keyring=guard.keyring, keys=watched.keys)
-        if watched.page
-        else NO_ENDS
-    )
+    ends = _page_ends(watched, addresses, preset, guard, performers=performers, desk=desk)
     sources, sinks, kept = open_ends(
         addresses, feed, preset, record, networks=networks, keyring=guard.keyring, admission=admission
     )
@@ -104,6 +105,7 @@ def recognise(
     ):
         if desk:
             desk.sinks = service.sinks
+            desk.recording = watched.session(sources, preset)
         # Before anybody can know that the program runs.
         stop_on_signals(service.stop)
         _announce([*sources, *doors], sinks)
@@ -139,6 +141,32 @@ def _allow_many_connections() -> None:
     wanted = MAX_CONNECTIONS if hard == resource.RLIM_INFINITY else min(MAX_CONNECTIONS, hard)
     if soft != resource.RLIM_INFINITY and soft < wanted:
         resource.setrlimit(resource.RLIMIT_NOFILE, (wanted, hard))
+
+
+def _page_ends(
+    watched: Watched,
+    addresses: Addresses,
+    preset: Preset | None,
+    guard: Guard,
+    *,
+    performers: Recognising,
+    desk: Desk | None,
+) -> Ends:
+    """Start the page that is asked for, and open the ends of the link to it."""
+    if not watched.page:
+        return NO_ENDS
+    osc_to = addresses.osc_in or (f"127.0.0.1:{preset.port}" if preset else None)
+    return ends_for_page(
+        watched.page,
+        performers,
+        desk,
+        keyring=guard.keyring,
+        keys=watched.keys,
+        recordings=watched.recordings,
+        # A port on all of this machine's addresses is reached on this one.
+        osc_to=osc_to.replace("0.0.0.0:", "127.0.0.1:") if osc_to else None,
+        zmq_to=addresses.zmq_in,
+    )
 
 
 def _announce(sources: Sequence[object], sinks: Sequence[Sink]) -> None:

@@ -1,4 +1,4 @@
-"""Motions at rest: skeletons, recordings, distances, signatures, the motion library and retrieval."""
+"""Motions at rest: skeletons, recordings, distances, signatures, windows and the motion library."""
 
 from kinespace.library.clip import Clip
 from kinespace.library.distances import distance_rows

@@ -59,6 +59,13 @@ SMALL_CLASSES = ("kickLFront1Reps", "lieDownFloor", "squat1Reps")
 SMALL_ACTORS = ("bd", "dg", "mm")
 
 
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Mark tests that read all clips of HDM05 as slow."""
+    for item in items:
+        if "hdm05_clips" in getattr(item, "fixturenames", ()):
+            item.add_marker(pytest.mark.slow)
+
+
 def _without(reason: str, what: str) -> NoReturn:
     """Skip the asking test; fail it where all tests are to run, because there it would pass unseen."""
     if os.environ.get(COMPLETE) == "1":

@@ -43,8 +43,10 @@ if TYPE_CHECKING:
     from kinespace.stream.workers.worker import Worker
     from kinespace.stream.zeromq.frames import NumberedFrame
 
-#: Messages of frames that wait, at most: a second of a busy worker.
-_MAX_WAITING = 20_000
+#: Messages of frames that wait, at most: the last seconds of a hundred performers.
+_MAX_WAITING = 50_000
+#: Seconds for which frames may wait, and seconds after a takeover in which they may wait for longer.
+_MAX_AGE, _MAX_WARMING = 1.0, 4.0
 #: Seconds within which a worker that takes over has caught up, if no further frame comes.
 _MAX_CATCHING_UP = 0.5
 #: Seconds without a frame after which a performer may come from another gateway.
@@ -73,7 +75,7 @@ class Node:
         Gateways for which it does not work.
     unread, strangers, conflicts, missed
         Messages that could not be read; messages of frames from others than their gateway; frames of performers who
-        come from another gateway already; messages of frames that Zenoh lost.
+        come from another gateway already; messages of frames that Zenoh lost or that had waited for too long.
     """
 
     def __init__(
@@ -254,6 +256,8 @@ class Post:
         #: A question that is answered when a later frame than this number was seen, or at this time.
         self._asked: tuple[int, int, float] | None = None
         self._newest = self._taken_at = 0
+        #: Until when the frames of performers who were taken over may still be worked on.
+        self._warm = 0.0
         self._begin()
         put = node.inbox.put
         self._orders = node.session.declare_subscriber(
@@ -311,6 +315,7 @@ class Post:
 
         self._worker.take_over(handover.entries, self._node.clock())
         self._taken_at = handover.sent
+        self._warm = self._node.clock() + _MAX_WARMING
         # A partition that was left a moment ago may be subscribed to still: its history is needed again.
         self._unsubscribe(handover.partitions)
         node = self._node
@@ -327,12 +332,16 @@ class Post:
         """Keep frames for the loop, in one of Zenoh's threads, if they are the gateway's own."""
         source = sample.source_info
         if source and str(source.source_id.zid) == self._charter.session:
-            self._node.inbox.put_frames(self._frames, bytes(sample.payload))
+            self._node.inbox.put_frames(self._frames, bytes(sample.payload), self._node.clock())
         else:
             self._node.inbox.put(self._node.note_stranger, self._gateway)
 
-    def _frames(self, message: bytes) -> None:
-        """Recognise frames."""
+    def _frames(self, message: bytes, came: float) -> None:
+        """Recognise frames, unless this worker is so busy that they have become old."""
+        now = self._node.clock()
+        if now - came > _MAX_AGE and now > self._warm:
+            self._node.missed += 1
+            return
         try:
             frames = decode_frames(message)
         except FormatError:

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
+    from kinespace.library.motion_library import MotionLibrary
     from kinespace.library.windows.index import WindowIndex
 
 #: Seconds that the first hop counts for.
@@ -53,7 +54,7 @@ class Decision:
         self._compare_with(index)
 
     def _threshold(self, index: WindowIndex) -> float:
-        usual = SENSITIVITY_LEARNED if index.library.judged_by_strangers else SENSITIVITY_OWN
+        usual = usual_sensitivity(index.library)
         return index.rejection.threshold_at(usual if self._sensitivity is None else self._sensitivity)
 
     def _compare_with(self, index: WindowIndex) -> None:
@@ -96,6 +97,11 @@ class Decision:
         known = self._judgement.push(self._rejection.logit(evidence, self._classes[guess]), elapsed)
         outcome = Outcome.NAMED if known and guess != self._nothing else Outcome.UNKNOWN
         return Decided(Outcome.STILL if movement < self._stillness else outcome, distances, guess, lead, evidence)
+
+
+def usual_sensitivity(library: MotionLibrary) -> float:
+    """Give the sensitivity for a library when none is set."""
+    return SENSITIVITY_LEARNED if library.judged_by_strangers else SENSITIVITY_OWN
 
 
 def followed(hysteresis: Hysteresis, distances: NDArray[np.float64], elapsed: float) -> tuple[int, float]:

@@ -9,11 +9,12 @@ from typing import TYPE_CHECKING
 from kinespace.library.motion_library import MIN_JOINTS
 from kinespace.library.naming import hdm05
 from kinespace.stream.frame import Announcement, NewSender
+from kinespace.stream.recognizer.decision import usual_sensitivity
 from kinespace.stream.recognizer.joints.carried import carried_by
 from kinespace.stream.recognizer.joints.fewer_joints import SentJoints
 from kinespace.stream.recognizer.matcher import library_of
 from kinespace.stream.recognizer.recognizer import Recognizer, RecognizerCounts
-from kinespace.stream.recognizer.settings import SENSITIVITY_LEARNED, SENSITIVITY_OWN, Settings
+from kinespace.stream.recognizer.settings import Settings
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -182,8 +183,8 @@ class Performers:
     @property
     def sensitivity(self) -> float:
         """The sensitivity of all recognisers."""
-        usual = SENSITIVITY_LEARNED if self.library.judged_by_strangers else SENSITIVITY_OWN
-        return usual if self.settings.sensitivity is None else self.settings.sensitivity
+        given = self.settings.sensitivity
+        return usual_sensitivity(self.library) if given is None else given
 
     def set_sensitivity(self, share: float) -> None:
         """Recognise all performers with another sensitivity from the next hop on; WINDOWS only."""

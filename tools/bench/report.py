@@ -245,17 +245,19 @@ def _soak_table(soak: Soak) -> Table:
 
 def _scale_table(scale: Scale) -> Table:
     headings = ("p50, ms", "p99, ms", "worst after, s", "answers", "events lost", "false", "here, µs", "workers, µs")
-    table = _table("Gateway and two workers; µs of a core a frame", ("",), headings)
+    title = f"Gateway and two workers, {scale.crowd} performers; half as many where a worker comes or goes"
+    table = _table(title, ("",), headings)
     for run in (scale.alone, *scale.runs.values()):
         lags = (f"{run.percentile(50):.2f}", f"{run.percentile(99):.2f}", f"{run.worst:.3f}")
         used = (f"{run.loop_us:.1f}", _NOTHING if run.core_us is None else f"{run.core_us:.1f}")
         table.add_row(
             run.what, *lags, f"{run.answered} of {run.expected}", f"{run.lost_events}", f"{run.false_events}", *used
         )
-    tried, differ = scale.takeovers
     table.add_section()
     table.add_row("gateway killed, started", "", "", f"{scale.gateway_gap_s:.3f}", "", "", "", "", "")
-    table.add_row("takeovers with other events", "", "", "", f"{differ} of {tried}", "", "", "", "")
+    for seconds, (tried, differ) in scale.takeovers.items():
+        told = f"takeovers with {seconds} s, another event"
+        table.add_row(told, "", "", "", f"{differ} of {tried}", "", "", "", "")
     return table
 
 

@@ -54,6 +54,8 @@ class Effort:
         The number of performers, at most.
     starts
         How often the program is started.
+    crowd
+        Performers on the bus where nothing happens; half as many where a worker is lost.
     """
 
     rounds: int = 9
@@ -65,6 +67,7 @@ class Effort:
     rates: tuple[float, ...] = sockets.RATES
     most: int = 1024
     starts: int = 5
+    crowd: int = 130
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -97,6 +100,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--minutes", type=not_negative, default=10.0, help="of soak over sockets, 0 for none (default %(default)s)"
     )
+    parser.add_argument("--crowd", type=count, default=130, help="performers of scale (default %(default)s)")
     parser.add_argument("--picture", type=Path, metavar="FILE", help="draw what was found")
     add_json(parser)
 
@@ -107,7 +111,13 @@ def run(options: argparse.Namespace) -> int:
         PARTS if options.part == "all" else (options.part,),
         data=options.data,
         signature=LiveSignature(options.signature) if options.signature else None,
-        effort=Effort(rounds=options.rounds, seconds=options.seconds, frames=options.frames, minutes=options.minutes),
+        effort=Effort(
+            rounds=options.rounds,
+            seconds=options.seconds,
+            frames=options.frames,
+            minutes=options.minutes,
+            crowd=options.crowd,
+        ),
         picture=options.picture,
         as_json=options.json,
     )
@@ -193,7 +203,7 @@ def measured(
     def run_scale() -> None:
         from kinespace.tools.bench.cases import scale  # noqa: PLC0415 - Zenoh is an extra
 
-        report.scale = scale.measure(positions, seconds=effort.seconds)
+        report.scale = scale.measure(positions, seconds=effort.seconds, crowd=effort.crowd)
 
     runs: dict[Part, Callable[[], None]] = {
         "stages": run_stages,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ipaddress
 import json
+from contextlib import suppress
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -13,6 +14,7 @@ from kinespace.stream.inputs.receiver import KEYED, datagram_of
 from kinespace.stream.service.status import InputCounts
 from kinespace.stream.teaching import wire
 from kinespace.stream.teaching.commands import CommandError
+from kinespace.stream.zeromq.peers import LOOK_EVERY, UNREAD, Peers
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -181,6 +183,7 @@ class RequestDoor:
 
     def __init__(self, endpoint: Endpoint, desk: Desk, allowed: Allowed, keyring: Keyring | None = None) -> None:
         self._socket = endpoint.open(zmq.REP, keyring=keyring)
+        self._peers, self._looks = Peers(self._socket, UNREAD), 0.0
         self._desk, self._allowed, self._keyed = desk, allowed, keyring is not None
         self._counts = InputCounts()
 
@@ -200,14 +203,18 @@ class RequestDoor:
     @property
     def counts(self) -> InputCounts:
         """Counts of packets; a copy."""
-        return replace(self._counts)
+        return replace(self._counts, broken=self._counts.broken + self._peers.shut)
 
     def take(self, arrival: float) -> Sequence[Admitted] | None:  # noqa: ARG002 - as a source has it
         """Carry out one request, and reply; None when none waits."""
         try:
-            request = self._socket.recv_multipart(zmq.NOBLOCK, copy=False)[0]
+            parts = self._socket.recv_multipart(zmq.NOBLOCK, copy=False)
         except zmq.Again:
+            self._peers.drained()
             return None
+        request = parts[0]
+        with suppress(zmq.ZMQError):  # within a process there are no connections
+            self._peers.read(request.get(zmq.SRCFD), len(parts), sum(map(len, parts)))
         self._counts.received += 1
         told = [wire.as_json(notice) for notice in self._answered(request)]
         reply = {"states": [each for each in told if each], **self._desk.described()}
@@ -230,8 +237,12 @@ class RequestDoor:
     def tend(self, now: float) -> Sequence[Admitted]:
         """Do the work that is due by the clock."""
         self._desk.tend(now)
+        if now >= self._looks:
+            self._looks = now + LOOK_EVERY
+            self._peers.look()
         return ()
 
     def close(self) -> None:
         """Close the socket."""
+        self._peers.close()
         self._socket.close()

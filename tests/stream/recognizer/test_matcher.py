@@ -12,7 +12,7 @@ from kinespace.library.windows.index import WindowIndex
 from kinespace.library.windows.paper import PaperIndex
 from kinespace.library.windows.rejection import MAX_LEAD
 from kinespace.stream.recognition import Outcome
-from kinespace.stream.recognizer.decision import followed
+from kinespace.stream.recognizer.decision import followed, usual_sensitivity
 from kinespace.stream.recognizer.hysteresis import PER_SECOND, Hysteresis
 from kinespace.stream.recognizer.matcher import Matcher, PaperMatcher, Reading, WindowMatcher
 
@@ -214,3 +214,18 @@ def test_the_papers_signature_answers_nothing_unknown(small_library: MotionLibra
     readings = _readings(PaperMatcher(index, stillness=0.0, smallest_gap=0.0), stranger["squat1Reps"])
     of_nothing = {reading.outcome for reading in readings if index.classes[reading.guess] == NOTHING}
     assert of_nothing == {Outcome.UNKNOWN}
+
+
+def test_with_fewer_joints_less_is_named(small_index: WindowIndex) -> None:
+    """The matcher of fewer joints asks for as much evidence as a matcher with three fifths of the sensitivity."""
+    for sensitivity in (None, 0.1):
+        whole = WindowMatcher(small_index, stillness=0.0, sensitivity=sensitivity)
+        fewer, own = (
+            whole.over(small_index),
+            WindowMatcher(
+                small_index, stillness=0.0, sensitivity=0.6 * (sensitivity or usual_sensitivity(small_index.library))
+            ),
+        )
+        clip = small_index.library.motions[0]
+        told = [[each.outcome for each in _readings(matcher, clip)] for matcher in (fewer, own)]
+        assert told[0] == told[1]

@@ -114,7 +114,9 @@ def test_every_page_is_linked() -> None:
 
 def test_readme_is_a_first_page() -> None:
     """README is short enough to be read: the rest stands behind links."""
-    assert len(README.splitlines()) <= MAX_README_LINES
+    # Apart from a table that a command makes.
+    written = re.sub(r"<!-- chaos: worst -->.*?<!-- end -->", "", README, flags=re.DOTALL)
+    assert len(written.splitlines()) <= MAX_README_LINES
 
 
 def test_the_first_screen_runs() -> None:

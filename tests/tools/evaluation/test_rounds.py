@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 
     from kinespace.library import MotionLibrary
 
+pytestmark = pytest.mark.slow
+
 ARMS = "rotateArmsBothBackward1Reps"
 ROUNDS = 4
 

@@ -47,7 +47,9 @@ _MAX_START, _LINGER = 60.0, 3.0
 #: Performers over OSC while the gateway is started again.
 _SEEN = 4
 #: Frames of feed that are looked at after a takeover, and between two takeovers, without a cluster.
-_AFTER, _EVERY = 360, 50
+_AFTER, _EVERY = 360, 80
+#: Seconds of frames that a worker might take a performer over with, beside those that it does.
+_SHORTER = 2.5
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,13 +91,17 @@ class Run:
 
 @dataclass(frozen=True, slots=True)
 class Scale:
-    """All results; `takeovers` are how many were tried without a cluster, and after how many another event came."""
+    """All results.
 
-    performers: int
+    `takeovers` says for seconds of history how many takeovers were tried without a cluster, and after how many another
+    event came than without one.
+    """
+
+    crowd: int
     alone: Run
     runs: dict[str, Run]
     gateway_gap_s: float
-    takeovers: tuple[int, int]
+    takeovers: dict[float, tuple[int, int]]
 
     @property
     def ratio(self) -> float | None:
@@ -326,13 +332,13 @@ def gateway_gap(positions: NDArray[np.float32]) -> float:
     raise TimeoutError("the gateway that was started again answered nothing")
 
 
-def takeovers(positions: NDArray[np.float32]) -> tuple[int, int]:
+def takeovers(positions: NDArray[np.float32], seconds: float) -> tuple[int, int]:
     """Let another worker take a performer over at many moments; give how many, and after how many an event differs."""
     index = opened(MotionLibrary.builtin())
     frames = [Frame("p", 1.0 + k / FRAME_RATE, each) for k, each in enumerate(positions)]
     whole = Performers(index)
     answers = [whole.push(frame, frame.time) for frame in frames]
-    history = round(HISTORY * FRAME_RATE)
+    history = round(seconds * FRAME_RATE)
     differ = tried = 0
     for cut in range(history, len(frames) - _AFTER, _EVERY):
         tried += 1
@@ -363,7 +369,7 @@ def _taken_over(
     return _named(found)
 
 
-def measure(positions: NDArray[np.float32], *, seconds: float, performers: int = 130, fallible: int = 60) -> Scale:
+def measure(positions: NDArray[np.float32], *, seconds: float, crowd: int) -> Scale:
     """Run everything.
 
     Parameters
@@ -372,9 +378,15 @@ def measure(positions: NDArray[np.float32], *, seconds: float, performers: int =
         The motion, shape (frames, joints, 3), metres.
     seconds
         Of each run.
-    performers, fallible
-        How many: where nothing happens, and where something does.
+    crowd
+        The number of performers where nothing happens; where something does they are half as many.
     """
-    usual, smaller = Feed.of(positions, performers, seconds), Feed.of(positions, fallible, seconds)
+    usual, smaller = Feed.of(positions, crowd, seconds), Feed.of(positions, max(crowd // 2, 2), seconds)
     runs = {what: play(usual if what == "nothing" else smaller, what) for what in HAPPENINGS}
-    return Scale(performers, alone(usual), runs, gateway_gap(positions), takeovers(positions))
+    return Scale(
+        crowd,
+        alone(usual),
+        runs,
+        gateway_gap(positions),
+        {each: takeovers(positions, each) for each in (_SHORTER, HISTORY)},
+    )

@@ -181,6 +181,7 @@ def test_by_the_spread_nearly_all_are_found(
     _assert_as_tallied(found, tally)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("protocol", list(Protocol))
 @pytest.mark.parametrize("asking", [5, 260])
 def test_scores_by_the_spread_equal_the_inverted_scatters(

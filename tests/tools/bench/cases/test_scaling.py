@@ -55,6 +55,7 @@ def test_more_motions_than_there_are_stretches_are_refused() -> None:
         enlarged(MotionLibrary.builtin(), 1_000_000)
 
 
+@pytest.mark.slow
 def test_everything_is_grown_and_its_exponent_fitted() -> None:
     """Each growth has a cost for each size, in order, and the exponent fitted to these costs."""
     found = scaling.measure(Settings(), sizes=Sizes(joints=(15, 20), motions=(288, 600)), rounds=1)

@@ -26,7 +26,7 @@ from kinespace.stream.workers.wire import (
     encode_handover,
     encode_number,
 )
-from kinespace.stream.workers.worker import HISTORY
+from kinespace.stream.workers.worker import KEPT
 from kinespace.stream.zeromq import answers
 from kinespace.stream.zeromq.frames import FormatError
 
@@ -44,7 +44,7 @@ MAX_SILENT = 0.8
 #: Seconds between two looks at the workers, above which this process itself was stopped for a while.
 _STOPPED = 0.4
 #: Messages of one partition that are kept for a worker that takes over: the last seconds of four performers and more.
-_KEPT = round(HISTORY * 120 * 4)
+_KEPT = round(KEPT * 120 * 4)
 #: Messages of workers that wait, at most; they are never dropped before that.
 _MAX_WAITING = 100_000
 

@@ -32,7 +32,7 @@ from kinespace.stream.workers.wire import (
     decode_handover,
     decode_number,
 )
-from kinespace.stream.workers.worker import HISTORY
+from kinespace.stream.workers.worker import KEPT
 from kinespace.stream.zeromq.frames import FormatError
 
 if TYPE_CHECKING:
@@ -324,7 +324,7 @@ class Post:
                 node.session,
                 key(self._gateway, "frame", partition),
                 self._came,
-                history=ext.HistoryConfig(detect_late_publishers=True, max_age=HISTORY),
+                history=ext.HistoryConfig(detect_late_publishers=True, max_age=KEPT),
             )
             self._subscribed[partition] = subscriber, subscriber.sample_miss_listener(node.note_missed)
 

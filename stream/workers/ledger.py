@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from kinespace.stream.recognition import Event, EventKind
 from kinespace.stream.workers.partition import partition_of
 from kinespace.stream.workers.wire import Entry, SentFrame, sent_frame
-from kinespace.stream.workers.worker import HISTORY
+from kinespace.stream.workers.worker import HISTORY, KEPT
 
 if TYPE_CHECKING:
     from collections.abc import Collection
@@ -36,6 +36,8 @@ class _Performer:
     #: The numbers of the last frame sent and of the last frame answered.
     sent: int = 0
     answered: int = 0
+    #: When the last frame came that was answered.
+    answered_at: float = 0.0
     #: The start of the motion that listeners believe to go on.
     going_on: Event | None = None
     #: When the joints were last sent.
@@ -131,7 +133,7 @@ class Ledger:
         if self._keeps_frames:
             recent = performer.recent
             recent.append(sent)
-            while recent[0].at < now - HISTORY:
+            while recent[0].at < now - KEPT:
                 recent.popleft()
         return performer.partition, sent
 
@@ -159,7 +161,7 @@ class Ledger:
         performer = self._performers.get(answer.performer)
         if performer is None or not performer.answered < answer.seq <= performer.sent:
             return None
-        performer.answered = answer.seq
+        performer.answered, performer.answered_at = answer.seq, answer.at
         performer.carried = answer.carried or performer.carried
         told: list[Event] = []
         for event in answer.events:
@@ -176,7 +178,7 @@ class Ledger:
     def entries(self, partitions: Collection[int]) -> list[Entry]:
         """Give what a worker must know of some partitions' performers."""
         return [
-            Entry(name, each.answered, each.going_on, self._joints.get(name))
+            Entry(name, each.answered, each.answered_at - HISTORY, each.going_on, self._joints.get(name))
             for name, each in self._performers.items()
             if each.partition in partitions
         ]
@@ -184,7 +186,7 @@ class Ledger:
     def recent(self, partitions: Collection[int]) -> list[SentFrame]:
         """Give the last frames of some partitions' performers, each performer's in order."""
         taken = (each for each in self._performers.values() if each.partition in partitions)
-        return [frame for each in taken for frame in each.recent]
+        return [frame for each in taken for frame in each.recent if frame.at >= each.answered_at - HISTORY]
 
     def end_others(self, classes: Collection[str]) -> list[Event]:
         """Give the ends of motions whose class is none of these."""

@@ -60,6 +60,8 @@ class Entry(msgspec.Struct, array_like=True, frozen=True):
         The performer's name.
     answered
         The number of the last frame that was answered; answers up to it are not sent again.
+    since
+        When the first frame came that is to be seen before.
     going_on
         The start of the motion that listeners believe to go on.
     joints
@@ -68,6 +70,7 @@ class Entry(msgspec.Struct, array_like=True, frozen=True):
 
     performer: _Name
     answered: _Seq
+    since: float
     going_on: Event | None
     joints: tuple[str, ...] | None
 

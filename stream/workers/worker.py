@@ -31,6 +31,8 @@ if TYPE_CHECKING:
 #: Seconds of frames with which a performer is taken over. The longest window is two seconds; then the averages must
 #: forget the first, short windows (`kinespace bench scale` counts the events that differ).
 HISTORY = 3.5
+#: Seconds of frames that are kept: as many before the last answer of a worker that hung unnoticed for a while.
+KEPT = HISTORY + 1.5
 
 
 class _Resumed(EventDetector):
@@ -50,8 +52,8 @@ class _TakenOver:
 
     Attributes
     ----------
-    answered
-        The number of the last frame that the former worker answered.
+    answered, since
+        The number of the last frame that the former worker answered; frames that came before `since` are passed over.
     told
         The start of the motion that listeners were told of.
     found
@@ -61,6 +63,7 @@ class _TakenOver:
     """
 
     answered: int
+    since: float
     told: Event | None
     found: Event | None = None
     detector: _Resumed | None = None
@@ -108,7 +111,7 @@ class Worker:
         for entry in entries:
             self._begin(entry.performer)
             if entry.answered:
-                self._taken_over[entry.performer] = _TakenOver(entry.answered, entry.going_on)
+                self._taken_over[entry.performer] = _TakenOver(entry.answered, entry.since, entry.going_on)
             if announced := announcement(entry):
                 self.performers.announce(announced, now)
 
@@ -135,7 +138,7 @@ class Worker:
             if sent.anew and not known:
                 self._begin(name)
                 over = None
-            if seq <= self._newest.get(name, -1):
+            if seq <= self._newest.get(name, -1) or (over and known and sent.at < over.since):
                 continue
             self._newest[name] = seq
             if announced:

@@ -246,7 +246,7 @@ def _soak_table(soak: Soak) -> Table:
 def _scale_table(scale: Scale) -> Table:
     headings = ("p50 ms", "p99 ms", "worst s", "late", "lost", "false", "here µs", "work µs")
     title = (
-        f"Gateway, two workers, {scale.crowd} performers; half when a worker comes or goes\n"
+        f"Gateway, two workers, {scale.crowd} performers; three, half when one comes or goes\n"
         "Worst: the oldest answer then; late: answers that never came\n"
         "Lost, false: events; µs: of a core, a frame"
     )

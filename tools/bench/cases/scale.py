@@ -217,7 +217,7 @@ def _free_port(kind: int) -> int:
         return port
 
 
-#: What can happen in the middle of a run; the number of workers it needs is two.
+#: What can happen in the middle of a run.
 HAPPENINGS: dict[str, Callable[[Cluster], None]] = {
     "nothing": lambda _: None,
     "kill": lambda cluster: cluster.workers[0].kill(),
@@ -228,10 +228,10 @@ HAPPENINGS: dict[str, Callable[[Cluster], None]] = {
 
 
 def play(feed: Feed, what: str) -> Run:
-    """Play a feed through two workers; something happens in the middle."""
+    """Play a feed through two workers, or through three of which one does something in the middle."""
     performers = len(feed.frames[0])
     with ExitStack() as stack:
-        cluster = Cluster(2, performers)
+        cluster = Cluster(2 if what == "nothing" else 3, performers)
         stack.callback(cluster.close)
         before = cluster.core_seconds()
         run = _played(feed, cluster.gateway, cluster.answers, what, partial(HAPPENINGS[what], cluster))
@@ -361,7 +361,7 @@ def _taken_over(
     index: WindowIndex, frames: Sequence[Frame], history: int, going_on: Event | None
 ) -> list[tuple[EventKind, str]]:
     worker = Worker(Performers(index))
-    worker.take_over([Entry("p", history, going_on, None)], 0.0)
+    worker.take_over([Entry("p", history, 0.0, going_on, None)], 0.0)
     found: list[Event] = []
     for number, frame in enumerate(frames, start=1):
         message = encode_frames([sent_frame(frame, number, 0.0, anew=False)])

@@ -1,10 +1,10 @@
 """Recorded files: found, read in any format, and turned into clips."""
 
+from kinespace.library.recordings.formats.errors import RecordingError
 from kinespace.library.recordings.reader import (
     RAW,
     ActorIn,
     Reading,
-    RecordingError,
     RecordingReader,
     find_recordings,
     is_recording,

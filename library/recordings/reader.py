@@ -21,18 +21,6 @@ if TYPE_CHECKING:
 
     from kinespace.library.clip import Clip
 
-__all__ = [
-    "ActorIn",
-    "Reading",
-    "RecordingError",
-    "RecordingReader",
-    "find_recordings",
-    "is_recording",
-    "labelled",
-    "performed",
-    "read_recordings",
-]
-
 _AMC, _BVH, _C3D = ".amc", ".bvh", ".c3d"
 #: A raw recording of a feed: `stream` decodes feeds, so its reader is handed in (`Reading.raw`).
 RAW = ".kinerec"

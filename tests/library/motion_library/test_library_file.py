@@ -318,7 +318,7 @@ def test_overwritten_stretches_are_refused(content: bytes, tmp_path: Path, filli
     ("field", "value"),
     [pytest.param(6, 200, id="version"), pytest.param(8, 1, id="password"), pytest.param(10, 99, id="method")],
 )
-def test_a_zip_beyond_what_python_reads_is_refused(content: bytes, tmp_path: Path, field: int, value: int) -> None:
+def test_a_zip_that_python_cannot_read_is_refused(content: bytes, tmp_path: Path, field: int, value: int) -> None:
     """A zip whose directory asks for a later version, a password or an unknown compression is refused by name."""
     changed = bytearray(content)
     for entry in re.finditer(rb"PK\x01\x02", content):

@@ -121,7 +121,7 @@ def test_arrays_that_do_not_fit_are_refused(
         kept_of(_with(keeping, name, array), WEIGHINGS["across"])
 
 
-def test_lessons_do_not_tell_what_is_unknown(keeping: MotionLibrary, builtin: MotionLibrary) -> None:
+def test_lessons_do_not_set_the_limits_of_the_unknown(keeping: MotionLibrary, builtin: MotionLibrary) -> None:
     """A library that keeps only what its own motions teach is weighed and judged as one that keeps nothing."""
     assert builtin.judged_by_strangers
     assert not keeping.judged_by_strangers

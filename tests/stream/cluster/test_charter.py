@@ -38,7 +38,7 @@ def test_a_charter_comes_back() -> None:
         ({}, "e" * 64, "the gateway has library dddddddddddd, this worker eeeeeeeeeeee"),
     ],
 )
-def test_a_difference_is_said_in_one_line(changes: dict[str, Any], own: str | None, said: str) -> None:
+def test_a_difference_is_reported_in_one_line(changes: dict[str, Any], own: str | None, said: str) -> None:
     """Another version, protocol, number of partitions or library: one line names it and both values."""
     told = msgspec.structs.replace(CHARTER, **changes).refusal(own)
     assert told.startswith(said)

@@ -283,7 +283,7 @@ def test_answers_are_published_for_anybody(on: Bus, feed: Sequence[Sequence[Fram
     listening.close()
 
 
-def test_what_cannot_be_reached_is_said_in_a_line(monkeypatch: pytest.MonkeyPatch, tmp_path: Any) -> None:  # noqa: ANN401
+def test_an_unreachable_address_is_reported_in_one_line(monkeypatch: pytest.MonkeyPatch, tmp_path: Any) -> None:  # noqa: ANN401
     """A router that is not there, a port that is taken and a broken configuration are errors of one line each."""
     monkeypatch.setattr(bus, "_MAX_CONNECTING", 200)
     place = f"tcp/127.0.0.1:{free_port()}"

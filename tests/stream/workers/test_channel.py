@@ -58,7 +58,7 @@ def test_the_oldest_frames_are_dropped_and_nothing_else(ends: tuple[Channel, Cha
     assert [each[0] for each in messages[1:-1]] == list(range(one.dropped // 10, 40))
 
 
-def test_a_closed_end_is_told_after_its_last_message(ends: tuple[Channel, Channel]) -> None:
+def test_a_closed_end_is_reported_after_its_last_message(ends: tuple[Channel, Channel]) -> None:
     """What was sent before the end is read first; then the end is told, and sending raises nothing."""
     one, other = ends
     one.send(b"last words")

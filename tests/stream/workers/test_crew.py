@@ -117,7 +117,7 @@ def events(recognitions: Sequence[Recognition]) -> dict[str, list[tuple[str, str
     return told
 
 
-def test_answers_are_those_of_one_process(
+def test_answers_equal_one_processs(
     stage: Callable[..., Stage], feed: Sequence[Sequence[Frame]], expected: Sequence[Recognition]
 ) -> None:
     """Two workers give the answers of one process, each once, bit by bit, and both work."""
@@ -173,7 +173,7 @@ def test_a_hung_worker_is_replaced(
     assert on.crew.notes == ["worker 2 hung and was killed, 1 replaced so far"]
 
 
-def test_a_stopped_parent_kills_nobody(stage: Callable[..., Stage], feed: Sequence[Sequence[Frame]]) -> None:
+def test_a_stopped_parent_kills_no_worker(stage: Callable[..., Stage], feed: Sequence[Sequence[Frame]]) -> None:
     """When the receiving process itself was stopped, its workers are not taken for hung."""
     on = stage(2)
     on.turn(feed[0])
@@ -264,7 +264,7 @@ def test_another_library_reaches_every_worker(stage: Callable[..., Stage], stick
     assert {each.performer for each in on.heard[before:]} == set(NAMES)
 
 
-def test_what_carries_an_answer_comes_when_it_is_asked_for(
+def test_carried_joints_come_on_request(
     stage: Callable[..., Stage], sticks: MotionLibrary, feed: Sequence[Sequence[Frame]]
 ) -> None:
     """A sink that draws bodies is told the skeleton and what carries the decision, as in one process."""
@@ -298,7 +298,7 @@ def test_another_sensitivity_reaches_every_worker(
     assert described(on.heard) == described(expected)
 
 
-def test_what_cannot_be_read_is_counted(stage: Callable[..., Stage], feed: Sequence[Sequence[Frame]]) -> None:
+def test_unreadable_messages_are_counted(stage: Callable[..., Stage], feed: Sequence[Sequence[Frame]]) -> None:
     """Broken messages and answers of nobody's frames are counted and change nothing."""
     on = stage(2)
     on.turn(feed[0])

@@ -43,6 +43,6 @@ def test_few_partitions_move(count: int) -> None:
     assert sum(old != new for old, new in zip(before, after, strict=True)) <= 4 * -(-PARTITIONS // count)
 
 
-def test_without_workers_nobody_owns_anything() -> None:
+def test_without_workers_no_partition_has_an_owner() -> None:
     """Without workers there are no owners."""
     assert owners([]) == ()

@@ -49,7 +49,7 @@ class Anybody:
         return CARRIED
 
 
-def test_what_is_encoded_is_decoded() -> None:
+def test_an_encoded_body_is_decoded() -> None:
     """Name, time, positions, skeleton and what carries the decision come out as they went in."""
     name = "Ann/é"
     decoded = decode_body(encode_body(Frame(name, 1.5, POSE), STICK, CARRIED))

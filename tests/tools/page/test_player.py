@@ -67,7 +67,7 @@ def test_a_recording_is_played_from_any_second_and_stopped(tmp_path: Path) -> No
         receiver.close()
 
 
-def test_what_cannot_be_played_is_told(tmp_path: Path) -> None:
+def test_an_unplayable_recording_is_reported(tmp_path: Path) -> None:
     """A file that is no recording lasts no time, and trouble is told, not raised."""
     (tmp_path / "bad.kinerec").write_bytes(b"rubbish")
     os.utime(tmp_path / "bad.kinerec", (1, 1))

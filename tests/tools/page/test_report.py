@@ -64,7 +64,7 @@ def test_everything_is_in_one_file(tmp_path: Path) -> None:
     assert not re.search(r"/\* (page.css|draw.js|report.js|takes) \*/", text)
 
 
-def test_spans_are_those_of_a_loop() -> None:
+def test_spans_equal_a_loops() -> None:
     """Every frame from 0 on lies in the span of its value, frames below 0 in none."""
     values = np.random.default_rng(3).integers(-1, 3, 60)
     times = np.arange(60) / 10

@@ -107,7 +107,7 @@ def test_joints_that_always_coincide_are_one(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("scale", "reach"), [(1.0, 2.7), (100.0, 2.7), (1000.0, 2.7), (0.1, 0.27)])
-def test_the_unit_is_told_by_size(tmp_path: Path, scale: float, reach: float) -> None:
+def test_the_size_of_the_body_gives_the_unit(tmp_path: Path, scale: float, reach: float) -> None:
     """Metres, centimetres and millimetres are told apart by the body's size; a given unit is used instead."""
     root = arm()
     for node in root.all():

@@ -106,7 +106,7 @@ def test_an_unusable_table_is_refused_in_one_line(tmp_path: Path, text: str, tol
     assert "take.csv" in str(raised.value)
 
 
-def test_a_table_is_told_from_labels_and_libraries(tmp_path: Path) -> None:
+def test_tables_labels_and_libraries_are_told_apart(tmp_path: Path) -> None:
     """A table of joints is told from a labels file and from a motion library."""
     assert is_joint_table(_written(tmp_path, HEADER))
     assert not is_joint_table(_written(tmp_path, "start_s,end_s,label\n", "labels.csv"))

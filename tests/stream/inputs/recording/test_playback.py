@@ -210,7 +210,7 @@ def test_a_recording_is_read_by_the_preset_it_was_made_with(tmp_path: Path) -> N
     assert found == {"older": 60, "same": 60, "mine": 0}
 
 
-def test_a_kept_preset_that_cannot_be_read_is_said() -> None:
+def test_an_unreadable_kept_preset_is_named() -> None:
     """A preset of a later version, with keys unknown here, is refused as the recording's."""
     header = RawHeader("", ("osc here feed mine",), {"mine": "port = 7000\nfuture = 1"})
     with pytest.raises(ValueError, match=r"^preset mine in the recording: "):

@@ -36,7 +36,7 @@ def _naive_shares(given: list[float], pairs: list[list[int]], order: list[int], 
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_shares_are_those_of_plain_loops(seed: int) -> None:
+def test_shares_equal_plain_loops(seed: int) -> None:
     """What pairs give adds up to the scatter; shares are those of loops; the foremost pairs are told."""
     generator = np.random.default_rng(seed)
     rows, weights = generator.normal(size=(20, len(STICK.pairs))), generator.normal(size=len(STICK.pairs))
@@ -54,7 +54,7 @@ def test_shares_are_those_of_plain_loops(seed: int) -> None:
 
 
 @pytest.mark.parametrize("signature", LiveSignature)
-def test_a_recogniser_tells_what_its_eigenvector_sees(sticks: MotionLibrary, signature: LiveSignature) -> None:
+def test_a_recogniser_gives_the_joints_of_its_eigenvector(sticks: MotionLibrary, signature: LiveSignature) -> None:
     """Of a stick that moves one arm, the pairs of this arm's end give most; nothing is told before the first answer."""
     recognizer = Recognizer(sticks, Settings(signature=signature))
     assert recognizer.pair_contributions() is None

@@ -114,7 +114,8 @@ class Inbox:
     def _wake(self) -> None:
         if not self._awake:
             self._awake = True
-            with suppress(BlockingIOError):
+            # A full socket wakes the loop, too; a closed one has no loop any more.
+            with suppress(OSError):
                 self._wakes.send(b"!")
 
     def deal(self) -> None:

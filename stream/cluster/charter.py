@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 PROTOCOL = 1
 #: Bytes of a library's file, at most.
 MAX_LIBRARY = 1 << 28
-TOKENS, GATEWAYS, WORKERS = "kin/*/*", "kin/gateway", "kin/worker"
+GATEWAYS, WORKERS = "kin/gateway", "kin/worker"
 
 
 class Charter(msgspec.Struct, frozen=True):

@@ -83,11 +83,14 @@ class Peers:
         The bytes that a connection may leave unread.
     shut
         Connections that were shut down.
+    begun
+        File numbers of the connections that `look` found to be new when it was last called.
     """
 
     watched: zmq.Socket[bytes]
     allowance: Allowance
     shut: int = 0
+    begun: list[int] = field(default_factory=list)
     _events: zmq.Socket[bytes] = field(init=False)
     #: By file number.
     _peers: dict[int, _Peer] = field(default_factory=dict)
@@ -112,6 +115,7 @@ class Peers:
         """Shut down connections that leave too much unread; give the events since the last call, except its own."""
         if self.watched.closed:
             return []
+        self.begun = []
         told = [event for event, connection in self._happened() if self._note(event, connection)]
         now = time.monotonic()
         for connection, peer in [*self._peers.items()]:
@@ -136,6 +140,7 @@ class Peers:
         if event in (zmq.EVENT_ACCEPTED, zmq.EVENT_CONNECTED):
             self._ending.discard(connection)
             if address := _other_end(connection):
+                self.begun.append(connection)
                 self._peers[connection] = _Peer(str(address[0]), address, time.monotonic())
         elif event == zmq.EVENT_DISCONNECTED:
             self._peers.pop(connection, None)

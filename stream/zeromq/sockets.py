@@ -66,7 +66,8 @@ class ZmqReceiver:
         self._looks = 0.0
         self._keyring = keyring
         self.sender: Sender = None
-        #: Senders by connection, until the next look, because connections' numbers are used again.
+        #: Senders by connection. They stay when a connection ends, because messages of it may still wait, and until its
+        #: number is another's.
         self._senders: dict[int, Sender] = {}
 
     def __str__(self) -> str:
@@ -114,8 +115,9 @@ class ZmqReceiver:
         now = time.monotonic()
         if now >= self._looks:
             self._looks = now + LOOK_EVERY
-            self._senders.clear()
             self._connections.look()
+            for connection in self._connections.peers.begun:
+                self._senders.pop(connection, None)
 
     def _note_sender(self, part: zmq.Frame, parts: Sequence[bytes]) -> int:
         """Note the sender of some parts; give the number of its connection, -1 for none."""

@@ -100,7 +100,7 @@ def opened(address: str, complaints: list[str]) -> Iterator[Page]:
         browser = playwright.chromium.launch(executable_path=CHROMIUM, args=options)
         # Without bypass_csp Playwright's own questions die on the page's policy, which forbids to make code of text.
         context = browser.new_context(
-            bypass_csp=True, viewport={"width": 1180, "height": 720}, color_scheme="dark", reduced_motion="reduce"
+            bypass_csp=True, viewport={"width": 1180, "height": 770}, color_scheme="dark", reduced_motion="reduce"
         )
         page = context.new_page()
         page.set_default_timeout(1000 * PATIENCE)
@@ -148,23 +148,26 @@ def test_a_person_sees_teaches_and_is_recognised(tmp_path: Path) -> None:
     from axe_playwright_python.sync_playwright import Axe  # noqa: PLC0415 - as above
 
     port, complaints = free_udp_port(), list[str]()
-    with Performer(port) as performer:
-        with live(port, "0", tmp_path / "mine.npz") as (program, address), opened(address, complaints) as page:
-            sees(page, performer, tmp_path)
-            accessible = Axe().run(page)
-            assert accessible.violations_count == 0, accessible.generate_report()
-            page.click("#record")
-            until(page, "kinespace.control.recording !== ''")
-            teaches(page, performer)
-            plays(page)
-            assert complaints == []
-            # The recogniser is started anew on the same address: the page comes back by itself.
-            assert program.interrupt() == 0
-            until(page, "document.querySelector('#state').className === 'lost'")
-            with live(port, address.rstrip("/").rpartition(":")[2], tmp_path / "mine.npz"):
-                until(page, "document.querySelector('#state').textContent.startsWith('live')")
-                until(page, "kinespace.performers.has('ann')")
-        assert all("WebSocket" in each for each in complaints)
+    with (
+        live(port, "0", tmp_path / "mine.npz") as (program, address),
+        Performer(port) as performer,
+        opened(address, complaints) as page,
+    ):
+        sees(page, performer, tmp_path)
+        accessible = Axe().run(page)
+        assert accessible.violations_count == 0, accessible.generate_report()
+        page.click("#record")
+        until(page, "kinespace.control.recording !== ''")
+        teaches(page, performer)
+        plays(page)
+        assert complaints == []
+        # The recogniser is started anew on the same address: the page comes back by itself.
+        assert program.interrupt() == 0
+        until(page, "document.querySelector('#state').className === 'lost'")
+        with live(port, address.rstrip("/").rpartition(":")[2], tmp_path / "mine.npz"):
+            until(page, "document.querySelector('#state').textContent.startsWith('live')")
+            until(page, "kinespace.performers.has('ann')")
+    assert all("WebSocket" in each for each in complaints)
 
 
 def sees_motion(page: Page, performer: Performer, name: str, motion: NDArray[np.float64]) -> None:
@@ -196,7 +199,7 @@ def sees(page: Page, performer: Performer, folder: Path) -> None:
     page.set_viewport_size({"width": 390, "height": 844})
     until(page, "document.querySelector('.stage canvas').width < 800")
     assert page.evaluate("document.documentElement.scrollWidth") <= 390
-    page.set_viewport_size({"width": 1180, "height": 720})
+    page.set_viewport_size({"width": 1180, "height": 770})
 
 
 def teaches(page: Page, performer: Performer) -> None:

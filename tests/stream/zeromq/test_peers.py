@@ -102,6 +102,21 @@ def test_a_message_that_does_not_end_is_cut_off(monkeypatch: pytest.MonkeyPatch,
     assert receiver.broken() == 1
 
 
+def test_what_waits_when_its_sender_has_gone_has_still_its_sender(opened: ExitStack) -> None:
+    """Messages that are read after their connection has ended are told to be of the same sender."""
+    receiver = opened.enter_context(closing(ZmqReceiver(ANY_PORT)))
+    sender = publisher_to(receiver, opened)
+    known = receiver.sender
+    sender.linger = 1000
+    for _ in range(20):
+        sender.send_multipart(FRAME)
+    sender.close()
+    wait_for(lambda: not receiver._connections.look() and not receiver._connections.peers._peers)  # noqa: SLF001 - gone
+    while receiver.receive():
+        assert receiver.sender == known
+    assert known
+
+
 def test_whole_messages_are_not_counted(monkeypatch: pytest.MonkeyPatch, opened: ExitStack) -> None:
     """A sender whose messages are read may send any number of bytes, also when something always waits."""
     monkeypatch.setattr("kinespace.stream.zeromq.reconnection.UNREAD", Allowance(200_000, 0, 200_000))

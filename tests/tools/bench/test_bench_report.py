@@ -14,6 +14,7 @@ from kinespace.stream.recognizer import LiveSignature, RecognizerCounts
 from kinespace.tools.bench import picture
 from kinespace.tools.bench.cases.capacity import Crowd
 from kinespace.tools.bench.cases.peers import Peer, Peers
+from kinespace.tools.bench.cases.scale import Run, Scale
 from kinespace.tools.bench.cases.scaling import Growth
 from kinespace.tools.bench.cases.soak import Day, Soak
 from kinespace.tools.bench.cases.sockets import Sockets
@@ -73,6 +74,17 @@ def made_up(signature: LiveSignature = LiveSignature.PAPER) -> Report:
             Day(1000, 2.0, (90.0, 91.0, 92.0), 7, 3e-7, 250, RecognizerCounts(frames=1000, hops=250)),
             crowd,
         ),
+        scale=Scale(
+            130,
+            one := Run("one process", np.full(9, 1e-3), float("nan"), 9, 9, 0, 0, 30.0),
+            {
+                "nothing": replace(one, what="nothing", lags=np.full(9, 1.5e-3), loop_us=5.0, core_us=40.0),
+                "kill": replace(one, what="kill", worst=0.25, lost_events=1),
+                "hang": replace(one, what="hang", worst=1.25, false_events=2),
+            },
+            1.5,
+            {2.5: (100, 4), 3.5: (98, 1)},
+        ),
     )
 
 
@@ -105,6 +117,14 @@ def test_the_standard_figures_come_from_the_results() -> None:
         "rss_100_mb": None,
         "startup_s": 0.75,
         "max_eigenvector_error": 3e-7,
+        "added_p50_ms": 0.5,
+        "added_p99_ms": 0.5,
+        "performers_per_core_ratio": 0.75,
+        "kill_gap_s": 0.25,
+        "hang_gap_s": 1.25,
+        "gateway_gap_s": 1.5,
+        "lost_events": 1,
+        "false_events": 2,
     }
     assert json.loads(json.dumps(figures, allow_nan=False)) == figures
 

@@ -12,7 +12,7 @@ from test_bench_report import KEYS
 
 from kinespace.stream.recognizer import LiveSignature
 from kinespace.tools.bench import run
-from kinespace.tools.bench.cases import peers, scaling, soak, sockets, stages
+from kinespace.tools.bench.cases import peers, scale, scaling, soak, sockets, stages
 from kinespace.tools.bench.cases.scaling import Sizes
 from kinespace.tools.cli.main import main
 
@@ -45,7 +45,7 @@ EFFORT = run.Effort(
 def test_parts_are_measured_as_asked(parts: tuple[run.Part, ...], monkeypatch: pytest.MonkeyPatch) -> None:
     """Each part asked for, and no other, is measured once, in the usual order, with the effort asked for."""
     asked = dict[str, dict[str, object]]()
-    modules = {"stages": stages, "peers": peers, "growth": scaling, "sockets": sockets, "soak": soak}
+    modules = {"stages": stages, "peers": peers, "growth": scaling, "sockets": sockets, "soak": soak, "scale": scale}
     for name, module in modules.items():
         monkeypatch.setattr(
             module, "measure", lambda *_, name=name, **options: asked.setdefault(name, options) and name

@@ -377,7 +377,7 @@ byId("timeline").addEventListener("click", (event) => {
 
 function showPlayer() {
   const { recordings, playing, speed, trouble, at } = page.player;
-  byId("player").hidden = false;
+  byId("player").hidden = !recordings.length;
   const list = byId("recordings");
   const names = recordings.map(([name]) => name);
   if ([...list.options].map(({ value }) => value).join() !== names.join()) {
@@ -386,7 +386,6 @@ function showPlayer() {
     if (names.includes(chosen)) list.value = chosen;
   }
   byId("play").textContent = speed ? "Pause" : "Play";
-  byId("play").disabled = !names.length;
   const seconds = recordings.find(([name]) => name === list.value)?.[1] ?? 1;
   byId("scrub").max = seconds;
   if (!speed && playing === list.value && document.activeElement !== byId("scrub")) showPlace(at);

@@ -1,0 +1,48 @@
+"""`kinespace bench scale`, small: what it counts, and a worker that is killed. No figure is held against a limit."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import pytest
+
+from kinespace.stream.recognition import Event, EventKind
+from kinespace.tools.bench.cases import scale
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+pytestmark = pytest.mark.slow
+
+
+def test_a_feed_is_recognised_by_one_process_as_expected(played: NDArray[np.float32]) -> None:
+    """In one process every answer comes, no event is lost or false, and each answer has its time."""
+    feed = scale.Feed.of(played, 3, 1.0)
+    run = scale.alone(feed)
+    assert run.answered == run.expected == feed.due > 60
+    assert (run.lost_events, run.false_events) == (0, 0)
+    assert run.lags.shape == (feed.due,)
+    assert math.isnan(run.worst)
+
+
+def test_takeovers_are_compared_with_an_uninterrupted_feed(
+    played: NDArray[np.float32], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A worker that has seen all that the other has seen gives the same events; one that has seen nothing does not."""
+    monkeypatch.setattr(scale, "_AFTER", 1200)
+    monkeypatch.setattr(scale, "_EVERY", 2000)
+    assert scale.takeovers(played[:1441], 2.0) == (1, 0)
+    monkeypatch.setattr(scale, "_going_on", lambda _: Event("p", EventKind.START, "squat1Reps", 10, 1.0, 1.0))
+    assert scale.takeovers(played[:1441], 2.0) == (1, 1)
+
+
+def test_a_worker_is_killed(played: NDArray[np.float32]) -> None:
+    """Through real workers of which one is killed answers come to the end."""
+    pytest.importorskip("zenoh")
+    feed = scale.Feed.of(played, 2, 3.0)
+    run = scale.play(feed, "kill")
+    assert run.what == "kill"
+    assert run.answered > run.expected // 2
+    assert math.isfinite(run.worst)

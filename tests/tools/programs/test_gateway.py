@@ -1,0 +1,74 @@
+"""`kinespace gateway` and `work`: real processes that are fed over OSC, and stopped as a person stops them."""
+
+from __future__ import annotations
+
+import socket
+import time
+from contextlib import ExitStack, closing
+from typing import TYPE_CHECKING
+
+import pytest
+from programs import LOOPBACK, PATIENCE, finished, ghost_cues, started
+
+from kinespace.stream import osc
+from kinespace.tools.cli.main import main
+from kinespace.tools.feeding.feed import OscFrameSender
+from kinespace.tools.loopback.answer_listener import Listener, answer_in
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+pytest.importorskip("zenoh")
+
+
+def free_place() -> str:
+    """Give a Zenoh endpoint that nobody listens on."""
+    with socket.socket() as probe:
+        probe.bind((LOOPBACK, 0))
+        return f"tcp/{LOOPBACK}:{probe.getsockname()[1]}"
+
+
+@pytest.mark.slow
+def test_a_worker_recognises_for_a_gateway() -> None:
+    """Frames go in by OSC and answers come out, bodies are published, and Ctrl-C ends both with status 0."""
+    place, cues = free_place(), ghost_cues("squat1Reps", 1.5)
+    with closing(osc.OscReceiver(LOOPBACK, 0)) as receiver:
+        ends = ("--osc-in", f"{LOOPBACK}:0", "--osc-out", f"{LOOPBACK}:{receiver.address[1]}", "--plain")
+        bodies = ("--zmq-out", f"tcp://{LOOPBACK}:*", "--bodies", "--zenoh-out")
+        with ExitStack() as stack:
+            gateway = stack.enter_context(started("gateway", *ends, *bodies, "--listen", place))
+            port = int(gateway.expect(r"listening on OSC 127\.0\.0\.1:(\d+)")[1])
+            work = stack.enter_context(started("work", "--connect", place))
+            work.expect("working for gateway [0-9a-f]{12}, library [0-9a-f]{12}")
+            until, heard = time.monotonic() + PATIENCE, []
+            with closing(OscFrameSender(LOOPBACK, port)) as sender:
+                listener = Listener(receiver)
+                # The gateway may not have heard yet that the worker is ready.
+                while not heard and time.monotonic() < until:
+                    for cue in cues:
+                        sender.send(sender.encode(cue))
+                    heard = [
+                        each for each in listener.listen_until(time.perf_counter() + 0.2) if answer_in(each.packet)
+                    ]
+            assert heard
+            assert (gateway.interrupt(), gateway.errors) == (0, "")
+            work.expect("gateway [0-9a-f]{12} is gone")
+            assert (work.interrupt(), work.errors) == (0, "")
+            assert "refused 0, unread 0, strangers 0, conflicts 0, dropped 0" in work.output
+
+
+def test_what_a_gateway_cannot_do_is_said(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    """Options of teaching, or a convention that workers do not have, are refused in one line."""
+    for options in (["--teach", str(tmp_path / "a.npz")], ["--workers", "2"], ["--names", str(tmp_path / "mine.toml")]):
+        assert main(["gateway", *options]) == 2
+        assert capsys.readouterr().err.startswith(("kinespace: gateway: expected no", "kinespace: --names: expected"))
+
+
+@pytest.mark.slow
+def test_a_gateway_that_is_not_there_is_one_line() -> None:
+    """A worker that reaches nobody ends with one line and status 2."""
+    place = free_place()
+    status, output, errors = finished("work", "--connect", place)
+    assert (status, output) == (2, "")
+    assert errors.startswith(f"kinespace: Zenoh: {place}: ")
+    assert errors.count("\n") == 1

@@ -47,8 +47,9 @@ def test_a_signal_ends_a_program_without_a_traceback(name: str, number: signal.S
         # Somewhere in its work; where does not matter.
         time.sleep(1.0)
         program.process.send_signal(number)
-        # On a busy machine it has not even begun, and the system ends it.
-        assert program.wait() in (0, 1, -number)
+        # On a busy machine it has not even begun, and the system ends it; or the interrupt comes inside an `exec`, with
+        # which dataclasses are made: then Python ends by SIGINT, although the interrupt was caught.
+        assert program.wait() in (0, 1, -number, -signal.SIGINT)
         assert program.errors == ""
 
 

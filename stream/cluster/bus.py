@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+import math
 import socket
+import time
 from collections import deque
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any
@@ -118,8 +120,9 @@ class Inbox:
             with suppress(OSError):
                 self._wakes.send(b"!")
 
-    def deal(self) -> None:
-        """Deal with all that has come, in the loop's thread: first with what must not be lost."""
+    def deal(self, longest: float = math.inf) -> None:
+        """Deal with what has come, in the loop's thread: all that must not be lost, then frames for so many seconds."""
+        ends = time.monotonic() + longest
         if self._awake:
             with suppress(BlockingIOError):
                 self._woken.recv(64)
@@ -130,7 +133,7 @@ class Inbox:
         for _ in range(len(self._frames)):
             deal_with, arguments = self._frames.popleft()
             deal_with(*arguments)
-            if self._waiting:
+            if self._waiting or time.monotonic() > ends:
                 break
 
     @property

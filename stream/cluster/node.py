@@ -148,7 +148,8 @@ class Node:
         """Wait at most so many seconds for messages, and deal with them; report when it is time."""
         if self.inbox.is_empty:
             select.select([self.inbox], [], [], longest)
-        self.inbox.deal()
+        # In between it reports: a worker that warms up is busy, but not gone.
+        self.inbox.deal(REPORT_EVERY / 4)
         now = self.clock()
         if now >= self._next_report:
             self._next_report = now + REPORT_EVERY
@@ -271,6 +272,8 @@ class Post:
             charter.settings, charter.assumed, Naming.asked(charter.naming), charter.most, 2 * charter.silence
         )
         self._worker: Worker = start.worker(self._library, ())
+        #: What was dropped before this membership.
+        self._dropped = self._node.dropped
 
     def leave(self) -> None:
         """Stop working for the gateway."""
@@ -368,7 +371,7 @@ class Post:
         if self._asked and now >= self._asked[2]:
             self._last, self._asked = self._asked[0], None
         report = self._worker.report(now, self._last)
-        self._send(Answers([], msgspec.structs.replace(report, dropped=self._node.dropped)))
+        self._send(Answers([], msgspec.structs.replace(report, dropped=self._node.dropped - self._dropped)))
 
     def _send(self, answers: Answers) -> None:
         import zenoh  # noqa: PLC0415 - an extra

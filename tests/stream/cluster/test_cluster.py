@@ -135,6 +135,19 @@ def events(recognitions: Sequence[Recognition]) -> dict[str, list[tuple[str, str
     return told
 
 
+def test_a_busy_loop_deals_in_pieces_and_keeps_the_newest() -> None:
+    """What must not be lost comes first, frames one by one while there is time, the oldest are dropped and counted."""
+    inbox, done = bus.Inbox(3), list[object]()
+    for frame in range(5):
+        inbox.put_frames(done.append, frame)
+    inbox.put(done.append, "order")
+    inbox.deal(-1.0)
+    assert (done, inbox.dropped, inbox.is_empty) == (["order", 2], 2, False)
+    inbox.deal()
+    assert (done, inbox.is_empty) == (["order", 2, 3, 4], True)
+    inbox.close()
+
+
 def test_workers_come_and_go_without_a_lost_event(on: Bus, feed: Sequence[Sequence[Frame]]) -> None:
     """A worker fetches the library, a second one joins, the first one dies: the events are those of one process."""
     performers = Performers(opened(on.library))

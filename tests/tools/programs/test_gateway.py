@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import socket
+import subprocess
+import sys
 import time
 from contextlib import ExitStack, closing
 from typing import TYPE_CHECKING
@@ -72,3 +74,11 @@ def test_a_gateway_that_is_not_there_is_one_line() -> None:
     assert (status, output) == (2, "")
     assert errors.startswith(f"kinespace: Zenoh: {place}: ")
     assert errors.count("\n") == 1
+
+
+def test_live_alone_loads_nothing_of_it() -> None:
+    """Without the options neither workers nor Zenoh are imported."""
+    loaded = "[each for each in sys.modules if 'workers' in each or 'zenoh' in each]"
+    code = f"import sys, kinespace.tools.programs.live.program; print({loaded})"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=60)
+    assert done.stdout == "[]\n"

@@ -244,20 +244,22 @@ def _soak_table(soak: Soak) -> Table:
 
 
 def _scale_table(scale: Scale) -> Table:
-    headings = ("p50, ms", "p99, ms", "worst after, s", "answers", "events lost", "false", "here, µs", "workers, µs")
-    title = f"Gateway and two workers, {scale.crowd} performers; half as many where a worker comes or goes"
+    headings = ("p50 ms", "p99 ms", "worst s", "late", "lost", "false", "here µs", "work µs")
+    title = (
+        f"Gateway, two workers, {scale.crowd} performers; half when a worker comes or goes\n"
+        "Worst: the oldest answer then; late: answers that never came\n"
+        "Lost, false: events; µs: of a core, a frame"
+    )
     table = _table(title, ("",), headings)
     for run in (scale.alone, *scale.runs.values()):
-        lags = (f"{run.percentile(50):.2f}", f"{run.percentile(99):.2f}", f"{run.worst:.3f}")
+        lags = (f"{run.percentile(50):.2f}", f"{run.percentile(99):.2f}", f"{run.worst:.2f}")
         used = (f"{run.loop_us:.1f}", _NOTHING if run.core_us is None else f"{run.core_us:.1f}")
-        table.add_row(
-            run.what, *lags, f"{run.answered} of {run.expected}", f"{run.lost_events}", f"{run.false_events}", *used
-        )
+        late = f"{run.expected - run.answered}"
+        table.add_row(run.what, *lags, late, f"{run.lost_events}", f"{run.false_events}", *used)
     table.add_section()
-    table.add_row("gateway killed, started", "", "", f"{scale.gateway_gap_s:.3f}", "", "", "", "", "")
+    table.add_row("gateway again", "", "", f"{scale.gateway_gap_s:.2f}", "", "", "", "", "")
     for seconds, (tried, differ) in scale.takeovers.items():
-        told = f"takeovers with {seconds} s, another event"
-        table.add_row(told, "", "", "", f"{differ} of {tried}", "", "", "", "")
+        table.add_row(f"{seconds} s before", "", "", "", f"{tried}", "", f"{differ}", "", "")
     return table
 
 

@@ -310,6 +310,9 @@ class Desk:
         while (job := self._jobs.get()) is not None:
             try:
                 index = self._windows.index_of(job.roster)
+                if index is not None:
+                    # What recognisers need of it is computed here; between two frames there is no time for it.
+                    Recognizer(index, self.settings)
             except (ValueError, MemoryError) as error:
                 self._results.put(_Failed(job.number, " ".join(str(error).split())))
                 continue

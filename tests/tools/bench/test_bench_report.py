@@ -182,6 +182,7 @@ def test_the_tables_name_everything(capsys: pytest.CaptureFixture[str], monkeypa
             "over UDP, 64 performers",
             "80.0 MB, 81.0 MB, 82.0 MB",
         ),
+        *("Gateway, two workers, 130 performers", "kill", "hang", "gateway again", "3.5 s before"),
     )
     for text in told:
         assert text in printed

@@ -108,7 +108,9 @@ def recognisers(
         motions = fitted(motions, "--joints", joints)
     sent = SentJoints(joints, feed.naming, background_restricter(settings))
     if teaching.file:
-        desk = _desk(teaching, None if nothing else motions, sent, partial(make, settings=settings, most=most))
+        desk = _desk(
+            teaching, None if nothing else motions, sent, settings, partial(make, settings=settings, most=most)
+        )
         return desk, desk
     _require_room_for(motions, settings)
     return make(motions, settings, most=most, joints=sent), None
@@ -144,19 +146,26 @@ def fitted(motions: MotionLibrary, whose: str, joints: Sequence[str]) -> MotionL
     return shared
 
 
-def _desk(teaching: Teaching, motions: MotionLibrary | None, sent: SentJoints, make: Callable[..., Teachable]) -> Desk:
+def _desk(
+    teaching: Teaching,
+    motions: MotionLibrary | None,
+    sent: SentJoints,
+    settings: Settings,
+    make: Callable[..., Teachable],
+) -> Desk:
     """Open the taught library."""
     assert teaching.file is not None  # noqa: S101 - told to mypy
 
     def performers(index: WindowIndex, classes: Sequence[str]) -> Teachable:
         covers = set(index.library.skeleton.joints) <= set(sent.assumed)
         joints = sent if covers else replace(sent, assumed=())
+        _require_room_for(index, settings)
         return make(index, joints=joints, classes=classes)
 
     return open_desk(Start(teaching.file, motions, sent.assumed), performers)
 
 
-def _require_room_for(motions: MotionLibrary, settings: Settings) -> None:
+def _require_room_for(motions: MotionLibrary | WindowIndex, settings: Settings) -> None:
     """Refuse a window that this machine has no memory for now, not at the first performer's first frame."""
     try:
         Recognizer(motions, settings)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import signal
 import socket
 import threading
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
 pytestmark = pytest.mark.slow
 
 SIGNALS = [signal.SIGINT, signal.SIGTERM, *([signal.SIGHUP] if hasattr(signal, "SIGHUP") else [])]
+_UNCLOSED = re.compile(r"Exception ignored in: <_io.*\nTraceback .*\n( .*\n)*ResourceWarning: unclosed file .*\n")
 PROGRAMS: dict[str, tuple[tuple[object, ...], str]] = {
     "replay": (("replay", "squat1Reps", "--loop", "--osc", f"{LOOPBACK}:{free_udp_port()}"), ""),
     "listen": (("listen", f"{LOOPBACK}:0", "--seconds", 100), "listening"),
@@ -50,7 +52,8 @@ def test_a_signal_ends_a_program_without_a_traceback(name: str, number: signal.S
         # On a busy machine it has not even begun, and the system ends it; or the interrupt comes inside an `exec`, with
         # which dataclasses are made: then Python ends by SIGINT, although the interrupt was caught.
         assert program.wait() in (0, 1, -number, -signal.SIGINT)
-        assert program.errors == ""
+        # An interrupt within an import leaves the module's file to the collector, and `-W error` reports the file.
+        assert _UNCLOSED.sub("", program.errors) == ""
 
 
 @pytest.mark.skipif(not hasattr(signal, "SIGHUP"), reason="Windows has other signals")

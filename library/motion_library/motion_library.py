@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass, field, replace
 from functools import cache
 from importlib import resources
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -17,7 +18,6 @@ from kinespace.library.skeleton import Skeleton, SkeletonMismatchError
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Mapping, Sequence
-    from pathlib import Path
 
     from kinespace.library.clip import Clip
     from kinespace.library.motion_library.learned import Learned
@@ -116,7 +116,7 @@ class MotionLibrary:
             return cls.load(path)
 
     @classmethod
-    def load(cls, path: Path) -> MotionLibrary:
+    def load(cls, path: Path | str) -> MotionLibrary:
         """Read a library's file.
 
         Raises
@@ -126,13 +126,13 @@ class MotionLibrary:
         OSError
             The file cannot be opened.
         """
-        contents = library_file.read(path)
+        contents = library_file.read(Path(path))
         try:
             return cls(*contents)
         except ValueError as error:
             raise library_file.LibraryFileError(f"{path}: not a usable motion library ({error})") from error
 
-    def save(self, path: Path) -> None:
+    def save(self, path: Path | str) -> None:
         """Write one file, atomically.
 
         Raises
@@ -142,7 +142,7 @@ class MotionLibrary:
         OSError
             The folder cannot be written.
         """
-        library_file.write(path, library_file.Contents(self.skeleton, self.motions, self.learned))
+        library_file.write(Path(path), library_file.Contents(self.skeleton, self.motions, self.learned))
 
     def __len__(self) -> int:
         return len(self.motions)

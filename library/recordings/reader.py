@@ -28,6 +28,7 @@ RAW = ".kinerec"
 _READERS: dict[str, Callable[..., Clip]] = {_BVH: bvh.read_clip, _C3D: c3d.read_clip, ".trc": trc.read_clip}
 _ENDINGS = (_AMC, *_READERS, RAW)
 _TABLES = (".csv", ".npz")
+_NAMED = f"{', '.join(_ENDINGS)}, a table in {' or '.join(_TABLES)}, or UTKinect's .txt"
 #: Bytes of memory for each byte of text in a file: a number of two characters takes eight. C3D has its own limit.
 _TIMES_TEXT = 4
 
@@ -94,6 +95,15 @@ def is_recording(path: Path) -> bool:
     return ending in _ENDINGS or utkinect.is_take(path) or (ending in _TABLES and joint_table.is_joint_table(path))
 
 
+def _got(path: Path) -> str:
+    """Say of a file that is no recording what it is."""
+    if path.is_file() and not path.stat().st_size:
+        return "an empty file"
+    if path.suffix.lower() in _TABLES:
+        return f"a {path.suffix} without joints' positions: columns like time, head_x, head_y, head_z"
+    return path.suffix or "no ending"
+
+
 def find_recordings(places: Sequence[Path]) -> list[Path]:
     """List the recordings under some folders (at any depth) and files, sorted within each folder, each once.
 
@@ -111,7 +121,7 @@ def find_recordings(places: Sequence[Path]) -> list[Path]:
         else:
             found.append(place)
     if not found:
-        raise RecordingError(f"{', '.join(map(str, places))}: no recording ({', '.join(_ENDINGS)}) in it")
+        raise RecordingError(f"{', '.join(map(str, places))}: no recording ({_NAMED}) in it")
     return list(dict.fromkeys(found))
 
 
@@ -220,9 +230,7 @@ class RecordingReader:
 
     def _require_recording(self, path: Path) -> None:
         if not is_recording(path):
-            raise RecordingError(
-                f"{path}: expected a recording ({', '.join(_ENDINGS)}), got {path.suffix or 'no ending'}"
-            )
+            raise RecordingError(f"{path}: expected a recording ({_NAMED}), got {_got(path)}")
 
     @staticmethod
     def _require_memory(path: Path) -> None:

@@ -48,7 +48,7 @@ class Evidence(NamedTuple):
         Log distance of the guess by each group of parts.
     leads
         Log distance by which the nearest other class is farther, by each group: below 0 where it is nearer; between
-        -`MAX_LEAD` and `MAX_LEAD`.
+        -`MAX_LEAD` and `MAX_LEAD`; 0 without another class.
     noise
         Standard deviation of the noise of a distance in the feed, metres.
     """
@@ -65,7 +65,8 @@ class Evidence(NamedTuple):
             distance, each[guess] = each[guess], math.inf
             lead = min(each) - distance
             distances.append(distance)
-            leads.append(-MAX_LEAD if lead < -MAX_LEAD else min(lead, MAX_LEAD))
+            # Where there is no other class, the lead says nothing.
+            leads.append(0.0 if lead == math.inf else min(max(lead, -MAX_LEAD), MAX_LEAD))
         return cls(tuple(distances), tuple(leads), noise)
 
     @property

@@ -232,7 +232,7 @@ def oddities(take: Clip, segments: Sequence[Segment]) -> list[str]:
         return []
     last, lasts = max(segment.end for segment in segments), take.duration
     whole = all(time.is_integer() for segment in segments for time in (segment.start, segment.end))
-    beyond = [segment for segment in segments if segment.end > lasts + 1 / take.frame_rate]
+    beyond = [segment for segment in segments if segment.end > lasts + max(_SHORTEST, 1 / take.frame_rate)]
     tiny = [segment for segment in segments if segment.duration < _SHORTEST]
     told = list[str]()
     if beyond and whole and last <= take.frames + 1:

@@ -72,7 +72,7 @@ def test_a_folder_without_recordings_is_named(tmp_path: Path, names: list[str]) 
     """Where no recording is in any place the places and the known endings are said."""
     _touch(tmp_path, *names)
     (tmp_path / "second").mkdir()
-    message = re.escape(f"{tmp_path}, {tmp_path / 'second'}: no recording (.amc, .bvh, .c3d, .trc, .kinerec) in it")
+    message = re.escape(f"{tmp_path}, {tmp_path / 'second'}: no recording ({KINDS}) in it")
     with pytest.raises(RecordingError, match=message):
         find_recordings([tmp_path, tmp_path / "second"])
 
@@ -136,14 +136,23 @@ def test_a_given_frame_rate_of_zero_is_refused(tmp_path: Path) -> None:
         list(read_recordings(paths, Reading(frame_rate=0.0)))
 
 
-@pytest.mark.parametrize(("name", "got"), [("walk.fbx", r"\.fbx"), ("walk", "no ending"), ("walk.asf", r"\.asf")])
-def test_a_file_of_another_kind_is_refused(tmp_path: Path, name: str, got: str) -> None:
-    """A file with another ending is refused by name, with the endings that are read."""
-    _touch(tmp_path, name)
-    message = (
-        re.escape(str(tmp_path / name))
-        + rf": expected a recording \(\.amc, \.bvh, \.c3d, \.trc, \.kinerec\), got {got}"
-    )
+KINDS = ".amc, .bvh, .c3d, .trc, .kinerec, a table in .csv or .npz, or UTKinect's .txt"
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "got"),
+    [
+        ("walk.fbx", "x", ".fbx"),
+        ("walk", "x", "no ending"),
+        ("walk.asf", "x", ".asf"),
+        ("walk.csv", "", "an empty file"),
+        ("walk.csv", "a,b\n1,2\n", "a .csv without joints' positions: columns like time, head_x, head_y, head_z"),
+    ],
+)
+def test_a_file_of_another_kind_is_refused(tmp_path: Path, name: str, content: str, got: str) -> None:
+    """A file with another ending or without positions is refused by name, with the kinds that are read."""
+    (tmp_path / name).write_text(content)
+    message = re.escape(f"{tmp_path / name}: expected a recording ({KINDS}), got {got}")
     with pytest.raises(RecordingError, match=message):
         list(read_recordings([tmp_path / name]))
 

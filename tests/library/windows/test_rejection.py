@@ -79,9 +79,10 @@ def test_evidence_is_read_off_each_group_alone() -> None:
     assert Evidence.of(groups, 2).leads[0] == -MAX_LEAD
 
 
-def test_the_only_class_leads_by_as_much_as_counts() -> None:
-    """With one class the lead has its largest value."""
-    assert Evidence.of(np.array([[0.5], [1.0]]), 0).leads == (MAX_LEAD, MAX_LEAD)
+def test_the_lead_of_the_only_class_says_nothing() -> None:
+    """With one class, or none with windows beside the guess, the lead is 0: the distance decides."""
+    assert Evidence.of(np.array([[0.5], [1.0]]), 0).leads == (0.0, 0.0)
+    assert Evidence.of(np.array([[0.5, np.inf], [1.0, 2.0]]), 0).leads == (0.0, 1.0)
 
 
 @pytest.mark.parametrize(("class_name", "bias", "slope"), [("walk", 0.5, 0.25), ("jump", -0.25, 0), ("sit", 0, 0)])

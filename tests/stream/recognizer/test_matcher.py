@@ -229,3 +229,19 @@ def test_with_fewer_joints_less_is_named(small_index: WindowIndex) -> None:
         clip = small_index.library.motions[0]
         told = [[each.outcome for each in _readings(matcher, clip)] for matcher in (fewer, own)]
         assert told[0] == told[1]
+
+
+def test_a_library_of_one_motion_does_not_name_all_others(builtin: MotionLibrary) -> None:
+    """The only class is named in its own person's next motion, and not in that person's other motions."""
+    squats = [clip for clip in builtin.motions if (clip.class_name, clip.actor) == ("squat1Reps", "mm")]
+    others = [clip for clip in builtin.motions if clip.actor == "mm" and clip.class_name != "squat1Reps"][::10]
+    index = WindowIndex.of(MotionLibrary.of_clips(squats[:1]))
+    named = [
+        sum(
+            each.outcome is Outcome.NAMED
+            for each in _readings(WindowMatcher(index, stillness=0.02, sensitivity=None), clip)
+        )
+        for clip in (squats[1], *others)
+    ]
+    assert named[0] > 10
+    assert sum(named[1:]) <= 5

@@ -214,3 +214,18 @@ def test_a_performer_with_fewer_joints_cannot_be_taught(desk: Desk, library: Mot
     (state,) = desk.command(commands.Teach("nobody", "wave"))
     assert isinstance(state, State)
     assert state.reason == "no such performer is there"
+
+
+def test_without_a_library_nothing_starts_and_nothing_ends(tmp_path: Path) -> None:
+    """Until something is taught no motion of the library that lends its metrics is told, nor its end."""
+    desk = open_desk(Start(tmp_path / "mine.npz", None), _performers)
+    desk.sinks = [Heard()]
+    assert _show(desk, 0.0, "squat1Reps") == []
+    assert desk.drop_silent(time.monotonic() + 100.0) == []
+    assert _show(desk, 10.0, "squat1Reps") == []
+    assert desk.end() == []
+    _show(desk, 20.0, "squat1Reps")
+    desk.command(commands.Last("ann", 1.5, "dip"))
+    heard = _until(desk, lambda heard: any(isinstance(each, Taught) for each in heard.notices))
+    assert heard.events == []
+    desk.close()

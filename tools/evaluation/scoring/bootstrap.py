@@ -136,9 +136,9 @@ def _draws(units: int, seed: int = _SEED) -> NDArray[np.float64]:
 
 
 def _middle(values: NDArray[np.float64]) -> Interval | None:
-    """Give the middle 95 % of a figure's draws without those that have none (NaN); None when all draws are equal."""
+    """Give the middle 95 % of a figure's draws; draws without a figure (NaN) are left out."""
     there = values[np.isfinite(values)]
-    if not there.size or np.ptp(there) == 0:
+    if not there.size:
         return None
     low, high = np.percentile(there, [(100 - _LEVEL) / 2, (100 + _LEVEL) / 2]).tolist()
     return low, high

@@ -101,8 +101,11 @@ def print_persons(
 
 
 def interval(ends: Interval | None, write: Callable[[float], str]) -> str:
-    """Write the ends of an interval; their unit is written once, after the second."""
-    if ends is None:
+    """Write the ends of an interval; their unit is written once, after the second.
+
+    An interval without length says nothing: every draw had the same figure.
+    """
+    if ends is None or ends[0] == ends[1]:
         return "-"
     low, high = map(write, ends)
     return f"{low.rstrip('% s')}–{high}"

@@ -54,9 +54,9 @@ def test_more_units_make_a_figure_surer() -> None:
     assert widths[1] == pytest.approx(widths[0] / 4, rel=0.3)
 
 
-def test_a_ratio_of_units_that_agree_has_no_interval() -> None:
-    """Where every unit has the same share no draw has another: the draws say nothing about how sure it is."""
-    assert Ratio([1, 2, 3], [2, 4, 6]).interval() is None
+def test_a_ratio_of_units_that_agree_is_sure() -> None:
+    """Where every unit has the same share no draw has another."""
+    assert Ratio([1, 2, 3], [2, 4, 6]).interval() == (0.5, 0.5)
 
 
 # --- percentiles -------------------------------------------------------------------------------------------------

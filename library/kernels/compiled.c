@@ -29,7 +29,7 @@
 #define MAX_AXES 256
 #define MAX_WINDOWS 10000000
 #define MAX_NUMBERS (MAX_JOINTS * (MAX_JOINTS - 1) / 2)
-#define MAX_OWNED (6 * MAX_PARTS + 6)
+#define MAX_OWNED (6 * MAX_PARTS + 7)
 #define MAX_ARGUMENTS 12
 /* Eigenvectors of a window that are compared with another's. */
 #define EIGENVECTORS 4
@@ -87,6 +87,8 @@ typedef struct {
     float weights[MAX_VIEWS][MAX_PARTS], nearest;
     Py_ssize_t windows, lanes, blocks, classes, wanted; /* number of groups */
     Py_ssize_t *block_starts, *class_starts; /* one more than blocks: the last one's end */
+    Py_ssize_t directions;
+    float *eigenvectors;                     /* the windows' leading ones, (lanes, directions, LANE) */
     float *room;                             /* (MAX_NUMBERS): what place() works on */
     float (*placed)[MAX_AXES];              /* (MAX_PARTS) */
     float *products;                         /* (MAX_VIEWS, lanes, LANE) */
@@ -149,6 +151,7 @@ static struct {
     __typeof__(covariance_any) *covariance;
     __typeof__(eigenpairs_any) *eigenpairs;
     __typeof__(compare_any) *compare;
+    __typeof__(scores_any) *scores;
     __typeof__(follow_phase_any) *follow_phase;
     __typeof__(moving_any) *moving;
     __typeof__(steps_any) *steps;
@@ -166,6 +169,7 @@ static struct {
         loops.covariance = covariance_##kind;                                                                           \
         loops.eigenpairs = eigenpairs_##kind;                                                                           \
         loops.compare = compare_##kind;                                                                                 \
+        loops.scores = scores_##kind;                                                                                   \
         loops.follow_phase = follow_phase_##kind;                                                                       \
         loops.moving = moving_##kind;                                                                                   \
         loops.steps = steps_##kind;                                                                                     \
@@ -687,14 +691,14 @@ static Py_ssize_t *take_starts(Table *table, const Py_buffer *starts, const char
     return taken;
 }
 
-/* Lay halves (windows, columns) out, lane by lane of windows. */
-static Half *take_lanes(Table *table, const Py_buffer *halves) {
-    const Py_ssize_t columns = halves->shape[1];
-    Half *taken = zeros(table, table->lanes * columns * LANE, sizeof(Half));
+/* Lay numbers (windows, columns) out, lane by lane of windows. */
+static void *take_lanes(Table *table, const Py_buffer *numbers) {
+    const Py_ssize_t columns = numbers->shape[1], bytes = numbers->itemsize;
+    char *taken = zeros(table, table->lanes * columns * LANE, (size_t)bytes);
     for (Py_ssize_t row = 0; taken != NULL && row < table->windows; row++) {
-        const Half *numbers = (Half *)halves->buf + row * columns;
         for (Py_ssize_t k = 0; k < columns; k++) {
-            taken[(row / LANE * columns + k) * LANE + row % LANE] = numbers[k];
+            memcpy(taken + ((row / LANE * columns + k) * LANE + row % LANE) * bytes,
+                   (char *)numbers->buf + (row * columns + k) * bytes, (size_t)bytes);
         }
     }
     return taken;
@@ -721,10 +725,10 @@ static int take_metric(Table *table, Metric *metric, const Py_buffer *origin, co
     return 0;
 }
 
-/* Table(windows, block starts, class starts, weights, nearest) */
+/* Table(the windows' leading eigenvectors, block starts, class starts, weights, nearest) */
 static PyObject *table_new(PyTypeObject *type, PyObject *tuple, PyObject *named) {
-    static const Wanted wanted[] = {{"windows", "d", "", 0}, {"blocks", INDEX, "b", 0}, {"classes", INDEX, "c", 0},
-                                    {"weights", "f", "vg", 0},     {"nearest", "d", "", 0}};
+    static const Wanted wanted[] = {{"windows", "f", "wd", 0}, {"blocks", INDEX, "b", 0}, {"classes", INDEX, "c", 0},
+                                    {"weights", "f", "vg", 0}, {"nearest", "d", "", 0}};
     const Py_ssize_t given = PyTuple_Size(tuple);
     PyObject *arguments[5] = {NULL};
     Taken taken;
@@ -733,13 +737,15 @@ static PyObject *table_new(PyTypeObject *type, PyObject *tuple, PyObject *named)
     }
     Table *table = NULL;
     if (TAKE(&taken, wanted) == 0 && (named == NULL || expect_arguments(0, PyDict_Size(named)) == 0) &&
-        expect_most("windows", MAX_WINDOWS, (Py_ssize_t)fmax(fmin(taken.number[0], MAX_WINDOWS + 1.0), 0.0)) == 0 &&
+        expect_most("windows", MAX_WINDOWS, taken.length['w']) == 0 &&
+        expect_most("directions", MAX_AXES, taken.length['d']) == 0 &&
         expect_most("groups", MAX_PARTS, taken.length['g']) == 0 && expect_most("views", MAX_VIEWS, taken.length['v']) == 0) {
         table = (Table *)((allocfunc)PyType_GetSlot(type, Py_tp_alloc))(type, 0);
     }
     if (table != NULL) {
         Py_buffer *held = taken.held;
-        table->windows = (Py_ssize_t)taken.number[0];
+        table->windows = taken.length['w'];
+        table->directions = taken.length['d'];
         table->lanes = (table->windows + LANE - 1) / LANE;
         table->nearest = (float)taken.number[4];
         table->wanted = taken.length['g'];
@@ -749,6 +755,7 @@ static PyObject *table_new(PyTypeObject *type, PyObject *tuple, PyObject *named)
         }
         if ((table->block_starts = take_starts(table, &held[1], "blocks", table->windows, &table->blocks)) == NULL ||
             (table->class_starts = take_starts(table, &held[2], "classes", table->blocks, &table->classes)) == NULL ||
+            (table->eigenvectors = take_lanes(table, &held[0])) == NULL ||
             (table->products = zeros(table, MAX_VIEWS * table->lanes * LANE, sizeof(float))) == NULL ||
             (table->placed = zeros(table, MAX_PARTS * MAX_AXES, sizeof(float))) == NULL ||
             (table->room = zeros(table, MAX_NUMBERS, sizeof(float))) == NULL) {
@@ -872,6 +879,21 @@ static PyObject *table_compared(PyObject *self, PyObject *const *arguments, Py_s
     return result;
 }
 
+/* scores(eigenvector, scores): each class's best |inner product| with a leading eigenvector */
+static PyObject *table_scores(PyObject *self, PyObject *const *arguments, Py_ssize_t given) {
+    static const Wanted wanted[] = {{"eigenvector", "d", "d", 0}, {"scores", "d", "c", WRITTEN}};
+    Table *table = (Table *)self;
+    Taken taken;
+    PyObject *result = NULL;
+    if (TAKE(&taken, wanted) == 0 && expect("eigenvector", table->directions, taken.length['d']) == 0 &&
+        expect("scores", table->classes, taken.length['c']) == 0) {
+        loops.scores(table, taken.held[0].buf, taken.held[1].buf);
+        result = Py_NewRef(Py_None);
+    }
+    let_go(&taken);
+    return result;
+}
+
 /* ---- which loops -------------------------------------------------------------------------------------------------*/
 
 /* kind() -> the kind in use */
@@ -902,6 +924,7 @@ static PyMethodDef table_methods[] = {
     {"add_part", FUNCTION(table_add_part)},
     {"add_group", FUNCTION(table_add_group)},
     {"compared", FUNCTION(table_compared)},
+    {"scores", FUNCTION(table_scores)},
     {NULL, NULL, 0, NULL},
 };
 

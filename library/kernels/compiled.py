@@ -57,6 +57,9 @@ class Table(Protocol):
     def compared(self, *arrays: Numbers) -> None:
         """Compare the numbers of a window's parts, and write log distances to the last array, (views, classes)."""
 
+    def scores(self, eigenvector: Numbers, scores: Numbers, /) -> None:
+        """Write each class's best |inner product| with a leading eigenvector (directions,) to scores (classes,)."""
+
 
 class Loops(Protocol):
     """The compiled module; each function raises ValueError for an array of another shape or type.
@@ -243,14 +246,14 @@ class Loops(Protocol):
         """
 
     def Table(  # noqa: N802 - a class of the C module
-        self, windows: int, block_starts: Indices, class_starts: Indices, weights: Floats, nearest: float, /
+        self, windows: Floats, block_starts: Indices, class_starts: Indices, weights: Floats, nearest: float, /
     ) -> Table:
         """Begin a table.
 
         Parameters
         ----------
         windows
-            The number of windows.
+            The leading eigenvector of each window, (windows, directions).
         block_starts, class_starts
             Where the windows of each person in each class start, and where each class's persons start among them.
         weights

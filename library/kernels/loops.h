@@ -506,6 +506,33 @@ HELPER void KIND(distances_between)(const Group *group, Py_ssize_t lane, const f
     }
 }
 
+/* The smaller of two, number by number. */
+HELPER KIND(Floats) KIND(smaller)(KIND(Floats) one, KIND(Floats) other) {
+    const KIND(Ints) below = one < other;
+    return (KIND(Floats))(((KIND(Ints))one & below) | ((KIND(Ints))other & ~below));
+}
+
+/* The least of numbers from `begin` to before `end`, at least one; as many as a register has may be read beyond. */
+HELPER float KIND(least)(const float *restrict numbers, Py_ssize_t begin, Py_ssize_t end) {
+    KIND(Ints) places;
+    for (int i = 0; i < FLOATS; i++) {
+        places[i] = i;
+    }
+    const KIND(Floats) none = {0.0F}, infinite = none + INFINITY;
+    KIND(Floats) least = infinite;
+    for (; begin < end; begin += FLOATS) {
+        const KIND(Ints) inside = places < (int32_t)(end - begin);
+        const KIND(Ints) some = *(const KIND(Ints) *)(numbers + begin);
+        least = KIND(smaller)((KIND(Floats))((some & inside) | ((KIND(Ints))infinite & ~inside)), least);
+    }
+    float smallest = INFINITY;
+#pragma omp simd reduction(min : smallest)
+    for (int i = 0; i < FLOATS; i++) {
+        smallest = least[i] < smallest ? least[i] : smallest;
+    }
+    return smallest;
+}
+
 /* For each view and class the mean of the two least numbers that different people's windows have in it. */
 HELPER void KIND(agree)(const Table *table, double *restrict agreed) {
     for (Py_ssize_t v = 0; v < table->views; v++) {
@@ -514,12 +541,9 @@ HELPER void KIND(agree)(const Table *table, double *restrict agreed) {
             const Py_ssize_t begin = table->class_starts[c], end = table->class_starts[c + 1];
             float first = INFINITY, second = INFINITY;
             for (Py_ssize_t b = begin; b < end; b++) {
-                float least = INFINITY;
-#pragma omp simd reduction(min : least)
-                for (Py_ssize_t w = table->block_starts[b]; w < table->block_starts[b + 1]; w++) {
-                    least = numbers[w] < least ? numbers[w] : least;
-                }
-                second = least < first ? first : least < second ? least : second;
+                const float least = KIND(least)(numbers, table->block_starts[b], table->block_starts[b + 1]);
+                const float larger = least < first ? first : least;
+                second = larger < second ? larger : second;
                 first = least < first ? least : first;
             }
             agreed[v * table->classes + c] = ((double)first + (double)(end - begin < 2 ? first : second)) / 2.0;
@@ -599,6 +623,29 @@ LOOP static void KIND(compare)(const Table *table, const double *const *numbers,
         }
     }
     KIND(agree)(table, logs);
+}
+
+/* Each class's best |inner product| of its windows' leading eigenvectors with another, to scores (classes). */
+LOOP static void KIND(scores)(const Table *table, const double *restrict eigenvector, double *restrict scores) {
+    float *restrict products = table->products;
+    for (Py_ssize_t lane = 0; lane < table->lanes; lane++) {
+        const float *restrict windows = table->eigenvectors + lane * table->directions * LANE;
+        float sums[LANE] = {0.0F};
+        for (Py_ssize_t k = 0; k < table->directions; k++) {
+            const float factor = (float)eigenvector[k];
+            for (int w = 0; w < LANE; w++) {
+                sums[w] += factor * windows[k * LANE + w];
+            }
+        }
+        /* Below 0, for the least. */
+        for (int w = 0; w < LANE; w++) {
+            products[lane * LANE + w] = -fabsf(sums[w]);
+        }
+    }
+    for (Py_ssize_t c = 0; c < table->classes; c++) {
+        const Py_ssize_t *starts = table->block_starts;
+        scores[c] = -(double)KIND(least)(products, starts[table->class_starts[c]], starts[table->class_starts[c + 1]]);
+    }
 }
 
 /* e to the power of numbers: eˣ = 2ⁿ eʳ with |r| ≤ ln 2 / 2. Below −87 it is e⁻⁸⁷, as good as 0; no number is above 0. */

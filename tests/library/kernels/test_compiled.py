@@ -455,13 +455,14 @@ def test_an_environment_variable_switches_the_loops_off() -> None:
 
 _F, _H = np.float32, np.float16
 _ONE = np.array([0])
+_WINDOWS = np.zeros((3, 2), _F)
 _SIX_ROWS, _INDICES = np.zeros((6, 5)), np.zeros(60, np.intp)
 _NO_ORIGIN, _NO_AXES = np.zeros(0, _F), np.zeros((0, 0), _H)
 
 
 def _table(loops: compiled.Loops, parts: int = 1, groups: int = 1) -> compiled.Table:
     """Lay out three windows of one class, with parts of four numbers and two axes."""
-    table = loops.Table(3, _ONE, _ONE, np.ones((1, groups), _F), 0.01)
+    table = loops.Table(_WINDOWS, _ONE, _ONE, np.ones((1, groups), _F), 0.01)
     for _ in range(parts):
         table.add_part(0, 0, np.zeros(4, _F), np.zeros((4, 2), _H))
     return table
@@ -609,19 +610,19 @@ _REFUSED: dict[str, tuple[Callable[[compiled.Loops], object], str]] = {
         "products: expected finite numbers",
     ),
     "table: many groups": (
-        lambda loops: loops.Table(3, _ONE, _ONE, np.ones((1, 9), _F), 0.01),
+        lambda loops: loops.Table(_WINDOWS, _ONE, _ONE, np.ones((1, 9), _F), 0.01),
         "groups: expected 1 to 8, got 9",
     ),
     "table: blocks descend": (
-        lambda loops: loops.Table(3, np.array([0, 2, 1]), _ONE, np.ones((1, 1), _F), 0.01),
+        lambda loops: loops.Table(_WINDOWS, np.array([0, 2, 1]), _ONE, np.ones((1, 1), _F), 0.01),
         "blocks: expected to start at 0 and ascend below 3",
     ),
     "table: blocks beyond": (
-        lambda loops: loops.Table(3, np.array([0, 3]), _ONE, np.ones((1, 1), _F), 0.01),
+        lambda loops: loops.Table(_WINDOWS, np.array([0, 3]), _ONE, np.ones((1, 1), _F), 0.01),
         "blocks: expected to start at 0 and ascend below 3",
     ),
     "table: classes": (
-        lambda loops: loops.Table(3, _ONE, np.array([0, 1]), np.ones((1, 1), _F), 0.01),
+        lambda loops: loops.Table(_WINDOWS, _ONE, np.array([0, 1]), np.ones((1, 1), _F), 0.01),
         "classes: expected 1 to 1, got 2",
     ),
     "part: origin": (
@@ -676,6 +677,11 @@ _REFUSED: dict[str, tuple[Callable[[compiled.Loops], object], str]] = {
         lambda loops: _with_group(loops).compared(np.zeros(4), np.zeros((1, 2))),
         "classes: expected 1, got 2",
     ),
+    "scores: eigenvector": (
+        lambda loops: _table(loops).scores(np.zeros(3), np.zeros(1)),
+        "eigenvector: expected 2, got 3",
+    ),
+    "scores: classes": (lambda loops: _table(loops).scores(np.zeros(2), np.zeros(2)), "scores: expected 1, got 2"),
     "moving: back": (
         lambda loops: loops.moving(np.zeros((3, 2)), 3, 1.0, np.zeros((4, 4)), np.zeros(4, _F)),
         "back: expected 0 to 2",
@@ -704,7 +710,7 @@ _REFUSED: dict[str, tuple[Callable[[compiled.Loops], object], str]] = {
     "followed: live": (lambda loops: _followed(loops, live=np.zeros(3, _F)), "live: expected 2, got 3"),
     "followed: constants": (lambda loops: _followed(loops, constants=np.zeros(7)), "constants: expected 8, got 7"),
     "table: no window": (
-        lambda loops: loops.Table(0, _ONE, _ONE, np.ones((1, 1), _F), 0.01),
+        lambda loops: loops.Table(_WINDOWS[:0], _ONE, _ONE, np.ones((1, 1), _F), 0.01),
         "windows: expected 1 to [0-9]*, got 0",
     ),
 }

@@ -19,6 +19,8 @@
 #error "these loops are written for gcc and clang; without them numpy does the same"
 #endif
 
+/* stream.recognizer.windows.rolling.DRIFT_TOLERANCE */
+#define DRIFT_TOLERANCE 1e-11
 /* Frames measured side by side. */
 #define TOGETHER 4
 /* Sizes for which the stack has room; larger ones are left to numpy. */
@@ -399,52 +401,110 @@ static PyObject *measure_distances(PyObject *module, PyObject *const *arguments,
     return result;
 }
 
-/* stream.rolling.RollingMoments._add: follow(sums, clock, entered, left, entered_times, left_times) -> (the largest sum of
- * squares, the sum that belongs to it) */
+/* stream.recognizer.windows.sliding_window.Change: rows that entered a span, from `entered` to before `end`, and rows that
+ * left it, from `left` to before `gone`; and how many are in it. */
+typedef struct {
+    Py_ssize_t entered, end, left, gone, count;
+} Change;
+
+/* stream.recognizer.windows.sliding_window.Span.take_change; the arguments are times, places, end, moved, seconds and most,
+ * from the given ones on. -1 and an error where they do not fit. */
+static int take_change(const Taken *taken, int times_at, int places_at, int from, Change *change) {
+    const double *times = taken->held[times_at].buf, *number = taken->number + from;
+    Py_ssize_t *places = taken->held[places_at].buf;
+    const Py_ssize_t room = taken->length['n'];
+    if (!(number[0] >= 0 && number[0] <= (double)room && number[1] >= 0 && number[1] < 1e15 && number[3] >= 1)) {
+        PyErr_Format(PyExc_ValueError, "end: expected 0 to %zd, moved not below 0, and most 1 at least", room);
+        return -1;
+    }
+    const Py_ssize_t end = (Py_ssize_t)number[0], moved = (Py_ssize_t)number[1], last = end - 1;
+    *change = (Change){0};
+    if (end == 0) {
+        return 0;
+    }
+    Py_ssize_t left = places[0] > moved ? places[0] - moved : 0, entered = places[1] > moved ? places[1] - moved : 0;
+    left = left < last ? left : last;
+    entered = entered < end ? entered : end;
+    Py_ssize_t start = left;
+    const double too_old = times[last] - number[2];
+    while (start < last && (times[start] <= too_old || (double)(last - start) >= number[3])) {
+        start++;
+    }
+    places[0] = start + moved;
+    places[1] = end + moved;
+    *change = (Change){.entered = entered > start ? entered : start, .end = end, .left = left,
+                       .gone = entered < start ? entered : start, .count = end - start};
+    change->gone = change->gone > left ? change->gone : left;
+    return 0;
+}
+
+/* Whether a span's sums must be computed afresh, because of rounding: stream.recognizer.windows.rolling.Rolling._followed */
+static int drifted(double *drift, const Change *change, double squares, double sum) {
+    const double count = (double)change->count, scatter = squares - sum * sum / count, least = count * drift[1];
+    drift[0] += DBL_EPSILON * (double)(change->end - change->entered + change->gone - change->left) * squares;
+    return drift[0] > DRIFT_TOLERANCE * (scatter > least ? scatter : least);
+}
+
+/* stream.recognizer.windows.rolling.RollingMoments: follow(rows, times, places, drift, sums, clock, end, moved, seconds, most)
+ * -> whether the sums must be computed afresh */
 static PyObject *follow(PyObject *module, PyObject *const *arguments, Py_ssize_t given) {
-    static const Wanted wanted[] = {{"sums", "d", "4w", WRITTEN}, {"clock", "d", "3", WRITTEN}, {"entered", "d", "ew", ROOM},
-                                    {"left", "d", "lw", ROOM}, {"entered_times", "d", "e", 0}, {"left_times", "d", "l", 0}};
+    static const Wanted wanted[] = {{"rows", "d", "nw", ROOM},     {"times", "d", "n", 0},       {"places", INDEX, "2", WRITTEN},
+                                    {"drift", "d", "2", WRITTEN},  {"sums", "d", "4w", WRITTEN}, {"clock", "d", "3", WRITTEN},
+                                    {"end", "d", "", 0},           {"moved", "d", "", 0},        {"seconds", "d", "", 0},
+                                    {"most", "d", "", 0}};
     Taken taken;
+    Change change;
     PyObject *result = NULL;
     (void)module;
-    if (TAKE(&taken, wanted) == 0 && expect_most("sums", PY_SSIZE_T_MAX, taken.length['w']) == 0) {
-        const Py_ssize_t width = taken.length['w'];
-        Py_buffer *held = taken.held;
-        double *sums = held[0].buf, *squares = sums + 3 * width;
-        loops.add_rows(sums, width, held[1].buf, held[2].buf, stride_of(&held[2]), held[4].buf, taken.length['e'], 1.0);
-        loops.add_rows(sums, width, held[1].buf, held[3].buf, stride_of(&held[3]), held[5].buf, taken.length['l'], -1.0);
-        const Py_ssize_t largest = loops.largest(squares, width);
-        result = Py_BuildValue("dd", squares[largest], squares[largest - 2 * width]);
+    if (TAKE(&taken, wanted) == 0 && expect_most("rows", PY_SSIZE_T_MAX, taken.length['w']) == 0 &&
+        take_change(&taken, 1, 2, 6, &change) == 0) {
+        const Py_ssize_t width = taken.length['w'], stride = stride_of(&taken.held[0]);
+        const double *rows = taken.held[0].buf, *times = taken.held[1].buf;
+        double *drift = taken.held[3].buf, *sums = taken.held[4].buf, *clock = taken.held[5].buf;
+        const Py_ssize_t new = change.end - change.entered;
+        int afresh = new > 0 && new == change.count;
+        if (new > 0 && !afresh) {
+            loops.add_rows(sums, width, clock, rows + change.entered * stride, stride, times + change.entered, new, 1.0);
+            loops.add_rows(sums, width, clock, rows + change.left * stride, stride, times + change.left,
+                           change.gone - change.left, -1.0);
+            const Py_ssize_t largest = loops.largest(sums + 3 * width, width);
+            afresh = drifted(drift, &change, sums[3 * width + largest], sums[width + largest]);
+        }
+        result = PyBool_FromLong(afresh);
     }
     let_go(&taken);
     return result;
 }
 
-/* stream.rolling.RollingCovariance._add: follow_products(reference, sum, products, entered, left) -> (the trace
- * of the products, the squared length of the sum) */
+/* stream.recognizer.windows.rolling.RollingCovariance: follow_products(points, times, places, drift, reference, sum, products,
+ * end, moved, seconds, most) -> whether the sums must be computed afresh */
 static PyObject *follow_products(PyObject *module, PyObject *const *arguments, Py_ssize_t given) {
-    static const Wanted wanted[] = {{"reference", "d", "w", 0},
-                                    {"sum", "d", "w", WRITTEN},
-                                    {"products", "d", "ww", WRITTEN},
-                                    {"entered", "d", "ew", ROOM},
-                                    {"left", "d", "lw", ROOM}};
+    static const Wanted wanted[] = {{"points", "d", "nw", ROOM},      {"times", "d", "n", 0},     {"places", INDEX, "2", WRITTEN},
+                                    {"drift", "d", "2", WRITTEN},     {"reference", "d", "w", 0}, {"sum", "d", "w", WRITTEN},
+                                    {"products", "d", "ww", WRITTEN}, {"end", "d", "", 0},        {"moved", "d", "", 0},
+                                    {"seconds", "d", "", 0},          {"most", "d", "", 0}};
     Taken taken;
+    Change change;
     PyObject *result = NULL;
     (void)module;
-    if (TAKE(&taken, wanted) == 0 && expect_most("directions", MAX_DIRECTIONS, taken.length['w']) == 0) {
+    if (TAKE(&taken, wanted) == 0 && expect_most("directions", MAX_DIRECTIONS, taken.length['w']) == 0 &&
+        take_change(&taken, 1, 2, 7, &change) == 0) {
         const int width = (int)taken.length['w'];
-        Py_buffer *held = taken.held;
-        loops.add_products(held[0].buf, held[1].buf, held[2].buf, width, held[3].buf, stride_of(&held[3]),
-                           taken.length['e'], 1.0);
-        loops.add_products(held[0].buf, held[1].buf, held[2].buf, width, held[4].buf, stride_of(&held[4]),
-                           taken.length['l'], -1.0);
-        const double *sum = held[1].buf, *products = held[2].buf;
-        double trace = 0.0, square = 0.0;
-        for (int i = 0; i < width; i++) {
-            trace += products[i * width + i];
-            square += sum[i] * sum[i];
+        const Py_ssize_t stride = stride_of(&taken.held[0]), new = change.end - change.entered;
+        const double *points = taken.held[0].buf, *reference = taken.held[4].buf;
+        double *sum = taken.held[5].buf, *products = taken.held[6].buf, trace = 0.0, square = 0.0;
+        int afresh = new > 0 && new == change.count;
+        if (new > 0 && !afresh) {
+            loops.add_products(reference, sum, products, width, points + change.entered * stride, stride, new, 1.0);
+            loops.add_products(reference, sum, products, width, points + change.left * stride, stride,
+                               change.gone - change.left, -1.0);
+            for (int i = 0; i < width; i++) {
+                trace += products[i * width + i];
+                square += sum[i] * sum[i];
+            }
+            afresh = drifted(taken.held[3].buf, &change, trace, sqrt(square));
         }
-        result = Py_BuildValue("dd", trace, square);
+        result = PyBool_FromLong(afresh);
     }
     let_go(&taken);
     return result;

@@ -84,26 +84,48 @@ class Loops(Protocol):
 
     def follow(  # noqa: PLR0913, PLR0917 - a call from Python costs by its arguments' names
         self,
+        rows: Numbers,
+        times: Numbers,
+        places: Indices,
+        drift: Numbers,
         sums: Numbers,
         clock: Numbers,
-        entered: Numbers,
-        left: Numbers,
-        entered_times: Numbers,
-        left_times: Numbers,
+        end: int,
+        moved: int,
+        seconds: float,
+        most: int,
         /,
-    ) -> tuple[float, float]:
-        """Add rows to a window's sums (4, width) and clock (3,), and take rows away, as `RollingMoments` keeps them.
+    ) -> bool:
+        """Let a window's sums (4, width) and clock (3,) follow its rows, as `RollingMoments` has them.
 
-        Return the largest sum of squares, and the sum there.
+        Return whether the sums must be computed afresh.
+
+        Parameters
+        ----------
+        rows, times, end, moved
+            As `SlidingWindow` has them.
+        places, seconds, most
+            As `Span` has them.
+        drift, sums, clock
+            As `RollingMoments` has them.
         """
 
-    def follow_products(
-        self, reference: Numbers, total: Numbers, products: Numbers, entered: Numbers, left: Numbers, /
-    ) -> tuple[float, float]:
-        """Add rows, relative to a reference, to their sum (width,) and products (width, width), and take rows away.
-
-        Return the trace of the products, and the squared length of the sum.
-        """
+    def follow_products(  # noqa: PLR0913, PLR0917 - as above
+        self,
+        points: Numbers,
+        times: Numbers,
+        places: Indices,
+        drift: Numbers,
+        reference: Numbers,
+        total: Numbers,
+        products: Numbers,
+        end: int,
+        moved: int,
+        seconds: float,
+        most: int,
+        /,
+    ) -> bool:
+        """Do what `follow` does for the sums of `RollingCovariance`."""
 
     def read_parts(  # noqa: PLR0913, PLR0917 - as above
         self,

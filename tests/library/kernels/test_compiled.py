@@ -8,7 +8,7 @@ import pickle
 import subprocess
 import sys
 from fractions import Fraction
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 import naive
 import numpy as np
@@ -42,6 +42,7 @@ from kinespace.stream.frame import Frame
 from kinespace.stream.recognizer import LiveSignature, Recognizer, Settings
 from kinespace.stream.recognizer.progress import STEP, ProgressFollower
 from kinespace.stream.recognizer.windows.live_windows import LiveWindows
+from kinespace.stream.recognizer.windows.rolling import EPSILON
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -122,26 +123,49 @@ def _sums(rows: np.ndarray, times: np.ndarray, reference: np.ndarray, begin: flo
     return np.array(sums), np.array([begin, since.sum(), np.square(since).sum()])
 
 
-@pytest.mark.parametrize(("entered", "left"), [(4, 4), (1, 0), (0, 3), (9, 2), (0, 0)])
+#: Rows that moved back in a window's memory.
+MOVED = 70
+
+
+class _Following(NamedTuple):
+    """What the loops are told of a span in which `end` rows were, when some more entered and the first ones left."""
+
+    times: np.ndarray
+    places: np.ndarray
+    drift: np.ndarray
+    numbers: tuple[int, int, float, int]
+
+    @classmethod
+    def of(cls, end: int, entered: int, left: int, rows: int) -> _Following:
+        times = np.arange(rows) / 60 + 1e3
+        seconds = (end + entered - left - 0.5) / 60
+        return cls(times, np.array([0, end]) + MOVED, np.zeros(2), (end + entered, MOVED, seconds, 10_000))
+
+    def assert_followed(self, end: int, entered: int, left: int, largest: float) -> None:
+        """Check that the span lies where the rows are now, and that its drift is the rounding of as many rows."""
+        assert self.places.tolist() == [left + MOVED, end + entered + MOVED]
+        assert self.drift[0] == pytest.approx(EPSILON * (entered + left) * largest)
+
+
+@pytest.mark.parametrize(("entered", "left"), [(4, 4), (1, 0), (9, 2)])
 def test_sums_follow_rows(loops: compiled.Loops, entered: int, left: int) -> None:
-    """Rows that enter are added and rows that leave are subtracted; the largest sum of squares comes with its sum."""
+    """Rows that enter are added and rows that leave are subtracted; the bound of the rounding grows with both."""
     for clip in CLIPS:
         rows = _with_room(distance_rows(clip.positions, clip.skeleton))
-        times = np.arange(len(rows)) / 60 + 1e3
         end = len(rows) - 9
+        following = _Following.of(end, entered, left, len(rows))
+        times = following.times
         reference, begin = rows[:end].mean(axis=0), times[end]
         sums, clock = _sums(rows[:end], times[:end], reference, begin)
-        came, went = slice(end, end + entered), slice(0, left)
-        squares, total = loops.follow(sums, clock, rows[came], rows[went], times[came], times[went])
+        assert not loops.follow(rows, *following[:3], sums, clock, *following.numbers)
         expected = _sums(rows[left : end + entered], times[left : end + entered], reference, begin)
         for ours, theirs in zip((sums, clock), expected, strict=True):
             np.testing.assert_allclose(ours, theirs, atol=1e-10)
-        assert squares == sums[3].max()
-        assert total == sums[1, sums[3].argmax()]
+        following.assert_followed(end, entered, left, sums[3].max())
 
 
 @pytest.mark.parametrize("size", [1, 2, 7, 8, 20, 32])
-@pytest.mark.parametrize(("entered", "left"), [(4, 4), (1, 0), (0, 3), (40, 17)])
+@pytest.mark.parametrize(("entered", "left"), [(4, 4), (1, 0), (40, 17)])
 def test_products_follow_points(loops: compiled.Loops, entered: int, left: int, size: int) -> None:
     """In any number of directions sums and products are those of the rows that are left, symmetric to the last bit."""
     directions = np.random.default_rng(size).normal(size=(len(PAIRS), size)) / 20
@@ -150,12 +174,25 @@ def test_products_follow_points(loops: compiled.Loops, entered: int, left: int, 
     relative = rows - reference
     total, products = relative[:end].sum(axis=0), relative[:end].T @ relative[:end]
     products = np.tril(products) + np.tril(products, -1).T
-    trace, square = loops.follow_products(reference, total, products, rows[end : end + entered], rows[:left])
+    following = _Following.of(end, entered, left, len(rows))
+    assert not loops.follow_products(rows, *following[:3], reference, total, products, *following.numbers)
     kept = relative[left : end + entered]
     np.testing.assert_allclose(total, kept.sum(axis=0), atol=1e-12)
     np.testing.assert_allclose(products, kept.T @ kept, atol=1e-12)
     assert np.array_equal(products, products.T)
-    assert (trace, square) == (pytest.approx(products.trace()), pytest.approx(total @ total))
+    following.assert_followed(end, entered, left, products.trace())
+
+
+@pytest.mark.parametrize("place", [0, 12, 2**60])
+def test_a_span_of_new_rows_alone_is_to_be_computed_afresh(loops: compiled.Loops, place: int) -> None:
+    """Wherever a span was before, the loops add nothing to its sums when none of its rows were in it."""
+    places, sums, rows = np.array([0, place]), np.zeros((4, 5)), np.ones((30, 5))
+    arrays = rows, np.arange(30.0), places, np.zeros(2), sums, np.zeros(3)
+    assert loops.follow(*arrays, 30, 0, 12.0, 100) is (place < 30)
+    assert places.tolist() == [18, 30]
+    assert not sums.any()
+    assert not loops.follow(*arrays, 30, 0, 12.0, 100)
+    assert not loops.follow(*arrays, 0, 0, 12.0, 100)
 
 
 @BODIES
@@ -488,6 +525,29 @@ def _parts(loops: compiled.Loops, **other: np.ndarray) -> object:
     return loops.read_parts(sums, clock, 2.0, sizing, segments, paths, 0.1, 0.5, parts)
 
 
+def _sums_followed(loops: compiled.Loops, **other: object) -> object:
+    """Let sums follow nine rows of five distances, with another argument or two."""
+    usual = {
+        "rows": np.zeros((9, 5)),
+        "times": np.arange(9.0),
+        "places": np.zeros(2, np.intp),
+        "drift": np.zeros(2),
+        "sums": np.zeros((4, 5)),
+        "clock": np.zeros(3),
+        "end": 9,
+        "moved": 0,
+        "seconds": 1.0,
+        "most": 9,
+    }
+    return loops.follow(*cast("Any", (usual | other).values()))
+
+
+def _products_followed(loops: compiled.Loops, directions: int, products: np.ndarray) -> object:
+    points, places = np.zeros((9, directions)), np.zeros(2, np.intp)
+    sums = np.zeros(directions), np.zeros(directions), products
+    return loops.follow_products(points, np.arange(9.0), places, np.zeros(2), *sums, 9, 0, 1.0, 9)
+
+
 def _followed(loops: compiled.Loops, **other: np.ndarray) -> object:
     """Follow a body through two moments in two numbers, with another array or two."""
     usual = {
@@ -542,46 +602,26 @@ _REFUSED: dict[str, tuple[Callable[[compiled.Loops], object], str]] = {
         ),
         "rows: expected memory that is in no other array",
     ),
-    "sums: three rows": (
-        lambda loops: loops.follow(
-            np.zeros((3, 5)), np.zeros(3), np.zeros((1, 5)), np.zeros((0, 5)), np.zeros(1), np.zeros(0)
-        ),
-        "sums: expected 4, got 3",
-    ),
-    "sums: wide rows": (
-        lambda loops: loops.follow(
-            np.zeros((4, 5)), np.zeros(3), np.zeros((1, 6)), np.zeros((0, 5)), np.zeros(1), np.zeros(0)
-        ),
-        "entered: expected 5, got 6",
-    ),
-    "sums: times": (
-        lambda loops: loops.follow(
-            np.zeros((4, 5)), np.zeros(3), np.zeros((1, 5)), np.zeros((0, 5)), np.zeros(2), np.zeros(0)
-        ),
-        "entered_times: expected 1, got 2",
-    ),
+    "sums: three rows": (lambda loops: _sums_followed(loops, sums=np.zeros((3, 5))), "sums: expected 4, got 3"),
+    "sums: wide rows": (lambda loops: _sums_followed(loops, rows=np.zeros((9, 6))), "sums: expected 6, got 5"),
+    "sums: times": (lambda loops: _sums_followed(loops, times=np.zeros(8)), "times: expected 9, got 8"),
+    "sums: end": (lambda loops: _sums_followed(loops, end=10), "end: expected 0 to 9"),
+    "sums: no end": (lambda loops: _sums_followed(loops, end=np.nan), "end: expected 0 to 9"),
+    "sums: moved": (lambda loops: _sums_followed(loops, moved=-1), "end: expected 0 to 9, moved not below 0"),
     "sums: no distance": (
-        lambda loops: loops.follow(
-            np.zeros((4, 0)), np.zeros(3), np.zeros((9, 0)), np.zeros((0, 0)), np.zeros(9), np.zeros(0)
-        ),
-        "sums: expected 1 to [0-9]*, got 0",
+        lambda loops: _sums_followed(loops, rows=np.zeros((9, 0)), sums=np.zeros((4, 0))),
+        "rows: expected 1 to [0-9]*, got 0",
     ),
     "sums: among the rows": (
-        lambda loops: loops.follow(
-            _SIX_ROWS[:4], np.zeros(3), _SIX_ROWS[3:5], np.zeros((0, 5)), np.zeros(2), np.zeros(0)
-        ),
+        lambda loops: _sums_followed(loops, rows=_SIX_ROWS[1:], times=np.zeros(5), sums=_SIX_ROWS[:4], end=5),
         "sums: expected memory that is in no other array",
     ),
     "products: many directions": (
-        lambda loops: loops.follow_products(
-            np.zeros(33), np.zeros(33), np.zeros((33, 33)), np.zeros((1, 33)), np.zeros((0, 33))
-        ),
+        lambda loops: _products_followed(loops, 33, np.zeros((33, 33))),
         "directions: expected 1 to 32, got 33",
     ),
     "products: no square": (
-        lambda loops: loops.follow_products(
-            np.zeros(3), np.zeros(3), np.zeros((3, 4)), np.zeros((1, 3)), np.zeros((0, 3))
-        ),
+        lambda loops: _products_followed(loops, 3, np.zeros((3, 4))),
         "products: expected 3, got 4",
     ),
     "parts: sizing": (lambda loops: _parts(loops, sizing=np.ones(4)), "sizing: expected 5, got 4"),

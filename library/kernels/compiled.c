@@ -511,11 +511,12 @@ static PyObject *follow_products(PyObject *module, PyObject *const *arguments, P
 }
 
 /* RollingMoments.read, library.windows.parts.spread, posture, trend and movement:
- * read_parts(sums, clock, count, sizing, segments, paths, floor, level, parts) -> (movement, the body's size) */
+ * read_parts(sums, clock, count, sizing, segments, paths, floor, level, posture, trend, parts) -> (movement, the body's size) */
 static PyObject *read_parts(PyObject *module, PyObject *const *arguments, Py_ssize_t given) {
     static const Wanted wanted[] = {{"sums", "d", "4w", 0},   {"clock", "d", "3", 0},        {"count", "d", "", 0},
                                     {"sizing", "d", "w", 0},  {"segments", INDEX, "s", 0},   {"paths", "d", "sw", 0},
-                                    {"floor", "d", "", 0},    {"level", "d", "", 0},         {"parts", "d", "3w", WRITTEN}};
+                                    {"floor", "d", "", 0},    {"level", "d", "", 0},         {"posture", "d", "", 0},
+                                    {"trend", "d", "", 0},    {"parts", "d", "3w", WRITTEN}};
     Taken taken;
     PyObject *result = NULL;
     (void)module;
@@ -525,7 +526,8 @@ static PyObject *read_parts(PyObject *module, PyObject *const *arguments, Py_ssi
         Py_buffer *held = taken.held;
         double movement;
         const double size = loops.parts(held[0].buf, taken.length['w'], held[1].buf, taken.number[2], held[3].buf, held[4].buf,
-                                        held[5].buf, taken.length['s'], taken.number[6], taken.number[7], held[8].buf, &movement);
+                                        held[5].buf, taken.length['s'], taken.number[6], taken.number[7], taken.number[8] != 0.0,
+                                        taken.number[9] != 0.0, held[10].buf, &movement);
         result = Py_BuildValue("dd", movement, size);
     }
     let_go(&taken);

@@ -137,10 +137,12 @@ class Loops(Protocol):
         paths: Numbers,
         floor: float,
         level: float,
+        posture: float,
+        trend: float,
         parts: Numbers,
         /,
     ) -> tuple[float, float]:
-        """Write spread, posture and trend of a window of so many rows with these sums, (3, width).
+        """Write spread, posture and trend of a window of so many rows with these sums, (3, width), each where wanted.
 
         Return its movement, and the size of the body.
 
@@ -152,6 +154,8 @@ class Loops(Protocol):
             As `Body` has them, but paths (segments, width).
         floor, level
             `NOISE_FLOOR` and `LEVEL_REMOVED`.
+        posture, trend
+            Whether they are wanted: 0 or 1.
         parts
             Where to write.
         """

@@ -154,12 +154,12 @@ LOOP static void KIND(add_products)(const double *restrict reference, double *re
 
 HELPER double KIND(positive)(double number) { return number > 0.0 ? number : 0.0; }
 
-/* Spread, posture and trend of a window of `count` rows with these sums, to parts (3, width); gives the body's size, and its
- * movement. */
+/* Spread of a window of `count` rows with these sums, and posture and trend where they are wanted, to parts (3, width); gives
+ * the body's size, and its movement. */
 LOOP static double KIND(parts)(const double *restrict sums, Py_ssize_t width, const double *restrict clock, double count,
                                const double *restrict sizing, const Py_ssize_t *restrict segments,
                                const double *restrict paths, Py_ssize_t between, double floor, double level,
-                               double *restrict parts, double *restrict moved_by) {
+                              int has_posture, int has_trend, double *restrict parts, double *restrict moved_by) {
     const double *restrict reference = sums, *restrict sum = sums + width, *restrict along = sums + 2 * width;
     const double *restrict squares = sums + 3 * width;
     double *restrict spread = parts, *restrict posture = parts + width, *restrict trend = parts + 2 * width;
@@ -175,13 +175,14 @@ LOOP static double KIND(parts)(const double *restrict sums, Py_ssize_t width, co
         variances += variance;
         spread[i] = sqrt(variance);
         posture[i] = mean;
-        trend[i] = (along[i] * per_row - offset * middle) * per_swing;
     }
     /* A body in one point has no spread. */
     const double per_size = size > 0.0 ? 1.0 / size : 0.0, noise = floor * size;
+    for (Py_ssize_t i = 0; has_trend && i < width; i++) {
+        const double moved = spread[i] + noise, rising = (along[i] - sum[i] * middle) * per_row * per_swing;
+        trend[i] = moved > 0.0 ? rising / moved : 0.0;
+    }
     for (Py_ssize_t i = 0; i < width; i++) {
-        const double moved = spread[i] + noise;
-        trend[i] = moved > 0.0 ? trend[i] / moved : 0.0;
         spread[i] = spread[i] * per_size + floor;
     }
     for (Py_ssize_t begin = 0; begin < width; begin += BYTES / 8) {
@@ -204,7 +205,7 @@ LOOP static double KIND(parts)(const double *restrict sums, Py_ssize_t width, co
     for (Py_ssize_t s = 0; s < between; s++) {
         means_of[s] = posture[segments[s]];
     }
-    for (Py_ssize_t begin = 0; begin < width; begin += LANE) {
+    for (Py_ssize_t begin = 0; has_posture && begin < width; begin += LANE) {
         const Py_ssize_t some = width - begin < LANE ? width - begin : LANE;
         for (Py_ssize_t i = 0; i < LANE; i++) {
             lengths[i] = between ? 0.0 : size;

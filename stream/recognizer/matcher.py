@@ -159,7 +159,7 @@ class WindowMatcher:
     def __init__(
         self, index: WindowIndex, *, stillness: float, sensitivity: float | None, progress: bool = False
     ) -> None:
-        self._windows = LiveWindows(index.body, index.basis)
+        self._windows = LiveWindows(index.body, index.basis, index.comparison.weighing.parts)
         self.longest = self._windows.longest
         self._stillness, self._sensitivity = stillness, sensitivity
         self._decision = Decision(index, stillness=stillness, sensitivity=sensitivity)
@@ -180,7 +180,7 @@ class WindowMatcher:
     def exchange(self, library: MotionLibrary | WindowIndex) -> None:
         """Compare the same windows with another library of the same joints from now on."""
         index = index_of(library)
-        self._windows.exchange(index.body, index.basis)
+        self._windows.exchange(index.body, index.basis, index.comparison.weighing.parts)
         self._decision.exchange(index)
         if self._progress:
             self._progress.exchange(phase_table(index))

@@ -16,6 +16,7 @@ from kinespace.library.windows.parts import (
     NOISE_FLOOR,
     PARTS,
     Kind,
+    Part,
     eigen,
     movement,
 )
@@ -30,7 +31,6 @@ if TYPE_CHECKING:
 
     from kinespace.library.windows.basis import Basis
     from kinespace.library.windows.body import Body
-    from kinespace.library.windows.parts import Part
     from kinespace.stream.recognizer.windows.rolling import Rolling
 
 
@@ -103,6 +103,8 @@ class LiveWindows(_RowsAndPoints):
     ----------
     body, basis
         The body and the basis of the library.
+    parts
+        The parts that are read; more cost more.
 
     Attributes
     ----------
@@ -112,12 +114,18 @@ class LiveWindows(_RowsAndPoints):
 
     longest = max(*DISTANCE_LENGTHS, *BASIS_LENGTHS)
 
-    def __init__(self, body: Body, basis: Basis) -> None:
-        self._set_body(body)
+    def __init__(self, body: Body, basis: Basis, parts: Sequence[Part] = PARTS) -> None:
+        self._set_body(body, parts)
         self._set_basis(basis)
 
-    def _set_body(self, body: Body) -> None:
+    def _set_body(self, body: Body, parts: Sequence[Part]) -> None:
         self._body, self._paths = body, np.ascontiguousarray(body.paths.T)
+        self._places = tuple((part, *_PLACES[part]) for part in parts)
+        self._kinds = tuple(kind for kind in _KINDS if any(part.kind is kind for part in parts))
+        # For each length, whether posture and trend are read.
+        self._wanted = tuple(
+            (Part(Kind.POSTURE, seconds) in parts, Part(Kind.TREND, seconds) in parts) for seconds in DISTANCE_LENGTHS
+        )
 
     def _set_basis(self, basis: Basis) -> None:
         self._directions = basis.directions
@@ -132,9 +140,9 @@ class LiveWindows(_RowsAndPoints):
         self._values = np.empty(found)
         self._vectors = np.empty((len(self._covariances), 2, found, directions))
 
-    def exchange(self, body: Body, basis: Basis) -> None:
-        """Follow the same rows, in another basis of the same distances and with another body's measures."""
-        self._set_body(body)
+    def exchange(self, body: Body, basis: Basis, parts: Sequence[Part] = PARTS) -> None:
+        """Follow the same rows, in another basis of the same distances and with another body's measures and parts."""
+        self._set_body(body, parts)
         if not np.array_equal(basis.directions, self._directions):
             before = self._window
             self._set_basis(basis)
@@ -159,16 +167,16 @@ class LiveWindows(_RowsAndPoints):
         pairs = eigenpairs_of(covariances)
         scaled = eigen(pairs)
         moments = moments_of(self._moments)
-        distances = {kind: OF_DISTANCES[kind](moments, self._body) for kind in _KINDS}
+        distances = {kind: OF_DISTANCES[kind](moments, self._body) for kind in self._kinds}
         numbers = {
-            part: scaled[place[0]] if kind is None else distances[kind][place[0]] for part, kind, place in _PLACES
+            part: scaled[place[0]] if kind is None else distances[kind][place[0]] for part, kind, place in self._places
         }
         leading = Leading.of(float(np.trace(covariances[-1])), pairs.values[-1], pairs.vectors[-1, 0])
         return LiveSignature(numbers, float(movement(moments)[-1]), *leading)
 
     def _read_compiled(self, loops: compiled.Loops) -> LiveSignature:
         moved, body = 0.0, self._body
-        for moments, parts in zip(self._moments, self._parts, strict=True):
+        for moments, (has_posture, has_trend), parts in zip(self._moments, self._wanted, self._parts, strict=True):
             moved, _ = loops.read_parts(
                 moments.sums,
                 moments.clock,
@@ -178,13 +186,15 @@ class LiveWindows(_RowsAndPoints):
                 self._paths,
                 NOISE_FLOOR,
                 LEVEL_REMOVED,
+                has_posture,
+                has_trend,
                 parts,
             )
         totals = [
             loops.read_eigen(each.total, each.products, each.count, each.drift.item(1), self._values, *vectors)
             for each, vectors in zip(self._covariances, self._vectors, strict=True)
         ]
-        numbers = {part: (self._vectors if kind is None else self._parts)[place] for part, kind, place in _PLACES}
+        numbers = {part: (self._vectors if kind is None else self._parts)[place] for part, kind, place in self._places}
         return LiveSignature(numbers, moved, *Leading.of(totals[-1], self._values, self._vectors[-1, 0, 0]))
 
 
@@ -192,12 +202,12 @@ class LiveWindows(_RowsAndPoints):
 _KINDS = (Kind.SPREAD, Kind.POSTURE, Kind.TREND)
 #: For each part its kind, None for eigen parts, and where the compiled loops write it: the index of its length, and the
 #: index of its kind or of the scaled eigenvectors.
-_PLACES = tuple(
-    (part, None, (BASIS_LENGTHS.index(part.seconds), 1))
+_PLACES: dict[Part, tuple[Kind | None, tuple[int, int]]] = {
+    part: (None, (BASIS_LENGTHS.index(part.seconds), 1))
     if part.kind is Kind.EIGEN
-    else (part, part.kind, (DISTANCE_LENGTHS.index(part.seconds), _KINDS.index(part.kind)))
+    else (part.kind, (DISTANCE_LENGTHS.index(part.seconds), _KINDS.index(part.kind)))
     for part in PARTS
-)
+}
 
 
 class Leading(NamedTuple):

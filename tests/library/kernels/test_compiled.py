@@ -209,10 +209,25 @@ def test_parts_equal_numpys_parts(loops: compiled.Loops, every: int, parents: bo
         sums, clock = _sums(rows, times, rows[0], times[-1])
         parts, paths = np.full((3, rows.shape[1]), np.nan), np.ascontiguousarray(body.paths.T)
         moved, size = loops.read_parts(
-            sums, clock, len(rows), body.sizing, body.segments, paths, NOISE_FLOOR, LEVEL_REMOVED, parts
+            sums, clock, len(rows), body.sizing, body.segments, paths, NOISE_FLOOR, LEVEL_REMOVED, 1.0, 1.0, parts
         )
         for ours, theirs in zip(parts, expected, strict=True):
             np.testing.assert_allclose(ours, theirs, rtol=1e-9, atol=1e-7)
+        alone = np.full_like(parts, np.nan)
+        loops.read_parts(
+            sums,
+            clock,
+            len(rows),
+            body.sizing,
+            body.segments,
+            paths,
+            NOISE_FLOOR,
+            LEVEL_REMOVED,
+            0.0,
+            0.0,
+            alone,
+        )
+        assert np.array_equal(alone[0], parts[0])
         assert moved == pytest.approx(float(movement(moments)[0]), rel=1e-9)
         assert size == pytest.approx(float(body.size(moments.mean)[0]), rel=1e-9)
 
@@ -227,7 +242,9 @@ def test_a_body_in_one_point_has_numbers(loops: compiled.Loops) -> None:
     body = Body.of(BUILTIN.skeleton)
     parts, paths = np.full((3, len(PAIRS)), np.nan), np.ascontiguousarray(body.paths.T)
     sums, clock = np.zeros((4, len(PAIRS))), np.zeros(3)
-    read = loops.read_parts(sums, clock, 1, body.sizing, body.segments, paths, NOISE_FLOOR, LEVEL_REMOVED, parts)
+    read = loops.read_parts(
+        sums, clock, 1, body.sizing, body.segments, paths, NOISE_FLOOR, LEVEL_REMOVED, 1.0, 1.0, parts
+    )
     assert read == (0.0, 0.0)
     still = Moments(*np.zeros((3, 1, len(PAIRS))))
     np.testing.assert_allclose(parts[0], spread(still, body)[0], rtol=1e-12)
@@ -522,7 +539,7 @@ def _parts(loops: compiled.Loops, **other: np.ndarray) -> object:
         "parts": np.zeros((3, 5)),
     }
     sums, clock, sizing, segments, paths, parts = (usual | other).values()
-    return loops.read_parts(sums, clock, 2.0, sizing, segments, paths, 0.1, 0.5, parts)
+    return loops.read_parts(sums, clock, 2.0, sizing, segments, paths, 0.1, 0.5, 1.0, 1.0, parts)
 
 
 def _sums_followed(loops: compiled.Loops, **other: object) -> object:
@@ -791,7 +808,7 @@ def test_the_error_names_the_first_of_two_bad_numbers(loops: compiled.Loops) -> 
     none, fraction = cast("Any", "2"), cast("Any", Fraction(1, 2))
     arrays = np.ones((4, 5)), np.zeros(3)
     with pytest.raises(TypeError, match="must be real number, not str"):
-        loops.read_parts(*arrays, none, np.ones(5), _ONE, np.ones((1, 5)), fraction, 0.5, np.zeros((3, 5)))
+        loops.read_parts(*arrays, none, np.ones(5), _ONE, np.ones((1, 5)), fraction, 0.5, 1.0, 1.0, np.zeros((3, 5)))
 
 
 def test_read_only_rows_are_refused_before_anything_is_written(loops: compiled.Loops) -> None:

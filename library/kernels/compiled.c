@@ -48,6 +48,12 @@
 #define SECTIONS 8
 #define PASSES 6
 #define BOUNDS (SECTIONS * EIGENVECTORS)
+/* Vectors that are iterated together, of which EIGENVECTORS are wanted; products after which, and at most, the residuals are
+ * looked at; and the residual that is none, when the trace is 1. */
+#define BLOCK 8
+#define ITERATIONS 6
+#define MAX_ITERATIONS 9
+#define NO_RESIDUAL 1e-9
 /* Bins of phases that count as the same. */
 #define MAX_BINS 64
 /* Floats of the widest register. */
@@ -152,6 +158,7 @@ static struct {
     __typeof__(parts_any) *parts;
     __typeof__(covariance_any) *covariance;
     __typeof__(eigenpairs_any) *eigenpairs;
+    __typeof__(eigenpairs_again_any) *eigenpairs_again;
     __typeof__(compare_any) *compare;
     __typeof__(scores_any) *scores;
     __typeof__(follow_phase_any) *follow_phase;
@@ -170,6 +177,7 @@ static struct {
         loops.parts = parts_##kind;                                                                                     \
         loops.covariance = covariance_##kind;                                                                           \
         loops.eigenpairs = eigenpairs_##kind;                                                                           \
+        loops.eigenpairs_again = eigenpairs_again_##kind;                                                               \
         loops.compare = compare_##kind;                                                                                 \
         loops.scores = scores_##kind;                                                                                   \
         loops.follow_phase = follow_phase_##kind;                                                                       \
@@ -562,11 +570,11 @@ static PyObject *eigenpairs(PyObject *module, PyObject *const *arguments, Py_ssi
 }
 
 /* RollingCovariance.read, library.windows.cutting.eigenpairs_of and library.windows.parts.eigen:
- * read_eigen(sum, products, count, none, values, vectors, scaled) -> the covariance's trace */
+ * read_eigen(sum, products, count, none, values, vectors, scaled, block) -> the covariance's trace */
 static PyObject *read_eigen(PyObject *module, PyObject *const *arguments, Py_ssize_t given) {
     static const Wanted wanted[] = {{"sum", "d", "n", 0},          {"products", "d", "nn", 0},        {"count", "d", "", 0},
                                     {"none", "d", "", 0},          {"values", "d", "k", WRITTEN},     {"vectors", "d", "kn", WRITTEN},
-                                    {"scaled", "d", "kn", WRITTEN}};
+                                    {"scaled", "d", "kn", WRITTEN}, {"block", "d", "n8", WRITTEN}};
     Taken taken;
     PyObject *result = NULL;
     (void)module;
@@ -575,7 +583,7 @@ static PyObject *read_eigen(PyObject *module, PyObject *const *arguments, Py_ssi
         double covariance[MAX_DIRECTIONS * MAX_DIRECTIONS], total = 0.0;
         double *values = taken.held[4].buf, *vectors = taken.held[5].buf, *scaled = taken.held[6].buf;
         const double trace = loops.covariance(taken.held[0].buf, taken.held[1].buf, size, taken.number[2], taken.number[3], covariance);
-        if (loops.eigenpairs(covariance, size, most, values, vectors)) {
+        if (loops.eigenpairs_again(covariance, size, most, trace, values, vectors, taken.held[7].buf)) {
             for (int k = 0; k < most; k++) {
                 total += values[k] > 0.0 ? values[k] : 0.0;
             }

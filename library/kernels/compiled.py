@@ -169,6 +169,7 @@ class Loops(Protocol):
         values: Numbers,
         vectors: Numbers,
         scaled: Numbers,
+        block: Numbers,
         /,
     ) -> float:
         """Write the leading eigenpairs of a covariance, and the part `eigen`; give the covariance's trace.
@@ -181,6 +182,9 @@ class Loops(Protocol):
             Trace at which nothing moves.
         values, vectors, scaled
             Where to write, (k,), (k, width) and (k, width): four at most.
+        block
+            Takes eigenvectors over to the next call, which finds those of a similar covariance sooner: (width, 8), at
+            first 0.
         """
 
     def eigenpairs(self, covariances: Numbers, values: Numbers, vectors: Numbers, /) -> bool:

@@ -16,6 +16,10 @@
 #endif
 #define FLOATS (BYTES / 4)
 #define BESIDE (REGISTER == 64 ? 4 : 2)
+/* As many registers as the directions of a vector fill. */
+#define WIDE (MAX_DIRECTIONS * 8 / BYTES)
+#define BLOCK_WIDE (BLOCK * 8 / BYTES)
+#define ROWS (REGISTER == 64 ? 8 : 4)
 typedef double KIND(Doubles) __attribute__((vector_size(BYTES), aligned(8), may_alias));
 typedef int64_t KIND(Longs) __attribute__((vector_size(BYTES), aligned(8), may_alias));
 typedef float KIND(Floats) __attribute__((vector_size(BYTES), aligned(4), may_alias));
@@ -223,11 +227,16 @@ LOOP static double KIND(parts)(const double *restrict sums, Py_ssize_t width, co
     return size;
 }
 
-HELPER double KIND(dot)(const double *restrict one, const double *restrict other, int count) {
+/* Inner product of two vectors (MAX_DIRECTIONS). */
+HELPER double KIND(dot)(const KIND(Doubles) *restrict one, const KIND(Doubles) *restrict other) {
+    KIND(Doubles) sums = one[0] * other[0];
+    for (int q = 1; q < WIDE; q++) {
+        sums += one[q] * other[q];
+    }
     double sum = 0.0;
 #pragma omp simd reduction(+ : sum)
-    for (int i = 0; i < count; i++) {
-        sum += one[i] * other[i];
+    for (int i = 0; i < BYTES / 8; i++) {
+        sum += sums[i];
     }
     return sum;
 }
@@ -236,28 +245,33 @@ HELPER double KIND(dot)(const double *restrict one, const double *restrict other
 HELPER void KIND(tridiagonal)(double (*restrict a)[MAX_DIRECTIONS], int size, double *restrict diagonal,
                               double *restrict beside, double *restrict factors) {
     for (int c = 0; c < size - 1; c++) {
-        double *restrict v = a[c], image[MAX_DIRECTIONS] = {0.0};
+        double *restrict v = a[c], numbers[MAX_DIRECTIONS];
+        const KIND(Doubles) *restrict along = (const KIND(Doubles) *)v;
+        /* In registers, which the compiler keeps them in only if they are written as such. */
+        KIND(Doubles) image[WIDE] = {{0.0}};
         diagonal[c] = v[c];
         for (int i = 0; i <= c; i++) {
             v[i] = 0.0;
         }
-        const double square = KIND(dot)(v, v, size), first = v[c + 1], length = sqrt(square);
+        const double square = KIND(dot)(along, along), first = v[c + 1], length = sqrt(square);
         beside[c] = first > 0.0 ? -length : length;
         factors[c] = square > 0.0 ? 1.0 / (square - first * beside[c]) : 0.0;
         v[c + 1] -= beside[c];
         for (int j = c + 1; j < size; j++) {
-            for (int i = 0; i < MAX_DIRECTIONS; i++) {
-                image[i] += v[j] * a[j][i];
+            const KIND(Doubles) *restrict row = (const KIND(Doubles) *)a[j];
+            for (int q = 0; q < WIDE; q++) {
+                image[q] += v[j] * row[q];
             }
         }
-        const double half = factors[c] * KIND(dot)(v, image, size) / 2;
-        for (int i = 0; i < MAX_DIRECTIONS; i++) {
-            image[i] = factors[c] * (image[i] - half * v[i]);
+        const double half = factors[c] * KIND(dot)(along, image) / 2;
+        for (int q = 0; q < WIDE; q++) {
+            image[q] = factors[c] * (image[q] - half * along[q]);
         }
+        memcpy(numbers, image, sizeof numbers);
         for (int j = c + 1; j < size; j++) {
-            const double one = v[j], other = image[j];
-            for (int i = 0; i < MAX_DIRECTIONS; i++) {
-                a[j][i] -= one * image[i] + other * v[i];
+            KIND(Doubles) *restrict row = (KIND(Doubles) *)a[j];
+            for (int q = 0; q < WIDE; q++) {
+                row[q] -= v[j] * image[q] + numbers[j] * along[q];
             }
         }
     }
@@ -366,7 +380,8 @@ HELPER int KIND(diagonal)(double *restrict d, double *restrict e, int size, cons
 /* The largest eigenvalues of a covariance (size, size), to values (count), and their eigenvectors, to (count, size). */
 LOOP static int KIND(eigenpairs)(const double *restrict covariance, int size, int count, double *restrict values,
                                  double *restrict vectors) {
-    double a[MAX_DIRECTIONS][MAX_DIRECTIONS] = {{0.0}}, rows[MAX_DIRECTIONS][MAX_DIRECTIONS] = {{0.0}};
+    double a[MAX_DIRECTIONS][MAX_DIRECTIONS] __attribute__((aligned(LINE))) = {{0.0}};
+    double rows[MAX_DIRECTIONS][MAX_DIRECTIONS] __attribute__((aligned(LINE))) = {{0.0}};
     double d[MAX_DIRECTIONS], e[MAX_DIRECTIONS], factors[MAX_DIRECTIONS], trace = 0.0;
     float located[EIGENVECTORS];
     for (int i = 0; i < size; i++) {
@@ -392,14 +407,164 @@ LOOP static int KIND(eigenpairs)(const double *restrict covariance, int size, in
         }
         values[k] = d[largest] * trace;
         d[largest] = -INFINITY;
-        double *restrict row = rows[largest];
+        KIND(Doubles) *restrict row = (KIND(Doubles) *)rows[largest];
         for (int c = size - 2; c >= 0; c--) {
-            const double product = factors[c] * KIND(dot)(a[c], row, size);
-            for (int i = 0; i < size; i++) {
-                row[i] -= product * a[c][i];
+            const KIND(Doubles) *restrict v = (const KIND(Doubles) *)a[c];
+            const double product = factors[c] * KIND(dot)(v, row);
+            for (int q = 0; q < WIDE; q++) {
+                row[q] -= product * v[q];
             }
         }
         memcpy(vectors, row, sizeof(double) * (size_t)size);
+    }
+    return 1;
+}
+
+/* Multiply a symmetric matrix (size, size) with some vectors side by side (size, BLOCK); rows of which some sums are in
+ * registers at once. */
+HELPER void KIND(multiply)(const double *restrict matrix, int size, double (*restrict vectors)[BLOCK],
+                           double (*restrict products)[BLOCK]) {
+    for (int begin = 0; begin < size; begin += ROWS) {
+        const int step = begin + ROWS <= size ? size : 0;
+        KIND(Doubles) sums[ROWS][BLOCK_WIDE] = {{{0.0}}};
+        for (int j = 0; j < size; j++) {
+            const KIND(Doubles) *restrict row = (const KIND(Doubles) *)vectors[j];
+            for (int r = 0; r < ROWS; r++) {
+                for (int q = 0; q < BLOCK_WIDE; q++) {
+                    sums[r][q] += matrix[begin * size + r * step + j] * row[q];
+                }
+            }
+        }
+        memcpy(products[begin], sums, sizeof(double) * BLOCK * (size_t)(step ? ROWS : 1));
+        begin -= step ? 0 : ROWS - 1;
+    }
+}
+
+/* Inner products of the vectors in one block with those in another, both (size, BLOCK). */
+HELPER void KIND(products)(double (*one)[BLOCK], double (*other)[BLOCK], int size,
+                           double (*restrict products)[BLOCK]) {
+    KIND(Doubles) sums[BLOCK][BLOCK_WIDE] = {{{0.0}}};
+    for (int i = 0; i < size; i++) {
+        const KIND(Doubles) *restrict row = (const KIND(Doubles) *)other[i];
+        for (int b = 0; b < BLOCK; b++) {
+            for (int q = 0; q < BLOCK_WIDE; q++) {
+                sums[b][q] += one[i][b] * row[q];
+            }
+        }
+    }
+    memcpy(products, sums, sizeof sums);
+}
+
+/* Make a block (size, BLOCK) orthonormal, to `vectors`, by the Cholesky factor of its inner products; 0 where the vectors are
+ * dependent. */
+HELPER int KIND(orthonormal)(double (*restrict block)[BLOCK], int size, double (*restrict vectors)[BLOCK]) {
+    double products[BLOCK][BLOCK], inverse[BLOCK][BLOCK] = {{0.0}};
+    KIND(products)(block, block, size, products);
+    for (int k = 0; k < BLOCK; k++) {
+        inverse[k][k] = 1.0;
+    }
+    /* Elimination turns the products into the factor, and what was 1 into its inverse. */
+    for (int k = 0; k < BLOCK; k++) {
+        if (!(products[k][k] > 0.0)) {
+            return 0;
+        }
+        const double factor = 1.0 / sqrt(products[k][k]);
+        for (int i = 0; i < BLOCK; i++) {
+            products[k][i] *= factor;
+            inverse[k][i] *= factor;
+        }
+        for (int m = k + 1; m < BLOCK; m++) {
+            const double along = products[k][m];
+            for (int i = 0; i < BLOCK; i++) {
+                products[m][i] -= along * products[k][i];
+                inverse[m][i] -= along * inverse[k][i];
+            }
+        }
+    }
+    double columns[BLOCK][BLOCK];
+    for (int k = 0; k < BLOCK; k++) {
+        for (int i = 0; i < BLOCK; i++) {
+            columns[i][k] = inverse[k][i];
+        }
+    }
+    for (int i = 0; i < size; i++) {
+        KIND(Doubles) sums[BLOCK_WIDE] = {{0.0}};
+        for (int j = 0; j < BLOCK; j++) {
+            const KIND(Doubles) *restrict column = (const KIND(Doubles) *)columns[j];
+            for (int q = 0; q < BLOCK_WIDE; q++) {
+                sums[q] += block[i][j] * column[q];
+            }
+        }
+        memcpy(vectors[i], sums, sizeof sums);
+    }
+    return 1;
+}
+
+/* The largest eigenvalues of a covariance and their eigenvectors, as `eigenpairs` finds them, from a block (size, BLOCK) that
+ * held those of a covariance much like it: subspace iteration (Rutishauser 1969). 0 where this does not find them: the
+ * residuals stay large, or the trace leaves room for a larger eigenvalue beside them. */
+HELPER int KIND(iterate)(const double *restrict covariance, int size, double trace, double *restrict values,
+                         double *restrict vectors, double (*restrict block)[BLOCK]) {
+    double now[MAX_DIRECTIONS][BLOCK], next[MAX_DIRECTIONS][BLOCK], inside[BLOCK][BLOCK], few[EIGENVECTORS][BLOCK];
+    if (!KIND(orthonormal)(block, size, now)) {
+        return 0;
+    }
+    for (int turn = 1; turn <= MAX_ITERATIONS; turn++) {
+        KIND(multiply)(covariance, size, now, next);
+        if (turn == ITERATIONS || turn == MAX_ITERATIONS) {
+            KIND(products)(now, next, size, inside);
+            double left = trace, largest = 0.0;
+            for (int b = 0; b < BLOCK; b++) {
+                left -= inside[b][b];
+            }
+            if (!KIND(eigenpairs)(inside[0], BLOCK, EIGENVECTORS, values, few[0])) {
+                return 0;
+            }
+            for (int k = 0; k < EIGENVECTORS; k++) {
+                double square = 0.0;
+                for (int i = 0; i < size; i++) {
+                    double number = 0.0, image = 0.0;
+                    for (int b = 0; b < BLOCK; b++) {
+                        number += few[k][b] * now[i][b];
+                        image += few[k][b] * next[i][b];
+                    }
+                    const double residual = image - values[k] * number;
+                    square += residual * residual;
+                    vectors[k * size + i] = number;
+                }
+                largest = square > largest ? square : largest;
+            }
+            if (left <= values[EIGENVECTORS - 1] && largest <= NO_RESIDUAL * trace * (NO_RESIDUAL * trace)) {
+                memcpy(block, now, sizeof(double) * (size_t)(size * BLOCK));
+                return 1;
+            }
+        }
+        if (!KIND(orthonormal)(next, size, now)) {
+            return 0;
+        }
+    }
+    return 0;
+}
+
+/* The largest eigenvalues of a covariance and their eigenvectors, again and again: a block (size, BLOCK), at first 0, takes
+ * what is found over to the next time. */
+LOOP static int KIND(eigenpairs_again)(const double *restrict covariance, int size, int count, double trace,
+                                       double *restrict values, double *restrict vectors,
+                                       double (*restrict block)[BLOCK]) {
+    if (size < 2 * BLOCK || count < EIGENVECTORS || !(trace > 0.0)) {
+        return KIND(eigenpairs)(covariance, size, count, values, vectors);
+    }
+    if (KIND(iterate)(covariance, size, trace, values, vectors, block)) {
+        return 1;
+    }
+    if (!KIND(eigenpairs)(covariance, size, count, values, vectors)) {
+        return 0;
+    }
+    /* The other vectors of a new block may be any. */
+    for (int i = 0; i < size; i++) {
+        for (int b = 0; b < BLOCK; b++) {
+            block[i][b] = b < EIGENVECTORS ? vectors[b * size + i] : i == b ? 1.0 : 0.0;
+        }
     }
     return 1;
 }
@@ -408,10 +573,11 @@ LOOP static int KIND(eigenpairs)(const double *restrict covariance, int size, in
  * left where there is hardly any. */
 LOOP static double KIND(covariance)(const double *restrict sum, const double *restrict products, int size, double count,
                                     double none, double *restrict covariance) {
+    const double each = 1.0 / count;
     double trace = 0.0;
     for (int i = 0; i < size; i++) {
         for (int j = 0; j < size; j++) {
-            covariance[i * size + j] = products[i * size + j] / count - sum[i] / count * (sum[j] / count);
+            covariance[i * size + j] = products[i * size + j] * each - sum[i] * each * (sum[j] * each);
         }
         trace += covariance[i * size + i];
     }
@@ -882,4 +1048,7 @@ LOOP static void KIND(extremes)(const double *restrict positions, Py_ssize_t fra
 #undef BYTES
 #undef FLOATS
 #undef BESIDE
+#undef WIDE
+#undef BLOCK_WIDE
+#undef ROWS
 #undef LOGARITHMS

@@ -34,6 +34,10 @@ if TYPE_CHECKING:
     from kinespace.stream.recognizer.windows.rolling import Rolling
 
 
+#: Vectors that the compiled loops take over from one hop to the next.
+_BLOCK = 8
+
+
 class LiveSignature(NamedTuple):
     """The numbers of the windows that end now.
 
@@ -139,6 +143,13 @@ class LiveWindows(_RowsAndPoints):
         found = min(EIGENVECTORS, directions)
         self._values = np.empty(found)
         self._vectors = np.empty((len(self._covariances), 2, found, directions))
+        # The compiled loops' eigenvectors of the hop before.
+        self._blocks = np.zeros((len(self._covariances), directions, _BLOCK))
+
+    def clear(self) -> None:
+        """Forget all rows."""
+        super().clear()
+        self._blocks[:] = 0.0
 
     def exchange(self, body: Body, basis: Basis, parts: Sequence[Part] = PARTS) -> None:
         """Follow the same rows, in another basis of the same distances and with another body's measures and parts."""
@@ -191,8 +202,17 @@ class LiveWindows(_RowsAndPoints):
                 parts,
             )
         totals = [
-            loops.read_eigen(each.total, each.products, each.count, each.drift.item(1), self._values, *vectors)
-            for each, vectors in zip(self._covariances, self._vectors, strict=True)
+            loops.read_eigen(
+                each.total,
+                each.products,
+                each.count,
+                each.drift.item(1),
+                self._values,
+                vectors[0],
+                vectors[1],
+                block,
+            )
+            for each, vectors, block in zip(self._covariances, self._vectors, self._blocks, strict=True)
         ]
         numbers = {part: (self._vectors if kind is None else self._parts)[place] for part, kind, place in self._places}
         return LiveSignature(numbers, moved, *Leading.of(totals[-1], self._values, self._vectors[-1, 0, 0]))

@@ -298,15 +298,31 @@ def test_a_window_is_read_as_numpy_reads_it(loops: compiled.Loops) -> None:
     covariance = np.cov(points.T, bias=True)
     values, vectors = np.empty(EIGENVECTORS), np.empty((2, EIGENVECTORS, 32))
     total, products = relative.sum(axis=0), relative.T @ relative
-    trace = loops.read_eigen(total, products, len(points), 0.0, values, *vectors)
+    block = np.zeros((32, 8))
+    trace = loops.read_eigen(total, products, len(points), 0.0, values, *vectors, block)
     with compiled.left_aside():
         pairs = eigenpairs_of(covariance[None])
     assert trace == pytest.approx(covariance.trace(), rel=1e-9)
     np.testing.assert_allclose(values, pairs.values[0], rtol=1e-9)
     scaled = eigen(Eigenpairs(values[None], vectors[:1]))[0]
     np.testing.assert_allclose(vectors[1], scaled, atol=1e-12)
-    assert loops.read_eigen(total, products, len(points), 2 * trace, values, *vectors) == 0.0
+    assert loops.read_eigen(total, products, len(points), 2 * trace, values, *vectors, block) == 0.0
     assert not vectors[1].any()
+
+
+@pytest.mark.parametrize("begin", [0.0, 1.0, np.nan, np.inf])
+def test_one_window_after_another_is_read_as_each_alone(loops: compiled.Loops, begin: float) -> None:
+    """From hop to hop, and from one motion to the next, the loops find what they find of each window alone."""
+    covariances, taken_over = np.concatenate([_covariances(clip) for clip in CLIPS]), 0
+    values, vectors, block = np.empty(EIGENVECTORS), np.empty((2, EIGENVECTORS, 32)), np.full((32, 8), begin)
+    for covariance in covariances:
+        trace = loops.read_eigen(np.zeros(32), covariance, 1.0, 0.0, values, *vectors, block)
+        pairs = eigenpairs_of(covariance[None])
+        (scaled,) = eigen(pairs)
+        np.testing.assert_allclose(values, pairs.values[0], atol=1e-9 * trace)
+        np.testing.assert_allclose(vectors[1].T @ vectors[1], scaled.T @ scaled, atol=1e-6)
+        taken_over += np.allclose(block.T @ block, np.eye(8))
+    assert taken_over > len(covariances) / 2
 
 
 # --- windows compared --------------------------------------------------------------------------------------------
@@ -662,7 +678,7 @@ _REFUSED: dict[str, tuple[Callable[[compiled.Loops], object], str]] = {
     ),
     "eigen: no number": (
         lambda loops: loops.read_eigen(
-            np.zeros(3), np.full((3, 3), np.nan), 2.0, 0.0, np.zeros(3), np.zeros((3, 3)), np.zeros((3, 3))
+            np.zeros(3), np.full((3, 3), np.nan), 2.0, 0.0, np.zeros(3), *np.zeros((2, 3, 3)), np.zeros((3, 8))
         ),
         "products: expected finite numbers",
     ),

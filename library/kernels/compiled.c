@@ -253,6 +253,7 @@ typedef struct {
 typedef struct {
     int count;
     Py_buffer held[MAX_ARGUMENTS];
+    const char *begin[MAX_ARGUMENTS], *end[MAX_ARGUMENTS]; /* its bytes, those between rows too; none if it holds nothing */
     double number[MAX_ARGUMENTS];
     Py_ssize_t length[128];
 } Taken;
@@ -332,16 +333,6 @@ static int agrees(Taken *taken, const Py_buffer *held, const Wanted *wanted) {
     return 1;
 }
 
-/* Whether two arrays may share bytes, including bytes between rows. */
-static int overlap(const Py_buffer *one, const Py_buffer *other) {
-    if (one->len == 0 || other->len == 0) {
-        return 0;
-    }
-    const char *begin = one->buf, *end = begin + (one->shape[0] - 1) * one->strides[0] + one->len / one->shape[0];
-    const char *start = other->buf, *stop = start + (other->shape[0] - 1) * other->strides[0] + other->len / other->shape[0];
-    return begin < stop && start < end;
-}
-
 /* Take arguments; in either case they must be let go afterwards. */
 static int take(Taken *taken, const Wanted *wanted, int count, PyObject *const *arguments, Py_ssize_t given) {
     taken->count = 0;
@@ -352,7 +343,7 @@ static int take(Taken *taken, const Wanted *wanted, int count, PyObject *const *
     for (int i = 0; i < count; i++) {
         Py_buffer *held = &taken->held[taken->count++];
         held->obj = NULL;
-        held->len = 0;
+        taken->begin[i] = taken->end[i] = NULL;
         if (wanted[i].shape[0] == 0) {
             taken->number[i] = PyFloat_AsDouble(arguments[i]);
             if (taken->number[i] == -1.0 && PyErr_Occurred()) {
@@ -362,12 +353,18 @@ static int take(Taken *taken, const Wanted *wanted, int count, PyObject *const *
                                       PyBUF_STRIDES | PyBUF_FORMAT | (wanted[i].how & WRITTEN ? PyBUF_WRITABLE : 0)) < 0 ||
                    !fits(held, &wanted[i]) || !agrees(taken, held, &wanted[i])) {
             return -1;
+        } else if (held->len > 0) {
+            taken->begin[i] = held->buf;
+            taken->end[i] = taken->begin[i] + held->len;
+            if (wanted[i].how & ROOM) {
+                taken->end[i] += (held->shape[0] - 1) * (held->strides[0] - held->len / held->shape[0]);
+            }
         }
     }
     /* Inputs and outputs must not overlap: indices could change after they were checked. */
     for (int i = 0; i < count; i++) {
         for (int j = 0; j < count && wanted[i].how & WRITTEN; j++) {
-            if (i != j && overlap(&taken->held[i], &taken->held[j])) {
+            if (i != j && taken->begin[i] < taken->end[j] && taken->begin[j] < taken->end[i]) {
                 PyErr_Format(PyExc_ValueError, "%s: expected memory that is in no other array", wanted[i].name);
                 return -1;
             }

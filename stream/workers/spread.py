@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, cast
 
 import msgspec
 
+from kinespace.library.motion_library import MIN_JOINTS
 from kinespace.library.naming import hdm05
 from kinespace.stream.frame import Announcement, Frame, NewSender
 from kinespace.stream.recognizer.performers import PerformerCounts
@@ -190,13 +191,13 @@ class Spread:
         return self._joints.naming.met(announced, wanted).joints
 
     def ordered(self, frame: Frame) -> Frame | None:
-        """Give a frame in the order of the library's joints; None where it has not all of them."""
+        """Give a frame in the order of the library's joints, as `Performers.ordered`; None where it has too few."""
         wanted, joints = self._skeleton.joints, self._joints_of(frame.performer)
-        if len(frame.positions) != len(joints) or not set(joints) >= set(wanted):
+        if len(frame.positions) != len(joints) or len(set(joints).intersection(wanted)) < MIN_JOINTS:
             return None
         if joints == wanted:
             return frame
-        return replace(frame, positions=frame.positions[self._skeleton.order_from(joints)])
+        return replace(frame, positions=frame.positions[self._skeleton.nearest_from(joints)])
 
     def drop_silent(self, now: float) -> list[Event]:
         """Forget performers that sent nothing for `silence` seconds; give the ends of their motions."""

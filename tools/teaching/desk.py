@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from kinespace.stream.outputs.sink import Sink
     from kinespace.stream.recognition import Event, Recognition
     from kinespace.stream.recognizer.joints.carried import Carried
+    from kinespace.stream.recognizer.joints.fewer_joints import Restricter
     from kinespace.stream.recognizer.performers import PerformerCounts
     from kinespace.stream.service.recognising import Teachable
     from kinespace.stream.teaching import Command, Notice
@@ -120,8 +121,6 @@ class Desk:
         #: Whether performers are answered: not without a library, and not while answers are switched off.
         self._something = bool(windows.base_classes or teacher.roster.examples)
         self._running = True
-        #: Performers who are recognised by fewer joints than the library's, and so cannot be taught.
-        self._other_joints: set[str] = set()
         self._jobs: queue.SimpleQueue[_Job | None] = queue.SimpleQueue()
         self._results: queue.SimpleQueue[_Opened | _Found | _Failed] = queue.SimpleQueue()
         self._asked: queue.SimpleQueue[Command] = queue.SimpleQueue()
@@ -190,8 +189,6 @@ class Desk:
                 continue
             if (frame := self._performers.ordered(event)) is not None:
                 self._deal_with(self._teacher.push(frame, arrival))
-            elif event.performer in self._performers.names:
-                self._other_joints.add(event.performer)
         if not (self._running and self._something):
             return [None] * len(answers)
         return answers
@@ -212,7 +209,6 @@ class Desk:
             notices: list[Notice] = [self._record(on=command.on)]
         else:
             notices = self._teacher.command(command, self._clock())
-        self._other_joints &= {*self._performers.names}
         notices = [self._explained(notice) for notice in notices]
         self._deal_with(notices)
         return [notice for notice in notices if isinstance(notice, State)]
@@ -228,9 +224,10 @@ class Desk:
         return State("", Step.DONE, 0.0, f"recording {name}" if on else f"recorded {name}" if name else "not recording")
 
     def _explained(self, notice: Notice) -> Notice:
-        """Explain to a performer why too few joints prevent teaching."""
-        if isinstance(notice, State) and notice.step is Step.REFUSED and notice.performer in self._other_joints:
-            return replace(notice, reason="not all of the library's joints are there: teach with --library none")
+        """Explain to a performer why frames that cannot be used prevent teaching."""
+        refused = self._performers.refused.get(notice.performer) if isinstance(notice, State) else None
+        if refused and isinstance(notice, State) and notice.step is Step.REFUSED:
+            return replace(notice, reason=refused)
         return notice
 
     def described(self) -> dict[str, object]:
@@ -424,7 +421,7 @@ class Start:
         return opened(builtin.restricted_to(joints))
 
 
-def open_desk(start: Start, performers: Callable[[WindowIndex, Sequence[str]], Teachable]) -> Desk:
+def open_desk(start: Start, performers: Callable[[WindowIndex, Sequence[str], Restricter], Teachable]) -> Desk:
     """Open the taught library and make the desk.
 
     Parameters
@@ -432,7 +429,8 @@ def open_desk(start: Start, performers: Callable[[WindowIndex, Sequence[str]], T
     start
         The beginning of teaching.
     performers
-        Makes the recognisers from an opened library and the order of its classes.
+        Makes the recognisers from an opened library, the order of its classes, and what restricts taught libraries to
+        a body's joints, at once, for one thread at a time.
 
     Raises
     ------
@@ -455,7 +453,7 @@ def open_desk(start: Start, performers: Callable[[WindowIndex, Sequence[str]], T
     index = windows.index_of(roster) or base or WindowIndex.of(_any_motion(start.joints))
     teacher = Teacher(index.library.skeleton, roster, windows.base_classes)
     order = ClassPlaces(windows.base_classes).of(roster)
-    return Desk(performers(index, order or index.classes), teacher, windows, file)
+    return Desk(performers(index, order or index.classes, windows.of_fewer), teacher, windows, file)
 
 
 def _any_motion(joints: Sequence[str]) -> MotionLibrary:

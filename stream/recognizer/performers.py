@@ -13,7 +13,7 @@ from kinespace.stream.recognizer.decision import usual_sensitivity
 from kinespace.stream.recognizer.joints.carried import carried_by
 from kinespace.stream.recognizer.joints.fewer_joints import SentJoints
 from kinespace.stream.recognizer.matcher import library_of
-from kinespace.stream.recognizer.recognizer import Recognizer, RecognizerCounts
+from kinespace.stream.recognizer.recognizer import MAX_PAUSE, Recognizer, RecognizerCounts
 from kinespace.stream.recognizer.settings import Settings
 
 if TYPE_CHECKING:
@@ -442,6 +442,11 @@ class Performers:
             self._counts.dropped += 1
         ended, self._ended = self._ended, []
         return ended
+
+    def end_paused(self, now: float) -> list[Event]:
+        """Give the ends of the motions of performers who send nothing for now, as their next frames would tell them."""
+        paused = (each for each in self._performers.values() if now - each.heard > MAX_PAUSE)
+        return [event for each in paused if (event := each.recognizer.end())]
 
     def take_gone(self) -> list[str]:
         """Give the performers who were dropped since the last call."""

@@ -203,6 +203,10 @@ class Spread:
         """Forget performers that sent nothing for `silence` seconds; give the ends of their motions."""
         return self._ledger.drop_silent(now)
 
+    def end_paused(self, now: float) -> list[Event]:  # noqa: ARG002 - the workers tell it with the next frame
+        """Give no ends."""
+        return []
+
     def take_gone(self) -> list[str]:
         """Give the performers who were dropped since the last call."""
         return self._ledger.take_gone()

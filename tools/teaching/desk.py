@@ -198,6 +198,11 @@ class Desk:
         ended = self._performers.drop_silent(now)
         return ended if self._something else []
 
+    def end_paused(self, now: float) -> list[Event]:
+        """Give the ends of the motions of performers who send nothing for now."""
+        ended = self._performers.end_paused(now)
+        return ended if self._something else []
+
     def end(self) -> list[Event]:
         """Give the ends of all motions that go on."""
         ended = self._performers.end()

@@ -325,7 +325,7 @@ class Service:
                 for sink in self.sinks:
                     sink.publish_event(ended)
             self._tell_gone(self.performers.take_gone())
-            self._latest_rates = self._rates.read(now)
+            self._latest_rates = self._rates.read(now, self.performers.names)
             if len(self._lags) > _MAX_LAGS:
                 self._lags.clear()  # only a sender that makes up names gets here
             status = self.status()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -70,6 +70,7 @@ class Recognising(Protocol):
         """Say which joints carry the last answer to a performer; None where it is not known."""
 
 
+@runtime_checkable
 class Teachable(Recognising, Protocol):
     """What teaching asks for, too."""
 

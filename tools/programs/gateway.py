@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     from kinespace.library import MotionLibrary
     from kinespace.library.windows.index import WindowIndex
     from kinespace.stream.recognizer import SentJoints, Settings
-    from kinespace.stream.service.recognising import Teachable
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -60,7 +59,7 @@ def run(options: argparse.Namespace) -> int:
         most: int,
         joints: SentJoints,
         classes: Sequence[str] = (),  # noqa: ARG001 - a library's own, because nobody teaches
-    ) -> Teachable:
+    ) -> Gateway:
         listen = options.listen or ([] if options.connect or options.zenoh else [LISTEN])
         session = open_session(listen, options.connect, options.zenoh)
         gateway = Gateway(session, library, settings, most=most, joints=joints, naming=options.naming)  # type: ignore[arg-type]  # not opened

@@ -36,7 +36,6 @@ if TYPE_CHECKING:
 
     from kinespace.library.windows.index import WindowIndex
     from kinespace.stream.recognizer import SentJoints, Settings
-    from kinespace.stream.service.recognising import Teachable
 
 #: Where answers go by default: a port that no usual receiver uses.
 OSC_OUT = "127.0.0.1:9311"
@@ -161,7 +160,7 @@ def in_workers(number: int) -> Where:
         most: int,
         joints: SentJoints,
         classes: Sequence[str] = (),
-    ) -> Teachable:
+    ) -> Crew:
         if isinstance(library, MotionLibrary) and settings.signature is LiveSignature.WINDOWS:
             library = opened(library)
         crew = Crew(number, library, settings, most=most, joints=joints, classes=classes)

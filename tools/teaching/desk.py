@@ -58,6 +58,13 @@ class _Job:
     roster: Roster
     number: int = 0
     before: Remembered | None = None
+    #: Whether somebody asked for the file, and waits to be told that it is written.
+    tells: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class _Saved:
+    told: str
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -122,7 +129,7 @@ class Desk:
         self._something = bool(windows.base_classes or teacher.roster.examples)
         self._running = True
         self._jobs: queue.SimpleQueue[_Job | None] = queue.SimpleQueue()
-        self._results: queue.SimpleQueue[_Opened | _Found | _Failed] = queue.SimpleQueue()
+        self._results: queue.SimpleQueue[_Opened | _Found | _Failed | _Saved] = queue.SimpleQueue()
         self._asked: queue.SimpleQueue[Command] = queue.SimpleQueue()
         self._ending = threading.Event()
         self._worker = threading.Thread(target=self._work, name="kinespace teaching", daemon=True)
@@ -280,7 +287,7 @@ class Desk:
                 case Changed(roster, number):
                     self._jobs.put(_Job(roster, number, self._teacher.recent(number) if number else None))
                 case Saving():
-                    self._jobs.put(_Job(self._teacher.roster))
+                    self._jobs.put(_Job(self._teacher.roster, tells=True))
                 case Running(on):
                     self._running = on
                 case Sensed(share):
@@ -289,8 +296,10 @@ class Desk:
                     for sink in self.sinks:
                         sink.publish_notice(notice)
 
-    def _take(self, result: _Opened | _Found | _Failed) -> None:
+    def _take(self, result: _Opened | _Found | _Failed | _Saved) -> None:
         match result:
+            case _Saved(told):
+                self._deal_with([State("", Step.DONE, 0.0, told)])
             case _Opened(job, index):
                 self._exchange(job.roster, index)
             case _Found(number, check, starts):
@@ -323,21 +332,24 @@ class Desk:
                 continue
             self._results.put(_Opened(job, index))
             unsaved = job.roster
-            if self._jobs.empty():
-                self._save(unsaved)
+            if job.tells or self._jobs.empty():
+                self._save(unsaved, tells=job.tells)
                 unsaved = None
             if job.number and index is not None:
                 self._results.put(_Found(job.number, checked(index, job.number), self._starts(job, index)))
         if unsaved is not None:
             self._save(unsaved)
 
-    def _save(self, roster: Roster) -> None:
+    def _save(self, roster: Roster, *, tells: bool = False) -> None:
         try:
             library = roster.library()
             if library is None:
                 self._file.unlink(missing_ok=True)
             else:
                 library.save(self._file)
+            if tells:
+                count = len(roster.examples)
+                self._results.put(_Saved(f"{self._file.name} saved, examples: {count}" if count else "nothing to save"))
         except (OSError, ValueError) as error:
             told = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
             self._results.put(

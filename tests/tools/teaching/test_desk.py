@@ -157,6 +157,17 @@ def test_a_full_disk_loses_nothing(desk: Desk, monkeypatch: pytest.MonkeyPatch) 
     assert _show(desk, 20, "squat1Reps", 1)[:1] == ["my squat"]
 
 
+def test_saving_is_told_when_the_file_is_written(desk: Desk, tmp_path: Path) -> None:
+    """The answer to `save` says that it goes on; a state tells that the file is there."""
+    _teach(desk, 10, "my squat", "squat1Reps")
+    _until(desk, lambda heard: Step.DONE in heard.steps())
+    (tmp_path / "mine.npz").unlink(missing_ok=True)
+    assert desk.command(commands.Save()) == [State("", Step.CHECKING, 0.0, "saving")]
+    done = State("", Step.DONE, 0.0, "mine.npz saved, examples: 1")
+    _until(desk, lambda heard: done in heard.notices)
+    assert len(MotionLibrary.load(tmp_path / "mine.npz")) == 1
+
+
 def test_indices_stay() -> None:
     """A class that is forgotten keeps its place, a renamed one too; a new one comes last."""
     motion = MotionLibrary.builtin().motions[0]

@@ -591,7 +591,7 @@ static PyObject *read_parts(PyObject *module, PyObject *const *arguments, Py_ssi
         Py_buffer *held = taken.held;
         const Py_ssize_t *places = held[2].buf;
         double movement;
-        const double size = loops.parts(held[0].buf, taken.length['w'], held[1].buf, (double)(places[1] - places[0]), held[3].buf,
+        const double size = loops.parts(held[0].buf, taken.length['w'], held[1].buf, (double)places[1] - (double)places[0], held[3].buf,
                                         held[4].buf, held[5].buf, taken.length['s'], taken.number[6], taken.number[7], held[8].buf,
                                         taken.length['p'] > 0 ? held[9].buf : NULL, taken.length['t'] > 0 ? held[10].buf : NULL,
                                         &movement);
@@ -643,7 +643,7 @@ static PyObject *read_eigen(PyObject *module, PyObject *const *arguments, Py_ssi
         double *values = taken.held[4].buf, *vectors = taken.held[5].buf, *scaled = taken.held[6].buf;
         const Py_ssize_t *places = taken.held[2].buf;
         const double *drift = taken.held[3].buf;
-        const double trace = loops.covariance(taken.held[0].buf, taken.held[1].buf, size, (double)(places[1] - places[0]), drift[1],
+        const double trace = loops.covariance(taken.held[0].buf, taken.held[1].buf, size, (double)places[1] - (double)places[0], drift[1],
                                               covariance);
         if (loops.eigenpairs_again(covariance, size, most, trace, values, vectors, taken.held[7].buf)) {
             for (int k = 0; k < most; k++) {

@@ -628,7 +628,7 @@ HELPER void KIND(flatten)(const double *restrict scaled, Py_ssize_t count, Py_ss
     }
 }
 
-/* Squared distances of one lane of windows to a vector, and a little more. */
+/* Squared distances of one lane of windows to a vector, given times −2, and a little more. */
 HELPER void KIND(distances_to)(const Group *group, Py_ssize_t lane, const float *restrict vector, float square,
                                float *restrict squared) {
     const Half *windows = group->windows + lane * group->axes * LANE;
@@ -638,7 +638,7 @@ HELPER void KIND(distances_to)(const Group *group, Py_ssize_t lane, const float 
         sums[j] = *(const KIND(Floats) *)(lengths + FLOATS * j) + square;
     }
     for (Py_ssize_t k = 0; k < group->axes; k++) {
-        KIND(add)(windows + k * LANE, -2.0F * vector[k], sums);
+        KIND(add)(windows + k * LANE, vector[k], sums);
     }
     memcpy(squared, sums, sizeof sums);
 }
@@ -759,8 +759,10 @@ LOOP static void KIND(compare)(const Table *table, const double *const *numbers,
         if (group->joint.kept > 0) {
             KIND(place)(&group->joint, joined, vectors[g]);
         }
+        /* |a − b|² = |a|² − 2 a b + |b|². */
         for (Py_ssize_t i = 0; i < group->axes; i++) {
             squares[g] += vectors[g][i] * vectors[g][i];
+            vectors[g][i] *= -2.0F;
         }
     }
     for (Py_ssize_t lane = 0; lane < table->lanes; lane++) {

@@ -105,7 +105,7 @@ class Weighing:
 
     def named(self, logs: NDArray[np.float64]) -> NDArray[np.float64]:
         """Give the log distance of each class for naming, from distances by all `weights` (..., classes)."""
-        nearest: NDArray[np.float64] = logs[: len(self.views)].min(axis=0)
+        nearest: NDArray[np.float64] = np.minimum.reduce(logs[: len(self.views)])
         return nearest
 
     def alone(self, logs: NDArray[np.float64]) -> NDArray[np.float64]:

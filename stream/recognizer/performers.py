@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from kinespace.stream.frame import Admitted, Frame
     from kinespace.stream.recognition import Event, Recognition
     from kinespace.stream.recognizer.joints.carried import Carried
+    from kinespace.stream.recognizer.joints.doubts import LongAgo
     from kinespace.stream.recognizer.joints.fewer_joints import Opener
 
 
@@ -249,6 +250,21 @@ class Performers:
         if performer is None or given is None:
             return None
         return carried_by(given, performer.library.skeleton.pairs, performer.order, len(performer.joints))
+
+    def long_ago(self, name: str) -> LongAgo | None:
+        """Give what another recogniser must know that goes on with the last seconds of a performer's feed."""
+        performer = self._performers.get(name)
+        return performer.recognizer.long_ago if performer else None
+
+    def go_on(self, name: str, known: LongAgo, arrival: float) -> None:
+        """Go on with a performer where another recogniser was (`Recognizer.go_on`), if there is room."""
+        if performer := self._performer(name, arrival):
+            performer.recognizer.go_on(known)
+
+    def answer_next(self, name: str) -> None:
+        """Answer a performer's next frame (`Recognizer.answer_next`)."""
+        if performer := self._performers.get(name):
+            performer.recognizer.answer_next()
 
     def _told(self, performer: _Performer) -> str:
         used, wanted = len(performer.library.skeleton.joints), len(self.library.skeleton.joints)

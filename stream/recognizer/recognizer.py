@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from kinespace.library.windows.index import WindowIndex
     from kinespace.stream.frame import Frame
     from kinespace.stream.recognition import Event
+    from kinespace.stream.recognizer.joints.doubts import LongAgo
     from kinespace.stream.recognizer.joints.fewer_joints import Opener
     from kinespace.stream.recognizer.matcher import Matcher, Reading
 
@@ -186,6 +187,19 @@ class Recognizer:
     def doubt(self) -> str:
         """A note on joints that could not be believed, in words; empty while all is well."""
         return self._doubts.told
+
+    @property
+    def long_ago(self) -> LongAgo | None:
+        """What another recogniser must know that goes on with the last seconds of this feed; None for nothing."""
+        return self._doubts.long_ago
+
+    def go_on(self, known: LongAgo) -> None:
+        """Go on where another recogniser was, whose last frames this one has seen, or is about to see."""
+        self._doubts.go_on(known)
+
+    def answer_next(self) -> None:
+        """Answer the next frame, as another recogniser did: both then answer the same frames."""
+        self._due = -math.inf
 
     def set_sensitivity(self, share: float) -> None:
         """Recognise with another sensitivity from the next hop on; the paper's signature has none."""

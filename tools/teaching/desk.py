@@ -26,6 +26,7 @@ from kinespace.stream.recognition import EventKind
 from kinespace.stream.recognizer import Recognizer, Settings
 from kinespace.stream.teaching import Changed, State, Step, Teacher, commands
 from kinespace.stream.teaching.notices import Running, Saving, Sensed
+from kinespace.tools.teaching.commanded import describe_recording, recorded
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -218,22 +219,12 @@ class Desk:
     def command(self, command: Command) -> list[Notice]:
         """Carry out a command; give its notices."""
         if isinstance(command, commands.Record):
-            notices: list[Notice] = [self._record(on=command.on)]
+            notices: list[Notice] = [recorded(self.recording, on=command.on)]
         else:
             notices = self._teacher.command(command, self._clock())
         notices = [self._explained(notice) for notice in notices]
         self._deal_with(notices)
         return [notice for notice in notices if isinstance(notice, State)]
-
-    def _record(self, *, on: bool) -> State:
-        """Begin or end a recording."""
-        if self.recording is None:
-            return State("", Step.REFUSED, 0.0, "there is no folder for recordings: start live with --recordings DIR")
-        try:
-            name = self.recording.start() if on else self.recording.stop()
-        except OSError as error:
-            return State("", Step.REFUSED, 0.0, f"cannot record: {error.strerror}")
-        return State("", Step.DONE, 0.0, f"recording {name}" if on else f"recorded {name}" if name else "not recording")
 
     def _explained(self, notice: Notice) -> Notice:
         """Explain to a performer why frames that cannot be used prevent teaching."""
@@ -250,8 +241,8 @@ class Desk:
             "taught": {name: len(roster.of(name)) for name in roster.classes},
             "off": sorted(roster.disabled),
             "sensitivity": self._performers.sensitivity,
-            "records": self.recording is not None,
-            "recording": self.recording.name if self.recording else "",
+            "teaches": True,
+            **describe_recording(self.recording),
         }
 
     def ask(self, command: Command) -> None:

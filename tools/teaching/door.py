@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from kinespace.stream.osc.udp import OscReceiver
     from kinespace.stream.teaching import Command, Notice
     from kinespace.stream.zeromq import Endpoint, Keyring
+    from kinespace.tools.teaching.commanded import Commanded
     from kinespace.tools.teaching.desk import Desk
 
 #: The port on which Wekinator listens.
@@ -181,7 +182,7 @@ class RequestDoor:
     #: A command is carried out when it comes; how long it waited does not matter.
     waited = 0.0
 
-    def __init__(self, endpoint: Endpoint, desk: Desk, allowed: Allowed, keyring: Keyring | None = None) -> None:
+    def __init__(self, endpoint: Endpoint, desk: Commanded, allowed: Allowed, keyring: Keyring | None = None) -> None:
         self._socket = endpoint.open(zmq.REP, keyring=keyring)
         self._peers = Peers(self._socket, UNREAD)
         self._desk, self._allowed, self._keyed = desk, allowed, keyring is not None

@@ -46,6 +46,8 @@ _Answer = TypeVar("_Answer")
 _SAME_HOP = 0.01
 #: Frames that wait for the next hop to be measured together, at most.
 _MAX_WAITING = 16
+#: Seconds without a frame after which a motion has ended: nobody knows what went on meanwhile.
+MAX_PAUSE = 0.8
 #: Tolerance, as a share of the hop: a frame this much early still counts as due, because times are rounded.
 _EARLY = 1e-3
 #: Defaults of the paper's signature.
@@ -136,6 +138,8 @@ class Recognizer:
         self._last = -math.inf
         self._due = -math.inf
         self._late_in_a_row = 0
+        #: The end of a motion by a pause in the feed, given with the next answer.
+        self._ended: tuple[Event, ...] = ()
         self._busy = False
 
     def _compare_with(self, library: MotionLibrary | WindowIndex, order: Sequence[str]) -> None:
@@ -280,6 +284,8 @@ class Recognizer:
         """Sort out frames that come late; start anew after a gap or when the sender's clock began again."""
         behind = self._newest - time
         if behind < -self._longest_gap:
+            if behind < -MAX_PAUSE and (ended := self.end()):
+                self._ended = (ended,)
             self._restart()
         elif behind >= 0:
             self._late_in_a_row += 1
@@ -325,7 +331,7 @@ class Recognizer:
             evidence=reading.evidence,
             doubted=self._doubts.joints,
         )
-        events = self._detector.push(recognition)
+        events, self._ended = (*self._ended, *self._detector.push(recognition)), ()
         progress = self._matcher.follow(frame.time, self._motion_of(recognition)) if self.settings.progress else None
         return replace(recognition, events=events, progress=progress) if events or progress else recognition
 

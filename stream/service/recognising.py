@@ -54,6 +54,9 @@ class Recognising(Protocol):
     def drop_silent(self, now: float) -> list[Event]:
         """Forget silent performers; give the ends of their motions."""
 
+    def end_paused(self, now: float) -> list[Event]:
+        """Give the ends of the motions of performers who send nothing for now."""
+
     def take_gone(self) -> list[str]:
         """Give the performers who were dropped since the last call."""
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, cast
 
 import msgspec
 
+from kinespace.library.motion_library import MIN_JOINTS
 from kinespace.library.naming import hdm05
 from kinespace.stream.frame import Announcement, Frame, NewSender
 from kinespace.stream.recognizer.decision import usual_sensitivity
@@ -186,17 +187,21 @@ class Spread(ABC):
         return self._joints.naming.met(announced, wanted).joints
 
     def ordered(self, frame: Frame) -> Frame | None:
-        """Give a frame in the order of the library's joints; None where it has not all of them."""
+        """Give a frame in the order of the library's joints, as `Performers.ordered`; None where it has too few."""
         wanted, joints = self._skeleton.joints, self._joints_of(frame.performer)
-        if len(frame.positions) != len(joints) or not set(joints) >= set(wanted):
+        if len(frame.positions) != len(joints) or len(set(joints).intersection(wanted)) < MIN_JOINTS:
             return None
         if joints == wanted:
             return frame
-        return replace(frame, positions=frame.positions[self._skeleton.order_from(joints)])
+        return replace(frame, positions=frame.positions[self._skeleton.nearest_from(joints)])
 
     def drop_silent(self, now: float) -> list[Event]:
         """Forget performers that sent nothing for `silence` seconds; give the ends of their motions."""
         return self._ledger.drop_silent(now)
+
+    def end_paused(self, now: float) -> list[Event]:  # noqa: ARG002 - the workers tell it with the next frame
+        """Give no ends."""
+        return []
 
     def take_gone(self) -> list[str]:
         """Give the performers who were dropped since the last call."""

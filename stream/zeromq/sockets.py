@@ -169,12 +169,24 @@ class ZmqSender:
         Keys that the other end must know; None for none.
     networks
         Where bound, networks whose listeners are let in; empty for all.
+    asks
+        Count the messages to which nobody subscribes. For trusted listeners: their topics are kept.
+
+    Attributes
+    ----------
+    failed
+        Messages that ZeroMQ did not take.
+    unheard
+        Messages to which nobody subscribed when they were sent, where it `asks`.
     """
 
-    def __init__(self, endpoint: Endpoint, keyring: Keyring | None = None, networks: Networks = ()) -> None:
-        self.socket = endpoint.open(zmq.PUB, networks, keyring)
+    def __init__(
+        self, endpoint: Endpoint, keyring: Keyring | None = None, networks: Networks = (), *, asks: bool = False
+    ) -> None:
+        self.socket = endpoint.open(zmq.XPUB if asks else zmq.PUB, networks, keyring)
         self._peers = Peers(self.socket, SUBSCRIBED)
-        self.failed = 0
+        self.failed = self.unheard = 0
+        self._asks, self._topics = asks, set[bytes]()
 
     def __str__(self) -> str:
         return f"ZeroMQ {self.address}"
@@ -193,6 +205,15 @@ class ZmqSender:
             self.socket.send(last, _NOW)
         except zmq.ZMQError:
             self.failed += 1
+        if self._asks:
+            self._ask(parts[0])
+
+    def _ask(self, topic: bytes) -> None:
+        """Note who subscribes to what by now, and whether anybody subscribes to a topic."""
+        with suppress(zmq.Again):
+            while told := self.socket.recv(_NOW):
+                (self._topics.add if told[0] else self._topics.discard)(told[1:])
+        self.unheard += not any(topic.startswith(each) for each in self._topics)
 
     def watch(self) -> None:
         """End connections that subscribe to too much; call it some ten times a second."""

@@ -377,7 +377,7 @@ def test_nan_and_infinity_are_never_near() -> None:
 def test_numpy_compares_views_that_the_loops_have_no_room_for() -> None:
     """A weighing with eight views, and each group alone, is not refused."""
     views = (ACROSS_LABORATORIES.views[0],) * 8
-    weighing = type(ACROSS_LABORATORIES)(ACROSS_LABORATORIES.groups, views, first=0.5, lead=0.6)
+    weighing = type(ACROSS_LABORATORIES)(ACROSS_LABORATORIES.groups, views, first=0.5)
     index = WindowIndex.of(MotionLibrary.of_clips(BUILTIN.motions[:3]), weighing=weighing)
     numbers = {part: np.ones((4, 32) if part.kind == "eigen" else 465) for part in weighing.parts}
     assert index.log_distances(numbers).shape == (8 + len(weighing.groups), len(index.classes))

@@ -229,6 +229,7 @@ function listClasses() {
     list.append(made("li", {}, row));
     return { row, fill, score, name };
   });
+  if (!page.classes.length) list.append(made("li", { className: "none", text: page.control ? "None yet: teach one below." : "None yet." }));
   byId("names").replaceChildren(...page.classes.map((name) => new Option("", name)));
 }
 

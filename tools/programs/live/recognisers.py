@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from kinespace.stream.feeds import Preset
     from kinespace.stream.outputs import Sink
     from kinespace.stream.recognizer import Settings
+    from kinespace.stream.recognizer.joints.fewer_joints import Restricter
     from kinespace.stream.service.loop import Source
     from kinespace.stream.service.recognising import Recognising
     from kinespace.tools.programs.live.options import Feed, Teaching
@@ -157,9 +158,11 @@ def _desk(
     """Open the taught library."""
     assert teaching.file is not None  # noqa: S101 - told to mypy
 
-    def performers(index: WindowIndex, classes: Sequence[str]) -> Teachable:
+    def performers(index: WindowIndex, classes: Sequence[str], restrict: Restricter) -> Teachable:
         covers = set(index.library.skeleton.joints) <= set(sent.assumed)
-        joints = sent if covers else replace(sent, assumed=())
+        joints = replace(
+            sent, assumed=sent.assumed if covers else (), restricter=background_restricter(settings, restrict)
+        )
         _require_room_for(index, settings)
         made = make(index, joints=joints, classes=classes)
         if not isinstance(made, Teachable):

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 #: Seconds of frames with which a performer is taken over. The longest window is two seconds; then the averages must
 #: forget the first, short windows (`kinespace bench scale` counts the events that differ).
-HISTORY = 3.5
+HISTORY = 2.5
 #: Seconds of frames that are kept: as many before the last answer of a worker that hung unnoticed for a while.
 KEPT = HISTORY + 1.5
 

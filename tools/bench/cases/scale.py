@@ -268,7 +268,7 @@ class Cluster(Troupe):
     def wait_for(self, workers: int, longest: float = _MAX_START) -> None:
         """Wait until so many workers are there."""
         until = time.monotonic() + longest
-        while not self.gateway.notes[0].endswith(f": {workers}"):
+        while not (self.gateway.notes[0].endswith(f": {workers}") and (self.network is None or self.network.is_whole)):
             if time.monotonic() > until:
                 raise TimeoutError(f"{workers} workers were not there within {longest:g} s")
             for _ in self.answers(0.01):
@@ -277,8 +277,7 @@ class Cluster(Troupe):
     def cut(self) -> None:
         """Cut the network to the worker behind it for some seconds."""
         assert self.network  # noqa: S101 - told to mypy
-        self.network.set("down")
-        threading.Timer(_CUT, self.network.set, ["up"]).start()
+        self.network.cut()
 
     @property
     def process_ids(self) -> Sequence[int | None]:
@@ -306,7 +305,8 @@ class Network:
         self.within = ("ip", "netns", "exec", self._name)
         self.hosts = (_NETWORK.format(_HERE),)
         #: When the cable was last plugged in.
-        self.plugged = math.nan
+        self.plugged = time.monotonic()
+        self._plugging = threading.Timer(_CUT, self._plug)
 
     def __enter__(self) -> Self:
         if not shutil.which("ip"):
@@ -323,12 +323,23 @@ class Network:
         return self
 
     def __exit__(self, *_: object) -> None:
+        if self._plugging.ident:
+            self._plugging.join()
         # The cable's ends vanish with the namespace.
         _ip("netns", "delete", self._name)
 
-    def set(self, state: str) -> None:
-        """Pull the cable out ("down") or plug it in ("up")."""
-        _ip("link", "set", self._ends[0], state)
+    @property
+    def is_whole(self) -> bool:
+        """Whether the cable is plugged in."""
+        return not self._plugging.is_alive()
+
+    def cut(self) -> None:
+        """Pull the cable out for some seconds."""
+        _ip("link", "set", self._ends[0], "down")
+        self._plugging.start()
+
+    def _plug(self) -> None:
+        _ip("link", "set", self._ends[0], "up")
         self.plugged = time.monotonic()
 
 

@@ -108,10 +108,8 @@ def followed(hysteresis: Hysteresis, distances: NDArray[np.float64], elapsed: fl
     """Let the guess follow the nearest class; give the guess and its lead over all other classes."""
     # For some ten numbers Python finds the least two before numpy has begun.
     listed = distances.tolist()
-    nearest = min(listed)
-    leader = listed.index(nearest)
-    others = listed[:leader] + listed[leader + 1 :]
-    ahead = min(others) - nearest if others else math.inf
+    nearest, second = sorted([*listed, math.inf])[:2]
+    leader, ahead = listed.index(nearest), second - nearest
     hysteresis.push(leader, min(ahead, _MAX_PACE), elapsed)
     if hysteresis.current is None:
         hysteresis.current = leader

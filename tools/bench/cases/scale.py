@@ -75,7 +75,8 @@ class Run:
     lags
         Seconds from the hand-over of a frame to its answer, of all answers, shape (answers,).
     gap
-        The longest time after the middle without an answer to a performer, seconds; usually a hop.
+        The longest time after the middle without an answer to a performer, seconds, beyond the pauses of one process;
+        usually a hop.
     expected, answered
         Answers of one process, and answers that came.
     lost_events, false_events
@@ -171,6 +172,8 @@ class Feed:
     frames: tuple[tuple[Frame, ...], ...] = field(repr=False)
     due: int
     events: Counter[tuple[str, str, str]] = field(repr=False)
+    #: By performer and time of an answer, seconds beyond a hop for which one process gave none before: a body jumped.
+    pauses: dict[tuple[str, float], float] = field(repr=False)
 
     @classmethod
     def of(cls, positions: NDArray[np.float32], performers: int, seconds: float) -> Feed:
@@ -185,7 +188,18 @@ class Feed:
         )
         recognisers = Performers(opened(MotionLibrary.builtin()), most=performers)
         answers = [each for together in frames for each in recognisers.push_all(together, together[0].time) if each]
-        return cls(frames, len(answers), _counted(answers))
+        return cls(frames, len(answers), _counted(answers), _pauses(answers))
+
+
+def _pauses(answers: Sequence[Recognition]) -> dict[tuple[str, float], float]:
+    last: dict[str, float] = {}
+    pauses = {}
+    for each in answers:
+        pause = each.time - last.get(each.performer, each.time) - Settings().hop
+        if pause > 1 / FRAME_RATE:
+            pauses[each.performer, each.time] = pause
+        last[each.performer] = each.time
+    return pauses
 
 
 def _counted(answers: Sequence[Recognition]) -> Counter[tuple[str, str, str]]:
@@ -415,6 +429,7 @@ def network_cut(feed: Feed) -> tuple[Run, float] | None:
 class _Heard:
     """The answers of a run, and how long each took; the longest time without one to a performer, from `middle` on."""
 
+    pauses: dict[tuple[str, float], float]
     recognitions: list[Recognition] = field(default_factory=list)
     lags: list[float] = field(default_factory=list)
     last: dict[str, float] = field(default_factory=dict)
@@ -424,7 +439,8 @@ class _Heard:
     def note(self, recognition: Recognition, lag: float) -> None:
         now = time.monotonic()
         if now > self.middle:
-            self.gap = max(self.gap, now - self.last.get(recognition.performer, now))
+            pause = self.pauses.get((recognition.performer, recognition.time), 0.0)
+            self.gap = max(self.gap, now - self.last.get(recognition.performer, now) - pause)
         self.last[recognition.performer] = now
         self.recognitions.append(recognition)
         self.lags.append(lag)
@@ -432,7 +448,7 @@ class _Heard:
 
 def _played(feed: Feed, troupe: Troupe, what: str, happen: Callable[[], None] = lambda: None, *, at_once: bool) -> Run:
     """Send all frames of a moment at once, or each at an even share of the frame time; collect the answers."""
-    heard, count, used = _Heard(), len(feed.frames[0]), 0.0
+    heard, count, used = _Heard(feed.pauses), len(feed.frames[0]), 0.0
     before, others = troupe.core_seconds(), time.process_time() - time.thread_time()
     begun = time.monotonic() + 0.1
 

@@ -35,8 +35,8 @@ if TYPE_CHECKING:
     from kinespace.library.clip import Clip
     from kinespace.library.windows.index import WindowIndex
 
-# The same examples in every run, and no deadline: a slow machine is not a failure.
-settings.register_profile("kinespace", derandomize=True, deadline=None)
+# The same examples in every run, therefore few, and no deadline: a slow machine is not a failure.
+settings.register_profile("kinespace", derandomize=True, deadline=None, max_examples=50)
 settings.load_profile("kinespace")
 
 #: A file system in memory. Some tests write a file anew a thousand times, and a disk would write out each.

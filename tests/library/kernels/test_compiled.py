@@ -271,7 +271,7 @@ def index(request: pytest.FixtureRequest) -> WindowIndex:
 @pytest.mark.usefixtures("loops")
 def test_distances_to_windows_equal_numpys(index: WindowIndex) -> None:
     """At every hop of some motions log distances and scores equal numpy's, for every weighing."""
-    for clip in index.library.motions[::41]:
+    for clip in index.library.motions[::82]:
         live = LiveWindows(index.body, index.basis)
         rows = distance_rows(clip.positions, clip.skeleton)
         for end in range(4, len(rows), 4):
@@ -370,10 +370,19 @@ def test_a_body_is_followed_as_numpy_follows_it(directions: int, cyclic: bool) -
 # --- whole streams -----------------------------------------------------------------------------------------------
 
 
-def _answers(library: MotionLibrary, settings: Settings, positions: np.ndarray) -> list[Recognition]:
-    recognizer = Recognizer(library, settings)
+def _answers(signature: LiveSignature, every: int) -> list[Recognition]:
+    library = _library(every)
+    recognizer = Recognizer(library, Settings(signature=signature))
+    positions = np.concatenate([clip.positions for clip in library.motions[5::47]])
     frames = (Frame("p", index / 60, each) for index, each in enumerate(positions))
     return [answer for frame in frames if (answer := recognizer.push(frame))]
+
+
+@cache
+def _numpys_answers(signature: LiveSignature, every: int) -> list[Recognition]:
+    """Give the answers that every kind of loops is compared with."""
+    with compiled.left_aside():
+        return _answers(signature, every)
 
 
 @pytest.mark.slow
@@ -382,11 +391,7 @@ def _answers(library: MotionLibrary, settings: Settings, positions: np.ndarray) 
 @pytest.mark.parametrize("signature", list(LiveSignature))
 def test_a_stream_is_answered_as_numpy_answers_it(signature: LiveSignature, every: int) -> None:
     """At every hop of some motions outcome, guess and events are the same, scores to three digits."""
-    library, settings = _library(every), Settings(signature=signature)
-    positions = np.concatenate([clip.positions for clip in library.motions[5::47]])
-    ours = _answers(library, settings, positions)
-    with compiled.left_aside():
-        theirs = _answers(library, settings, positions)
+    ours, theirs = _answers(signature, every), _numpys_answers(signature, every)
     assert len(ours) == len(theirs) > 0
     for mine, other in zip(ours, theirs, strict=True):
         assert (mine.outcome, mine.guess, mine.time) == (other.outcome, other.guess, other.time)

@@ -229,7 +229,7 @@ def bodies_and_frames(draw: st.DrawFn) -> tuple[TinyBody, list[dict[str, list[fl
 
 
 # The folder is the same for all examples, each of which overwrites its files.
-@settings(max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=30, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(drawn=bodies_and_frames(), header=st.sampled_from([":DEGREES", ":RADIANS", ""]))
 def test_any_body_stands_where_the_recursion_puts_it(
     tmp_path: Path, drawn: tuple[TinyBody, list[dict[str, list[float]]]], header: str
@@ -553,7 +553,7 @@ def test_rubbish_is_refused_by_name(tmp_path: Path, content: bytes) -> None:
 
 
 # As above, the folder may be shared: every example overwrites the file.
-@settings(max_examples=200, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=100, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(
     start=st.integers(0, len(GOOD_AMC) - 1),
     length=st.integers(0, 20),

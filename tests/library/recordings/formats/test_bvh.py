@@ -156,7 +156,7 @@ def bodies(draw: st.DrawFn) -> Node:
     return nodes[0]
 
 
-@settings(max_examples=100, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=50, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(root=bodies(), chance=st.randoms(use_true_random=False))
 def test_any_body_is_read_as_written_and_stands_where_the_recursion_puts_it(
     tmp_path: Path, root: Node, chance: st.RandomType
@@ -300,7 +300,7 @@ def test_a_file_cut_off_anywhere_is_refused(tmp_path: Path) -> None:
             read_clip(write(tmp_path, GOOD[:end]))
 
 
-@settings(max_examples=200, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=100, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(place=st.integers(0, len(GOOD)), rubbish=st.binary(max_size=12), lost=st.integers(0, 40))
 def test_rubbish_in_the_middle_is_refused_by_name_or_read(
     tmp_path: Path, place: int, rubbish: bytes, lost: int

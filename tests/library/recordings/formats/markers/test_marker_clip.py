@@ -238,7 +238,7 @@ def test_a_trc_cut_off_anywhere_is_refused(tmp_path: Path) -> None:
             trc.read_clip(path)
 
 
-@settings(max_examples=200, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=100, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(place=st.integers(0, len(GOOD)), rubbish=st.binary(max_size=12), lost=st.integers(0, 40))
 def test_rubbish_in_a_trc_is_refused_by_name_or_read(tmp_path: Path, place: int, rubbish: bytes, lost: int) -> None:
     """Bytes put in or taken out anywhere end in a clip of finite numbers or in one error that names the file."""
@@ -358,7 +358,7 @@ def test_a_built_in_python_reads_c3d_itself(tmp_path: Path, monkeypatch: pytest.
 
 
 @pytest.mark.slow
-@settings(max_examples=400, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=150, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(
     places=st.lists(st.tuples(st.integers(0, 1100), st.binary(max_size=3), st.integers(0, 3)), min_size=1, max_size=4)
 )

@@ -349,8 +349,8 @@ GOOD = "good"
 
 
 def index() -> WindowIndex:
-    """Give the built-in library, opened."""
-    return opened(builtin_library())
+    """Give the small library, opened."""
+    return opened(small_library())
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING
 import naive_score
 import numpy as np
 import pytest
-from programs import started
 from recorded import SWINGS, write_takes
 
 from kinespace.library import read_recordings
@@ -320,12 +319,20 @@ def percent(told: str) -> float:
     return float(told.rstrip("%")) / 100
 
 
-def test_the_commands_table_is_the_papers(hdm05_folder: Path, tmp_path: Path) -> None:
+def test_the_commands_table_is_the_papers(
+    hdm05_folder: Path,
+    hdm05_clips: tuple[Clip, ...],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
     """On all 288 clips every figure of the command's table is within a point of the reference; a picture is drawn."""
+    monkeypatch.setattr("kinespace.tools.evaluation.evaluate_retrieval.read_labelled", lambda *_: list(hdm05_clips))
     picture = tmp_path / "confusion.svg"
-    with started("evaluate", "retrieval", hdm05_folder, "--signature", "eigenvector", "--picture", picture) as program:
-        assert (program.wait(), program.errors) == (0, "")
-        rows = table_rows(program.output)
+    assert evaluate(hdm05_folder, "--signature", "eigenvector", "--picture", picture) == 0
+    printed = capsys.readouterr()
+    assert printed.err == ""
+    rows = table_rows(printed.out)
     assert picture.stat().st_size > 50_000
     with picture.with_suffix(".csv").open(newline="", encoding="utf-8") as file:
         shares = [float(row["share"]) for row in csv.DictReader(file)]

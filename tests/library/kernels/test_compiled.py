@@ -103,6 +103,7 @@ def test_every_kind_of_loops_that_the_processor_has_is_tested(loops: compiled.Lo
     assert loops.kind() == kind
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("frames", [1, 2, 3, 4, 5, 7, 16])
 def test_distances_equal_three_loops(loops: compiled.Loops, frames: int) -> None:
     """The distances equal those from three plain loops, for any number of frames measured side by side."""
@@ -304,6 +305,7 @@ def test_nan_and_infinity_are_never_near() -> None:
     assert (index.log_distances(far)[others] > usual[others] + 1).all()
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("loops")
 def test_numpy_compares_views_that_the_loops_have_no_room_for() -> None:
     """A weighing with eight views, and each group alone, is not refused."""
@@ -401,6 +403,7 @@ def test_a_stream_is_answered_as_numpy_answers_it(signature: LiveSignature, ever
         assert mine.movement == pytest.approx(other.movement, rel=1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("loops")
 @pytest.mark.parametrize("signature", list(LiveSignature))
 def test_a_recogniser_is_copied_in_full(signature: LiveSignature) -> None:
@@ -437,6 +440,7 @@ def test_the_loops_can_be_switched_off_for_a_while() -> None:
     assert compiled.loops is before is not None
 
 
+@pytest.mark.slow
 def test_a_module_built_from_older_sources_is_not_used() -> None:
     """Numpy does the arithmetic if the compiled module lacks one of the loops."""
     lacking = (
@@ -449,6 +453,7 @@ def test_a_module_built_from_older_sources_is_not_used() -> None:
     assert told.stdout == "numpy\n"
 
 
+@pytest.mark.slow
 def test_an_environment_variable_switches_the_loops_off() -> None:
     """With KINESPACE_COMPILED=0 numpy does the arithmetic."""
     asked = [sys.executable, "-c", "from kinespace.library.kernels import compiled; print(compiled.kind())"]

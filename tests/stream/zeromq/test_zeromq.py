@@ -62,6 +62,7 @@ def _header(**changes: object) -> bytes:
 # --- frames ------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @given(
     performer=st.text(st.characters(codec="utf-8"), min_size=1, max_size=64),
     time=st.floats(allow_nan=False, allow_infinity=False).filter(bool),
@@ -481,6 +482,7 @@ def test_numbers_that_are_not_finite_are_null() -> None:
     assert (answer["movement"], answer["gap"]) == (None, None)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("signature", LiveSignature)
 def test_real_answers_equal_json_dumps(signature: LiveSignature, some_clips: tuple[Clip, ...]) -> None:
     """Recognitions of real motions are read like ones written by json."""

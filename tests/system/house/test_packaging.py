@@ -146,6 +146,7 @@ def test_a_python_that_is_promised_is_one_that_is_required() -> None:
     assert described["requires-python"] == f">=3.{min(promised)}"
 
 
+@pytest.mark.slow
 def test_modules_of_the_user_do_not_interfere(tmp_path: Path) -> None:
     """A script beside a `stream.py` and folders `library` and `tools` of its own imports ours and its own."""
     (tmp_path / "stream.py").write_text("MINE = True\n", encoding="utf-8")

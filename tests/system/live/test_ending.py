@@ -40,7 +40,7 @@ PROGRAMS: dict[str, tuple[tuple[object, ...], str]] = {
 
 
 @pytest.mark.skipif(not hasattr(signal, "SIGHUP"), reason="Windows has other signals")
-@pytest.mark.parametrize(("name", "number"), zip(PROGRAMS, itertools.cycle(SIGNALS), strict=False))
+@pytest.mark.parametrize(("name", "number"), list(zip(PROGRAMS, itertools.cycle(SIGNALS), strict=False)))
 def test_a_signal_ends_a_program_without_a_traceback(name: str, number: signal.Signals) -> None:
     """At any moment, and with any child processes, a program prints only its report.
 

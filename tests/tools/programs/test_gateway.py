@@ -76,6 +76,7 @@ def test_a_gateway_that_is_not_there_is_one_line() -> None:
     assert errors.count("\n") == 1
 
 
+@pytest.mark.slow
 def test_live_alone_loads_nothing_of_it() -> None:
     """Without the options neither workers nor Zenoh are imported."""
     loaded = "[each for each in sys.modules if 'workers' in each or 'zenoh' in each]"

@@ -109,6 +109,7 @@ def _teach(desk: Desk, begin: float, name: str, class_name: str) -> None:
     _show(desk, begin, class_name)
 
 
+@pytest.mark.slow
 def test_a_class_is_taught_recognised_and_saved(desk: Desk, library: MotionLibrary, tmp_path: Path) -> None:
     """It comes behind the classes that were there, starts when it is shown again, and is in the file."""
     _show(desk, 0, "kickLFront1Reps")
@@ -216,6 +217,7 @@ def test_a_performer_with_fewer_joints_cannot_be_taught(desk: Desk, library: Mot
     assert state.reason == "no such performer is there"
 
 
+@pytest.mark.slow
 def test_without_a_library_nothing_starts_and_nothing_ends(tmp_path: Path) -> None:
     """Until something is taught no motion of the library that lends its metrics is told, nor its end."""
     desk = open_desk(Start(tmp_path / "mine.npz", None), _performers)

@@ -243,6 +243,7 @@ def test_any_body_stands_where_the_recursion_puts_it(
     np.testing.assert_allclose(clip.positions, expected, rtol=1e-9, atol=1e-9)
 
 
+@pytest.mark.slow
 def test_real_clips_stand_where_the_recursion_puts_them(
     amc_clips: tuple[Clip, ...], some_paths: tuple[Path, ...], hdm05_folder: Path
 ) -> None:
@@ -282,6 +283,7 @@ def test_the_same_words_are_the_same_clip(tmp_path: Path, rewritten: Callable[[s
     assert np.array_equal(clip.rotations, expected.rotations)
 
 
+@pytest.mark.slow
 def test_bones_may_stand_in_another_order_in_every_frame(
     some_paths: tuple[Path, ...], amc_clips: tuple[Clip, ...], hdm05_folder: Path, tmp_path: Path
 ) -> None:

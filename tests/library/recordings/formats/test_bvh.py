@@ -156,6 +156,7 @@ def bodies(draw: st.DrawFn) -> Node:
     return nodes[0]
 
 
+@pytest.mark.slow
 @settings(max_examples=50, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(root=bodies(), chance=st.randoms(use_true_random=False))
 def test_any_body_is_read_as_written_and_stands_where_the_recursion_puts_it(
@@ -184,6 +185,7 @@ def test_many_frames_are_placed_as_few_are(tmp_path: Path) -> None:
         np.testing.assert_array_equal(places[index], stand(tmp_path, arm(), frames[index])[0])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scale", [1.0, 100.0])
 def test_hdm05_as_bvh_has_the_same_distances(
     tmp_path: Path, some_paths: tuple[Path, ...], hdm05_folder: Path, scale: float

@@ -51,6 +51,7 @@ def _push(window: SlidingWindow, times: Iterable[float]) -> None:
         window.take_change()
 
 
+@pytest.mark.slow
 @given(
     seed=st.integers(0, 2**32 - 1),
     ticks=st.integers(1, 2 * TICKS),

@@ -133,7 +133,7 @@ def test_answers_equal_one_processs(
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("moment", range(70, len(STICK_CLASSES) * PLAYED, 117))
+@pytest.mark.parametrize("moment", range(70, len(STICK_CLASSES) * PLAYED, 234))
 def test_a_killed_worker_costs_no_event(
     stage: Callable[..., Stage], feed: Sequence[Sequence[Frame]], expected: Sequence[Recognition], moment: int
 ) -> None:

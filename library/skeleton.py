@@ -141,6 +141,33 @@ class Skeleton:
             )
         return np.array([place[name] for name in self.joints], dtype=np.intp)
 
+    def nearest_from(self, joints: Sequence[str]) -> NDArray[np.intp]:
+        """Give what `order_from` gives; for a joint that is not in the list, the index of the nearest along the bones.
+
+        Without parents the nearest joint is the first in the list that this skeleton has.
+
+        Raises
+        ------
+        SkeletonMismatchError
+            None of this skeleton's joints is in the list.
+        """
+        place = {name: index for index, name in enumerate(joints)}
+        found = [place.get(name, -1) for name in self.joints]
+        if max(found) < 0:
+            raise SkeletonMismatchError(f"joints: expected some of the skeleton's, got {', '.join(joints[:5])}")
+        for _ in self.parents:
+            reached = found.copy()
+            for joint, parent in enumerate(self.parents):
+                if parent >= 0 and found[joint] < 0 <= found[parent]:
+                    reached[joint] = found[parent]
+                elif parent >= 0 and found[parent] < 0 <= found[joint] and reached[parent] < 0:
+                    reached[parent] = found[joint]
+            if reached == found:
+                break
+            found = reached
+        first = next(index for index in found if index >= 0)
+        return np.array([first if index < 0 else index for index in found], dtype=np.intp)
+
     def require_same(self, other: Skeleton) -> None:
         """Refuse another skeleton than this one.
 

@@ -19,6 +19,8 @@
 #error "these loops are written for gcc and clang; without them numpy does the same"
 #endif
 
+/* stream.recognizer.windows.rolling.DRIFT_TOLERANCE */
+#define DRIFT_TOLERANCE 1e-11
 /* Frames measured side by side. */
 #define TOGETHER 4
 /* Sizes for which the stack has room; larger ones are left to numpy. */
@@ -29,7 +31,7 @@
 #define MAX_AXES 256
 #define MAX_WINDOWS 10000000
 #define MAX_NUMBERS (MAX_JOINTS * (MAX_JOINTS - 1) / 2)
-#define MAX_OWNED (6 * MAX_PARTS + 6)
+#define MAX_OWNED (6 * MAX_PARTS + 7)
 #define MAX_ARGUMENTS 12
 /* Eigenvectors of a window that are compared with another's. */
 #define EIGENVECTORS 4
@@ -46,6 +48,12 @@
 #define SECTIONS 8
 #define PASSES 6
 #define BOUNDS (SECTIONS * EIGENVECTORS)
+/* Vectors that are iterated together, of which EIGENVECTORS are wanted; products after which, and at most, the residuals are
+ * looked at; and the residual that is none, when the trace is 1. */
+#define BLOCK 8
+#define ITERATIONS 6
+#define MAX_ITERATIONS 9
+#define NO_RESIDUAL 1e-9
 /* Bins of phases that count as the same. */
 #define MAX_BINS 64
 /* Floats of the widest register. */
@@ -87,6 +95,8 @@ typedef struct {
     float weights[MAX_VIEWS][MAX_PARTS], nearest;
     Py_ssize_t windows, lanes, blocks, classes, wanted; /* number of groups */
     Py_ssize_t *block_starts, *class_starts; /* one more than blocks: the last one's end */
+    Py_ssize_t directions;
+    float *eigenvectors;                     /* the windows' leading ones, (lanes, directions, LANE) */
     float *room;                             /* (MAX_NUMBERS): what place() works on */
     float (*placed)[MAX_AXES];              /* (MAX_PARTS) */
     float *products;                         /* (MAX_VIEWS, lanes, LANE) */
@@ -148,7 +158,9 @@ static struct {
     __typeof__(parts_any) *parts;
     __typeof__(covariance_any) *covariance;
     __typeof__(eigenpairs_any) *eigenpairs;
+    __typeof__(eigenpairs_again_any) *eigenpairs_again;
     __typeof__(compare_any) *compare;
+    __typeof__(scores_any) *scores;
     __typeof__(follow_phase_any) *follow_phase;
     __typeof__(moving_any) *moving;
     __typeof__(steps_any) *steps;
@@ -165,7 +177,9 @@ static struct {
         loops.parts = parts_##kind;                                                                                     \
         loops.covariance = covariance_##kind;                                                                           \
         loops.eigenpairs = eigenpairs_##kind;                                                                           \
+        loops.eigenpairs_again = eigenpairs_again_##kind;                                                               \
         loops.compare = compare_##kind;                                                                                 \
+        loops.scores = scores_##kind;                                                                                   \
         loops.follow_phase = follow_phase_##kind;                                                                       \
         loops.moving = moving_##kind;                                                                                   \
         loops.steps = steps_##kind;                                                                                     \
@@ -395,63 +409,122 @@ static PyObject *measure_distances(PyObject *module, PyObject *const *arguments,
     return result;
 }
 
-/* stream.rolling.RollingMoments._add: follow(sums, clock, entered, left, entered_times, left_times) -> (the largest sum of
- * squares, the sum that belongs to it) */
+/* stream.recognizer.windows.sliding_window.Change: rows that entered a span, from `entered` to before `end`, and rows that
+ * left it, from `left` to before `gone`; and how many are in it. */
+typedef struct {
+    Py_ssize_t entered, end, left, gone, count;
+} Change;
+
+/* stream.recognizer.windows.sliding_window.Span.take_change; the arguments are times, places, end, moved, seconds and most,
+ * from the given ones on. -1 and an error where they do not fit. */
+static int take_change(const Taken *taken, int times_at, int places_at, int from, Change *change) {
+    const double *times = taken->held[times_at].buf, *number = taken->number + from;
+    Py_ssize_t *places = taken->held[places_at].buf;
+    const Py_ssize_t room = taken->length['n'];
+    if (!(number[0] >= 0 && number[0] <= (double)room && number[1] >= 0 && number[1] < 1e15 && number[3] >= 1)) {
+        PyErr_Format(PyExc_ValueError, "end: expected 0 to %zd, moved not below 0, and most 1 at least", room);
+        return -1;
+    }
+    const Py_ssize_t end = (Py_ssize_t)number[0], moved = (Py_ssize_t)number[1], last = end - 1;
+    *change = (Change){0};
+    if (end == 0) {
+        return 0;
+    }
+    Py_ssize_t left = places[0] > moved ? places[0] - moved : 0, entered = places[1] > moved ? places[1] - moved : 0;
+    left = left < last ? left : last;
+    entered = entered < end ? entered : end;
+    Py_ssize_t start = left;
+    const double too_old = times[last] - number[2];
+    while (start < last && (times[start] <= too_old || (double)(last - start) >= number[3])) {
+        start++;
+    }
+    places[0] = start + moved;
+    places[1] = end + moved;
+    *change = (Change){.entered = entered > start ? entered : start, .end = end, .left = left,
+                       .gone = entered < start ? entered : start, .count = end - start};
+    change->gone = change->gone > left ? change->gone : left;
+    return 0;
+}
+
+/* Whether a span's sums must be computed afresh, because of rounding: stream.recognizer.windows.rolling.Rolling._followed */
+static int drifted(double *drift, const Change *change, double squares, double sum) {
+    const double count = (double)change->count, scatter = squares - sum * sum / count, least = count * drift[1];
+    drift[0] += DBL_EPSILON * (double)(change->end - change->entered + change->gone - change->left) * squares;
+    return drift[0] > DRIFT_TOLERANCE * (scatter > least ? scatter : least);
+}
+
+/* stream.recognizer.windows.rolling.RollingMoments: follow(rows, times, places, drift, sums, clock, end, moved, seconds, most)
+ * -> whether the sums must be computed afresh */
 static PyObject *follow(PyObject *module, PyObject *const *arguments, Py_ssize_t given) {
-    static const Wanted wanted[] = {{"sums", "d", "4w", WRITTEN}, {"clock", "d", "3", WRITTEN}, {"entered", "d", "ew", ROOM},
-                                    {"left", "d", "lw", ROOM}, {"entered_times", "d", "e", 0}, {"left_times", "d", "l", 0}};
+    static const Wanted wanted[] = {{"rows", "d", "nw", ROOM},     {"times", "d", "n", 0},       {"places", INDEX, "2", WRITTEN},
+                                    {"drift", "d", "2", WRITTEN},  {"sums", "d", "4w", WRITTEN}, {"clock", "d", "3", WRITTEN},
+                                    {"end", "d", "", 0},           {"moved", "d", "", 0},        {"seconds", "d", "", 0},
+                                    {"most", "d", "", 0}};
     Taken taken;
+    Change change;
     PyObject *result = NULL;
     (void)module;
-    if (TAKE(&taken, wanted) == 0 && expect_most("sums", PY_SSIZE_T_MAX, taken.length['w']) == 0) {
-        const Py_ssize_t width = taken.length['w'];
-        Py_buffer *held = taken.held;
-        double *sums = held[0].buf, *squares = sums + 3 * width;
-        loops.add_rows(sums, width, held[1].buf, held[2].buf, stride_of(&held[2]), held[4].buf, taken.length['e'], 1.0);
-        loops.add_rows(sums, width, held[1].buf, held[3].buf, stride_of(&held[3]), held[5].buf, taken.length['l'], -1.0);
-        const Py_ssize_t largest = loops.largest(squares, width);
-        result = Py_BuildValue("dd", squares[largest], squares[largest - 2 * width]);
+    if (TAKE(&taken, wanted) == 0 && expect_most("rows", PY_SSIZE_T_MAX, taken.length['w']) == 0 &&
+        take_change(&taken, 1, 2, 6, &change) == 0) {
+        const Py_ssize_t width = taken.length['w'], stride = stride_of(&taken.held[0]);
+        const double *rows = taken.held[0].buf, *times = taken.held[1].buf;
+        double *drift = taken.held[3].buf, *sums = taken.held[4].buf, *clock = taken.held[5].buf;
+        const Py_ssize_t new = change.end - change.entered;
+        int afresh = new > 0 && new == change.count;
+        if (new > 0 && !afresh) {
+            loops.add_rows(sums, width, clock, rows + change.entered * stride, stride, times + change.entered, new, 1.0);
+            loops.add_rows(sums, width, clock, rows + change.left * stride, stride, times + change.left,
+                           change.gone - change.left, -1.0);
+            const Py_ssize_t largest = loops.largest(sums + 3 * width, width);
+            afresh = drifted(drift, &change, sums[3 * width + largest], sums[width + largest]);
+        }
+        result = PyBool_FromLong(afresh);
     }
     let_go(&taken);
     return result;
 }
 
-/* stream.rolling.RollingCovariance._add: follow_products(reference, sum, products, entered, left) -> (the trace
- * of the products, the squared length of the sum) */
+/* stream.recognizer.windows.rolling.RollingCovariance: follow_products(points, times, places, drift, reference, sum, products,
+ * end, moved, seconds, most) -> whether the sums must be computed afresh */
 static PyObject *follow_products(PyObject *module, PyObject *const *arguments, Py_ssize_t given) {
-    static const Wanted wanted[] = {{"reference", "d", "w", 0},
-                                    {"sum", "d", "w", WRITTEN},
-                                    {"products", "d", "ww", WRITTEN},
-                                    {"entered", "d", "ew", ROOM},
-                                    {"left", "d", "lw", ROOM}};
+    static const Wanted wanted[] = {{"points", "d", "nw", ROOM},      {"times", "d", "n", 0},     {"places", INDEX, "2", WRITTEN},
+                                    {"drift", "d", "2", WRITTEN},     {"reference", "d", "w", 0}, {"sum", "d", "w", WRITTEN},
+                                    {"products", "d", "ww", WRITTEN}, {"end", "d", "", 0},        {"moved", "d", "", 0},
+                                    {"seconds", "d", "", 0},          {"most", "d", "", 0}};
     Taken taken;
+    Change change;
     PyObject *result = NULL;
     (void)module;
-    if (TAKE(&taken, wanted) == 0 && expect_most("directions", MAX_DIRECTIONS, taken.length['w']) == 0) {
+    if (TAKE(&taken, wanted) == 0 && expect_most("directions", MAX_DIRECTIONS, taken.length['w']) == 0 &&
+        take_change(&taken, 1, 2, 7, &change) == 0) {
         const int width = (int)taken.length['w'];
-        Py_buffer *held = taken.held;
-        loops.add_products(held[0].buf, held[1].buf, held[2].buf, width, held[3].buf, stride_of(&held[3]),
-                           taken.length['e'], 1.0);
-        loops.add_products(held[0].buf, held[1].buf, held[2].buf, width, held[4].buf, stride_of(&held[4]),
-                           taken.length['l'], -1.0);
-        const double *sum = held[1].buf, *products = held[2].buf;
-        double trace = 0.0, square = 0.0;
-        for (int i = 0; i < width; i++) {
-            trace += products[i * width + i];
-            square += sum[i] * sum[i];
+        const Py_ssize_t stride = stride_of(&taken.held[0]), new = change.end - change.entered;
+        const double *points = taken.held[0].buf, *reference = taken.held[4].buf;
+        double *sum = taken.held[5].buf, *products = taken.held[6].buf, trace = 0.0, square = 0.0;
+        int afresh = new > 0 && new == change.count;
+        if (new > 0 && !afresh) {
+            loops.add_products(reference, sum, products, width, points + change.entered * stride, stride, new, 1.0);
+            loops.add_products(reference, sum, products, width, points + change.left * stride, stride,
+                               change.gone - change.left, -1.0);
+            for (int i = 0; i < width; i++) {
+                trace += products[i * width + i];
+                square += sum[i] * sum[i];
+            }
+            afresh = drifted(taken.held[3].buf, &change, trace, sqrt(square));
         }
-        result = Py_BuildValue("dd", trace, square);
+        result = PyBool_FromLong(afresh);
     }
     let_go(&taken);
     return result;
 }
 
 /* RollingMoments.read, library.windows.parts.spread, posture, trend and movement:
- * read_parts(sums, clock, count, sizing, segments, paths, floor, level, parts) -> (movement, the body's size) */
+ * read_parts(sums, clock, count, sizing, segments, paths, floor, level, posture, trend, parts) -> (movement, the body's size) */
 static PyObject *read_parts(PyObject *module, PyObject *const *arguments, Py_ssize_t given) {
     static const Wanted wanted[] = {{"sums", "d", "4w", 0},   {"clock", "d", "3", 0},        {"count", "d", "", 0},
                                     {"sizing", "d", "w", 0},  {"segments", INDEX, "s", 0},   {"paths", "d", "sw", 0},
-                                    {"floor", "d", "", 0},    {"level", "d", "", 0},         {"parts", "d", "3w", WRITTEN}};
+                                    {"floor", "d", "", 0},    {"level", "d", "", 0},         {"posture", "d", "", 0},
+                                    {"trend", "d", "", 0},    {"parts", "d", "3w", WRITTEN}};
     Taken taken;
     PyObject *result = NULL;
     (void)module;
@@ -461,7 +534,8 @@ static PyObject *read_parts(PyObject *module, PyObject *const *arguments, Py_ssi
         Py_buffer *held = taken.held;
         double movement;
         const double size = loops.parts(held[0].buf, taken.length['w'], held[1].buf, taken.number[2], held[3].buf, held[4].buf,
-                                        held[5].buf, taken.length['s'], taken.number[6], taken.number[7], held[8].buf, &movement);
+                                        held[5].buf, taken.length['s'], taken.number[6], taken.number[7], taken.number[8] != 0.0,
+                                        taken.number[9] != 0.0, held[10].buf, &movement);
         result = Py_BuildValue("dd", movement, size);
     }
     let_go(&taken);
@@ -496,11 +570,11 @@ static PyObject *eigenpairs(PyObject *module, PyObject *const *arguments, Py_ssi
 }
 
 /* RollingCovariance.read, library.windows.cutting.eigenpairs_of and library.windows.parts.eigen:
- * read_eigen(sum, products, count, none, values, vectors, scaled) -> the covariance's trace */
+ * read_eigen(sum, products, count, none, values, vectors, scaled, block) -> the covariance's trace */
 static PyObject *read_eigen(PyObject *module, PyObject *const *arguments, Py_ssize_t given) {
     static const Wanted wanted[] = {{"sum", "d", "n", 0},          {"products", "d", "nn", 0},        {"count", "d", "", 0},
                                     {"none", "d", "", 0},          {"values", "d", "k", WRITTEN},     {"vectors", "d", "kn", WRITTEN},
-                                    {"scaled", "d", "kn", WRITTEN}};
+                                    {"scaled", "d", "kn", WRITTEN}, {"block", "d", "n8", WRITTEN}};
     Taken taken;
     PyObject *result = NULL;
     (void)module;
@@ -509,7 +583,7 @@ static PyObject *read_eigen(PyObject *module, PyObject *const *arguments, Py_ssi
         double covariance[MAX_DIRECTIONS * MAX_DIRECTIONS], total = 0.0;
         double *values = taken.held[4].buf, *vectors = taken.held[5].buf, *scaled = taken.held[6].buf;
         const double trace = loops.covariance(taken.held[0].buf, taken.held[1].buf, size, taken.number[2], taken.number[3], covariance);
-        if (loops.eigenpairs(covariance, size, most, values, vectors)) {
+        if (loops.eigenpairs_again(covariance, size, most, trace, values, vectors, taken.held[7].buf)) {
             for (int k = 0; k < most; k++) {
                 total += values[k] > 0.0 ? values[k] : 0.0;
             }
@@ -687,14 +761,14 @@ static Py_ssize_t *take_starts(Table *table, const Py_buffer *starts, const char
     return taken;
 }
 
-/* Lay halves (windows, columns) out, lane by lane of windows. */
-static Half *take_lanes(Table *table, const Py_buffer *halves) {
-    const Py_ssize_t columns = halves->shape[1];
-    Half *taken = zeros(table, table->lanes * columns * LANE, sizeof(Half));
+/* Lay numbers (windows, columns) out, lane by lane of windows. */
+static void *take_lanes(Table *table, const Py_buffer *numbers) {
+    const Py_ssize_t columns = numbers->shape[1], bytes = numbers->itemsize;
+    char *taken = zeros(table, table->lanes * columns * LANE, (size_t)bytes);
     for (Py_ssize_t row = 0; taken != NULL && row < table->windows; row++) {
-        const Half *numbers = (Half *)halves->buf + row * columns;
         for (Py_ssize_t k = 0; k < columns; k++) {
-            taken[(row / LANE * columns + k) * LANE + row % LANE] = numbers[k];
+            memcpy(taken + ((row / LANE * columns + k) * LANE + row % LANE) * bytes,
+                   (char *)numbers->buf + (row * columns + k) * bytes, (size_t)bytes);
         }
     }
     return taken;
@@ -721,10 +795,10 @@ static int take_metric(Table *table, Metric *metric, const Py_buffer *origin, co
     return 0;
 }
 
-/* Table(windows, block starts, class starts, weights, nearest) */
+/* Table(the windows' leading eigenvectors, block starts, class starts, weights, nearest) */
 static PyObject *table_new(PyTypeObject *type, PyObject *tuple, PyObject *named) {
-    static const Wanted wanted[] = {{"windows", "d", "", 0}, {"blocks", INDEX, "b", 0}, {"classes", INDEX, "c", 0},
-                                    {"weights", "f", "vg", 0},     {"nearest", "d", "", 0}};
+    static const Wanted wanted[] = {{"windows", "f", "wd", 0}, {"blocks", INDEX, "b", 0}, {"classes", INDEX, "c", 0},
+                                    {"weights", "f", "vg", 0}, {"nearest", "d", "", 0}};
     const Py_ssize_t given = PyTuple_Size(tuple);
     PyObject *arguments[5] = {NULL};
     Taken taken;
@@ -733,13 +807,15 @@ static PyObject *table_new(PyTypeObject *type, PyObject *tuple, PyObject *named)
     }
     Table *table = NULL;
     if (TAKE(&taken, wanted) == 0 && (named == NULL || expect_arguments(0, PyDict_Size(named)) == 0) &&
-        expect_most("windows", MAX_WINDOWS, (Py_ssize_t)fmax(fmin(taken.number[0], MAX_WINDOWS + 1.0), 0.0)) == 0 &&
+        expect_most("windows", MAX_WINDOWS, taken.length['w']) == 0 &&
+        expect_most("directions", MAX_AXES, taken.length['d']) == 0 &&
         expect_most("groups", MAX_PARTS, taken.length['g']) == 0 && expect_most("views", MAX_VIEWS, taken.length['v']) == 0) {
         table = (Table *)((allocfunc)PyType_GetSlot(type, Py_tp_alloc))(type, 0);
     }
     if (table != NULL) {
         Py_buffer *held = taken.held;
-        table->windows = (Py_ssize_t)taken.number[0];
+        table->windows = taken.length['w'];
+        table->directions = taken.length['d'];
         table->lanes = (table->windows + LANE - 1) / LANE;
         table->nearest = (float)taken.number[4];
         table->wanted = taken.length['g'];
@@ -749,6 +825,7 @@ static PyObject *table_new(PyTypeObject *type, PyObject *tuple, PyObject *named)
         }
         if ((table->block_starts = take_starts(table, &held[1], "blocks", table->windows, &table->blocks)) == NULL ||
             (table->class_starts = take_starts(table, &held[2], "classes", table->blocks, &table->classes)) == NULL ||
+            (table->eigenvectors = take_lanes(table, &held[0])) == NULL ||
             (table->products = zeros(table, MAX_VIEWS * table->lanes * LANE, sizeof(float))) == NULL ||
             (table->placed = zeros(table, MAX_PARTS * MAX_AXES, sizeof(float))) == NULL ||
             (table->room = zeros(table, MAX_NUMBERS, sizeof(float))) == NULL) {
@@ -872,6 +949,21 @@ static PyObject *table_compared(PyObject *self, PyObject *const *arguments, Py_s
     return result;
 }
 
+/* scores(eigenvector, scores): each class's best |inner product| with a leading eigenvector */
+static PyObject *table_scores(PyObject *self, PyObject *const *arguments, Py_ssize_t given) {
+    static const Wanted wanted[] = {{"eigenvector", "d", "d", 0}, {"scores", "d", "c", WRITTEN}};
+    Table *table = (Table *)self;
+    Taken taken;
+    PyObject *result = NULL;
+    if (TAKE(&taken, wanted) == 0 && expect("eigenvector", table->directions, taken.length['d']) == 0 &&
+        expect("scores", table->classes, taken.length['c']) == 0) {
+        loops.scores(table, taken.held[0].buf, taken.held[1].buf);
+        result = Py_NewRef(Py_None);
+    }
+    let_go(&taken);
+    return result;
+}
+
 /* ---- which loops -------------------------------------------------------------------------------------------------*/
 
 /* kind() -> the kind in use */
@@ -902,6 +994,7 @@ static PyMethodDef table_methods[] = {
     {"add_part", FUNCTION(table_add_part)},
     {"add_group", FUNCTION(table_add_group)},
     {"compared", FUNCTION(table_compared)},
+    {"scores", FUNCTION(table_scores)},
     {NULL, NULL, 0, NULL},
 };
 

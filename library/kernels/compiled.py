@@ -57,6 +57,9 @@ class Table(Protocol):
     def compared(self, *arrays: Numbers) -> None:
         """Compare the numbers of a window's parts, and write log distances to the last array, (views, classes)."""
 
+    def scores(self, eigenvector: Numbers, scores: Numbers, /) -> None:
+        """Write each class's best |inner product| with a leading eigenvector (directions,) to scores (classes,)."""
+
 
 class Loops(Protocol):
     """The compiled module; each function raises ValueError for an array of another shape or type.
@@ -81,26 +84,48 @@ class Loops(Protocol):
 
     def follow(  # noqa: PLR0913, PLR0917 - a call from Python costs by its arguments' names
         self,
+        rows: Numbers,
+        times: Numbers,
+        places: Indices,
+        drift: Numbers,
         sums: Numbers,
         clock: Numbers,
-        entered: Numbers,
-        left: Numbers,
-        entered_times: Numbers,
-        left_times: Numbers,
+        end: int,
+        moved: int,
+        seconds: float,
+        most: int,
         /,
-    ) -> tuple[float, float]:
-        """Add rows to a window's sums (4, width) and clock (3,), and take rows away, as `RollingMoments` keeps them.
+    ) -> bool:
+        """Let a window's sums (4, width) and clock (3,) follow its rows, as `RollingMoments` has them.
 
-        Return the largest sum of squares, and the sum there.
+        Return whether the sums must be computed afresh.
+
+        Parameters
+        ----------
+        rows, times, end, moved
+            As `SlidingWindow` has them.
+        places, seconds, most
+            As `Span` has them.
+        drift, sums, clock
+            As `RollingMoments` has them.
         """
 
-    def follow_products(
-        self, reference: Numbers, total: Numbers, products: Numbers, entered: Numbers, left: Numbers, /
-    ) -> tuple[float, float]:
-        """Add rows, relative to a reference, to their sum (width,) and products (width, width), and take rows away.
-
-        Return the trace of the products, and the squared length of the sum.
-        """
+    def follow_products(  # noqa: PLR0913, PLR0917 - as above
+        self,
+        points: Numbers,
+        times: Numbers,
+        places: Indices,
+        drift: Numbers,
+        reference: Numbers,
+        total: Numbers,
+        products: Numbers,
+        end: int,
+        moved: int,
+        seconds: float,
+        most: int,
+        /,
+    ) -> bool:
+        """Do what `follow` does for the sums of `RollingCovariance`."""
 
     def read_parts(  # noqa: PLR0913, PLR0917 - as above
         self,
@@ -112,10 +137,12 @@ class Loops(Protocol):
         paths: Numbers,
         floor: float,
         level: float,
+        posture: float,
+        trend: float,
         parts: Numbers,
         /,
     ) -> tuple[float, float]:
-        """Write spread, posture and trend of a window of so many rows with these sums, (3, width).
+        """Write spread, posture and trend of a window of so many rows with these sums, (3, width), each where wanted.
 
         Return its movement, and the size of the body.
 
@@ -127,6 +154,8 @@ class Loops(Protocol):
             As `Body` has them, but paths (segments, width).
         floor, level
             `NOISE_FLOOR` and `LEVEL_REMOVED`.
+        posture, trend
+            Whether they are wanted: 0 or 1.
         parts
             Where to write.
         """
@@ -140,6 +169,7 @@ class Loops(Protocol):
         values: Numbers,
         vectors: Numbers,
         scaled: Numbers,
+        block: Numbers,
         /,
     ) -> float:
         """Write the leading eigenpairs of a covariance, and the part `eigen`; give the covariance's trace.
@@ -152,6 +182,9 @@ class Loops(Protocol):
             Trace at which nothing moves.
         values, vectors, scaled
             Where to write, (k,), (k, width) and (k, width): four at most.
+        block
+            Takes eigenvectors over to the next call, which finds those of a similar covariance sooner: (width, 8), at
+            first 0.
         """
 
     def eigenpairs(self, covariances: Numbers, values: Numbers, vectors: Numbers, /) -> bool:
@@ -243,14 +276,14 @@ class Loops(Protocol):
         """
 
     def Table(  # noqa: N802 - a class of the C module
-        self, windows: int, block_starts: Indices, class_starts: Indices, weights: Floats, nearest: float, /
+        self, windows: Floats, block_starts: Indices, class_starts: Indices, weights: Floats, nearest: float, /
     ) -> Table:
         """Begin a table.
 
         Parameters
         ----------
         windows
-            The number of windows.
+            The leading eigenvector of each window, (windows, directions).
         block_starts, class_starts
             Where the windows of each person in each class start, and where each class's persons start among them.
         weights

@@ -16,6 +16,10 @@
 #endif
 #define FLOATS (BYTES / 4)
 #define BESIDE (REGISTER == 64 ? 4 : 2)
+/* As many registers as the directions of a vector fill. */
+#define WIDE (MAX_DIRECTIONS * 8 / BYTES)
+#define BLOCK_WIDE (BLOCK * 8 / BYTES)
+#define ROWS (REGISTER == 64 ? 8 : 4)
 typedef double KIND(Doubles) __attribute__((vector_size(BYTES), aligned(8), may_alias));
 typedef int64_t KIND(Longs) __attribute__((vector_size(BYTES), aligned(8), may_alias));
 typedef float KIND(Floats) __attribute__((vector_size(BYTES), aligned(4), may_alias));
@@ -154,12 +158,12 @@ LOOP static void KIND(add_products)(const double *restrict reference, double *re
 
 HELPER double KIND(positive)(double number) { return number > 0.0 ? number : 0.0; }
 
-/* Spread, posture and trend of a window of `count` rows with these sums, to parts (3, width); gives the body's size, and its
- * movement. */
+/* Spread of a window of `count` rows with these sums, and posture and trend where they are wanted, to parts (3, width); gives
+ * the body's size, and its movement. */
 LOOP static double KIND(parts)(const double *restrict sums, Py_ssize_t width, const double *restrict clock, double count,
                                const double *restrict sizing, const Py_ssize_t *restrict segments,
                                const double *restrict paths, Py_ssize_t between, double floor, double level,
-                               double *restrict parts, double *restrict moved_by) {
+                              int has_posture, int has_trend, double *restrict parts, double *restrict moved_by) {
     const double *restrict reference = sums, *restrict sum = sums + width, *restrict along = sums + 2 * width;
     const double *restrict squares = sums + 3 * width;
     double *restrict spread = parts, *restrict posture = parts + width, *restrict trend = parts + 2 * width;
@@ -175,13 +179,14 @@ LOOP static double KIND(parts)(const double *restrict sums, Py_ssize_t width, co
         variances += variance;
         spread[i] = sqrt(variance);
         posture[i] = mean;
-        trend[i] = (along[i] * per_row - offset * middle) * per_swing;
     }
     /* A body in one point has no spread. */
     const double per_size = size > 0.0 ? 1.0 / size : 0.0, noise = floor * size;
+    for (Py_ssize_t i = 0; has_trend && i < width; i++) {
+        const double moved = spread[i] + noise, rising = (along[i] - sum[i] * middle) * per_row * per_swing;
+        trend[i] = moved > 0.0 ? rising / moved : 0.0;
+    }
     for (Py_ssize_t i = 0; i < width; i++) {
-        const double moved = spread[i] + noise;
-        trend[i] = moved > 0.0 ? trend[i] / moved : 0.0;
         spread[i] = spread[i] * per_size + floor;
     }
     for (Py_ssize_t begin = 0; begin < width; begin += BYTES / 8) {
@@ -204,7 +209,7 @@ LOOP static double KIND(parts)(const double *restrict sums, Py_ssize_t width, co
     for (Py_ssize_t s = 0; s < between; s++) {
         means_of[s] = posture[segments[s]];
     }
-    for (Py_ssize_t begin = 0; begin < width; begin += LANE) {
+    for (Py_ssize_t begin = 0; has_posture && begin < width; begin += LANE) {
         const Py_ssize_t some = width - begin < LANE ? width - begin : LANE;
         for (Py_ssize_t i = 0; i < LANE; i++) {
             lengths[i] = between ? 0.0 : size;
@@ -222,11 +227,16 @@ LOOP static double KIND(parts)(const double *restrict sums, Py_ssize_t width, co
     return size;
 }
 
-HELPER double KIND(dot)(const double *restrict one, const double *restrict other, int count) {
+/* Inner product of two vectors (MAX_DIRECTIONS). */
+HELPER double KIND(dot)(const KIND(Doubles) *restrict one, const KIND(Doubles) *restrict other) {
+    KIND(Doubles) sums = one[0] * other[0];
+    for (int q = 1; q < WIDE; q++) {
+        sums += one[q] * other[q];
+    }
     double sum = 0.0;
 #pragma omp simd reduction(+ : sum)
-    for (int i = 0; i < count; i++) {
-        sum += one[i] * other[i];
+    for (int i = 0; i < BYTES / 8; i++) {
+        sum += sums[i];
     }
     return sum;
 }
@@ -235,28 +245,33 @@ HELPER double KIND(dot)(const double *restrict one, const double *restrict other
 HELPER void KIND(tridiagonal)(double (*restrict a)[MAX_DIRECTIONS], int size, double *restrict diagonal,
                               double *restrict beside, double *restrict factors) {
     for (int c = 0; c < size - 1; c++) {
-        double *restrict v = a[c], image[MAX_DIRECTIONS] = {0.0};
+        double *restrict v = a[c], numbers[MAX_DIRECTIONS];
+        const KIND(Doubles) *restrict along = (const KIND(Doubles) *)v;
+        /* In registers, which the compiler keeps them in only if they are written as such. */
+        KIND(Doubles) image[WIDE] = {{0.0}};
         diagonal[c] = v[c];
         for (int i = 0; i <= c; i++) {
             v[i] = 0.0;
         }
-        const double square = KIND(dot)(v, v, size), first = v[c + 1], length = sqrt(square);
+        const double square = KIND(dot)(along, along), first = v[c + 1], length = sqrt(square);
         beside[c] = first > 0.0 ? -length : length;
         factors[c] = square > 0.0 ? 1.0 / (square - first * beside[c]) : 0.0;
         v[c + 1] -= beside[c];
         for (int j = c + 1; j < size; j++) {
-            for (int i = 0; i < MAX_DIRECTIONS; i++) {
-                image[i] += v[j] * a[j][i];
+            const KIND(Doubles) *restrict row = (const KIND(Doubles) *)a[j];
+            for (int q = 0; q < WIDE; q++) {
+                image[q] += v[j] * row[q];
             }
         }
-        const double half = factors[c] * KIND(dot)(v, image, size) / 2;
-        for (int i = 0; i < MAX_DIRECTIONS; i++) {
-            image[i] = factors[c] * (image[i] - half * v[i]);
+        const double half = factors[c] * KIND(dot)(along, image) / 2;
+        for (int q = 0; q < WIDE; q++) {
+            image[q] = factors[c] * (image[q] - half * along[q]);
         }
+        memcpy(numbers, image, sizeof numbers);
         for (int j = c + 1; j < size; j++) {
-            const double one = v[j], other = image[j];
-            for (int i = 0; i < MAX_DIRECTIONS; i++) {
-                a[j][i] -= one * image[i] + other * v[i];
+            KIND(Doubles) *restrict row = (KIND(Doubles) *)a[j];
+            for (int q = 0; q < WIDE; q++) {
+                row[q] -= v[j] * image[q] + numbers[j] * along[q];
             }
         }
     }
@@ -365,7 +380,8 @@ HELPER int KIND(diagonal)(double *restrict d, double *restrict e, int size, cons
 /* The largest eigenvalues of a covariance (size, size), to values (count), and their eigenvectors, to (count, size). */
 LOOP static int KIND(eigenpairs)(const double *restrict covariance, int size, int count, double *restrict values,
                                  double *restrict vectors) {
-    double a[MAX_DIRECTIONS][MAX_DIRECTIONS] = {{0.0}}, rows[MAX_DIRECTIONS][MAX_DIRECTIONS] = {{0.0}};
+    double a[MAX_DIRECTIONS][MAX_DIRECTIONS] __attribute__((aligned(LINE))) = {{0.0}};
+    double rows[MAX_DIRECTIONS][MAX_DIRECTIONS] __attribute__((aligned(LINE))) = {{0.0}};
     double d[MAX_DIRECTIONS], e[MAX_DIRECTIONS], factors[MAX_DIRECTIONS], trace = 0.0;
     float located[EIGENVECTORS];
     for (int i = 0; i < size; i++) {
@@ -391,14 +407,164 @@ LOOP static int KIND(eigenpairs)(const double *restrict covariance, int size, in
         }
         values[k] = d[largest] * trace;
         d[largest] = -INFINITY;
-        double *restrict row = rows[largest];
+        KIND(Doubles) *restrict row = (KIND(Doubles) *)rows[largest];
         for (int c = size - 2; c >= 0; c--) {
-            const double product = factors[c] * KIND(dot)(a[c], row, size);
-            for (int i = 0; i < size; i++) {
-                row[i] -= product * a[c][i];
+            const KIND(Doubles) *restrict v = (const KIND(Doubles) *)a[c];
+            const double product = factors[c] * KIND(dot)(v, row);
+            for (int q = 0; q < WIDE; q++) {
+                row[q] -= product * v[q];
             }
         }
         memcpy(vectors, row, sizeof(double) * (size_t)size);
+    }
+    return 1;
+}
+
+/* Multiply a symmetric matrix (size, size) with some vectors side by side (size, BLOCK); rows of which some sums are in
+ * registers at once. */
+HELPER void KIND(multiply)(const double *restrict matrix, int size, double (*restrict vectors)[BLOCK],
+                           double (*restrict products)[BLOCK]) {
+    for (int begin = 0; begin < size; begin += ROWS) {
+        const int step = begin + ROWS <= size ? size : 0;
+        KIND(Doubles) sums[ROWS][BLOCK_WIDE] = {{{0.0}}};
+        for (int j = 0; j < size; j++) {
+            const KIND(Doubles) *restrict row = (const KIND(Doubles) *)vectors[j];
+            for (int r = 0; r < ROWS; r++) {
+                for (int q = 0; q < BLOCK_WIDE; q++) {
+                    sums[r][q] += matrix[begin * size + r * step + j] * row[q];
+                }
+            }
+        }
+        memcpy(products[begin], sums, sizeof(double) * BLOCK * (size_t)(step ? ROWS : 1));
+        begin -= step ? 0 : ROWS - 1;
+    }
+}
+
+/* Inner products of the vectors in one block with those in another, both (size, BLOCK). */
+HELPER void KIND(products)(double (*one)[BLOCK], double (*other)[BLOCK], int size,
+                           double (*restrict products)[BLOCK]) {
+    KIND(Doubles) sums[BLOCK][BLOCK_WIDE] = {{{0.0}}};
+    for (int i = 0; i < size; i++) {
+        const KIND(Doubles) *restrict row = (const KIND(Doubles) *)other[i];
+        for (int b = 0; b < BLOCK; b++) {
+            for (int q = 0; q < BLOCK_WIDE; q++) {
+                sums[b][q] += one[i][b] * row[q];
+            }
+        }
+    }
+    memcpy(products, sums, sizeof sums);
+}
+
+/* Make a block (size, BLOCK) orthonormal, to `vectors`, by the Cholesky factor of its inner products; 0 where the vectors are
+ * dependent. */
+HELPER int KIND(orthonormal)(double (*restrict block)[BLOCK], int size, double (*restrict vectors)[BLOCK]) {
+    double products[BLOCK][BLOCK], inverse[BLOCK][BLOCK] = {{0.0}};
+    KIND(products)(block, block, size, products);
+    for (int k = 0; k < BLOCK; k++) {
+        inverse[k][k] = 1.0;
+    }
+    /* Elimination turns the products into the factor, and what was 1 into its inverse. */
+    for (int k = 0; k < BLOCK; k++) {
+        if (!(products[k][k] > 0.0)) {
+            return 0;
+        }
+        const double factor = 1.0 / sqrt(products[k][k]);
+        for (int i = 0; i < BLOCK; i++) {
+            products[k][i] *= factor;
+            inverse[k][i] *= factor;
+        }
+        for (int m = k + 1; m < BLOCK; m++) {
+            const double along = products[k][m];
+            for (int i = 0; i < BLOCK; i++) {
+                products[m][i] -= along * products[k][i];
+                inverse[m][i] -= along * inverse[k][i];
+            }
+        }
+    }
+    double columns[BLOCK][BLOCK];
+    for (int k = 0; k < BLOCK; k++) {
+        for (int i = 0; i < BLOCK; i++) {
+            columns[i][k] = inverse[k][i];
+        }
+    }
+    for (int i = 0; i < size; i++) {
+        KIND(Doubles) sums[BLOCK_WIDE] = {{0.0}};
+        for (int j = 0; j < BLOCK; j++) {
+            const KIND(Doubles) *restrict column = (const KIND(Doubles) *)columns[j];
+            for (int q = 0; q < BLOCK_WIDE; q++) {
+                sums[q] += block[i][j] * column[q];
+            }
+        }
+        memcpy(vectors[i], sums, sizeof sums);
+    }
+    return 1;
+}
+
+/* The largest eigenvalues of a covariance and their eigenvectors, as `eigenpairs` finds them, from a block (size, BLOCK) that
+ * held those of a covariance much like it: subspace iteration (Rutishauser 1969). 0 where this does not find them: the
+ * residuals stay large, or the trace leaves room for a larger eigenvalue beside them. */
+HELPER int KIND(iterate)(const double *restrict covariance, int size, double trace, double *restrict values,
+                         double *restrict vectors, double (*restrict block)[BLOCK]) {
+    double now[MAX_DIRECTIONS][BLOCK], next[MAX_DIRECTIONS][BLOCK], inside[BLOCK][BLOCK], few[EIGENVECTORS][BLOCK];
+    if (!KIND(orthonormal)(block, size, now)) {
+        return 0;
+    }
+    for (int turn = 1; turn <= MAX_ITERATIONS; turn++) {
+        KIND(multiply)(covariance, size, now, next);
+        if (turn == ITERATIONS || turn == MAX_ITERATIONS) {
+            KIND(products)(now, next, size, inside);
+            double left = trace, largest = 0.0;
+            for (int b = 0; b < BLOCK; b++) {
+                left -= inside[b][b];
+            }
+            if (!KIND(eigenpairs)(inside[0], BLOCK, EIGENVECTORS, values, few[0])) {
+                return 0;
+            }
+            for (int k = 0; k < EIGENVECTORS; k++) {
+                double square = 0.0;
+                for (int i = 0; i < size; i++) {
+                    double number = 0.0, image = 0.0;
+                    for (int b = 0; b < BLOCK; b++) {
+                        number += few[k][b] * now[i][b];
+                        image += few[k][b] * next[i][b];
+                    }
+                    const double residual = image - values[k] * number;
+                    square += residual * residual;
+                    vectors[k * size + i] = number;
+                }
+                largest = square > largest ? square : largest;
+            }
+            if (left <= values[EIGENVECTORS - 1] && largest <= NO_RESIDUAL * trace * (NO_RESIDUAL * trace)) {
+                memcpy(block, now, sizeof(double) * (size_t)(size * BLOCK));
+                return 1;
+            }
+        }
+        if (!KIND(orthonormal)(next, size, now)) {
+            return 0;
+        }
+    }
+    return 0;
+}
+
+/* The largest eigenvalues of a covariance and their eigenvectors, again and again: a block (size, BLOCK), at first 0, takes
+ * what is found over to the next time. */
+LOOP static int KIND(eigenpairs_again)(const double *restrict covariance, int size, int count, double trace,
+                                       double *restrict values, double *restrict vectors,
+                                       double (*restrict block)[BLOCK]) {
+    if (size < 2 * BLOCK || count < EIGENVECTORS || !(trace > 0.0)) {
+        return KIND(eigenpairs)(covariance, size, count, values, vectors);
+    }
+    if (KIND(iterate)(covariance, size, trace, values, vectors, block)) {
+        return 1;
+    }
+    if (!KIND(eigenpairs)(covariance, size, count, values, vectors)) {
+        return 0;
+    }
+    /* The other vectors of a new block may be any. */
+    for (int i = 0; i < size; i++) {
+        for (int b = 0; b < BLOCK; b++) {
+            block[i][b] = b < EIGENVECTORS ? vectors[b * size + i] : i == b ? 1.0 : 0.0;
+        }
     }
     return 1;
 }
@@ -407,10 +573,11 @@ LOOP static int KIND(eigenpairs)(const double *restrict covariance, int size, in
  * left where there is hardly any. */
 LOOP static double KIND(covariance)(const double *restrict sum, const double *restrict products, int size, double count,
                                     double none, double *restrict covariance) {
+    const double each = 1.0 / count;
     double trace = 0.0;
     for (int i = 0; i < size; i++) {
         for (int j = 0; j < size; j++) {
-            covariance[i * size + j] = products[i * size + j] / count - sum[i] / count * (sum[j] / count);
+            covariance[i * size + j] = products[i * size + j] * each - sum[i] * each * (sum[j] * each);
         }
         trace += covariance[i * size + i];
     }
@@ -506,6 +673,33 @@ HELPER void KIND(distances_between)(const Group *group, Py_ssize_t lane, const f
     }
 }
 
+/* The smaller of two, number by number. */
+HELPER KIND(Floats) KIND(smaller)(KIND(Floats) one, KIND(Floats) other) {
+    const KIND(Ints) below = one < other;
+    return (KIND(Floats))(((KIND(Ints))one & below) | ((KIND(Ints))other & ~below));
+}
+
+/* The least of numbers from `begin` to before `end`, at least one; as many as a register has may be read beyond. */
+HELPER float KIND(least)(const float *restrict numbers, Py_ssize_t begin, Py_ssize_t end) {
+    KIND(Ints) places;
+    for (int i = 0; i < FLOATS; i++) {
+        places[i] = i;
+    }
+    const KIND(Floats) none = {0.0F}, infinite = none + INFINITY;
+    KIND(Floats) least = infinite;
+    for (; begin < end; begin += FLOATS) {
+        const KIND(Ints) inside = places < (int32_t)(end - begin);
+        const KIND(Ints) some = *(const KIND(Ints) *)(numbers + begin);
+        least = KIND(smaller)((KIND(Floats))((some & inside) | ((KIND(Ints))infinite & ~inside)), least);
+    }
+    float smallest = INFINITY;
+#pragma omp simd reduction(min : smallest)
+    for (int i = 0; i < FLOATS; i++) {
+        smallest = least[i] < smallest ? least[i] : smallest;
+    }
+    return smallest;
+}
+
 /* For each view and class the mean of the two least numbers that different people's windows have in it. */
 HELPER void KIND(agree)(const Table *table, double *restrict agreed) {
     for (Py_ssize_t v = 0; v < table->views; v++) {
@@ -514,12 +708,9 @@ HELPER void KIND(agree)(const Table *table, double *restrict agreed) {
             const Py_ssize_t begin = table->class_starts[c], end = table->class_starts[c + 1];
             float first = INFINITY, second = INFINITY;
             for (Py_ssize_t b = begin; b < end; b++) {
-                float least = INFINITY;
-#pragma omp simd reduction(min : least)
-                for (Py_ssize_t w = table->block_starts[b]; w < table->block_starts[b + 1]; w++) {
-                    least = numbers[w] < least ? numbers[w] : least;
-                }
-                second = least < first ? first : least < second ? least : second;
+                const float least = KIND(least)(numbers, table->block_starts[b], table->block_starts[b + 1]);
+                const float larger = least < first ? first : least;
+                second = larger < second ? larger : second;
                 first = least < first ? least : first;
             }
             agreed[v * table->classes + c] = ((double)first + (double)(end - begin < 2 ? first : second)) / 2.0;
@@ -599,6 +790,29 @@ LOOP static void KIND(compare)(const Table *table, const double *const *numbers,
         }
     }
     KIND(agree)(table, logs);
+}
+
+/* Each class's best |inner product| of its windows' leading eigenvectors with another, to scores (classes). */
+LOOP static void KIND(scores)(const Table *table, const double *restrict eigenvector, double *restrict scores) {
+    float *restrict products = table->products;
+    for (Py_ssize_t lane = 0; lane < table->lanes; lane++) {
+        const float *restrict windows = table->eigenvectors + lane * table->directions * LANE;
+        float sums[LANE] = {0.0F};
+        for (Py_ssize_t k = 0; k < table->directions; k++) {
+            const float factor = (float)eigenvector[k];
+            for (int w = 0; w < LANE; w++) {
+                sums[w] += factor * windows[k * LANE + w];
+            }
+        }
+        /* Below 0, for the least. */
+        for (int w = 0; w < LANE; w++) {
+            products[lane * LANE + w] = -fabsf(sums[w]);
+        }
+    }
+    for (Py_ssize_t c = 0; c < table->classes; c++) {
+        const Py_ssize_t *starts = table->block_starts;
+        scores[c] = -(double)KIND(least)(products, starts[table->class_starts[c]], starts[table->class_starts[c + 1]]);
+    }
 }
 
 /* e to the power of numbers: eˣ = 2ⁿ eʳ with |r| ≤ ln 2 / 2. Below −87 it is e⁻⁸⁷, as good as 0; no number is above 0. */
@@ -834,4 +1048,7 @@ LOOP static void KIND(extremes)(const double *restrict positions, Py_ssize_t fra
 #undef BYTES
 #undef FLOATS
 #undef BESIDE
+#undef WIDE
+#undef BLOCK_WIDE
+#undef ROWS
 #undef LOGARITHMS

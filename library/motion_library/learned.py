@@ -32,6 +32,11 @@ class Learned:
         """Make it from the arrays of a library's file."""
         return cls({name: np.asarray(array, dtype=np.float32) for name, array in arrays.items()})
 
+    @property
+    def judges(self) -> bool:
+        """Whether there are numbers that hold for other motions too."""
+        return any(not name.startswith(TAUGHT) for name in self.named)
+
     def of_these_motions(self) -> Learned:
         """Give the numbers that only hold for the motions that taught them."""
         return Learned({name: array for name, array in self.named.items() if name.startswith(TAUGHT)})

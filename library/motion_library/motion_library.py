@@ -160,7 +160,7 @@ class MotionLibrary:
     @property
     def judged_by_strangers(self) -> bool:
         """Whether numbers learned from other people's motions tell what is unknown."""
-        return self.learned is not None and bool(self.learned.for_other_motions().named)
+        return self.learned is not None and self.learned.judges
 
     @property
     def licence(self) -> str:

@@ -11,6 +11,7 @@ from kinespace.library.recordings.reader import (
     labelled,
     performed,
     read_recordings,
+    segments_beside,
 )
 
 __all__ = [
@@ -24,4 +25,5 @@ __all__ = [
     "labelled",
     "performed",
     "read_recordings",
+    "segments_beside",
 ]

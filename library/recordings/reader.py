@@ -12,6 +12,7 @@ from kinespace.library.recordings import memory
 from kinespace.library.recordings.formats import acclaim, bvh, joint_table, utkinect
 from kinespace.library.recordings.formats.errors import RecordingError
 from kinespace.library.recordings.formats.joint_choice import chosen
+from kinespace.library.recordings.formats.labels import labels_beside, read_labels
 from kinespace.library.recordings.formats.markers import c3d, trc
 from kinespace.library.recordings.formats.markers.c3d_process import C3dProcess
 from kinespace.library.recordings.formats.units import metres_of
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
     from kinespace.library.clip import Clip
+    from kinespace.library.recordings.formats.labels import Segment
 
 _AMC, _BVH, _C3D = ".amc", ".bvh", ".c3d"
 #: A raw recording of a feed: `stream` decodes feeds, so its reader is handed in (`Reading.raw`).
@@ -281,6 +283,21 @@ def performed(clip: Clip, path: Path, actor_in: ActorIn) -> Clip:
             return replace(clip, actor=path.stem.partition("_")[0])
         case ActorIn.FOLDER:
             return replace(clip, actor=path.absolute().parent.parent.name)
+
+
+def segments_beside(take: Path) -> tuple[Segment, ...] | None:
+    """Read the labels that lie beside a take: a file with its name, or UTKinect's; None if there are none.
+
+    Raises
+    ------
+    LabelError, UTKinectError
+        The labels cannot be used.
+    """
+    if labels := labels_beside(take):
+        return read_labels(labels)
+    if utkinect.is_take(take) and take.with_name(utkinect.LABELS).is_file():
+        return utkinect.read_segments(take)
+    return None
 
 
 def _with_joints(clip: Clip, wanted: Sequence[str], path: Path) -> Clip:

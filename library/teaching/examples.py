@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from kinespace.library.motion_library import MotionLibrary
-from kinespace.library.windows.index import WindowIndex
+from kinespace.library.windows.index import WindowIndex, opened
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Collection, Sequence
 
     from numpy.typing import NDArray
 
@@ -31,6 +31,8 @@ _EVERY = 0.1
 _GOOD, _NOT_TOLD = 0.05, 0.5
 #: An unlike example is so many times as far from its class's other examples as these from each other.
 _UNLIKE = 2.0
+#: Sets of fewer joints, and rosters, that stay open.
+_MAX_FEWER = 3
 #: Other examples of a class, and windows of an example, that a check uses, at most.
 _CHECKED, _WINDOWS = 5, 60
 
@@ -133,6 +135,11 @@ class Roster:
         """Give the examples as a library, disabled classes among them; None when there are none."""
         return MotionLibrary.of_clips([each.motion for each in self.examples]) if self.examples else None
 
+    def restricted_to(self, joints: Collection[str]) -> Roster:
+        """Give the examples with some of their joints."""
+        fewer = (replace(each, recording=each.recording.restricted_to(joints)) for each in self.examples)
+        return replace(self, examples=tuple(fewer))
+
     @classmethod
     def of_library(cls, library: MotionLibrary) -> Roster:
         """Take a library's motions as examples, in the order of their takes' numbers if these are numbers."""
@@ -164,14 +171,36 @@ class TaughtWindows:
         self._base, self._beside = base, beside
         self._everything = base
         self._known: dict[tuple[str, float, float, int], Clip] = {}
+        #: The last rosters, by the library of their index; and the windows of bodies with fewer joints.
+        self._rosters: list[tuple[MotionLibrary, Roster]] = []
+        self._fewer: dict[tuple[str, ...], TaughtWindows] = {}
 
     @property
     def base_classes(self) -> tuple[str, ...]:
         """Classes that are known without examples."""
         return self._base.library.classes if self._base and self._beside else ()
 
+    def of_fewer(self, library: MotionLibrary, joints: tuple[str, ...]) -> MotionLibrary | WindowIndex:
+        """Give the library of an opened roster as a body of some of its joints shows it; for one thread at a time."""
+        roster = next((each for known, each in self._rosters if known is library), None)
+        if roster is None:
+            return library.restricted_to(joints)
+        if joints not in self._fewer:
+            base = self._base and opened(self._base.library.restricted_to(joints))
+            while len(self._fewer) >= _MAX_FEWER:
+                del self._fewer[next(iter(self._fewer))]
+            self._fewer[joints] = TaughtWindows(base, beside=self._beside)
+        return self._fewer[joints].index_of(roster.restricted_to(joints)) or library.restricted_to(joints)
+
     def index_of(self, roster: Roster) -> WindowIndex | None:
         """Open a roster; None when there is no motion to compare with."""
+        index = self._opened(roster)
+        if index:
+            # Another thread may read the list meanwhile.
+            self._rosters = [*self._rosters[-_MAX_FEWER:], (index.library, roster)]
+        return index
+
+    def _opened(self, roster: Roster) -> WindowIndex | None:
         enabled = [each for each in roster.examples if each.class_name not in roster.disabled]
         if self._base is None:
             library = Roster(tuple(enabled)).library()

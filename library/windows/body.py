@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -33,8 +34,9 @@ class Body:
     paths: NDArray[np.float64] = field(repr=False)
 
     @classmethod
+    @lru_cache(maxsize=16)
     def of(cls, skeleton: Skeleton) -> Body:
-        """Find segments and paths by a skeleton's parents.
+        """Find segments and paths by a skeleton's parents; equal skeletons share one body.
 
         Raises
         ------

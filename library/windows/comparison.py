@@ -38,7 +38,7 @@ Group = tuple[Part, ...]
 #: Added to squared distances before the logarithm: two windows at a smaller distance count as the same.
 NEAREST = 0.01
 #: Axes that are kept of each part, and of a group of several parts.
-_PART_AXES, _GROUP_AXES = 64, 128
+_PART_AXES, MAX_AXES = 64, 128
 #: The share of the learned scatter that is replaced by equal scatter. The eigen part is compared by plain inner
 #: products.
 _PART_SHRINKAGE = {Kind.EIGEN: 1.0, Kind.SPREAD: 0.3, Kind.POSTURE: 0.3, Kind.TREND: 0.3}
@@ -105,7 +105,7 @@ class Weighing:
 
     def named(self, logs: NDArray[np.float64]) -> NDArray[np.float64]:
         """Give the log distance of each class for naming, from distances by all `weights` (..., classes)."""
-        nearest: NDArray[np.float64] = logs[: len(self.views)].min(axis=0)
+        nearest: NDArray[np.float64] = np.minimum.reduce(logs[: len(self.views)])
         return nearest
 
     def alone(self, logs: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -174,7 +174,7 @@ class Comparison:
                 groups.append(None)
                 continue
             joined = np.concatenate([placed[part] for part in group], axis=-1, dtype=np.float64)
-            groups.append(learned_metric(joined, lessons, shrinkage=_GROUP_SHRINKAGE, kept=_GROUP_AXES))
+            groups.append(learned_metric(joined, lessons, shrinkage=_GROUP_SHRINKAGE, kept=MAX_AXES))
         return cls(weighing, parts, tuple(groups))
 
     def place(self, numbers: Mapping[Part, NDArray[np.float64]]) -> list[NDArray[np.float32]]:

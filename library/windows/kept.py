@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from kinespace.library.motion_library.learned import TAUGHT, Learned
-from kinespace.library.windows.basis import Basis
-from kinespace.library.windows.comparison import ACROSS_LABORATORIES, WITHIN_LABORATORY, Comparison
+from kinespace.library.windows.basis import MAX_DIRECTIONS, Basis
+from kinespace.library.windows.comparison import ACROSS_LABORATORIES, MAX_AXES, WITHIN_LABORATORY, Comparison
 from kinespace.library.windows.metric import Metric
 from kinespace.library.windows.parts import Kind
 
@@ -42,7 +42,7 @@ def kept_of(teacher: MotionLibrary, weighing: Weighing) -> Kept | None:
     Raises
     ------
     ValueError
-        The file keeps an array of another shape.
+        The file keeps an array of another shape, or more directions or axes than are ever learned.
     """
     learned = teacher.learned.arrays() if teacher.learned else {}
     name = next((name for name, each in WEIGHINGS.items() if each == weighing), None)
@@ -50,9 +50,11 @@ def kept_of(teacher: MotionLibrary, weighing: Weighing) -> Kept | None:
         return None
     pairs = len(teacher.skeleton.pairs)
     directions, weights, share = (_array(learned, f"{_BASIS}{each}") for each in ("directions", "weights", "share"))
-    if directions.ndim != 2 or len(directions) != pairs or weights.shape != (pairs,) or share.shape != (1,):
-        raise ValueError(f"basis: expected directions ({pairs}, directions), weights ({pairs},) and a share")
-    count = directions.shape[1]
+    count = directions.shape[1] if directions.ndim == 2 else 0
+    if len(directions) != pairs or not 1 <= count <= MAX_DIRECTIONS:
+        raise ValueError(f"basis: expected ({pairs}, at most {MAX_DIRECTIONS}) directions, got {directions.shape}")
+    if weights.shape != (pairs,) or share.shape != (1,) or weights.min() < 0:
+        raise ValueError(f"basis: expected ({pairs},) weights of at least 0 and one share, got {weights.shape}")
     parts = {
         part: _metric(learned, f"{name} {part.name}", count * (count + 1) // 2 if part.kind is Kind.EIGEN else pairs)
         for part in weighing.measured
@@ -81,8 +83,10 @@ def with_kept(library: MotionLibrary, basis: Basis, comparisons: Mapping[str, Co
 
 def _metric(learned: Mapping[str, NDArray[np.float32]], name: str, numbers: int) -> Metric:
     origin, axes = (_array(learned, f"{TAUGHT}{name} {each}") for each in ("origin", "axes"))
-    if origin.shape != (numbers,) or axes.ndim != 2 or len(axes) != numbers:
-        raise ValueError(f"{name}: expected an origin ({numbers},) and axes ({numbers}, kept), got {axes.shape}")
+    fits = axes.ndim == 2 and len(axes) == numbers and 1 <= axes.shape[1] <= MAX_AXES
+    if origin.shape != (numbers,) or not fits:
+        expected = f"an origin ({numbers},) and ({numbers}, at most {MAX_AXES}) axes"
+        raise ValueError(f"{name}: expected {expected}, got {origin.shape} and {axes.shape}")
     return Metric(origin, axes)
 
 

@@ -45,7 +45,7 @@ class Windows:
         self._parts = comparison.weighing.parts
         self._shape = (len(self._views), len(blocks.class_starts))
         self._groups: tuple[_Group, ...] = ()
-        self._transposed = np.ascontiguousarray(eigenvectors.T)
+        self._transposed = eigenvectors.T
         self._table: compiled.Table | None = None
         self._fits = True
 
@@ -80,6 +80,12 @@ class Windows:
 
     def scores(self, eigenvector: NDArray[np.float64]) -> NDArray[np.float64]:
         """Compute `WindowIndex.eigenvector_scores`."""
+        table = self._compiled()
+        if table is not None:
+            scores = np.empty(self._shape[1])
+            table.scores(eigenvector, scores)
+            return scores
+        self._lay_out_groups()
         products = eigenvector.astype(np.float32) @ self._transposed
         np.abs(products, out=products)
         return np.maximum.reduceat(products, self._blocks.class_starts).astype(np.float64)
@@ -87,6 +93,7 @@ class Windows:
     def _lay_out_groups(self) -> None:
         if not self._groups:
             self._groups = tuple(_Group(each) for each in self._vectors)
+            self._transposed = np.ascontiguousarray(self._transposed)
 
     def _compiled(self) -> compiled.Table | None:
         """Give the windows as a compiled table, which is laid out at first use.
@@ -106,7 +113,7 @@ class Windows:
         comparison, blocks = self._comparison, self._blocks
         weighing = comparison.weighing
         starts = np.searchsorted(blocks.starts, blocks.class_starts)
-        table = loops.Table(len(self._eigenvectors), blocks.starts, starts, self._views, NEAREST)
+        table = loops.Table(np.ascontiguousarray(self._eigenvectors), blocks.starts, starts, self._views, NEAREST)
         for part in weighing.parts:
             count = min(EIGENVECTORS, self._eigenvectors.shape[1]) if part.kind is Kind.EIGEN else 0
             table.add_part(count, self._eigenvectors.shape[1], *_as_halves(comparison.parts.get(part)))

@@ -4,16 +4,15 @@ from __future__ import annotations
 
 import time
 import uuid
-from collections import Counter, deque
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any
 from urllib.parse import unquote
 
 from kinespace.stream.cluster import charter as chartered
 from kinespace.stream.cluster.bus import Inbox
 from kinespace.stream.cluster.charter import Charter, decode_back, encode_charter, key
 from kinespace.stream.outputs.sink import Sink
-from kinespace.stream.service.status import InputCounts
+from kinespace.stream.workers.answer_source import AnswerSource
 from kinespace.stream.workers.ledger import Ledger
 from kinespace.stream.workers.partition import PARTITIONS
 from kinespace.stream.workers.spread import Spread
@@ -115,8 +114,7 @@ class Gateway(Spread):
         self._members: dict[str, _Member] = {}
         self._there: set[str] = set()
         self._numbers = 0
-        self._lost: Counter[str] = Counter()
-        self._last_lost = ""
+        self._lost, self._last_lost = 0, ""
         self._publishers: dict[int, Any] = {}
         self._declared: list[Any] = []
         self.source = GatewaySource(self)
@@ -157,11 +155,10 @@ class Gateway(Spread):
     @property
     def notes(self) -> list[str]:
         """Notes for a person, a line each."""
-        workers = len(self._ready)
-        lost = [f"{self._last_lost}; {self._lost.total()} workers left or were lost so far"] if self._last_lost else []
+        lost = [f"workers lost so far: {self._lost}; last: {self._last_lost}"] if self._lost else []
         strange = [f"{self.strangers} messages of nobody who is a worker"] if self.strangers else []
         former = [f"{self.former} answers of former owners or to frames answered before"] if self.former else []
-        return [f"{workers} workers of gateway {self.name}", *super().notes, *lost, *strange, *former]
+        return [f"workers of gateway {self.name}: {len(self._ready)}", *super().notes, *lost, *strange, *former]
 
     def _send(self, frames: dict[int, list[SentFrame]]) -> None:
         for partition, each in frames.items():
@@ -186,6 +183,9 @@ class Gateway(Spread):
 
         self._session.put(key(self.name, "to", worker), message, congestion_control=zenoh.CongestionControl.BLOCK)
 
+    def _replay(self, worker: str, partitions: Sequence[int]) -> None:
+        """Do nothing: the worker asks Zenoh's caches for the last frames."""
+
     def _stop_former(self, worker: str, partitions: Sequence[int]) -> None:
         self._tell(worker, LEAVE + encode_handover(Handover(list(partitions), [], 0)))
 
@@ -201,8 +201,7 @@ class Gateway(Spread):
     def _drop(self, worker: str, why: str) -> None:
         member = self._members.pop(worker, None)
         if member:
-            self._last_lost = f"worker {worker} {why}"
-            self._lost[worker] += 1
+            self._lost, self._last_lost = self._lost + 1, f"worker {worker} {why}"
             self._lose(worker, self._ready)
 
     def _heard(self, place: str, message: bytes) -> None:
@@ -257,55 +256,26 @@ class Gateway(Spread):
         self.inbox.close()
 
 
-class GatewaySource:
-    """The answers of all workers: a source for the service.
-
-    Attributes
-    ----------
-    waited
-        Seconds since the frame of the last answer came.
-    """
-
-    tended = True
+class GatewaySource(AnswerSource):
+    """The answers of all workers."""
 
     def __init__(self, gateway: Gateway) -> None:
+        super().__init__()
         self._gateway = gateway
-        self.waited = 0.0
-        self._answers: deque[tuple[Recognition, float]] = deque()
-
-    def bring(self, news: Sequence[tuple[Recognition, float]]) -> None:
-        """Keep answers until they are taken."""
-        self._answers += news
 
     @property
     def pollable(self) -> object:
-        """What Zenoh's threads wake."""
+        """The inbox, which Zenoh's threads wake."""
         return self._gateway.inbox
-
-    @property
-    def has_put_aside(self) -> bool:
-        """Whether answers were read and not taken yet."""
-        return bool(self._answers)
-
-    @property
-    def counts(self) -> InputCounts:
-        """Nothing: answers are not what comes in."""
-        return InputCounts()
 
     @property
     def notes(self) -> list[str]:
         """Notes for a person, a line each."""
         return self._gateway.notes
 
-    def take(self, arrival: float) -> Sequence[Admitted] | None:
-        """Give the next answer as an event, which `Gateway.push_all` gives back; None when none has come."""
-        if not self._answers:
-            self._gateway.inbox.deal()
-        if not self._answers:
-            return None
-        recognition, at = self._answers.popleft()
-        self.waited = max(arrival - at, 0.0)
-        return (cast("Admitted", recognition),)
+    def read(self, now: float) -> None:  # noqa: ARG002 - `AnswerSource` has it
+        """Read the messages that have come."""
+        self._gateway.inbox.deal()
 
     def tend(self, now: float) -> Sequence[Admitted]:
         """Look after the workers."""

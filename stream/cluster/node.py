@@ -153,6 +153,7 @@ class Node:
         now = self.clock()
         if now >= self._next_report:
             self._next_report = now + REPORT_EVERY
+            self._holders = {who: held for who, held in self._holders.items() if now - held[1] <= _SILENCE}
             for post in self._posts.values():
                 post.report()
 

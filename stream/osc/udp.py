@@ -190,6 +190,9 @@ class OscSender:
     ----------
     host, port
         The place to send to.
+    asks
+        Count the datagrams that the other machine sends back because nobody listens there. The place must then be in
+        reach when the socket is made.
 
     Attributes
     ----------
@@ -199,15 +202,22 @@ class OscSender:
     Raises
     ------
     OSError
-        The host's name cannot be resolved.
+        The host's name cannot be resolved, or the place is not in reach.
     """
 
-    def __init__(self, host: str, port: int) -> None:
+    def __init__(self, host: str, port: int, *, asks: bool = False) -> None:
         family, kind, address = _resolved(host, port)
         self.target: tuple[Any, ...] = address
         self.socket = socket.socket(family, kind)
         self.socket.settimeout(0.0)
-        self.failed = 0
+        self.failed = self._unheard = 0
+        self._asks = asks
+        if asks:
+            try:
+                self.socket.connect(address)
+            except OSError as error:
+                self.socket.close()
+                raise OSError(error.errno, f"{host}:{port}: {error.strerror}") from error
 
     def __str__(self) -> str:
         host, port = self.target[:2]
@@ -216,9 +226,27 @@ class OscSender:
     def send(self, datagram: bytes) -> None:
         """Send one datagram; a failure is counted, never raised: the next one may succeed."""
         try:
-            self.socket.sendto(datagram, self.target)
+            if self._asks:
+                self._send_and_ask(datagram)
+            else:
+                self.socket.sendto(datagram, self.target)
         except OSError:
             self.failed += 1
+
+    def _send_and_ask(self, datagram: bytes) -> None:
+        try:
+            self.socket.send(datagram)
+        except ConnectionError:
+            # An earlier datagram came back, and this one was not sent.
+            self._unheard += 1
+            self.socket.send(datagram)
+
+    @property
+    def unheard(self) -> int:
+        """Datagrams known to have reached no program, where it `asks`; other machines may keep silent about them."""
+        if self._asks and self.socket.getsockopt(socket.SOL_SOCKET, socket.SO_ERROR):
+            self._unheard += 1
+        return self._unheard
 
     def close(self) -> None:
         """Give the socket back."""

@@ -3,7 +3,8 @@
 The guess changes with every doubtful window, above all at a change of motion. An event waits until one named class has
 gathered its lead (`stream.recognizer.hysteresis`). While no class is named, because the body stands still or the
 movement is unknown, "no class" gathers lead at a steady pace: slowly for the unknown, because a motion that goes on may
-look strange for a moment, and faster for stillness, which never comes by chance.
+look strange for a moment, and faster for stillness, which never comes by chance. At a pause in the feed the recogniser
+ends the motion.
 """
 
 from __future__ import annotations

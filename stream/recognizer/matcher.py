@@ -159,7 +159,7 @@ class WindowMatcher:
     def __init__(
         self, index: WindowIndex, *, stillness: float, sensitivity: float | None, progress: bool = False
     ) -> None:
-        self._windows = LiveWindows(index.body, index.basis)
+        self._windows = LiveWindows(index.body, index.basis, index.comparison.weighing.parts)
         self.longest = self._windows.longest
         self._stillness, self._sensitivity = stillness, sensitivity
         self._decision = Decision(index, stillness=stillness, sensitivity=sensitivity)
@@ -180,7 +180,7 @@ class WindowMatcher:
     def exchange(self, library: MotionLibrary | WindowIndex) -> None:
         """Compare the same windows with another library of the same joints from now on."""
         index = index_of(library)
-        self._windows.exchange(index.body, index.basis)
+        self._windows.exchange(index.body, index.basis, index.comparison.weighing.parts)
         self._decision.exchange(index)
         if self._progress:
             self._progress.exchange(phase_table(index))
@@ -220,17 +220,12 @@ class WindowMatcher:
         signature = self._windows.read()
         self._leading = signature.eigenvector
         logs = self._index.log_distances(signature.numbers)
-        decided = self._decision.push(logs, signature.movement, noise, self._feed.elapsed())
+        movement, share, gap = signature.movement, signature.share, signature.gap
+        outcome, distances, guess, lead, evidence = self._decision.push(logs, movement, noise, self._feed.elapsed())
         scores = self._index.eigenvector_scores(signature.eigenvector)
         best = int(scores.argmax())
-        return Reading(
-            **decided._asdict(),
-            movement=signature.movement,
-            eigenvector_class=best,
-            eigenvector_score=float(scores[best]),
-            share=signature.share,
-            gap=signature.gap,
-        )
+        # By place, because a call costs by its arguments' names.
+        return Reading(outcome, distances, guess, lead, movement, best, scores.item(best), share, gap, evidence)
 
 
 class PaperMatcher:
@@ -309,7 +304,7 @@ class PaperMatcher:
             lead=lead,
             movement=moved,
             eigenvector_class=best,
-            eigenvector_score=float(scores[best]),
+            eigenvector_score=scores.item(best),
             share=leading.share,
             gap=leading.gap,
         )

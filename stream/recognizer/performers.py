@@ -13,7 +13,7 @@ from kinespace.stream.recognizer.decision import usual_sensitivity
 from kinespace.stream.recognizer.joints.carried import carried_by
 from kinespace.stream.recognizer.joints.fewer_joints import SentJoints
 from kinespace.stream.recognizer.matcher import library_of
-from kinespace.stream.recognizer.recognizer import Recognizer, RecognizerCounts
+from kinespace.stream.recognizer.recognizer import MAX_PAUSE, Recognizer, RecognizerCounts
 from kinespace.stream.recognizer.settings import Settings
 
 if TYPE_CHECKING:
@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from kinespace.stream.frame import Admitted, Frame
     from kinespace.stream.recognition import Event, Recognition
     from kinespace.stream.recognizer.joints.carried import Carried
+    from kinespace.stream.recognizer.joints.doubts import LongAgo
     from kinespace.stream.recognizer.joints.fewer_joints import Opener
 
 
@@ -65,6 +66,8 @@ class _Performer:
     joints: tuple[str, ...]
     #: The index of each of the library's joints in them; None for the library's own order.
     order: NDArray[np.intp] | None = None
+    #: As `order`, of all joints compared, the nearest joint for each that the sender lacks; None where none is lacking.
+    filled: NDArray[np.intp] | None = None
     #: Why frames of the announced joints cannot be used; empty when they can.
     unusable: str = ""
     #: Whether the library is being restricted to the announced joints.
@@ -248,6 +251,21 @@ class Performers:
             return None
         return carried_by(given, performer.library.skeleton.pairs, performer.order, len(performer.joints))
 
+    def long_ago(self, name: str) -> LongAgo | None:
+        """Give what another recogniser must know that goes on with the last seconds of a performer's feed."""
+        performer = self._performers.get(name)
+        return performer.recognizer.long_ago if performer else None
+
+    def go_on(self, name: str, known: LongAgo, arrival: float) -> None:
+        """Go on with a performer where another recogniser was (`Recognizer.go_on`), if there is room."""
+        if performer := self._performer(name, arrival):
+            performer.recognizer.go_on(known)
+
+    def answer_next(self, name: str) -> None:
+        """Answer a performer's next frame (`Recognizer.answer_next`)."""
+        if performer := self._performers.get(name):
+            performer.recognizer.answer_next()
+
     def _told(self, performer: _Performer) -> str:
         used, wanted = len(performer.library.skeleton.joints), len(self.library.skeleton.joints)
         title = self._naming.met(performer.joints, self.library.skeleton.joints).title
@@ -295,30 +313,33 @@ class Performers:
         joints = self._naming.met(performer.joints, wanted).joints
         shared = frozenset(joints).intersection(wanted)
         as_before = shared == frozenset(performer.library.skeleton.joints)
-        performer.is_waiting, performer.unusable = False, ""
+        performer.is_waiting, performer.unusable, performer.filled = False, "", None
         try:
-            library = self.library if len(shared) == len(wanted) else self._restricted_to(shared)
+            compared = self._compared if len(shared) == len(wanted) else self._restricted_to(shared)
         except ValueError as error:
             performer.unusable = str(error)
             return
-        if library is None:
+        if len(shared) < len(wanted):
+            performer.filled = self.library.skeleton.nearest_from(joints)
+        if compared is None:
             performer.is_waiting = True
             # After an exchange the old library serves until the new one is ready.
             performer.unusable = "" if as_before else f"the library is being restricted to {len(shared)} of its joints"
-        if library is None and not as_before:
+        if compared is None and not as_before:
             return
-        library = library or performer.library
+        compared = compared or performer.library
+        library = library_of(compared)
         performer.order = None if joints == library.skeleton.joints else library.skeleton.order_from(joints)
         if performer.library is library:
             return
         if as_before:
-            self._exchange_for(performer, library)
+            self._exchange_for(performer, compared)
         else:
             self._retire(performer.recognizer)
-            performer.recognizer = Recognizer(library, self.settings, self._opener, self._order)
+            performer.recognizer = Recognizer(compared, self.settings, self._opener, self._order)
             performer.library = library
 
-    def _restricted_to(self, shared: frozenset[str]) -> MotionLibrary | None:
+    def _restricted_to(self, shared: frozenset[str]) -> MotionLibrary | WindowIndex | None:
         """Give the library restricted to joints, None while not ready; ValueError when they cannot be compared."""
         joints = tuple(name for name in self.library.skeleton.joints if name in shared)
         if len(joints) < MIN_JOINTS:
@@ -396,14 +417,16 @@ class Performers:
         return performer.recognizer.push(_in_order(frame, performer))
 
     def ordered(self, frame: Frame) -> Frame | None:
-        """Give a frame that was pushed in the order of the library's joints; None for one that was refused."""
+        """Give a frame that was pushed in the order of the library's joints; None for one that was refused.
+
+        A joint that the sender lacks stands where the nearest one is, along the bones.
+        """
         performer = self._performers.get(frame.performer)
-        if performer is None or performer.unusable or len(frame.positions) != len(performer.joints):
+        if performer is None or len(frame.positions) != len(performer.joints):
             return None
-        # A performer with fewer joints is compared with another library.
-        if performer.library.skeleton.joints != self.library.skeleton.joints:
-            return None
-        return _in_order(frame, performer)
+        if performer.filled is not None:
+            return replace(frame, positions=frame.positions[performer.filled])
+        return None if performer.unusable else _in_order(frame, performer)
 
     def _tell_refused(self, name: str, performer: _Performer) -> None:
         """Note the reason why a performer's frames are refused."""
@@ -435,6 +458,11 @@ class Performers:
             self._counts.dropped += 1
         ended, self._ended = self._ended, []
         return ended
+
+    def end_paused(self, now: float) -> list[Event]:
+        """Give the ends of the motions of performers who send nothing for now, as their next frames would tell them."""
+        paused = (each for each in self._performers.values() if now - each.heard > MAX_PAUSE)
+        return [event for each in paused if (event := each.recognizer.end())]
 
     def take_gone(self) -> list[str]:
         """Give the performers who were dropped since the last call."""

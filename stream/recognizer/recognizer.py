@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from kinespace.library.windows.index import WindowIndex
     from kinespace.stream.frame import Frame
     from kinespace.stream.recognition import Event
+    from kinespace.stream.recognizer.joints.doubts import LongAgo
     from kinespace.stream.recognizer.joints.fewer_joints import Opener
     from kinespace.stream.recognizer.matcher import Matcher, Reading
 
@@ -43,6 +44,8 @@ _Answer = TypeVar("_Answer")
 
 #: Frames that wait for the next hop to be measured together, at most.
 _MAX_WAITING = 16
+#: Seconds without a frame after which a motion has ended: nobody knows what went on meanwhile.
+MAX_PAUSE = 0.8
 #: Tolerance, as a share of the hop: a frame this much early still counts as due, because times are rounded.
 _EARLY = 1e-3
 #: Defaults of the paper's signature.
@@ -133,6 +136,8 @@ class Recognizer:
         self._last = -math.inf
         self._due = -math.inf
         self._late_in_a_row = 0
+        #: The end of a motion by a pause in the feed, given with the next answer.
+        self._ended: tuple[Event, ...] = ()
         self._busy = False
 
     def _compare_with(self, library: MotionLibrary | WindowIndex, order: Sequence[str]) -> None:
@@ -182,6 +187,19 @@ class Recognizer:
     def doubt(self) -> str:
         """A note on joints that could not be believed, in words; empty while all is well."""
         return self._doubts.told
+
+    @property
+    def long_ago(self) -> LongAgo | None:
+        """What another recogniser must know that goes on with the last seconds of this feed; None for nothing."""
+        return self._doubts.long_ago
+
+    def go_on(self, known: LongAgo) -> None:
+        """Go on where another recogniser was, whose last frames this one has seen, or is about to see."""
+        self._doubts.go_on(known)
+
+    def answer_next(self) -> None:
+        """Answer the next frame, as another recogniser did: both then answer the same frames."""
+        self._due = -math.inf
 
     def set_sensitivity(self, share: float) -> None:
         """Recognise with another sensitivity from the next hop on; the paper's signature has none."""
@@ -262,6 +280,8 @@ class Recognizer:
         """Sort out frames that come late; start anew after a gap or when the sender's clock began again."""
         behind = self._newest - time
         if behind < -self._longest_gap:
+            if behind < -MAX_PAUSE and (ended := self.end()):
+                self._ended = (ended,)
             self._restart()
         elif behind >= 0:
             self._late_in_a_row += 1
@@ -307,7 +327,7 @@ class Recognizer:
             evidence=reading.evidence,
             doubted=self._doubts.joints,
         )
-        events = self._detector.push(recognition)
+        events, self._ended = (*self._ended, *self._detector.push(recognition)), ()
         progress = self._matcher.follow(frame.time, self._motion_of(recognition)) if self.settings.progress else None
         return replace(recognition, events=events, progress=progress) if events or progress else recognition
 

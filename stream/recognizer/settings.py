@@ -61,8 +61,8 @@ class Settings:
     Raises
     ------
     ValueError
-        A value is not finite, window or longest_gap is not positive, another value is negative, or a value is given
-        that does not apply to the signature.
+        A value is not finite, window or longest_gap is not positive, another value is negative, sensitivity is above 1,
+        or a value is given that does not apply to the signature.
     """
 
     signature: LiveSignature = LiveSignature.WINDOWS
@@ -93,3 +93,5 @@ class Settings:
             value = getattr(self, name)
             if value is not None and not (math.isfinite(value) and value >= 0):
                 raise ValueError(f"{name}: expected a number not below 0, got {value}")
+        if self.sensitivity is not None and self.sensitivity > 1:
+            raise ValueError(f"sensitivity: expected a share from 0 to 1, got {self.sensitivity}")

@@ -6,15 +6,16 @@ import threading
 from collections import OrderedDict
 from typing import TYPE_CHECKING, Generic, TypeVar
 
+from kinespace.library.motion_library import MotionLibrary
 from kinespace.stream.recognizer import Recognizer
 from kinespace.stream.recognizer.joints.fewer_joints import MAX_RESTRICTED, opened_anew
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from kinespace.library.motion_library import MotionLibrary
     from kinespace.library.windows.index import WindowIndex
     from kinespace.stream.recognizer import Settings
+    from kinespace.stream.recognizer.joints.fewer_joints import Restricter
 
 _Prepared = TypeVar("_Prepared")
 
@@ -73,11 +74,14 @@ class BackgroundOpener(Generic[_Prepared]):
             self._prepared.popitem(last=False)
 
 
-def background_restricter(settings: Settings) -> BackgroundOpener[MotionLibrary]:
+def background_restricter(
+    settings: Settings, restrict: Restricter = MotionLibrary.restricted_to
+) -> BackgroundOpener[MotionLibrary | WindowIndex | None]:
     """Restrict libraries in a thread, and open their windows for recognisers with these settings."""
 
-    def prepare(library: MotionLibrary, joints: tuple[str, ...]) -> MotionLibrary:
-        restricted = library.restricted_to(joints)
+    def prepare(library: MotionLibrary, joints: tuple[str, ...]) -> MotionLibrary | WindowIndex | None:
+        restricted = restrict(library, joints)
+        assert restricted is not None  # noqa: S101 - told to mypy: here nobody waits
         # The windows that a recogniser opens are remembered: the next recogniser of this library has them at once.
         Recognizer(restricted, settings)
         return restricted

@@ -319,11 +319,13 @@ class Service:
                 sink.publish_classes(self.performers.classes)
         if now >= self._next_status:
             self._next_status = now + STATUS_EVERY
-            for ended in self.performers.drop_silent(now):
+            # After a stop of this process it is not known who was silent, because packets wait.
+            paused = self.performers.end_paused(now) if now - self._looked < MAX_AGE else []
+            for ended in (*paused, *self.performers.drop_silent(now)):
                 for sink in self.sinks:
                     sink.publish_event(ended)
             self._tell_gone(self.performers.take_gone())
-            self._latest_rates = self._rates.read(now)
+            self._latest_rates = self._rates.read(now, self.performers.names)
             if len(self._lags) > _MAX_LAGS:
                 self._lags.clear()  # only a sender that makes up names gets here
             status = self.status()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -54,6 +54,9 @@ class Recognising(Protocol):
     def drop_silent(self, now: float) -> list[Event]:
         """Forget silent performers; give the ends of their motions."""
 
+    def end_paused(self, now: float) -> list[Event]:
+        """Give the ends of the motions of performers who send nothing for now."""
+
     def take_gone(self) -> list[str]:
         """Give the performers who were dropped since the last call."""
 
@@ -67,6 +70,7 @@ class Recognising(Protocol):
         """Say which joints carry the last answer to a performer; None where it is not known."""
 
 
+@runtime_checkable
 class Teachable(Recognising, Protocol):
     """What teaching asks for, too."""
 

@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from kinespace.stream.recognizer.performers import PerformerCounts
 
 #: Hops whose time is remembered for the percentiles: a minute or more of one performer's hops.
@@ -125,10 +127,13 @@ class Rates:
         """Count a frame."""
         self._frames[performer] = self._frames.get(performer, 0) + 1
 
-    def read(self, now: float) -> dict[str, float]:
-        """Give each performer's rate since the last reading, and begin anew."""
+    def read(self, now: float, performers: Sequence[str]) -> dict[str, float]:
+        """Give the rates of some performers since the last reading, and begin anew.
+
+        Thousands of names may have been counted for which there was no room.
+        """
         elapsed = max(now - self._since, 1e-9)
-        rates = {performer: frames / elapsed for performer, frames in self._frames.items()}
+        rates = {name: self._frames[name] / elapsed for name in performers if name in self._frames}
         self._since, self._frames = now, {}
         return rates
 

@@ -121,7 +121,7 @@ class Teacher:
             case commands.Trim(on):
                 return self._trimmed(on=on)
             case commands.Save():
-                return [Saving()]
+                return [Saving(), State("", Step.CHECKING, 0.0, "saving")]
             case commands.Run(on):
                 return [Running(on), State("", Step.DONE, 0.0, "running" if on else "not running")]
             case commands.Sensitivity(share):

@@ -231,9 +231,8 @@ def as_line(notice: Notice) -> str:
             seconds = f" {notice.seconds:.1f} s" if notice.seconds else ""
             return f"teaching{whose}: {notice.step}{seconds}{f': {notice.reason}' if notice.reason else ''}"
         case Taught():
-            return (
-                f"taught {notice.class_name}: {notice.examples} examples, {notice.seconds:.1f} s kept, {notice.words}, "
-                f"would have started {notice.would_have_started} times in the last minutes"
-            )
+            kept = f"examples: {notice.examples}, {notice.seconds:.1f} s kept"
+            starts = f"starts it would have had in the last minutes: {notice.would_have_started}"
+            return f"taught {notice.class_name}: {notice.words}; {kept}; {starts}"
         case _:
             return ""

@@ -11,15 +11,13 @@ import queue
 import socket
 import threading
 import time
-from collections import deque
 from contextlib import suppress
 from dataclasses import replace
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING
 
-from kinespace.stream.recognition import Recognition
 from kinespace.stream.recognizer.matcher import library_of
-from kinespace.stream.service.status import InputCounts
 from kinespace.stream.workers import process as child
+from kinespace.stream.workers.answer_source import AnswerSource
 from kinespace.stream.workers.channel import Channel
 from kinespace.stream.workers.ledger import Ledger
 from kinespace.stream.workers.spread import Spread, questions, together
@@ -32,7 +30,7 @@ if TYPE_CHECKING:
     from kinespace.library.motion_library import MotionLibrary
     from kinespace.library.windows.index import WindowIndex
     from kinespace.stream.frame import Admitted
-    from kinespace.stream.recognition import Event
+    from kinespace.stream.recognition import Event, Recognition
     from kinespace.stream.recognizer import SentJoints, Settings
     from kinespace.stream.workers.wire import SentFrame
 
@@ -88,25 +86,16 @@ class _Process:
             self._process.join()
 
 
-class WorkerSource:
-    """The answers of one worker, whichever process it has at the moment: a source for the service.
-
-    Attributes
-    ----------
-    waited
-        Seconds since the frame of the last answer came.
-    """
-
-    tended = True
+class WorkerSource(AnswerSource):
+    """The answers of one worker, whichever process it has at the moment."""
 
     def __init__(self, crew: Crew, place: int) -> None:
+        super().__init__()
         self._crew, self._place = crew, place
         self.name = f"worker {place + 1}"
-        self.waited = 0.0
         self.process: _Process | None = None
         self.starts = 0
         self.start_at = 0.0
-        self._answers = deque[tuple[Recognition, float]]()
         #: Polled while there is no process: nothing ever comes.
         self._idle = socket.socketpair()
 
@@ -120,29 +109,9 @@ class WorkerSource:
         return self
 
     @property
-    def has_put_aside(self) -> bool:
-        """Whether answers were read and not taken yet."""
-        return bool(self._answers)
-
-    @property
-    def counts(self) -> InputCounts:
-        """Nothing: answers are not what comes in."""
-        return InputCounts()
-
-    @property
     def notes(self) -> list[str]:
         """Notes for a person, a line each."""
         return self._crew.notes if self._place == 0 else []
-
-    def take(self, arrival: float) -> Sequence[Admitted] | None:
-        """Give the next answer as an event, which `Crew.push_all` gives back; None when none has come."""
-        if not self._answers:
-            self.read(arrival)
-        if not self._answers:
-            return None
-        recognition, at = self._answers.popleft()
-        self.waited = max(arrival - at, 0.0)
-        return (cast("Admitted", recognition),)
 
     def read(self, now: float) -> None:
         """Read the answers that have come."""
@@ -152,7 +121,7 @@ class WorkerSource:
                 self._crew.replace(self, now, "ended")
                 return
             for message in messages:
-                self._answers += self._crew.read(self, message, now)
+                self.bring(self._crew.read(self, message, now))
 
     def drain(self) -> list[Recognition]:
         """Give all answers that were read."""
@@ -219,7 +188,7 @@ class Crew(Spread):
         self._start = child.Start(settings, joints.assumed, joints.naming, most, silence)
         self._library = child.packed(library, tuple(classes), 0)
         self._clock = clock
-        self._replaced: list[str] = []
+        self._replaced, self._last_replaced = 0, ""
         self._looked = clock()
         self.sources = [WorkerSource(self, place) for place in range(count)]
         self._by_name = {source.name: source for source in self.sources}
@@ -241,7 +210,7 @@ class Crew(Spread):
         until = self._clock() + MAX_START
         while not all(source.process and source.process.ready for source in self.sources):
             if self._replaced:
-                raise ChildProcessError(f"{self._replaced[0]} before it was ready")
+                raise ChildProcessError(f"{self._last_replaced} before it was ready")
             if self._clock() > until:
                 raise TimeoutError(f"the workers were not ready within {MAX_START:g} s")
             time.sleep(0.01)
@@ -256,8 +225,8 @@ class Crew(Spread):
     @property
     def notes(self) -> list[str]:
         """Notes for a person, a line each: workers that were replaced, frames that were dropped."""
-        replaced = [f"{told}, {len(self._replaced)} replaced so far" for told in self._replaced[-1:]]
-        return [*super().notes, *replaced]
+        replaced = f"workers replaced so far: {self._replaced}; last: {self._last_replaced}"
+        return [*super().notes, *([replaced] if self._replaced else [])]
 
     def _dropped(self) -> int:
         return sum(source.process.channel.dropped for source in self.sources if source.process)
@@ -284,6 +253,9 @@ class Crew(Spread):
     def _replay(self, worker: str, partitions: Sequence[int]) -> None:
         for each in together(self._ledger.recent(partitions)):
             self._tell(worker, FRAMES + encode_frames(each))
+
+    def _stop_former(self, worker: str, partitions: Sequence[int]) -> None:
+        """Do nothing: a worker gets no more frames of these partitions, and what it still answers is not passed on."""
 
     def read(self, source: WorkerSource, message: bytes, now: float) -> list[tuple[Recognition, float]]:
         """Read a worker's message; give its answers that are news."""
@@ -329,7 +301,7 @@ class Crew(Spread):
             return
         process.end(kill=True)
         self._past_dropped += process.channel.dropped
-        self._replaced.append(f"{process.name} {what}")
+        self._replaced, self._last_replaced = self._replaced + 1, f"{process.name} {what}"
         # A worker that ends at its start is not started without pause.
         source.start_at = now if process.ready and now - process.begun > _PAUSE else now + _PAUSE
         self._lose(process.name, self._ready)

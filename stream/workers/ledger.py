@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 
     from kinespace.stream.frame import Announcement, Frame
     from kinespace.stream.recognizer.joints.carried import Carried
+    from kinespace.stream.recognizer.joints.doubts import LongAgo
     from kinespace.stream.workers.wire import Answered
 
 #: Seconds after which the joints are sent again, so that they are among the frames of the last seconds.
@@ -40,6 +41,8 @@ class _Performer:
     answered_at: float = 0.0
     #: The start of the motion that listeners believe to go on.
     going_on: Event | None = None
+    #: What the worker knew of the feed with its last answer.
+    long_ago: LongAgo | None = None
     #: When the joints were last sent.
     told_joints: float = 0.0
     anew: bool = True
@@ -162,6 +165,7 @@ class Ledger:
         if performer is None or not performer.answered < answer.seq <= performer.sent:
             return None
         performer.answered, performer.answered_at = answer.seq, answer.at
+        performer.long_ago = answer.long_ago
         performer.carried = answer.carried or performer.carried
         told: list[Event] = []
         for event in answer.events:
@@ -178,7 +182,7 @@ class Ledger:
     def entries(self, partitions: Collection[int]) -> list[Entry]:
         """Give what a worker must know of some partitions' performers."""
         return [
-            Entry(name, each.answered, each.answered_at - HISTORY, each.going_on, self._joints.get(name))
+            Entry(name, each.answered, each.answered_at - HISTORY, each.going_on, self._joints.get(name), each.long_ago)
             for name, each in self._performers.items()
             if each.partition in partitions
         ]

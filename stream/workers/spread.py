@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import itertools
+from abc import ABC, abstractmethod
 from dataclasses import fields, replace
 from typing import TYPE_CHECKING, cast
 
 import msgspec
 
+from kinespace.library.motion_library import MIN_JOINTS
 from kinespace.library.naming import hdm05
 from kinespace.stream.frame import Announcement, Frame, NewSender
+from kinespace.stream.recognizer.decision import usual_sensitivity
 from kinespace.stream.recognizer.performers import PerformerCounts
 from kinespace.stream.recognizer.recognizer import RecognizerCounts
-from kinespace.stream.recognizer.settings import SENSITIVITY_LEARNED, SENSITIVITY_OWN
 from kinespace.stream.workers.partition import owners
 from kinespace.stream.workers.wire import (
     ASK,
@@ -32,7 +34,6 @@ if TYPE_CHECKING:
 
     from kinespace.library.motion_library import MotionLibrary
     from kinespace.library.skeleton import Skeleton
-    from kinespace.library.windows.index import WindowIndex
     from kinespace.stream.frame import Admitted
     from kinespace.stream.recognition import Event, Recognition
     from kinespace.stream.recognizer import Settings
@@ -42,7 +43,7 @@ if TYPE_CHECKING:
     from kinespace.stream.workers.wire import Answers, Report, SentFrame
 
 
-class Spread:
+class Spread(ABC):
     """Spreads performers over workers; a subclass knows how to reach them.
 
     Parameters
@@ -68,7 +69,7 @@ class Spread:
         self.settings = settings
         self.former = self.unread = self.unsent = 0
         self._skeleton, self._joints, self._ledger = library.skeleton, joints, ledger
-        self._usual_sensitivity = SENSITIVITY_LEARNED if library.learned else SENSITIVITY_OWN
+        self._usual_sensitivity = usual_sensitivity(library)
         #: The lists of classes so far; an answer names the number of its own.
         self._books = [tuple(classes)]
         #: The owner of each partition; empty without workers.
@@ -154,9 +155,9 @@ class Spread:
             self._send(frames)
         return answers
 
+    @abstractmethod
     def _send(self, frames: dict[int, list[SentFrame]]) -> None:
         """Send frames, by partition, to the workers that own the partitions."""
-        raise NotImplementedError
 
     @property
     def sensitivity(self) -> float:
@@ -168,10 +169,6 @@ class Spread:
         self.settings = replace(self.settings, sensitivity=share)
         for worker in set(self._owners):
             self._tell(worker, SENSE + encode_share(share))
-
-    def exchange(self, library: MotionLibrary | WindowIndex, order: Sequence[str] = ()) -> list[Event]:
-        """Compare all performers with another library, where workers can get it."""
-        raise NotImplementedError
 
     def skeleton_of(self, name: str) -> Skeleton | None:
         """Give the joints of a performer's frames, by our names where they are known; None for a stranger."""
@@ -190,17 +187,21 @@ class Spread:
         return self._joints.naming.met(announced, wanted).joints
 
     def ordered(self, frame: Frame) -> Frame | None:
-        """Give a frame in the order of the library's joints; None where it has not all of them."""
+        """Give a frame in the order of the library's joints, as `Performers.ordered`; None where it has too few."""
         wanted, joints = self._skeleton.joints, self._joints_of(frame.performer)
-        if len(frame.positions) != len(joints) or not set(joints) >= set(wanted):
+        if len(frame.positions) != len(joints) or len(set(joints).intersection(wanted)) < MIN_JOINTS:
             return None
         if joints == wanted:
             return frame
-        return replace(frame, positions=frame.positions[self._skeleton.order_from(joints)])
+        return replace(frame, positions=frame.positions[self._skeleton.nearest_from(joints)])
 
     def drop_silent(self, now: float) -> list[Event]:
         """Forget performers that sent nothing for `silence` seconds; give the ends of their motions."""
         return self._ledger.drop_silent(now)
+
+    def end_paused(self, now: float) -> list[Event]:  # noqa: ARG002 - the workers tell it with the next frame
+        """Give no ends."""
+        return []
 
     def take_gone(self) -> list[str]:
         """Give the performers who were dropped since the last call."""
@@ -233,15 +234,17 @@ class Spread:
                     self._cut(question)
         return news
 
+    @abstractmethod
     def _tell(self, worker: str, message: bytes) -> None:
         """Send a message that must arrive."""
-        raise NotImplementedError
 
+    @abstractmethod
     def _replay(self, worker: str, partitions: Sequence[int]) -> None:
-        """Send the last frames of partitions that a worker takes over, where the transport does not keep them."""
+        """Send the last frames of partitions that a worker takes over, if the transport does not keep them."""
 
+    @abstractmethod
     def _stop_former(self, worker: str, partitions: Sequence[int]) -> None:
-        """Let a worker leave partitions to the one that has taken over, where it would not notice."""
+        """Let a worker leave partitions to the one that has taken over, if it would not notice."""
 
     def _assign(self, ready: Collection[str]) -> None:
         """Give each partition to its owner among the workers that are ready; hand over what moves."""

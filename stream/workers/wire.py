@@ -14,6 +14,7 @@ import numpy as np
 from kinespace.stream.frame import MAX_PERFORMER_LENGTH, Announcement
 from kinespace.stream.recognition import Event, Outcome, Progress, Recognition
 from kinespace.stream.recognizer.joints.carried import Carried  # noqa: TC001 - msgspec reads annotations
+from kinespace.stream.recognizer.joints.doubts import LongAgo  # noqa: TC001 - msgspec reads annotations
 from kinespace.stream.recognizer.performers import PerformerCounts  # noqa: TC001 - msgspec reads annotations
 from kinespace.stream.workers.partition import PARTITIONS
 from kinespace.stream.zeromq.frames import MAX_SEQ, VERSION, FormatError, NumberedFrame, numbered
@@ -66,6 +67,8 @@ class Entry(msgspec.Struct, array_like=True, frozen=True):
         The start of the motion that listeners believe to go on.
     joints
         The joints that the sender announced.
+    long_ago
+        What the frames that are to be seen before need not show; None for nothing.
     """
 
     performer: _Name
@@ -73,6 +76,7 @@ class Entry(msgspec.Struct, array_like=True, frozen=True):
     since: float
     going_on: Event | None
     joints: tuple[str, ...] | None
+    long_ago: LongAgo | None = None
 
 
 class Handover(msgspec.Struct, array_like=True, frozen=True):
@@ -103,6 +107,7 @@ class Answered(msgspec.Struct, array_like=True, frozen=True):
     progress: Progress | None
     events: tuple[Event, ...]
     doubted: tuple[str, ...]
+    long_ago: LongAgo | None = None
     carried: Carried | None = None
 
     def recognition(self, classes: tuple[str, ...]) -> Recognition:
@@ -249,8 +254,8 @@ def announcement(entry: Entry) -> Announcement | None:
     return Announcement(entry.performer, entry.joints) if entry.joints else None
 
 
-def answered(recognition: Recognition, seq: int, at: float, book: int, events: tuple[Event, ...]) -> Answered:
-    """Make what is sent of a recognition; its evidence stays behind."""
+def answered(recognition: Recognition, seq: int, at: float, book: int, long_ago: LongAgo | None = None) -> Answered:
+    """Make what is sent of a recognition, and of what is known of the feed; its evidence stays behind."""
     return Answered(
         recognition.performer,
         seq,
@@ -267,8 +272,9 @@ def answered(recognition: Recognition, seq: int, at: float, book: int, events: t
         float(recognition.gap),
         recognition.guess,
         recognition.progress,
-        events,
+        recognition.events,
         recognition.doubted,
+        long_ago,
     )
 
 

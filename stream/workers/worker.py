@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from kinespace.stream.frame import Frame
     from kinespace.stream.recognition import Event, Recognition
     from kinespace.stream.recognizer import Performers
+    from kinespace.stream.recognizer.joints.doubts import LongAgo
     from kinespace.stream.workers.wire import SentFrame
     from kinespace.stream.zeromq.frames import NumberedFrame
 
@@ -56,6 +57,8 @@ class _TakenOver:
         The number of the last frame that the former worker answered; frames that came before `since` are passed over.
     told
         The start of the motion that listeners were told of.
+    long_ago
+        What the former recogniser knew of the feed; None once the new one knows it, too, or for nothing.
     found
         The start of the motion that the new recogniser follows.
     detector
@@ -65,6 +68,7 @@ class _TakenOver:
     answered: int
     since: float
     told: Event | None
+    long_ago: LongAgo | None = None
     found: Event | None = None
     detector: _Resumed | None = None
 
@@ -111,15 +115,18 @@ class Worker:
         for entry in entries:
             self._begin(entry.performer)
             if entry.answered:
-                self._taken_over[entry.performer] = _TakenOver(entry.answered, entry.since, entry.going_on)
+                over = _TakenOver(entry.answered, entry.since, entry.going_on, entry.long_ago)
+                self._taken_over[entry.performer] = over
             if announced := announcement(entry):
                 self.performers.announce(announced, now)
+            if entry.long_ago:
+                self.performers.go_on(entry.performer, entry.long_ago.of_the_body, now)
 
     def unmute(self, entries: Sequence[Entry]) -> None:
         """Answer from now on for performers who were taken over while their former worker went on."""
         for entry in entries:
             if over := self._taken_over.get(entry.performer):
-                over.answered, over.told = entry.answered, entry.going_on
+                over.answered, over.told, over.long_ago = entry.answered, entry.going_on, entry.long_ago
 
     def _begin(self, performer: str) -> None:
         self.performers.push_all([NewSender(performer)], 0.0)
@@ -144,22 +151,32 @@ class Worker:
             if announced:
                 self.performers.announce(announced, now)
             if over and known:
-                self._warm_up(over, frame, now)
+                self._warm_up(over, frame, now, is_last=seq == over.answered)
                 continue
+            if over and over.long_ago:
+                self.performers.go_on(name, over.long_ago, now)
+                over.long_ago = None
             if recognition := self.performers.push(frame, now):
-                events = self._events(over, recognition) if over else recognition.events
-                answer = answered(recognition, seq, sent.at, self.book, events)
-                if name in self._asked:
-                    self._asked.discard(name)
-                    answer = msgspec.structs.replace(answer, carried=self.performers.carried(name))
-                answers.append(answer)
+                answers.append(self._answered(recognition, seq, sent.at))
         return answers
 
-    def _warm_up(self, over: _TakenOver, frame: Frame, now: float) -> None:
+    def _warm_up(self, over: _TakenOver, frame: Frame, now: float, *, is_last: bool) -> None:
+        if is_last:
+            self.performers.answer_next(frame.performer)
         if recognition := self.performers.push(frame, now):
             self._warmed.hops += 1
             over.mute(recognition)
         self._warmed.frames += 1
+
+    def _answered(self, recognition: Recognition, seq: int, at: float) -> Answered:
+        name = recognition.performer
+        answer = answered(recognition, seq, at, self.book, self.performers.long_ago(name))
+        if over := self._taken_over.get(name):
+            answer = msgspec.structs.replace(answer, events=self._events(over, recognition))
+        if name in self._asked:
+            self._asked.discard(name)
+            answer = msgspec.structs.replace(answer, carried=self.performers.carried(name))
+        return answer
 
     def _events(self, over: _TakenOver, recognition: Recognition) -> tuple[Event, ...]:
         if over.agrees:

@@ -78,7 +78,7 @@ class Endpoint(NamedTuple):
         opened.setsockopt(zmq.HANDSHAKE_IVL, _MAX_HANDSHAKE)
         opened.set_hwm(_HIGH_WATER_MARK)
         # A publisher receives subscriptions.
-        opened.setsockopt(zmq.MAXMSGSIZE, MAX_SUBSCRIPTION if kind == zmq.PUB else MAX_MESSAGE)
+        opened.setsockopt(zmq.MAXMSGSIZE, MAX_SUBSCRIPTION if kind in (zmq.PUB, zmq.XPUB) else MAX_MESSAGE)
         opened.setsockopt(zmq.TCP_KEEPALIVE, 1)
         opened.setsockopt(zmq.TCP_KEEPALIVE_IDLE, _ASK_AFTER)
         opened.setsockopt(zmq.TCP_KEEPALIVE_INTVL, _ASK_EVERY)

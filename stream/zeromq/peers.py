@@ -8,6 +8,7 @@ systems nothing is shut down.
 
 from __future__ import annotations
 
+import math
 import os
 import socket
 import struct
@@ -16,6 +17,7 @@ import time
 from collections import Counter
 from contextlib import suppress
 from dataclasses import dataclass, field
+from itertools import islice
 from typing import TYPE_CHECKING, NamedTuple
 
 import zmq
@@ -36,8 +38,13 @@ _FRAMING = 9
 _GREETING = 64
 #: Connections of one host to one socket, at most.
 MAX_PER_HOST = 256
-#: Seconds between two looks at the connections.
-LOOK_EVERY = 0.1
+#: Seconds between two looks at the connections; between two looks while events wait that the last one left.
+LOOK_EVERY, _HURRY = 0.1, 0.01
+#: Events that are read in one look, at most: a stranger who opens connections without end must not hold up the loop.
+_MAX_EVENTS = 64
+#: Of the connections that a host has too many, one in so many is shut down in one look, but so many at least: a
+#: stranger opens them anew as fast as they are shut down, and there are files for 16,384.
+_ONE_IN, _MIN_SHUT = 8, 16
 
 
 class Allowance(NamedTuple):
@@ -73,7 +80,7 @@ class _Peer:
 
 @dataclass(slots=True)
 class Peers:
-    """Watches the connections of a socket; call `look` every `LOOK_EVERY` seconds.
+    """Watches the connections of a socket; call `look` whenever `is_due`.
 
     Attributes
     ----------
@@ -97,6 +104,9 @@ class Peers:
     #: File numbers of connections that were shut down and whose end ZeroMQ has not told yet.
     _ending: set[int] = field(default_factory=set)
     _drained: bool = False
+    #: When the next look is due, and when the connections were examined last, by `time.monotonic`.
+    _next: float = 0.0
+    _examined: float = -math.inf
 
     def __post_init__(self) -> None:
         self._events = self.watched.get_monitor_socket(_WATCHED)
@@ -111,13 +121,30 @@ class Peers:
         """Note that no whole message waits."""
         self._drained = True
 
+    @property
+    def is_due(self) -> bool:
+        """Whether it is time for a look."""
+        return time.monotonic() >= self._next
+
     def look(self) -> list[int]:
-        """Shut down connections that leave too much unread; give the events since the last call, except its own."""
+        """Shut down connections that leave too much unread; give the events since the last call, except its own.
+
+        Events above a bounded number wait for the next look, which is due soon then.
+        """
         if self.watched.closed:
             return []
         self.begun = []
-        told = [event for event, connection in self._happened() if self._note(event, connection)]
+        happened = list(islice(self._happened(), _MAX_EVENTS))
+        told = [event for event, connection in happened if self._note(event, connection)]
         now = time.monotonic()
+        more_wait = len(happened) == _MAX_EVENTS
+        self._next = now + (min(_HURRY, LOOK_EVERY) if more_wait else LOOK_EVERY)
+        if not more_wait or now - self._examined >= LOOK_EVERY:
+            self._examined = now
+            self._examine(now)
+        return told
+
+    def _examine(self, now: float) -> None:
         for connection, peer in [*self._peers.items()]:
             received = _received(connection)
             if received is None:
@@ -129,11 +156,12 @@ class Peers:
         self._drained = False
         self._shut_greedy(now)
         self._shut_many()
-        return told
 
     def _happened(self) -> Iterator[tuple[int, int]]:
-        while self._events.poll(0):
-            yield _EVENT.unpack_from(self._events.recv_multipart()[0])
+        with suppress(zmq.Again):
+            while True:
+                told, _address = self._events.recv_multipart(zmq.NOBLOCK)
+                yield _EVENT.unpack_from(told)
 
     def _note(self, event: int, connection: int) -> bool:
         """Note an event; say whether it is news to others."""
@@ -165,8 +193,9 @@ class Peers:
             if count > MAX_PER_HOST:
                 of_host = [each for each, peer in self._peers.items() if peer.host == host]
                 silent = [each for each in of_host if self._peers[each].received < _GREETING]
-                others = [each for each in reversed(of_host) if each not in silent]
-                for connection in (*silent, *others)[: count - MAX_PER_HOST]:
+                others = [each for each in reversed(of_host) if self._peers[each].received >= _GREETING]
+                excess = count - MAX_PER_HOST
+                for connection in (*silent, *others)[: min(excess, max(excess // _ONE_IN, _MIN_SHUT))]:
                     self._shut(connection)
 
     def _shut(self, connection: int) -> None:
@@ -199,7 +228,10 @@ def _received(connection: int) -> int | None:
     """Give the bytes that came in on a connection; None where that is not known, or it has ended."""
     if not _TELLS:
         return None
-    opened = socket.socket(socket.AF_INET, socket.SOCK_STREAM, socket.IPPROTO_TCP, fileno=connection)
+    try:
+        opened = socket.socket(socket.AF_INET, socket.SOCK_STREAM, socket.IPPROTO_TCP, fileno=connection)
+    except OSError:
+        return None
     try:
         told = opened.getsockopt(socket.IPPROTO_TCP, socket.TCP_INFO, _RECEIVED_AT + _RECEIVED.size)
     except OSError:

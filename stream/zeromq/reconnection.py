@@ -58,7 +58,7 @@ class Connections:
         return self._broken + self.peers.shut
 
     def look(self) -> None:
-        """Note the changes of connections; call it every `LOOK_EVERY` seconds."""
+        """Note the changes of connections; call it whenever `peers.is_due`."""
         now = time.monotonic()
         if now >= self._looked + _A_WHILE:
             self._looked, self._gone_before, self._gone = now, self._gone, 0

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import os
 import socket
-import time
 from contextlib import suppress
 from typing import TYPE_CHECKING
 
 import zmq
 
 from kinespace.stream.inputs.receiver import KEYED
-from kinespace.stream.zeromq.peers import LOOK_EVERY, SUBSCRIBED, Peers
+from kinespace.stream.zeromq.peers import SUBSCRIBED, Peers
 from kinespace.stream.zeromq.reconnection import Connections
 
 if TYPE_CHECKING:
@@ -63,7 +62,6 @@ class ZmqReceiver:
         self._connections = Connections(self.socket, endpoint)
         #: The connection of a message whose further parts are dropped.
         self._passing: int | None = None
-        self._looks = 0.0
         self._keyring = keyring
         self.sender: Sender = None
         #: Senders by connection. They stay when a connection ends, because messages of it may still wait, and until its
@@ -112,9 +110,7 @@ class ZmqReceiver:
         return parts
 
     def _look_if_due(self) -> None:
-        now = time.monotonic()
-        if now >= self._looks:
-            self._looks = now + LOOK_EVERY
+        if self._connections.peers.is_due:
             self._connections.look()
             for connection in self._connections.peers.begun:
                 self._senders.pop(connection, None)
@@ -173,13 +169,24 @@ class ZmqSender:
         Keys that the other end must know; None for none.
     networks
         Where bound, networks whose listeners are let in; empty for all.
+    asks
+        Count the messages to which nobody subscribes. For trusted listeners: their topics are kept.
+
+    Attributes
+    ----------
+    failed
+        Messages that ZeroMQ did not take.
+    unheard
+        Messages to which nobody subscribed when they were sent, where it `asks`.
     """
 
-    def __init__(self, endpoint: Endpoint, keyring: Keyring | None = None, networks: Networks = ()) -> None:
-        self.socket = endpoint.open(zmq.PUB, networks, keyring)
+    def __init__(
+        self, endpoint: Endpoint, keyring: Keyring | None = None, networks: Networks = (), *, asks: bool = False
+    ) -> None:
+        self.socket = endpoint.open(zmq.XPUB if asks else zmq.PUB, networks, keyring)
         self._peers = Peers(self.socket, SUBSCRIBED)
-        self._looks = 0.0
-        self.failed = 0
+        self.failed = self.unheard = 0
+        self._asks, self._topics = asks, set[bytes]()
 
     def __str__(self) -> str:
         return f"ZeroMQ {self.address}"
@@ -198,11 +205,19 @@ class ZmqSender:
             self.socket.send(last, _NOW)
         except zmq.ZMQError:
             self.failed += 1
+        if self._asks:
+            self._ask(parts[0])
+
+    def _ask(self, topic: bytes) -> None:
+        """Note who subscribes to what by now, and whether anybody subscribes to a topic."""
+        with suppress(zmq.Again):
+            while told := self.socket.recv(_NOW):
+                (self._topics.add if told[0] else self._topics.discard)(told[1:])
+        self.unheard += not any(topic.startswith(each) for each in self._topics)
 
     def watch(self) -> None:
         """End connections that subscribe to too much; call it some ten times a second."""
-        if time.monotonic() >= self._looks:
-            self._looks = time.monotonic() + LOOK_EVERY
+        if self._peers.is_due:
             self._peers.look()
 
     @property

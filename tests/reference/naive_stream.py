@@ -50,14 +50,11 @@ class NaiveWindow:
     ticks: int
     most: int
     rows: list[tuple[int, float]] = field(default_factory=list)
-    since: int | None = None
     entered: list[tuple[int, float]] = field(default_factory=list)
     left: list[tuple[int, float]] = field(default_factory=list)
 
     def push(self, time: int, mark: float) -> None:
         """Take in a row that holds one mark, and drop rows that are too old or too many."""
-        if self.since is None:
-            self.since = time
         self.rows.append((time, mark))
         self.entered.append((time, mark))
         while time >= self.rows[0][0] + self.ticks or len(self.rows) > self.most:
@@ -77,12 +74,7 @@ class NaiveWindow:
 
     def clear(self) -> None:
         """Forget everything."""
-        self.rows, self.since, self.entered, self.left = [], None, [], []
-
-    @property
-    def full(self) -> bool:
-        """Whether rows have come for the window's whole length since it was last empty."""
-        return self.since is not None and self.rows[-1][0] - self.since >= self.ticks
+        self.rows, self.entered, self.left = [], [], []
 
 
 # --- a trembling sensor ------------------------------------------------------------------------------------------

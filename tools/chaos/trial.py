@@ -11,7 +11,7 @@ import sys
 import tempfile
 import time
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -85,6 +85,8 @@ class Trial:
         Options of `kinespace live`; `{folder}` is a folder for files, `{number}` counts them.
     first
         Whether the attack begins before the performer.
+    lasts
+        How many times as long as other attacks it lasts.
     """
 
     name: str
@@ -95,6 +97,7 @@ class Trial:
     over: str = "osc"
     options: Sequence[str] = ()
     first: bool = False
+    lasts: float = 1.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -210,6 +213,7 @@ def tried(trial: Trial, effort: Effort, positions: NDArray[np.float32], joints: 
     joints
         Their names.
     """
+    effort = replace(effort, during=trial.lasts * effort.during)
     frames = np.resize(positions, (round(effort.whole * FRAME_RATE), *positions.shape[1:]))
     end = effort.before + effort.during
     befalls = (effort.before, end, trial.fault) if trial.fault else None

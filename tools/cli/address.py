@@ -1,8 +1,14 @@
-"""Addresses as the user types them."""
+"""Addresses as the user types them, and what to say when one cannot be opened."""
 
 from __future__ import annotations
 
+import errno
 import re
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
 
 
 def host_and_port(text: str) -> tuple[str, int]:
@@ -17,3 +23,41 @@ def host_and_port(text: str) -> tuple[str, int]:
     if not re.fullmatch("[0-9]{1,5}", port) or int(port) > 65535:
         raise ValueError(f"address: expected HOST:PORT, the port from 0 to 65535, got {text!r}")
     return host.strip("[]") or "127.0.0.1", int(port)
+
+
+@contextmanager
+def opening(option: str) -> Iterator[None]:
+    """Say of an address that cannot be opened which option gives it, why it cannot, and what to do.
+
+    Parameters
+    ----------
+    option
+        As typed, like `--osc-in`. The errors inside name the address: `HOST:PORT: what the system says`.
+
+    Raises
+    ------
+    OSError
+        Anything inside raised it.
+    """
+    try:
+        yield
+    except OSError as error:
+        place = re.split(r": |$", error.strerror or str(error), maxsplit=1)[0]
+        if advice := _advice(error.errno, place):
+            raise OSError(f"{option} {place}: {advice}") from error
+        raise
+
+
+def _advice(number: int | None, place: str) -> str:
+    """Say in words why an address cannot be opened; empty for other errors."""
+    host, port = re.sub("^.*://", "", place).rpartition(":")[::2]
+    if number == errno.EADDRINUSE:
+        return (
+            "another program has this port, perhaps another kinespace live or listen (`ss -lntup`, on Windows "
+            "`netstat -ano`, lists who has which): end it, or give another port"
+        )
+    if number in (errno.EADDRNOTAVAIL, errno.ENODEV):
+        return f"this machine does not have the address {host}; 0.0.0.0:{port} listens on all that it has"
+    if number == errno.EACCES:
+        return "the system does not allow this port; those from 1024 on are free to all"
+    return ""

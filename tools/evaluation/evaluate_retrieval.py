@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from rich.table import Table
 
-from kinespace.library import Clip, MotionLibrary
-from kinespace.tools.cli.arguments import add_clips, reading_of
+from kinespace.library import Clip
+from kinespace.tools.cli.arguments import add_clips, add_library, library_at, reading_of
 from kinespace.tools.evaluation.retrieval.experiment import (
     SPLIT_LIBRARY_ACTORS,
     Labels,
@@ -87,6 +87,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "is, in the spaces of joint distances, joint positions and joint rotations."
     )
     add_clips(parser, "the built-in library's motions, which have no rotations")
+    add_library(parser)
     parser.add_argument("--space", choices=("distances", "positions", "rotations"), help="default: all")
     parser.add_argument("--signature", choices=("eigenvector", "spread"), help="default: both, for distances")
     parser.add_argument("--protocol", choices=("leave-one-out", "actor-held-out", "split"), help="default: all")
@@ -116,6 +117,7 @@ def run(options: argparse.Namespace) -> int:
     """Run the program with these options; return the exit status."""
     return evaluate(
         options.folder,
+        library=options.library,
         reading=reading_of(options),
         space=options.space,
         signature=options.signature,
@@ -130,6 +132,7 @@ def run(options: argparse.Namespace) -> int:
 def evaluate(
     places: Sequence[Path],
     *,
+    library: Path | None = None,
     reading: Reading,
     space: str | None,
     signature: str | None,
@@ -144,9 +147,11 @@ def evaluate(
     Parameters
     ----------
     places
-        Recordings, or folders of them; the built-in library's motions when there are none.
-    How to read them.
-        How they are read.
+        Recordings, or folders of them; a library's motions when there are none.
+    library
+        The library, without places; None for the built-in one.
+    reading
+        How recordings are read.
     space, signature, protocol
         One of each, or None for all that the motions have.
     skeletons
@@ -165,7 +170,12 @@ def evaluate(
         raise ValueError(f"--signature spread: expected --space distances with it, got {space}")
     if picture:
         _require_place_for_confusions(picture)
-    clips = _clips(places, reading, turned_by)
+    if library and places:
+        raise ValueError(f"--library: expected no recordings beside it, got {places[0]}")
+    clips = _recorded(places, reading) if places else list(library_at(library).motions)
+    if turned_by is not None:
+        generator = np.random.default_rng(turned_by)
+        clips = [turned(clip, generator) for clip in clips]
     protocols = [Protocol(protocol)] if protocol else _protocols(clips)
     _require_actors(clips, protocols)
     if skeletons:
@@ -209,14 +219,6 @@ def _run_by_skeleton(
             table.add_row(name, f"{len(fewer[0].skeleton.joints)}", way.signature, *shares)
     console.print(table)
     return 0
-
-
-def _clips(places: Sequence[Path], reading: Reading, turned_by: int | None) -> list[Clip]:
-    clips = _recorded(places, reading) if places else list(MotionLibrary.builtin().motions)
-    if turned_by is None:
-        return clips
-    generator = np.random.default_rng(turned_by)
-    return [turned(clip, generator) for clip in clips]
 
 
 def _recorded(places: Sequence[Path], reading: Reading) -> list[Clip]:

@@ -10,13 +10,12 @@ from typing import TYPE_CHECKING
 
 from kinespace.library import NOTHING, find_recordings
 from kinespace.library.naming import hdm05
-from kinespace.library.recordings import labelled, performed
+from kinespace.library.recordings import labelled, performed, segments_beside
 from kinespace.library.recordings.formats import utkinect
 from kinespace.library.recordings.formats.labels import (
     LabelError,
     Segment,
     cut,
-    labels_beside,
     oddities,
     read_labels,
     renamed,
@@ -172,17 +171,16 @@ def _labelled(sources: Sources) -> Iterator[_Entry]:
     if sources.labels and len(sources.labels) != len(paths):
         raise ValueError(f"--labels: expected one for each of {len(paths)} takes, got {len(sources.labels)}")
     for index, path in enumerate(paths):
-        labels = sources.labels[index] if sources.labels else labels_beside(path) or path.with_suffix(".csv")
+        segments = read_labels(sources.labels[index]) if sources.labels else segments_beside(path)
         named = hdm05.read_clip_name(path)
-        if labels.is_file():
-            yield _Entry(path, read_labels(labels))
-        elif utkinect.is_take(path):
-            yield _Entry(path, utkinect.read_segments(path))
+        if segments:
+            yield _Entry(path, segments)
         elif not sources.labels and (sources.clips or (named and named.class_name)):
             yield _Entry(path, None)
         else:
             raise FileNotFoundError(
-                f"{labels}: no labels for {path.name}; --labels says where they are, --clips that it is one motion"
+                f"{path.with_suffix('.csv')}: no labels for {path.name}; --labels says where they are, --clips that it "
+                "is one motion"
             )
 
 

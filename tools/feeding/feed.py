@@ -178,12 +178,24 @@ def with_reordering(cues: Iterable[Cue], share: float, generator: np.random.Gene
         yield held
 
 
+def told_of_nobody(place: str, unheard: int) -> str:
+    """Say that packets for a place reached no program."""
+    return (
+        f"nobody listens at {place}: {unheard} packets reached no program; start kinespace live first, or say where it "
+        "listens"
+    )
+
+
 class FrameSender(Protocol):
     """Sends a fake feed's frames."""
 
     @property
     def failed(self) -> int:
         """Packets that the system would not send."""
+
+    @property
+    def unheard(self) -> int:
+        """Packets that are known to have reached nobody, where the sender asks."""
 
     def announce(self, announcement: Announcement) -> None:
         """Send the names of the joints."""
@@ -199,15 +211,20 @@ class FrameSender(Protocol):
 
 
 class OscFrameSender:
-    """Sends frames as OSC datagrams."""
+    """Sends frames as OSC datagrams; `asks` as `stream.osc.OscSender`."""
 
-    def __init__(self, host: str, port: int) -> None:
-        self._sender = osc.OscSender(host, port)
+    def __init__(self, host: str, port: int, *, asks: bool = False) -> None:
+        self._sender = osc.OscSender(host, port, asks=asks)
 
     @property
     def failed(self) -> int:
         """Datagrams that the system would not send."""
         return self._sender.failed
+
+    @property
+    def unheard(self) -> int:
+        """Datagrams known to have reached no program."""
+        return self._sender.unheard
 
     def announce(self, announcement: Announcement) -> None:
         """Send `/motion/skeleton`."""
@@ -227,16 +244,24 @@ class OscFrameSender:
 
 
 class ZmqFrameSender:
-    """Publishes frames as ZeroMQ messages, the joint names with the first frame after each announcement."""
+    """Publishes frames as ZeroMQ messages, the joint names with the first frame after each announcement.
 
-    def __init__(self, endpoint: Endpoint, keyring: Keyring | None = None) -> None:
-        self._sender = zeromq.ZmqSender(endpoint, keyring)
+    It `asks` as `stream.zeromq.ZmqSender`.
+    """
+
+    def __init__(self, endpoint: Endpoint, keyring: Keyring | None = None, *, asks: bool = False) -> None:
+        self._sender = zeromq.ZmqSender(endpoint, keyring, asks=asks)
         self._announced: Sequence[str] | None = None
 
     @property
     def failed(self) -> int:
         """Messages that ZeroMQ would not send."""
         return self._sender.failed
+
+    @property
+    def unheard(self) -> int:
+        """Messages to which nobody subscribed."""
+        return self._sender.unheard
 
     def greet(self) -> None:
         """Send an empty message, to find out whether it arrives."""

@@ -12,7 +12,7 @@ from kinespace.stream import osc, zeromq
 from kinespace.stream.inputs.recording.kinerec import RawFile
 from kinespace.stream.zeromq import Endpoint, Keyring
 from kinespace.tools.cli.address import host_and_port
-from kinespace.tools.feeding.feed import Pace
+from kinespace.tools.feeding.feed import Pace, told_of_nobody
 from kinespace.tools.terminal.console import console, progress
 
 if TYPE_CHECKING:
@@ -82,7 +82,9 @@ def replay(
                     break
                 start = last
         failed = sum(sender.failed for sender in senders.values())
-    told = {"sent": counts["sent"], "left_out": counts["left out"], "failed": failed}
+        unheard = {str(sender): sender.unheard for sender in senders.values()}
+    every = sum(unheard.values())
+    told = {"sent": counts["sent"], "left_out": counts["left out"], "failed": failed, "unheard": every}
     if as_json:
         print(json.dumps({**told, "lost_from": recording.lost_from}))
     else:
@@ -91,9 +93,12 @@ def replay(
             "address for their kind",
             soft_wrap=True,
         )
+        for place, count in unheard.items():
+            if count:
+                console.print(told_of_nobody(place, count), soft_wrap=True)
         if recording.damage():
             console.print(recording.damage(), soft_wrap=True)
-    return 0
+    return 1 if every and every >= counts["sent"] else 0
 
 
 def _nothing_to_send(recording: RawFile) -> str:
@@ -128,11 +133,11 @@ def open_senders(
     kinds = [_kind(recording, source) for source in range(len(recording.header.sources))]
     senders: Senders = {}
     if osc_to and "osc" in kinds:
-        senders["osc"] = osc.OscSender(*host_and_port(osc_to))
+        senders["osc"] = osc.OscSender(*host_and_port(osc_to), asks=True)
         opened.callback(senders["osc"].close)
     if zmq_to and "zmq" in kinds:
         keyring = opened.enter_context(Keyring(keys)) if keys else None
-        senders["zmq"] = zeromq.ZmqSender(Endpoint.parse(zmq_to, bind=False), keyring)
+        senders["zmq"] = zeromq.ZmqSender(Endpoint.parse(zmq_to, bind=False), keyring, asks=True)
         opened.callback(senders["zmq"].close)
         time.sleep(_MEETING)
     if not senders:

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from kinespace.stream.outputs import Sink
     from kinespace.stream.outputs.body_sink import Followed
     from kinespace.stream.zeromq import Keyring
-    from kinespace.tools.teaching.desk import Desk
+    from kinespace.tools.teaching.commanded import Commanded
 
 _HERE = Endpoint("tcp://127.0.0.1:*", bind=True)
 
@@ -36,7 +36,7 @@ NO_ENDS = Ends()
 def ends_for_page(
     address: str,
     performers: Followed,
-    desk: Desk | None = None,
+    desk: Commanded | None = None,
     *,
     keyring: Keyring | None = None,
     keys: Path | None = None,

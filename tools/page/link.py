@@ -29,6 +29,7 @@ class _Reply(msgspec.Struct):
     taught: dict[str, int] = {}
     off: list[str] = []
     sensitivity: float | None = None
+    teaches: bool = False
     recording: str = ""
     records: bool = False
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Self
 
 from kinespace.stream.zeromq import Endpoint, Keyring
-from kinespace.tools.cli.address import host_and_port
+from kinespace.tools.cli.address import host_and_port, opening
 from kinespace.tools.page.link import ControlDoor, Subscription
 from kinespace.tools.page.player import Player, Stage
 from kinespace.tools.page.requests import Gate
@@ -85,10 +85,11 @@ def serve_page(plan: PagePlan, started: Callable[[str], None], wants_end: Callab
     server = PageServer(subscription, door, Gate.for_host(host), Player(stage) if stage else None)
     try:
         # Windows' own loop cannot wait for ZeroMQ.
-        with asyncio.Runner(loop_factory=asyncio.SelectorEventLoop) as runner:
-            runner.run(server.run(host, port, started, wants_end))
-    except OSError as error:
-        raise OSError(error.errno, f"{plan.address}: {error.strerror}") from error
+        with opening("page"), asyncio.Runner(loop_factory=asyncio.SelectorEventLoop) as runner:
+            try:
+                runner.run(server.run(host, port, started, wants_end))
+            except OSError as error:
+                raise OSError(error.errno, f"{plan.address}: {error.strerror}") from error
     finally:
         subscription.close()
         if door:

@@ -18,15 +18,17 @@ if TYPE_CHECKING:
     from kinespace.library import MotionLibrary
     from kinespace.library.windows.index import WindowIndex
     from kinespace.stream.recognizer import SentJoints, Settings
-    from kinespace.stream.service.recognising import Teachable
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the program's options."""
-    live.add_arguments(parser)
+    live.add_shared_arguments(parser)
+    # Nobody teaches here: a library that `live` was taught is given by --library.
+    parser.set_defaults(teach=None, control=[], workers=0)
     parser.description = (
         "Receives and answers as kinespace live does, with the same options; kinespace work recognises, on any number "
-        f"of machines. Unless told otherwise workers reach the gateway on {LISTEN}."
+        "of machines. Teach with kinespace live, then give --library. Unless told otherwise workers reach the gateway "
+        f"on {LISTEN}."
     )
     add_bus(parser)
     parser.add_argument("--zenoh-out", action="store_true", help="publish the answers in JSON on Zenoh, too")
@@ -47,8 +49,6 @@ def add_bus(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Run the program with these options; return the exit status."""
-    if options.teach or options.control or options.workers:
-        raise ValueError("gateway: expected no --teach, --control or --workers; teach with live, then give --library")
     if Path(options.naming).suffix:
         raise ValueError(f"--names: expected a convention by its name, which workers know, too, got {options.naming}")
 
@@ -59,7 +59,7 @@ def run(options: argparse.Namespace) -> int:
         most: int,
         joints: SentJoints,
         classes: Sequence[str] = (),  # noqa: ARG001 - a library's own, because nobody teaches
-    ) -> Teachable:
+    ) -> Gateway:
         listen = options.listen or ([] if options.connect or options.zenoh else [LISTEN])
         session = open_session(listen, options.connect, options.zenoh)
         gateway = Gateway(session, library, settings, most=most, joints=joints, naming=options.naming)  # type: ignore[arg-type]  # not opened

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import errno
 import json
 import shlex
 import time
@@ -20,7 +19,7 @@ from kinespace.stream.feeds.detection import MAX_KINDS, OURS, Guess, Survey
 from kinespace.stream.feeds.handshake import NEVER, farewells, is_due, questions
 from kinespace.stream.osc import SKELETON, OscReceiver
 from kinespace.stream.osc.udp import LookedUp
-from kinespace.tools.cli.address import host_and_port
+from kinespace.tools.cli.address import host_and_port, opening
 from kinespace.tools.cli.arguments import OSC_IN, add_json, add_sender, positive
 from kinespace.tools.programs.feeds import preset_named
 from kinespace.tools.terminal.console import console, printable
@@ -74,14 +73,8 @@ def listen(address: str | None, *, feed: str | None, sender: str, seconds: float
     """Listen for some seconds and report: 0 when the feed can be recognised, 1 when not."""
     preset = preset_named(feed) if feed else None
     host, port = host_and_port(address) if address else ("127.0.0.1", preset.port if preset else 0)
-    try:
+    with opening("listen"):
         receiver = OscReceiver(host, port)
-    except OSError as error:
-        if error.errno == errno.EADDRINUSE:
-            raise OSError(
-                f"{host}:{port}: another program listens there, perhaps kinespace live: end it first"
-            ) from error
-        raise
     try:
         if not as_json:
             host, port = receiver.address

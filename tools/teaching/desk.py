@@ -26,6 +26,7 @@ from kinespace.stream.recognition import EventKind
 from kinespace.stream.recognizer import Recognizer, Settings
 from kinespace.stream.teaching import Changed, State, Step, Teacher, commands
 from kinespace.stream.teaching.notices import Running, Saving, Sensed
+from kinespace.tools.teaching.commanded import describe_recording, recorded
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -37,6 +38,7 @@ if TYPE_CHECKING:
     from kinespace.stream.outputs.sink import Sink
     from kinespace.stream.recognition import Event, Recognition
     from kinespace.stream.recognizer.joints.carried import Carried
+    from kinespace.stream.recognizer.joints.fewer_joints import Restricter
     from kinespace.stream.recognizer.performers import PerformerCounts
     from kinespace.stream.service.recognising import Teachable
     from kinespace.stream.teaching import Command, Notice
@@ -57,6 +59,13 @@ class _Job:
     roster: Roster
     number: int = 0
     before: Remembered | None = None
+    #: Whether somebody asked for the file, and waits to be told that it is written.
+    tells: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class _Saved:
+    told: str
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -120,10 +129,8 @@ class Desk:
         #: Whether performers are answered: not without a library, and not while answers are switched off.
         self._something = bool(windows.base_classes or teacher.roster.examples)
         self._running = True
-        #: Performers who are recognised by fewer joints than the library's, and so cannot be taught.
-        self._other_joints: set[str] = set()
         self._jobs: queue.SimpleQueue[_Job | None] = queue.SimpleQueue()
-        self._results: queue.SimpleQueue[_Opened | _Found | _Failed] = queue.SimpleQueue()
+        self._results: queue.SimpleQueue[_Opened | _Found | _Failed | _Saved] = queue.SimpleQueue()
         self._asked: queue.SimpleQueue[Command] = queue.SimpleQueue()
         self._ending = threading.Event()
         self._worker = threading.Thread(target=self._work, name="kinespace teaching", daemon=True)
@@ -190,8 +197,6 @@ class Desk:
                 continue
             if (frame := self._performers.ordered(event)) is not None:
                 self._deal_with(self._teacher.push(frame, arrival))
-            elif event.performer in self._performers.names:
-                self._other_joints.add(event.performer)
         if not (self._running and self._something):
             return [None] * len(answers)
         return answers
@@ -199,6 +204,11 @@ class Desk:
     def drop_silent(self, now: float) -> list[Event]:
         """Forget silent performers."""
         ended = self._performers.drop_silent(now)
+        return ended if self._something else []
+
+    def end_paused(self, now: float) -> list[Event]:
+        """Give the ends of the motions of performers who send nothing for now."""
+        ended = self._performers.end_paused(now)
         return ended if self._something else []
 
     def end(self) -> list[Event]:
@@ -209,28 +219,18 @@ class Desk:
     def command(self, command: Command) -> list[Notice]:
         """Carry out a command; give its notices."""
         if isinstance(command, commands.Record):
-            notices: list[Notice] = [self._record(on=command.on)]
+            notices: list[Notice] = [recorded(self.recording, on=command.on)]
         else:
             notices = self._teacher.command(command, self._clock())
-        self._other_joints &= {*self._performers.names}
         notices = [self._explained(notice) for notice in notices]
         self._deal_with(notices)
         return [notice for notice in notices if isinstance(notice, State)]
 
-    def _record(self, *, on: bool) -> State:
-        """Begin or end a recording."""
-        if self.recording is None:
-            return State("", Step.REFUSED, 0.0, "there is no folder for recordings: start live with --recordings DIR")
-        try:
-            name = self.recording.start() if on else self.recording.stop()
-        except OSError as error:
-            return State("", Step.REFUSED, 0.0, f"cannot record: {error.strerror}")
-        return State("", Step.DONE, 0.0, f"recording {name}" if on else f"recorded {name}" if name else "not recording")
-
     def _explained(self, notice: Notice) -> Notice:
-        """Explain to a performer why too few joints prevent teaching."""
-        if isinstance(notice, State) and notice.step is Step.REFUSED and notice.performer in self._other_joints:
-            return replace(notice, reason="not all of the library's joints are there: teach with --library none")
+        """Explain to a performer why frames that cannot be used prevent teaching."""
+        refused = self._performers.refused.get(notice.performer) if isinstance(notice, State) else None
+        if refused and isinstance(notice, State) and notice.step is Step.REFUSED:
+            return replace(notice, reason=refused)
         return notice
 
     def described(self) -> dict[str, object]:
@@ -241,8 +241,8 @@ class Desk:
             "taught": {name: len(roster.of(name)) for name in roster.classes},
             "off": sorted(roster.disabled),
             "sensitivity": self._performers.sensitivity,
-            "records": self.recording is not None,
-            "recording": self.recording.name if self.recording else "",
+            "teaches": True,
+            **describe_recording(self.recording),
         }
 
     def ask(self, command: Command) -> None:
@@ -278,7 +278,7 @@ class Desk:
                 case Changed(roster, number):
                     self._jobs.put(_Job(roster, number, self._teacher.recent(number) if number else None))
                 case Saving():
-                    self._jobs.put(_Job(self._teacher.roster))
+                    self._jobs.put(_Job(self._teacher.roster, tells=True))
                 case Running(on):
                     self._running = on
                 case Sensed(share):
@@ -287,8 +287,10 @@ class Desk:
                     for sink in self.sinks:
                         sink.publish_notice(notice)
 
-    def _take(self, result: _Opened | _Found | _Failed) -> None:
+    def _take(self, result: _Opened | _Found | _Failed | _Saved) -> None:
         match result:
+            case _Saved(told):
+                self._deal_with([State("", Step.DONE, 0.0, told)])
             case _Opened(job, index):
                 self._exchange(job.roster, index)
             case _Found(number, check, starts):
@@ -321,21 +323,24 @@ class Desk:
                 continue
             self._results.put(_Opened(job, index))
             unsaved = job.roster
-            if self._jobs.empty():
-                self._save(unsaved)
+            if job.tells or self._jobs.empty():
+                self._save(unsaved, tells=job.tells)
                 unsaved = None
             if job.number and index is not None:
                 self._results.put(_Found(job.number, checked(index, job.number), self._starts(job, index)))
         if unsaved is not None:
             self._save(unsaved)
 
-    def _save(self, roster: Roster) -> None:
+    def _save(self, roster: Roster, *, tells: bool = False) -> None:
         try:
             library = roster.library()
             if library is None:
                 self._file.unlink(missing_ok=True)
             else:
                 library.save(self._file)
+            if tells:
+                count = len(roster.examples)
+                self._results.put(_Saved(f"{self._file.name} saved, examples: {count}" if count else "nothing to save"))
         except (OSError, ValueError) as error:
             told = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
             self._results.put(
@@ -424,7 +429,7 @@ class Start:
         return opened(builtin.restricted_to(joints))
 
 
-def open_desk(start: Start, performers: Callable[[WindowIndex, Sequence[str]], Teachable]) -> Desk:
+def open_desk(start: Start, performers: Callable[[WindowIndex, Sequence[str], Restricter], Teachable]) -> Desk:
     """Open the taught library and make the desk.
 
     Parameters
@@ -432,7 +437,8 @@ def open_desk(start: Start, performers: Callable[[WindowIndex, Sequence[str]], T
     start
         The beginning of teaching.
     performers
-        Makes the recognisers from an opened library and the order of its classes.
+        Makes the recognisers from an opened library, the order of its classes, and what restricts taught libraries to
+        a body's joints, at once, for one thread at a time.
 
     Raises
     ------
@@ -455,7 +461,7 @@ def open_desk(start: Start, performers: Callable[[WindowIndex, Sequence[str]], T
     index = windows.index_of(roster) or base or WindowIndex.of(_any_motion(start.joints))
     teacher = Teacher(index.library.skeleton, roster, windows.base_classes)
     order = ClassPlaces(windows.base_classes).of(roster)
-    return Desk(performers(index, order or index.classes), teacher, windows, file)
+    return Desk(performers(index, order or index.classes, windows.of_fewer), teacher, windows, file)
 
 
 def _any_motion(joints: Sequence[str]) -> MotionLibrary:

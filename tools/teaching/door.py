@@ -14,7 +14,7 @@ from kinespace.stream.inputs.receiver import KEYED, datagram_of
 from kinespace.stream.service.status import InputCounts
 from kinespace.stream.teaching import wire
 from kinespace.stream.teaching.commands import CommandError
-from kinespace.stream.zeromq.peers import LOOK_EVERY, UNREAD, Peers
+from kinespace.stream.zeromq.peers import UNREAD, Peers
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from kinespace.stream.osc.udp import OscReceiver
     from kinespace.stream.teaching import Command, Notice
     from kinespace.stream.zeromq import Endpoint, Keyring
+    from kinespace.tools.teaching.commanded import Commanded
     from kinespace.tools.teaching.desk import Desk
 
 #: The port on which Wekinator listens.
@@ -181,9 +182,9 @@ class RequestDoor:
     #: A command is carried out when it comes; how long it waited does not matter.
     waited = 0.0
 
-    def __init__(self, endpoint: Endpoint, desk: Desk, allowed: Allowed, keyring: Keyring | None = None) -> None:
+    def __init__(self, endpoint: Endpoint, desk: Commanded, allowed: Allowed, keyring: Keyring | None = None) -> None:
         self._socket = endpoint.open(zmq.REP, keyring=keyring)
-        self._peers, self._looks = Peers(self._socket, UNREAD), 0.0
+        self._peers = Peers(self._socket, UNREAD)
         self._desk, self._allowed, self._keyed = desk, allowed, keyring is not None
         self._counts = InputCounts()
 
@@ -237,8 +238,7 @@ class RequestDoor:
     def tend(self, now: float) -> Sequence[Admitted]:
         """Do the work that is due by the clock."""
         self._desk.tend(now)
-        if now >= self._looks:
-            self._looks = now + LOOK_EVERY
+        if self._peers.is_due:
             self._peers.look()
         return ()
 

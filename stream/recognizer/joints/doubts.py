@@ -10,7 +10,7 @@ jumping, or most of its joints cannot be believed, no class is named.
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -45,6 +45,33 @@ _MIN_LEFT = 0.5
 _ELSEWHERE = 0.05
 #: Seconds between two sets of joints that are opened, so that a body that falls apart does not open one at every step.
 _ASKED_AGAIN = 0.5
+
+
+class LongAgo(NamedTuple):
+    """What a recogniser knows of its feed that the last seconds of the feed need not show.
+
+    Attributes
+    ----------
+    mirrored, factor
+        Whether left and right are exchanged, and the factor on the unit that puts it right.
+    last_jump, jumping_until
+        When the whole body last jumped, and until when no class is named therefore, seconds on the feed's clock; None
+        for never.
+    """
+
+    mirrored: bool = False
+    factor: float = 1.0
+    last_jump: float | None = None
+    jumping_until: float | None = None
+
+    @property
+    def of_the_body(self) -> LongAgo:
+        """The same without jumps, for frames that still contain the jumps."""
+        return self._replace(last_jump=None, jumping_until=None)
+
+
+#: Nothing that has to be known.
+_NOTHING = LongAgo()
 
 
 class Doubts:
@@ -117,6 +144,19 @@ class Doubts:
         if self._jump is None or self._last_time - self._last_jump > _TOLD:
             return ""
         return f"joints: {self._jump.change} at {self._last_jump:.2f} s"
+
+    @property
+    def long_ago(self) -> LongAgo | None:
+        """What another recogniser must know that goes on with the last seconds of this feed; None for nothing."""
+        jumps = (each if math.isfinite(each) else None for each in (self._last_jump, self._jumping_until))
+        known = LongAgo(self._mirrored, self._factor, *jumps)
+        return None if known == _NOTHING else known
+
+    def go_on(self, known: LongAgo) -> None:
+        """Go on where another recogniser was."""
+        self._mirrored, self._factor = known.mirrored, known.factor
+        self._last_jump = -math.inf if known.last_jump is None else known.last_jump
+        self._jumping_until = -math.inf if known.jumping_until is None else known.jumping_until
 
     # --- frames ---
 

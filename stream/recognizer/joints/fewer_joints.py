@@ -14,9 +14,9 @@ from kinespace.library.windows.index import WindowIndex
 #: Libraries of fewer joints that stay open at once, for all performers.
 MAX_RESTRICTED = 8
 
-#: Restricts a library to some of its joints; None while the restricted library is not ready. Raises ValueError where
-#: nothing can be compared by these joints.
-Restricter = Callable[[MotionLibrary, tuple[str, ...]], MotionLibrary | None]
+#: Restricts a library to some of its joints, opened or not; None while the restricted library is not ready. Raises
+#: ValueError where nothing can be compared by these joints.
+Restricter = Callable[[MotionLibrary, tuple[str, ...]], MotionLibrary | WindowIndex | None]
 #: Gives a library's windows as a body of some of its joints shows them; None while they are not ready.
 Opener = Callable[[MotionLibrary, tuple[str, ...]], WindowIndex | None]
 

@@ -48,9 +48,10 @@ RIGID, PER_TREMBLE, MAX_STRETCH = 0.03, 25.0, 0.5
 #: A segment may be so many times as long as the library's longest, or as short as its shortest, and so many metres
 #: beyond.
 PROPORTION, BEYOND = 1.7, 0.1
-#: The joints are in another order when the median factor between segments and the library's is beyond this, as a
-#: logarithm.
-DISORDER = 0.6
+#: The joints are in another order unless this share of the segments have the library's length, times a factor for the
+#: body's size, within this difference of the logarithms. Of 13,000 frames of CMU's takes and a depth sensor all have
+#: 68 % at least; 97 % of random orders have fewer than 55 %.
+DISORDER, _IN_ORDER = 0.4, 0.55
 #: Metres within which a position stays the same, and by which a frozen joint's segment changes at least on a rigid
 #: body.
 SAME_PLACE, FROZEN_STRETCH = 2e-5, 0.002
@@ -329,7 +330,7 @@ class Plausibility:
         """Say whether the lengths of segments look as if the joints were in another order."""
         ratios, limit = self._ratios, math.exp(DISORDER)
         alike = bisect_right(ratios, self._scale * limit) - bisect_left(ratios, self._scale / limit)
-        return len(ratios) > 0 and alike <= len(ratios) // 2
+        return len(ratios) > 0 and alike <= _IN_ORDER * len(ratios)
 
     def _frozen(self, kept: NDArray[np.bool_], changed: NDArray[np.bool_]) -> set[int]:
         """Give the joints that keep their position though a segment between them and the moving body changes."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -17,12 +16,13 @@ from kinespace.library.windows.parts import (
     NOISE_FLOOR,
     PARTS,
     Kind,
+    Part,
     eigen,
     movement,
 )
 from kinespace.stream.recognizer.joints.carried import contributions
 from kinespace.stream.recognizer.windows.rolling import RollingCovariance, RollingMoments, moments_of
-from kinespace.stream.recognizer.windows.sliding_window import MAX_PENDING, ShorterWindow, SlidingWindow
+from kinespace.stream.recognizer.windows.sliding_window import MAX_PENDING, SlidingWindow
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -31,8 +31,11 @@ if TYPE_CHECKING:
 
     from kinespace.library.windows.basis import Basis
     from kinespace.library.windows.body import Body
-    from kinespace.library.windows.parts import Part
-    from kinespace.stream.recognizer.windows.sliding_window import Window
+    from kinespace.stream.recognizer.windows.rolling import Rolling
+
+
+#: Vectors that the compiled loops take over from one hop to the next.
+_BLOCK = 8
 
 
 class LiveSignature(NamedTuple):
@@ -59,30 +62,40 @@ class LiveSignature(NamedTuple):
     gap: float
 
 
-class _RowsAndPoints(ABC):
-    """Distance rows of the last seconds, and their points in a basis."""
+class _RowsAndPoints:
+    """Distance rows of the last seconds, and their points in a basis, followed by sums."""
 
-    _distances: SlidingWindow
-    _points: SlidingWindow
+    _window: SlidingWindow
     _directions: NDArray[np.float64]
+    _rolling: tuple[Rolling, ...]
 
     def push(self, times: Sequence[float], rows: NDArray[np.float64]) -> None:
         """Take in distance rows, shape (frames, pairs), metres; `MAX_PENDING` at most, later than the rows before."""
-        if self._points.pending + len(times) > MAX_PENDING:
+        if self._window.pending + len(times) > MAX_PENDING:
             self._settle()
-        self._distances.push(times, rows)
-        self._points.push(times, rows @ self._directions)
+        self._window.push(times, rows, rows @ self._directions)
 
-    @abstractmethod
     def _settle(self) -> None:
         """Let moments and covariances follow the rows that were pushed."""
+        for each in self._rolling:
+            each.update()
+        self._window.pass_over()
 
-    def _place_anew(self) -> None:
-        """Fill a new window of points from the rows, as many at a time as may be pushed."""
-        for begin in range(0, len(self._distances), MAX_PENDING):
+    def clear(self) -> None:
+        """Forget all rows."""
+        self._window.clear()
+        for each in self._rolling:
+            each.clear()
+
+    def _push_all(self, window: SlidingWindow) -> None:
+        """Take in the rows of another window, as many at a time as may be pushed."""
+        for begin in range(0, len(window), MAX_PENDING):
             some = slice(begin, begin + MAX_PENDING)
-            self._points.push(self._distances.times[some].tolist(), self._distances.rows[some] @ self._directions)
-            self._settle()
+            self.push(window.times[some].tolist(), window.rows[some])
+
+    def contributions(self, eigenvector: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Say what each joint pair gives to the variance along an eigenvector of the longest window in the basis."""
+        return contributions(self._window.rows, self._directions @ eigenvector)
 
 
 class LiveWindows(_RowsAndPoints):
@@ -94,6 +107,8 @@ class LiveWindows(_RowsAndPoints):
     ----------
     body, basis
         The body and the basis of the library.
+    parts
+        The parts that are read; more cost more.
 
     Attributes
     ----------
@@ -101,69 +116,57 @@ class LiveWindows(_RowsAndPoints):
         Length of the longest window, seconds.
     """
 
-    def __init__(self, body: Body, basis: Basis) -> None:
-        self._set_body(body)
-        self.longest = max(*DISTANCE_LENGTHS, *BASIS_LENGTHS)
-        pairs = len(basis.directions)
-        # Rows are kept as long as points, because another basis gives other points.
-        self._distances = SlidingWindow(self.longest, pairs)
-        self._shorter = tuple(ShorterWindow(self._distances, seconds) for seconds in DISTANCE_LENGTHS)
-        self._moments = tuple(RollingMoments(each, pairs) for each in self._shorter)
+    longest = max(*DISTANCE_LENGTHS, *BASIS_LENGTHS)
+
+    def __init__(self, body: Body, basis: Basis, parts: Sequence[Part] = PARTS) -> None:
+        self._set_body(body, parts)
         self._set_basis(basis)
 
-    def _set_body(self, body: Body) -> None:
+    def _set_body(self, body: Body, parts: Sequence[Part]) -> None:
         self._body, self._paths = body, np.ascontiguousarray(body.paths.T)
+        self._places = tuple((part, *_PLACES[part]) for part in parts)
+        self._kinds = tuple(kind for kind in _KINDS if any(part.kind is kind for part in parts))
+        # For each length, whether posture and trend are read.
+        self._wanted = tuple(
+            (Part(Kind.POSTURE, seconds) in parts, Part(Kind.TREND, seconds) in parts) for seconds in DISTANCE_LENGTHS
+        )
 
     def _set_basis(self, basis: Basis) -> None:
         self._directions = basis.directions
-        directions = basis.directions.shape[1]
-        self._points = SlidingWindow(BASIS_LENGTHS[-1], directions)
-        shorter = [ShorterWindow(self._points, seconds) for seconds in BASIS_LENGTHS[:-1]]
-        windows: list[Window] = [*shorter, self._points]
-        self._covariances = tuple(RollingCovariance(each, directions) for each in windows)
-        # The windows of shorter lengths are updated first.
+        pairs, directions = basis.directions.shape
+        self._window = SlidingWindow(self.longest, pairs, beside=directions)
+        self._moments = tuple(RollingMoments(self._window, seconds) for seconds in DISTANCE_LENGTHS)
+        self._covariances = tuple(RollingCovariance(self._window, seconds) for seconds in BASIS_LENGTHS)
         self._rolling = (*self._moments, *self._covariances)
-        self._windows: tuple[SlidingWindow | ShorterWindow, ...]
-        self._windows = (self._distances, self._points, *self._shorter, *shorter)
         # The compiled loops write the parts of distances, and each window's eigenvectors, unscaled and scaled.
-        self._parts = np.empty((len(self._moments), len(_KINDS), len(basis.directions)))
+        self._parts = np.empty((len(self._moments), len(_KINDS), pairs))
         found = min(EIGENVECTORS, directions)
         self._values = np.empty(found)
         self._vectors = np.empty((len(self._covariances), 2, found, directions))
-
-    def exchange(self, body: Body, basis: Basis) -> None:
-        """Follow the same rows, in another basis of the same distances and with another body's measures."""
-        self._set_body(body)
-        if np.array_equal(basis.directions, self._directions):
-            return
-        self._settle()
-        self._set_basis(basis)
-        self._place_anew()
+        # The compiled loops' eigenvectors of the hop before.
+        self._blocks = np.zeros((len(self._covariances), directions, _BLOCK))
 
     def clear(self) -> None:
         """Forget all rows."""
-        for window in self._windows:
-            window.clear()
-        for rolling in self._rolling:
-            rolling.clear()
+        super().clear()
+        self._blocks[:] = 0.0
 
-    def _settle(self) -> None:
-        for each in self._rolling:
-            each.update()
-        self._distances.pass_over()
+    def exchange(self, body: Body, basis: Basis, parts: Sequence[Part] = PARTS) -> None:
+        """Follow the same rows, in another basis of the same distances and with another body's measures and parts."""
+        self._set_body(body, parts)
+        if not np.array_equal(basis.directions, self._directions):
+            before = self._window
+            self._set_basis(basis)
+            self._push_all(before)
 
     def place(self) -> NDArray[np.float64]:
         """Give the newest row's point in the basis, relative to the body's size, shape (directions,); needs a row."""
-        point: NDArray[np.float64] = self._points.rows[-1] / self._body.size(self._distances.rows[-1])
+        point: NDArray[np.float64] = self._window.points[-1] / self._body.size(self._window.rows[-1])
         return point
 
     def recent(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Give the times and the distance rows of the longest window; views, valid until the next push."""
-        return self._distances.times, self._distances.rows
-
-    def contributions(self, eigenvector: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Say what each joint pair gives to the variance along an eigenvector of the longest window in the basis."""
-        return contributions(self._distances.rows[-len(self._points) :], self._directions @ eigenvector)
+        return self._window.times, self._window.rows
 
     def read(self) -> LiveSignature:
         """Read the signature of the windows that end with the newest row; needs a row. Valid until the next call."""
@@ -175,16 +178,16 @@ class LiveWindows(_RowsAndPoints):
         pairs = eigenpairs_of(covariances)
         scaled = eigen(pairs)
         moments = moments_of(self._moments)
-        distances = {kind: OF_DISTANCES[kind](moments, self._body) for kind in _KINDS}
+        distances = {kind: OF_DISTANCES[kind](moments, self._body) for kind in self._kinds}
         numbers = {
-            part: scaled[place[0]] if kind is None else distances[kind][place[0]] for part, kind, place in _PLACES
+            part: scaled[place[0]] if kind is None else distances[kind][place[0]] for part, kind, place in self._places
         }
         leading = Leading.of(float(np.trace(covariances[-1])), pairs.values[-1], pairs.vectors[-1, 0])
         return LiveSignature(numbers, float(movement(moments)[-1]), *leading)
 
     def _read_compiled(self, loops: compiled.Loops) -> LiveSignature:
         moved, body = 0.0, self._body
-        for moments, parts in zip(self._moments, self._parts, strict=True):
+        for moments, (has_posture, has_trend), parts in zip(self._moments, self._wanted, self._parts, strict=True):
             moved, _ = loops.read_parts(
                 moments.sums,
                 moments.clock,
@@ -194,13 +197,24 @@ class LiveWindows(_RowsAndPoints):
                 self._paths,
                 NOISE_FLOOR,
                 LEVEL_REMOVED,
+                has_posture,
+                has_trend,
                 parts,
             )
         totals = [
-            loops.read_eigen(each.total, each.products, each.count, each.no_scatter, self._values, *vectors)
-            for each, vectors in zip(self._covariances, self._vectors, strict=True)
+            loops.read_eigen(
+                each.total,
+                each.products,
+                each.count,
+                each.drift.item(1),
+                self._values,
+                vectors[0],
+                vectors[1],
+                block,
+            )
+            for each, vectors, block in zip(self._covariances, self._vectors, self._blocks, strict=True)
         ]
-        numbers = {part: (self._vectors if kind is None else self._parts)[place] for part, kind, place in _PLACES}
+        numbers = {part: (self._vectors if kind is None else self._parts)[place] for part, kind, place in self._places}
         return LiveSignature(numbers, moved, *Leading.of(totals[-1], self._values, self._vectors[-1, 0, 0]))
 
 
@@ -208,12 +222,12 @@ class LiveWindows(_RowsAndPoints):
 _KINDS = (Kind.SPREAD, Kind.POSTURE, Kind.TREND)
 #: For each part its kind, None for eigen parts, and where the compiled loops write it: the index of its length, and the
 #: index of its kind or of the scaled eigenvectors.
-_PLACES = tuple(
-    (part, None, (BASIS_LENGTHS.index(part.seconds), 1))
+_PLACES: dict[Part, tuple[Kind | None, tuple[int, int]]] = {
+    part: (None, (BASIS_LENGTHS.index(part.seconds), 1))
     if part.kind is Kind.EIGEN
-    else (part, part.kind, (DISTANCE_LENGTHS.index(part.seconds), _KINDS.index(part.kind)))
+    else (part.kind, (DISTANCE_LENGTHS.index(part.seconds), _KINDS.index(part.kind)))
     for part in PARTS
-)
+}
 
 
 class Leading(NamedTuple):
@@ -244,35 +258,21 @@ class PaperWindow(_RowsAndPoints):
     """
 
     def __init__(self, basis: Basis, seconds: float) -> None:
-        pairs = len(basis.directions)
-        self._distances = SlidingWindow(seconds, pairs)
-        self._moments = RollingMoments(self._distances, pairs)
+        self._seconds = seconds
         self._set_basis(basis)
 
     def _set_basis(self, basis: Basis) -> None:
         self._directions = basis.directions
-        directions = basis.directions.shape[1]
-        self._points = SlidingWindow(self._distances.seconds, directions)
-        self._covariance = RollingCovariance(self._points, directions)
+        pairs, directions = basis.directions.shape
+        self._window = SlidingWindow(self._seconds, pairs, beside=directions)
+        self._moments, self._covariance = RollingMoments(self._window), RollingCovariance(self._window)
+        self._rolling = (self._moments, self._covariance)
 
     def exchange(self, basis: Basis) -> None:
         """Follow the same rows in another basis of the same distances."""
-        self._settle()
+        before = self._window
         self._set_basis(basis)
-        self._place_anew()
-
-    def clear(self) -> None:
-        """Forget all rows."""
-        for each in (self._points, self._distances, self._covariance, self._moments):
-            each.clear()
-
-    def _settle(self) -> None:
-        self._covariance.update()
-        self._moments.update()
-
-    def contributions(self, eigenvector: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Say what each joint pair gives to the variance along an eigenvector of the longest window in the basis."""
-        return contributions(self._distances.rows[-len(self._points) :], self._directions @ eigenvector)
+        self._push_all(before)
 
     def read(self) -> tuple[Leading, float]:
         """Read the leading eigenvector of the window that ends with the newest row, and the window's movement."""

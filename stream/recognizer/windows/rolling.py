@@ -19,12 +19,10 @@ from numpy.typing import NDArray
 
 from kinespace.library.kernels import compiled
 from kinespace.library.windows.parts import Moments
-from kinespace.stream.recognizer.windows.sliding_window import Change
+from kinespace.stream.recognizer.windows.sliding_window import Change, SlidingWindow, Span
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
-
-    from kinespace.stream.recognizer.windows.sliding_window import Window
 
 Rows = NDArray[np.float64]
 
@@ -34,72 +32,88 @@ DRIFT_TOLERANCE = 1e-11
 EPSILON = float(np.finfo(np.float64).eps)
 #: Movement, relative to the distance, below which lost digits do not matter.
 _NO_MOVEMENT = 1e-6
+#: No rows.
+_NONE = slice(0, 0)
 
 
 class Rolling(ABC):
-    """Sums that follow a sliding window's rows.
+    """Sums that follow the rows, or points, in the last seconds of a window.
 
     Parameters
     ----------
     window
-        The window whose changes are followed; no other object may take its changes.
+        The window that is followed; its rows are passed over after each update.
+    seconds
+        The seconds that are followed; the window's when not given.
 
     Attributes
     ----------
-    count
-        Rows in the window.
+    drift
+        The bound of the sums' rounding, and the variance below which lost digits do not matter, shape (2,).
     refreshes
         How often the sums were computed afresh from the window's rows.
     """
 
-    def __init__(self, window: Window) -> None:
+    #: The rows or points that are followed, as the window keeps them.
+    _rows: Rows
+
+    def __init__(self, window: SlidingWindow, seconds: float | None = None) -> None:
         self._window = window
-        self.count = 0
-        self._rounding = 0.0
+        self._span = Span(window, seconds)
+        self.drift = np.zeros(2)
         self.refreshes = 0
+
+    @property
+    def count(self) -> int:
+        """Rows in the span."""
+        return len(self._span)
 
     def clear(self) -> None:
         """Forget all rows."""
-        self.count = 0
+        self._span.clear()
 
     def update(self) -> None:
         """Follow the window up to its newest row."""
-        if not self._window.pending:
-            return
-        change = self._window.take_change()
-        gone, count, before = len(change.left), len(self._window), self.count
-        new = len(change.entered)
-        self.count = count
-        if before + new - gone != count or count <= new:
+        if self._followed():
             self._refresh()
-            return
-        self._follow(change)
-        self._rounding += EPSILON * (new + gone) * self._largest()
-        if self._rounding > DRIFT_TOLERANCE * self._scatter():
-            self._refresh()
+
+    def _followed(self) -> bool:
+        """Follow the window; say whether the sums must be computed afresh."""
+        change = self._span.take_change()
+        new, gone = (each.stop - each.start for each in change)
+        if new in {0, self.count}:
+            return bool(new)
+        self._add(change)
+        largest, scatter = self._bounds()
+        self.drift[0] += EPSILON * (new + gone) * largest
+        return bool(self.drift[0] > DRIFT_TOLERANCE * scatter)
 
     def _refresh(self) -> None:
         self.refreshes += 1
-        rows, times = self._window.rows, self._window.times
-        self._begin(rows, times)
-        self._follow(Change(rows, rows[:0], times, times[:0]))
-        self._rounding = EPSILON * self.count * self._largest()
+        rows = self._span.rows
+        self._begin(self._rows[rows], self._window.times_kept[rows])
+        self._add(Change(rows, _NONE))
+        self.drift[0] = EPSILON * self.count * self._bounds()[0]
 
     @abstractmethod
     def _begin(self, rows: Rows, times: Rows) -> None:
         """Forget all sums, and choose the reference row."""
 
     @abstractmethod
-    def _follow(self, change: Change) -> None:
+    def _add(self, change: Change) -> None:
         """Add the rows that entered, and subtract the rows that left."""
 
     @abstractmethod
-    def _largest(self) -> float:
-        """Give the largest sum of squares, which bounds the rounding of all sums."""
+    def _bounds(self) -> tuple[float, float]:
+        """Give the largest sum of squares, which bounds the rounding of all sums, and the scatter that is left in it.
 
-    @abstractmethod
-    def _scatter(self) -> float:
-        """Give the variance that is left in that sum, or the variance below which lost digits do not matter."""
+        The scatter is not below the one under which lost digits do not matter.
+        """
+
+    def _weighed(self, change: Change) -> tuple[Rows, Rows]:
+        """Copy the rows that entered and left to one array, and give their signs, 1 and -1."""
+        entered, left = self._rows[change.entered], self._rows[change.left]
+        return np.concatenate([entered, left]), _signs(len(entered), len(left))
 
 
 class RollingMoments(Rolling):
@@ -109,8 +123,8 @@ class RollingMoments(Rolling):
     ----------
     window
         The window of distance rows.
-    width
-        Distances in a row.
+    seconds
+        As of `Rolling`.
 
     Attributes
     ----------
@@ -121,40 +135,51 @@ class RollingMoments(Rolling):
         The reference time; and of the times relative to it the sum, and the sum of squares, shape (3,).
     """
 
-    def __init__(self, window: Window, width: int) -> None:
-        super().__init__(window)
-        self.sums, self.clock = np.zeros((4, width)), np.zeros(3)
-        self._no_movement = 0.0
-        # The largest sum of squares, and its sum: a distance that stood still while others moved must not be lost.
-        self._squares = self._sum = 0.0
+    def __init__(self, window: SlidingWindow, seconds: float | None = None) -> None:
+        super().__init__(window, seconds)
+        self._rows = window.rows_kept
+        self.sums, self.clock = np.zeros((4, self._rows.shape[1])), np.zeros(3)
 
     def _begin(self, rows: Rows, times: Rows) -> None:
         self.sums[1:] = self.clock[:] = 0.0
         np.mean(rows, axis=0, out=self.sums[0])
         self.clock[0] = times[-1]
-        self._no_movement = (_NO_MOVEMENT * float(self.sums[0].mean())) ** 2
+        self.drift[1] = (_NO_MOVEMENT * float(self.sums[0].mean())) ** 2
 
-    def _follow(self, change: Change) -> None:
-        if compiled.loops:
-            self._squares, self._sum = compiled.loops.follow(self.sums, self.clock, *change)
-            return
-        rows, weights = _weighed(change)
+    def _followed(self) -> bool:
+        window, span, loops = self._window, self._span, compiled.loops
+        if loops is None:
+            return super()._followed()
+        return loops.follow(
+            self._rows,
+            window.times_kept,
+            span.places,
+            self.drift,
+            self.sums,
+            self.clock,
+            window.end,
+            window.moved,
+            span.seconds,
+            span.most,
+        )
+
+    def _add(self, change: Change) -> None:
+        rows, weights = self._weighed(change)
         rows -= self.sums[0]
-        times = np.concatenate([change.entered_times, change.left_times]) - self.clock[0]
+        kept = self._window.times_kept
+        times = np.concatenate([kept[change.entered], kept[change.left]]) - self.clock[0]
         factors = np.array([weights, weights * times])
         sums = self.sums
         sums[1:3] += factors @ rows
         rows *= rows
         sums[3] += weights @ rows
         self.clock[1:] += factors @ times if len(times) else 0.0
-        largest = int(sums[3].argmax())
-        self._squares, self._sum = sums.item(3, largest), sums.item(1, largest)
 
-    def _largest(self) -> float:
-        return self._squares
-
-    def _scatter(self) -> float:
-        return max(self._squares - self._sum * self._sum / self.count, self.count * self._no_movement)
+    def _bounds(self) -> tuple[float, float]:
+        # The largest sum and its own scatter: a distance that stood still while others moved must not be lost.
+        place, count = int(self.sums[3].argmax()), self.count
+        squares, total = self.sums.item(3, place), self.sums.item(1, place)
+        return squares, max(squares - total * total / count, count * self.drift.item(1))
 
     def read(self) -> Moments:
         """Give the moments of the window's rows, each of shape (1, width); needs a row."""
@@ -184,65 +209,67 @@ class RollingCovariance(Rolling):
     Parameters
     ----------
     window
-        The window of points in the basis.
-    width
-        Directions of the basis.
+        The window, with points.
+    seconds
+        As of `Rolling`.
 
     Attributes
     ----------
-    total, products
-        The sum of the points relative to a reference, shape (width,), and the sum of their products, shape (width,
-        width).
-    no_scatter
-        Trace of a covariance below which nothing moves.
+    reference, total, products
+        The reference; of the points relative to it the sum, both of shape (width,), and the sum of their products,
+        shape (width, width).
     """
 
-    def __init__(self, window: Window, width: int) -> None:
-        super().__init__(window)
-        self._reference, self.total = np.zeros((2, width))
-        self.products = np.zeros((width, width))
-        self.no_scatter = 0.0
-        # The trace of the products, and the squared length of the sum.
-        self._trace = self._square = 0.0
+    def __init__(self, window: SlidingWindow, seconds: float | None = None) -> None:
+        super().__init__(window, seconds)
+        self._rows = window.points_kept
+        width = self._rows.shape[1]
+        # Arrays of their own, so that the compiled loops may write one and read another.
+        self.reference, self.total, self.products = np.zeros(width), np.zeros(width), np.zeros((width, width))
 
     def _begin(self, rows: Rows, times: Rows) -> None:  # noqa: ARG002 - a covariance needs no times
-        np.mean(rows, axis=0, out=self._reference)
-        self.no_scatter = _NO_MOVEMENT**2 * float(self._reference @ self._reference)
+        np.mean(rows, axis=0, out=self.reference)
+        self.drift[1] = _NO_MOVEMENT**2 * float(self.reference @ self.reference)
         self.total[:] = 0.0
         self.products[:] = 0.0
 
-    def _follow(self, change: Change) -> None:
-        if compiled.loops and len(self.total) <= compiled.loops.MAX_DIRECTIONS:
-            self._trace, self._square = compiled.loops.follow_products(
-                self._reference, self.total, self.products, change.entered, change.left
-            )
-            return
-        rows, weights = _weighed(change)
-        rows -= self._reference
+    def _followed(self) -> bool:
+        window, span, loops = self._window, self._span, compiled.loops
+        if loops is None or len(self.total) > loops.MAX_DIRECTIONS:
+            return super()._followed()
+        return loops.follow_products(
+            self._rows,
+            window.times_kept,
+            span.places,
+            self.drift,
+            self.reference,
+            self.total,
+            self.products,
+            window.end,
+            window.moved,
+            span.seconds,
+            span.most,
+        )
+
+    def _add(self, change: Change) -> None:
+        rows, weights = self._weighed(change)
+        rows -= self.reference
         self.total += weights @ rows
         self.products += (rows.T * weights) @ rows
-        self._trace, self._square = float(self.products.trace()), float(self.total @ self.total)
 
-    def _largest(self) -> float:
-        return self._trace
-
-    def _scatter(self) -> float:
-        return max(self._trace - self._square / self.count, self.count * self.no_scatter)
+    def _bounds(self) -> tuple[float, float]:
+        trace, count = float(self.products.trace()), self.count
+        return trace, max(trace - float(self.total @ self.total) / count, count * self.drift.item(1))
 
     def read(self) -> Rows:
         """Give the covariance, shape (width, width); needs a row. For a body that does not move it is 0."""
-        mean = self.total / self.count
-        covariance: Rows = self.products / self.count
+        count = self.count
+        mean = self.total / count
+        covariance: Rows = self.products / count
         covariance -= mean[:, None] * mean
-        if covariance.trace() <= self.no_scatter:
+        if covariance.trace() <= self.drift[1]:
             covariance[:] = 0.0
         return covariance
-
-
-def _weighed(change: Change) -> tuple[Rows, Rows]:
-    """Copy the rows that entered and left to one array, and give their signs, 1 and -1."""
-    rows = np.concatenate([change.entered, change.left])
-    return rows, _signs(len(change.entered), len(change.left))
 
 
 @lru_cache(256)

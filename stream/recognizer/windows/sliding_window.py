@@ -6,7 +6,7 @@ import math
 import mmap
 import os
 from contextlib import suppress
-from typing import TYPE_CHECKING, NamedTuple, Protocol
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -29,47 +29,14 @@ _TIE = 1e-6
 
 
 class Change(NamedTuple):
-    """Rows that entered and left a window since the last call, oldest first.
+    """Where the rows lie in a window's memory that entered and left a span since the last call, until the next push."""
 
-    All are views into the window's memory, valid until the next push.
-
-    Attributes
-    ----------
-    entered, left
-        Shape (rows, width).
-    entered_times, left_times
-        Shape (rows,), seconds.
-    """
-
-    entered: NDArray[np.float64]
-    left: NDArray[np.float64]
-    entered_times: NDArray[np.float64]
-    left_times: NDArray[np.float64]
-
-
-class Window(Protocol):
-    """The part of a window that rolling sums need."""
-
-    @property
-    def pending(self) -> int:
-        """How many rows entered since the changes were last taken."""
-
-    @property
-    def rows(self) -> NDArray[np.float64]:
-        """The rows in the window, shape (rows, width), oldest first; a view, valid until the next push."""
-
-    @property
-    def times(self) -> NDArray[np.float64]:
-        """The times of the rows, shape (rows,), seconds; a view, valid until the next push."""
-
-    def __len__(self) -> int: ...
-
-    def take_change(self) -> Change:
-        """Give the rows that entered and left since the last call; a row that did both is in neither list."""
+    entered: slice
+    left: slice
 
 
 class SlidingWindow:
-    """Distance rows of the last seconds, ending with the newest frame.
+    """Distance rows of the last seconds, ending with the newest frame, and perhaps points beside them.
 
     A row at time t is in the window while the newest time is less than t + seconds; the newest row always is. Rows lie
     one after another in time order in memory that is allocated once. Before they reach its end they move back to the
@@ -83,9 +50,13 @@ class SlidingWindow:
         Numbers in a row.
     fastest
         Frames per second up to which the window keeps its length.
+    beside
+        Numbers of the point that is kept beside each row.
 
     Attributes
     ----------
+    rows_kept, points_kept, times_kept
+        The memory: rows (places, width), points (places, beside), and times (places,), seconds.
     end, moved
         Where the newest row ends in the memory, and by how many places rows have moved back in all.
 
@@ -95,29 +66,36 @@ class SlidingWindow:
         Seconds, width or fastest is not positive, or seconds not finite.
     """
 
-    def __init__(self, seconds: float, width: int, fastest: float = MAX_FEED_RATE) -> None:
+    def __init__(self, seconds: float, width: int, fastest: float = MAX_FEED_RATE, beside: int = 0) -> None:
         if not (math.isfinite(seconds) and seconds > 0):
             raise ValueError(f"seconds: expected a positive number, got {seconds}")
         if width < 1 or fastest <= 0:
             raise ValueError(f"width, fastest: expected positive numbers, got {width}, {fastest}")
-        self.seconds = seconds
-        self._most = max(2, math.ceil(seconds * fastest))
+        self.seconds, self._fastest = seconds, fastest
+        self._most = self.most_in(seconds)
         # Twice the rows that may have to be kept, so that moving back never overlaps. The system commits only pages
         # that are used: a slow feed does not pay for the room of a fast one.
         room = 2 * (self._most + 2 * MAX_PENDING)
-        self._rows = _reserved(room, width)
-        self._times = np.empty(room)
+        self.rows_kept, self.times_kept = _reserved(room, width), np.empty(room)
+        self.points_kept = _reserved(room, beside) if beside else np.empty((room, 0))
+        self._all = (self.rows_kept, self.points_kept, self.times_kept)
         self.clear()
 
+    def most_in(self, seconds: float) -> int:
+        """Say how many rows there are at most in so many seconds."""
+        return max(2, math.ceil(seconds * self._fastest))
+
     def clear(self) -> None:
-        """Forget all rows, as at the start, and all changes."""
+        """Forget all rows, as at the start."""
         self._kept = self._start = self._fresh = self.end = 0
         self.moved = 0
-        # Plain numbers beside the array, because looking one up in an array is slow.
-        self._since = self._oldest = math.nan
+        # A plain number beside the array, because looking one up in an array is slow.
+        self._oldest = math.nan
         self._newest = -math.inf
 
-    def push(self, times: Sequence[float], rows: NDArray[np.float64]) -> None:
+    def push(
+        self, times: Sequence[float], rows: NDArray[np.float64], points: NDArray[np.float64] | None = None
+    ) -> None:
         """Take in rows, all at once as if one by one, and drop the rows that are `seconds` old.
 
         Parameters
@@ -126,13 +104,15 @@ class SlidingWindow:
             The time of each row, seconds, later than the row before.
         rows
             Shape (rows, width).
+        points
+            Shape (rows, beside), when points are kept.
 
         Raises
         ------
         ValueError
             A time is not later than the one before, or rows and times differ in number. No row is taken in.
         RuntimeError
-            More than `MAX_PENDING` rows would have entered since `take_change` was last called. No row is taken in.
+            More than `MAX_PENDING` rows would have entered since `pass_over` was last called. No row is taken in.
         """
         count = len(times)
         if len(rows) != count:
@@ -143,16 +123,18 @@ class SlidingWindow:
                 raise ValueError(f"time: expected later than {newest}, got {time}")
             newest = time
         if self.end - self._fresh + count > MAX_PENDING:
-            raise RuntimeError(f"take_change() must be called at least once in {MAX_PENDING} rows")
+            raise RuntimeError(f"pass_over() must be called at least once in {MAX_PENDING} rows")
         if not count:
             return
         if self._kept >= self.end - self._kept + MAX_PENDING:
             self._move_back()
         begin, self.end = self.end, self.end + count
         if begin == self._start:
-            self._since = self._oldest = times[0]
-        self._rows[begin : self.end] = rows
-        self._times[begin : self.end] = times
+            self._oldest = times[0]
+        self.rows_kept[begin : self.end] = rows
+        self.times_kept[begin : self.end] = times
+        if points is not None:
+            self.points_kept[begin : self.end] = points
         self._newest = newest
         self._let_go(newest - (self.seconds - _TIE))
 
@@ -161,32 +143,25 @@ class SlidingWindow:
         # Times in other units may be so large that even the newest time is not above `too_old`.
         while start < last and (oldest <= too_old or last - start >= self._most):
             start += 1
-            oldest = self._times.item(start)
+            oldest = self.times_kept.item(start)
         self._start, self._oldest = start, oldest
 
     def _move_back(self) -> None:
         count, shift = self.end - self._kept, self._kept
         self.moved += shift
-        self._rows[:count] = self._rows[shift : self.end]
-        self._times[:count] = self._times[shift : self.end]
+        for each in self._all:
+            each[:count] = each[shift : self.end]
         self._kept, self._start, self._fresh, self.end = (
             place - shift for place in (self._kept, self._start, self._fresh, self.end)
         )
 
     @property
     def pending(self) -> int:
-        """How many rows entered since the changes were last taken."""
+        """How many rows entered since `pass_over` was last called."""
         return self.end - self._fresh
 
-    def take_change(self) -> Change:
-        """Give the rows that entered and left since the last call; a row that did both is in neither list."""
-        fresh = max(self._fresh, self._start)
-        came, went = slice(fresh, self.end), slice(self._kept, min(self._start, self._fresh))
-        self.pass_over()
-        return Change(self._rows[came], self._rows[went], self._times[came], self._times[went])
-
     def pass_over(self) -> None:
-        """Discard the changes, because no sums follow this window."""
+        """Let go of the rows that left, because all spans have taken their changes."""
         self._kept, self._fresh = self._start, self.end
 
     @property
@@ -195,81 +170,70 @@ class SlidingWindow:
 
         Each row is contiguous and begins with a cache line.
         """
-        return self._rows[self._start : self.end]
+        return self.rows_kept[self._start : self.end]
+
+    @property
+    def points(self) -> NDArray[np.float64]:
+        """The points beside the rows, shape (rows, beside); a view, as of `rows`."""
+        return self.points_kept[self._start : self.end]
 
     @property
     def times(self) -> NDArray[np.float64]:
         """The times of the rows, shape (rows,), seconds; a view, valid until the next push."""
-        return self._times[self._start : self.end]
-
-    @property
-    def memory(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """The memory of rows and times, for shorter windows of the same rows."""
-        return self._rows, self._times
-
-    @property
-    def full(self) -> bool:
-        """Whether rows have come for the window's whole length since it was last empty."""
-        return self._newest - self._since >= self.seconds - _TIE
+        return self.times_kept[self._start : self.end]
 
     def __len__(self) -> int:
         return self.end - self._start
 
 
-class ShorterWindow:
-    """The last seconds of a longer window, in the same memory; it moves on when its changes are taken.
+class Span:
+    """The last seconds of a window, which moves on when its changes are taken.
 
     Parameters
     ----------
     window
-        The longer window. Its changes must be taken after this window's, and both windows must be cleared together.
+        The window; `clear` and `pass_over` must be called for both together.
     seconds
-        Length of the shorter window.
-    fastest
-        Frames per second up to which the window keeps its length.
+        Length of the span; the window's when not given.
+
+    Attributes
+    ----------
+    places
+        Where the span begins and ends, counted as if no row had moved back, shape (2,).
+    seconds, most
+        A row this old is not in the span any more, and so many rows are at most.
     """
 
-    def __init__(self, window: SlidingWindow, seconds: float, fastest: float = MAX_FEED_RATE) -> None:
-        self._window, self.seconds = window, seconds
-        self._rows, self._times = window.memory
-        self._most = max(2, math.ceil(seconds * fastest))
-        self.clear()
+    def __init__(self, window: SlidingWindow, seconds: float | None = None) -> None:
+        self._window = window
+        seconds = seconds or window.seconds
+        self.seconds, self.most = seconds - _TIE, window.most_in(seconds)
+        self.places = np.zeros(2, dtype=np.intp)
 
     def clear(self) -> None:
         """Forget all rows."""
-        # Places as if no row had moved back.
-        self._start = self._end = 0
-
-    @property
-    def pending(self) -> int:
-        """How many rows entered since the changes were last taken."""
-        return self._window.end + self._window.moved - self._end
+        self.places[:] = 0
 
     def take_change(self) -> Change:
-        """Give the rows that entered and left since the last call; a row that did both is in neither list."""
-        moved, end = self._window.moved, self._window.end
-        kept, fresh, last = self._start - moved, self._end - moved, end - 1
-        start, too_old = kept, self._times.item(last) - (self.seconds - _TIE)
-        while start < last and (self._times.item(start) <= too_old or last - start >= self._most):
+        """Say which rows entered and left since the last call; a row that did both is in neither slice."""
+        window = self._window
+        times, moved, end, last = window.times_kept, window.moved, window.end, window.end - 1
+        left, entered = (max(place - moved, 0) for place in self.places.tolist())
+        start, too_old = left, times.item(last) - self.seconds
+        while start < last and (times.item(start) <= too_old or last - start >= self.most):
             start += 1
-        self._start, self._end = start + moved, end + moved
-        came, went = slice(max(fresh, start), end), slice(kept, min(start, fresh))
-        return Change(self._rows[came], self._rows[went], self._times[came], self._times[went])
+        self.places[:] = start + moved, end + moved
+        return Change(slice(max(entered, start), end), slice(left, min(start, entered)))
 
     @property
-    def rows(self) -> NDArray[np.float64]:
-        """The rows in the window when its changes were last taken, shape (rows, width), oldest first; a view."""
-        moved = self._window.moved
-        return self._rows[self._start - moved : self._end - moved]
-
-    @property
-    def times(self) -> NDArray[np.float64]:
-        """The times of the rows, shape (rows,), seconds; a view."""
-        moved = self._window.moved
-        return self._times[self._start - moved : self._end - moved]
+    def rows(self) -> slice:
+        """Where the rows lie in the window's memory, until the next push."""
+        begin, end = (place - self._window.moved for place in self.places.tolist())
+        return slice(begin, end)
 
     def __len__(self) -> int:
-        return self._end - self._start
+        begin, end = self.places.tolist()
+        return int(end - begin)
 
 
 def _reserved(rows: int, width: int) -> NDArray[np.float64]:

@@ -9,7 +9,7 @@ import subprocess
 import sys
 from fractions import Fraction
 from functools import cache
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 import naive
 import numpy as np
@@ -43,6 +43,7 @@ from kinespace.stream.frame import Frame
 from kinespace.stream.recognizer import LiveSignature, Recognizer, Settings
 from kinespace.stream.recognizer.progress import STEP, ProgressFollower
 from kinespace.stream.recognizer.windows.live_windows import LiveWindows
+from kinespace.stream.recognizer.windows.rolling import EPSILON
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -124,26 +125,49 @@ def _sums(rows: np.ndarray, times: np.ndarray, reference: np.ndarray, begin: flo
     return np.array(sums), np.array([begin, since.sum(), np.square(since).sum()])
 
 
-@pytest.mark.parametrize(("entered", "left"), [(4, 4), (1, 0), (0, 3), (9, 2), (0, 0)])
+#: Rows that moved back in a window's memory.
+MOVED = 70
+
+
+class _Following(NamedTuple):
+    """What the loops are told of a span in which `end` rows were, when some more entered and the first ones left."""
+
+    times: np.ndarray
+    places: np.ndarray
+    drift: np.ndarray
+    numbers: tuple[int, int, float, int]
+
+    @classmethod
+    def of(cls, end: int, entered: int, left: int, rows: int) -> _Following:
+        times = np.arange(rows) / 60 + 1e3
+        seconds = (end + entered - left - 0.5) / 60
+        return cls(times, np.array([0, end]) + MOVED, np.zeros(2), (end + entered, MOVED, seconds, 10_000))
+
+    def assert_followed(self, end: int, entered: int, left: int, largest: float) -> None:
+        """Check that the span lies where the rows are now, and that its drift is the rounding of as many rows."""
+        assert self.places.tolist() == [left + MOVED, end + entered + MOVED]
+        assert self.drift[0] == pytest.approx(EPSILON * (entered + left) * largest)
+
+
+@pytest.mark.parametrize(("entered", "left"), [(4, 4), (1, 0), (9, 2)])
 def test_sums_follow_rows(loops: compiled.Loops, entered: int, left: int) -> None:
-    """Rows that enter are added and rows that leave are subtracted; the largest sum of squares comes with its sum."""
+    """Rows that enter are added and rows that leave are subtracted; the bound of the rounding grows with both."""
     for clip in CLIPS:
         rows = _with_room(distance_rows(clip.positions, clip.skeleton))
-        times = np.arange(len(rows)) / 60 + 1e3
         end = len(rows) - 9
+        following = _Following.of(end, entered, left, len(rows))
+        times = following.times
         reference, begin = rows[:end].mean(axis=0), times[end]
         sums, clock = _sums(rows[:end], times[:end], reference, begin)
-        came, went = slice(end, end + entered), slice(0, left)
-        squares, total = loops.follow(sums, clock, rows[came], rows[went], times[came], times[went])
+        assert not loops.follow(rows, *following[:3], sums, clock, *following.numbers)
         expected = _sums(rows[left : end + entered], times[left : end + entered], reference, begin)
         for ours, theirs in zip((sums, clock), expected, strict=True):
             np.testing.assert_allclose(ours, theirs, atol=1e-10)
-        assert squares == sums[3].max()
-        assert total == sums[1, sums[3].argmax()]
+        following.assert_followed(end, entered, left, sums[3].max())
 
 
 @pytest.mark.parametrize("size", [1, 2, 7, 8, 20, 32])
-@pytest.mark.parametrize(("entered", "left"), [(4, 4), (1, 0), (0, 3), (40, 17)])
+@pytest.mark.parametrize(("entered", "left"), [(4, 4), (1, 0), (40, 17)])
 def test_products_follow_points(loops: compiled.Loops, entered: int, left: int, size: int) -> None:
     """In any number of directions sums and products are those of the rows that are left, symmetric to the last bit."""
     directions = np.random.default_rng(size).normal(size=(len(PAIRS), size)) / 20
@@ -152,12 +176,25 @@ def test_products_follow_points(loops: compiled.Loops, entered: int, left: int, 
     relative = rows - reference
     total, products = relative[:end].sum(axis=0), relative[:end].T @ relative[:end]
     products = np.tril(products) + np.tril(products, -1).T
-    trace, square = loops.follow_products(reference, total, products, rows[end : end + entered], rows[:left])
+    following = _Following.of(end, entered, left, len(rows))
+    assert not loops.follow_products(rows, *following[:3], reference, total, products, *following.numbers)
     kept = relative[left : end + entered]
     np.testing.assert_allclose(total, kept.sum(axis=0), atol=1e-12)
     np.testing.assert_allclose(products, kept.T @ kept, atol=1e-12)
     assert np.array_equal(products, products.T)
-    assert (trace, square) == (pytest.approx(products.trace()), pytest.approx(total @ total))
+    following.assert_followed(end, entered, left, products.trace())
+
+
+@pytest.mark.parametrize("place", [0, 12, 2**60])
+def test_a_span_of_new_rows_alone_is_to_be_computed_afresh(loops: compiled.Loops, place: int) -> None:
+    """Wherever a span was before, the loops add nothing to its sums when none of its rows were in it."""
+    places, sums, rows = np.array([0, place]), np.zeros((4, 5)), np.ones((30, 5))
+    arrays = rows, np.arange(30.0), places, np.zeros(2), sums, np.zeros(3)
+    assert loops.follow(*arrays, 30, 0, 12.0, 100) is (place < 30)
+    assert places.tolist() == [18, 30]
+    assert not sums.any()
+    assert not loops.follow(*arrays, 30, 0, 12.0, 100)
+    assert not loops.follow(*arrays, 0, 0, 12.0, 100)
 
 
 @BODIES
@@ -174,10 +211,25 @@ def test_parts_equal_numpys_parts(loops: compiled.Loops, every: int, parents: bo
         sums, clock = _sums(rows, times, rows[0], times[-1])
         parts, paths = np.full((3, rows.shape[1]), np.nan), np.ascontiguousarray(body.paths.T)
         moved, size = loops.read_parts(
-            sums, clock, len(rows), body.sizing, body.segments, paths, NOISE_FLOOR, LEVEL_REMOVED, parts
+            sums, clock, len(rows), body.sizing, body.segments, paths, NOISE_FLOOR, LEVEL_REMOVED, 1.0, 1.0, parts
         )
         for ours, theirs in zip(parts, expected, strict=True):
             np.testing.assert_allclose(ours, theirs, rtol=1e-9, atol=1e-7)
+        alone = np.full_like(parts, np.nan)
+        loops.read_parts(
+            sums,
+            clock,
+            len(rows),
+            body.sizing,
+            body.segments,
+            paths,
+            NOISE_FLOOR,
+            LEVEL_REMOVED,
+            0.0,
+            0.0,
+            alone,
+        )
+        assert np.array_equal(alone[0], parts[0])
         assert moved == pytest.approx(float(movement(moments)[0]), rel=1e-9)
         assert size == pytest.approx(float(body.size(moments.mean)[0]), rel=1e-9)
 
@@ -192,7 +244,9 @@ def test_a_body_in_one_point_has_numbers(loops: compiled.Loops) -> None:
     body = Body.of(BUILTIN.skeleton)
     parts, paths = np.full((3, len(PAIRS)), np.nan), np.ascontiguousarray(body.paths.T)
     sums, clock = np.zeros((4, len(PAIRS))), np.zeros(3)
-    read = loops.read_parts(sums, clock, 1, body.sizing, body.segments, paths, NOISE_FLOOR, LEVEL_REMOVED, parts)
+    read = loops.read_parts(
+        sums, clock, 1, body.sizing, body.segments, paths, NOISE_FLOOR, LEVEL_REMOVED, 1.0, 1.0, parts
+    )
     assert read == (0.0, 0.0)
     still = Moments(*np.zeros((3, 1, len(PAIRS))))
     np.testing.assert_allclose(parts[0], spread(still, body)[0], rtol=1e-12)
@@ -246,15 +300,31 @@ def test_a_window_is_read_as_numpy_reads_it(loops: compiled.Loops) -> None:
     covariance = np.cov(points.T, bias=True)
     values, vectors = np.empty(EIGENVECTORS), np.empty((2, EIGENVECTORS, 32))
     total, products = relative.sum(axis=0), relative.T @ relative
-    trace = loops.read_eigen(total, products, len(points), 0.0, values, *vectors)
+    block = np.zeros((32, 8))
+    trace = loops.read_eigen(total, products, len(points), 0.0, values, *vectors, block)
     with compiled.left_aside():
         pairs = eigenpairs_of(covariance[None])
     assert trace == pytest.approx(covariance.trace(), rel=1e-9)
     np.testing.assert_allclose(values, pairs.values[0], rtol=1e-9)
     scaled = eigen(Eigenpairs(values[None], vectors[:1]))[0]
     np.testing.assert_allclose(vectors[1], scaled, atol=1e-12)
-    assert loops.read_eigen(total, products, len(points), 2 * trace, values, *vectors) == 0.0
+    assert loops.read_eigen(total, products, len(points), 2 * trace, values, *vectors, block) == 0.0
     assert not vectors[1].any()
+
+
+@pytest.mark.parametrize("begin", [0.0, 1.0, np.nan, np.inf])
+def test_one_window_after_another_is_read_as_each_alone(loops: compiled.Loops, begin: float) -> None:
+    """From hop to hop, and from one motion to the next, the loops find what they find of each window alone."""
+    covariances, taken_over = np.concatenate([_covariances(clip) for clip in CLIPS]), 0
+    values, vectors, block = np.empty(EIGENVECTORS), np.empty((2, EIGENVECTORS, 32)), np.full((32, 8), begin)
+    for covariance in covariances:
+        trace = loops.read_eigen(np.zeros(32), covariance, 1.0, 0.0, values, *vectors, block)
+        pairs = eigenpairs_of(covariance[None])
+        (scaled,) = eigen(pairs)
+        np.testing.assert_allclose(values, pairs.values[0], atol=1e-9 * trace)
+        np.testing.assert_allclose(vectors[1].T @ vectors[1], scaled.T @ scaled, atol=1e-6)
+        taken_over += np.allclose(block.T @ block, np.eye(8))
+    assert taken_over > len(covariances) / 2
 
 
 # --- windows compared --------------------------------------------------------------------------------------------
@@ -466,13 +536,14 @@ def test_an_environment_variable_switches_the_loops_off() -> None:
 
 _F, _H = np.float32, np.float16
 _ONE = np.array([0])
+_WINDOWS = np.zeros((3, 2), _F)
 _SIX_ROWS, _INDICES = np.zeros((6, 5)), np.zeros(60, np.intp)
 _NO_ORIGIN, _NO_AXES = np.zeros(0, _F), np.zeros((0, 0), _H)
 
 
 def _table(loops: compiled.Loops, parts: int = 1, groups: int = 1) -> compiled.Table:
     """Lay out three windows of one class, with parts of four numbers and two axes."""
-    table = loops.Table(3, _ONE, _ONE, np.ones((1, groups), _F), 0.01)
+    table = loops.Table(_WINDOWS, _ONE, _ONE, np.ones((1, groups), _F), 0.01)
     for _ in range(parts):
         table.add_part(0, 0, np.zeros(4, _F), np.zeros((4, 2), _H))
     return table
@@ -495,7 +566,30 @@ def _parts(loops: compiled.Loops, **other: np.ndarray) -> object:
         "parts": np.zeros((3, 5)),
     }
     sums, clock, sizing, segments, paths, parts = (usual | other).values()
-    return loops.read_parts(sums, clock, 2.0, sizing, segments, paths, 0.1, 0.5, parts)
+    return loops.read_parts(sums, clock, 2.0, sizing, segments, paths, 0.1, 0.5, 1.0, 1.0, parts)
+
+
+def _sums_followed(loops: compiled.Loops, **other: object) -> object:
+    """Let sums follow nine rows of five distances, with another argument or two."""
+    usual = {
+        "rows": np.zeros((9, 5)),
+        "times": np.arange(9.0),
+        "places": np.zeros(2, np.intp),
+        "drift": np.zeros(2),
+        "sums": np.zeros((4, 5)),
+        "clock": np.zeros(3),
+        "end": 9,
+        "moved": 0,
+        "seconds": 1.0,
+        "most": 9,
+    }
+    return loops.follow(*cast("Any", (usual | other).values()))
+
+
+def _products_followed(loops: compiled.Loops, directions: int, products: np.ndarray) -> object:
+    points, places = np.zeros((9, directions)), np.zeros(2, np.intp)
+    sums = np.zeros(directions), np.zeros(directions), products
+    return loops.follow_products(points, np.arange(9.0), places, np.zeros(2), *sums, 9, 0, 1.0, 9)
 
 
 def _followed(loops: compiled.Loops, **other: np.ndarray) -> object:
@@ -552,46 +646,26 @@ _REFUSED: dict[str, tuple[Callable[[compiled.Loops], object], str]] = {
         ),
         "rows: expected memory that is in no other array",
     ),
-    "sums: three rows": (
-        lambda loops: loops.follow(
-            np.zeros((3, 5)), np.zeros(3), np.zeros((1, 5)), np.zeros((0, 5)), np.zeros(1), np.zeros(0)
-        ),
-        "sums: expected 4, got 3",
-    ),
-    "sums: wide rows": (
-        lambda loops: loops.follow(
-            np.zeros((4, 5)), np.zeros(3), np.zeros((1, 6)), np.zeros((0, 5)), np.zeros(1), np.zeros(0)
-        ),
-        "entered: expected 5, got 6",
-    ),
-    "sums: times": (
-        lambda loops: loops.follow(
-            np.zeros((4, 5)), np.zeros(3), np.zeros((1, 5)), np.zeros((0, 5)), np.zeros(2), np.zeros(0)
-        ),
-        "entered_times: expected 1, got 2",
-    ),
+    "sums: three rows": (lambda loops: _sums_followed(loops, sums=np.zeros((3, 5))), "sums: expected 4, got 3"),
+    "sums: wide rows": (lambda loops: _sums_followed(loops, rows=np.zeros((9, 6))), "sums: expected 6, got 5"),
+    "sums: times": (lambda loops: _sums_followed(loops, times=np.zeros(8)), "times: expected 9, got 8"),
+    "sums: end": (lambda loops: _sums_followed(loops, end=10), "end: expected 0 to 9"),
+    "sums: no end": (lambda loops: _sums_followed(loops, end=np.nan), "end: expected 0 to 9"),
+    "sums: moved": (lambda loops: _sums_followed(loops, moved=-1), "end: expected 0 to 9, moved not below 0"),
     "sums: no distance": (
-        lambda loops: loops.follow(
-            np.zeros((4, 0)), np.zeros(3), np.zeros((9, 0)), np.zeros((0, 0)), np.zeros(9), np.zeros(0)
-        ),
-        "sums: expected 1 to [0-9]*, got 0",
+        lambda loops: _sums_followed(loops, rows=np.zeros((9, 0)), sums=np.zeros((4, 0))),
+        "rows: expected 1 to [0-9]*, got 0",
     ),
     "sums: among the rows": (
-        lambda loops: loops.follow(
-            _SIX_ROWS[:4], np.zeros(3), _SIX_ROWS[3:5], np.zeros((0, 5)), np.zeros(2), np.zeros(0)
-        ),
+        lambda loops: _sums_followed(loops, rows=_SIX_ROWS[1:], times=np.zeros(5), sums=_SIX_ROWS[:4], end=5),
         "sums: expected memory that is in no other array",
     ),
     "products: many directions": (
-        lambda loops: loops.follow_products(
-            np.zeros(33), np.zeros(33), np.zeros((33, 33)), np.zeros((1, 33)), np.zeros((0, 33))
-        ),
+        lambda loops: _products_followed(loops, 33, np.zeros((33, 33))),
         "directions: expected 1 to 32, got 33",
     ),
     "products: no square": (
-        lambda loops: loops.follow_products(
-            np.zeros(3), np.zeros(3), np.zeros((3, 4)), np.zeros((1, 3)), np.zeros((0, 3))
-        ),
+        lambda loops: _products_followed(loops, 3, np.zeros((3, 4))),
         "products: expected 3, got 4",
     ),
     "parts: sizing": (lambda loops: _parts(loops, sizing=np.ones(4)), "sizing: expected 5, got 4"),
@@ -615,24 +689,24 @@ _REFUSED: dict[str, tuple[Callable[[compiled.Loops], object], str]] = {
     ),
     "eigen: no number": (
         lambda loops: loops.read_eigen(
-            np.zeros(3), np.full((3, 3), np.nan), 2.0, 0.0, np.zeros(3), np.zeros((3, 3)), np.zeros((3, 3))
+            np.zeros(3), np.full((3, 3), np.nan), 2.0, 0.0, np.zeros(3), *np.zeros((2, 3, 3)), np.zeros((3, 8))
         ),
         "products: expected finite numbers",
     ),
     "table: many groups": (
-        lambda loops: loops.Table(3, _ONE, _ONE, np.ones((1, 9), _F), 0.01),
+        lambda loops: loops.Table(_WINDOWS, _ONE, _ONE, np.ones((1, 9), _F), 0.01),
         "groups: expected 1 to 8, got 9",
     ),
     "table: blocks descend": (
-        lambda loops: loops.Table(3, np.array([0, 2, 1]), _ONE, np.ones((1, 1), _F), 0.01),
+        lambda loops: loops.Table(_WINDOWS, np.array([0, 2, 1]), _ONE, np.ones((1, 1), _F), 0.01),
         "blocks: expected to start at 0 and ascend below 3",
     ),
     "table: blocks beyond": (
-        lambda loops: loops.Table(3, np.array([0, 3]), _ONE, np.ones((1, 1), _F), 0.01),
+        lambda loops: loops.Table(_WINDOWS, np.array([0, 3]), _ONE, np.ones((1, 1), _F), 0.01),
         "blocks: expected to start at 0 and ascend below 3",
     ),
     "table: classes": (
-        lambda loops: loops.Table(3, _ONE, np.array([0, 1]), np.ones((1, 1), _F), 0.01),
+        lambda loops: loops.Table(_WINDOWS, _ONE, np.array([0, 1]), np.ones((1, 1), _F), 0.01),
         "classes: expected 1 to 1, got 2",
     ),
     "part: origin": (
@@ -687,6 +761,11 @@ _REFUSED: dict[str, tuple[Callable[[compiled.Loops], object], str]] = {
         lambda loops: _with_group(loops).compared(np.zeros(4), np.zeros((1, 2))),
         "classes: expected 1, got 2",
     ),
+    "scores: eigenvector": (
+        lambda loops: _table(loops).scores(np.zeros(3), np.zeros(1)),
+        "eigenvector: expected 2, got 3",
+    ),
+    "scores: classes": (lambda loops: _table(loops).scores(np.zeros(2), np.zeros(2)), "scores: expected 1, got 2"),
     "moving: back": (
         lambda loops: loops.moving(np.zeros((3, 2)), 3, 1.0, np.zeros((4, 4)), np.zeros(4, _F)),
         "back: expected 0 to 2",
@@ -715,7 +794,7 @@ _REFUSED: dict[str, tuple[Callable[[compiled.Loops], object], str]] = {
     "followed: live": (lambda loops: _followed(loops, live=np.zeros(3, _F)), "live: expected 2, got 3"),
     "followed: constants": (lambda loops: _followed(loops, constants=np.zeros(7)), "constants: expected 8, got 7"),
     "table: no window": (
-        lambda loops: loops.Table(0, _ONE, _ONE, np.ones((1, 1), _F), 0.01),
+        lambda loops: loops.Table(_WINDOWS[:0], _ONE, _ONE, np.ones((1, 1), _F), 0.01),
         "windows: expected 1 to [0-9]*, got 0",
     ),
 }
@@ -756,7 +835,7 @@ def test_the_error_names_the_first_of_two_bad_numbers(loops: compiled.Loops) -> 
     none, fraction = cast("Any", "2"), cast("Any", Fraction(1, 2))
     arrays = np.ones((4, 5)), np.zeros(3)
     with pytest.raises(TypeError, match="must be real number, not str"):
-        loops.read_parts(*arrays, none, np.ones(5), _ONE, np.ones((1, 5)), fraction, 0.5, np.zeros((3, 5)))
+        loops.read_parts(*arrays, none, np.ones(5), _ONE, np.ones((1, 5)), fraction, 0.5, 1.0, 1.0, np.zeros((3, 5)))
 
 
 def test_read_only_rows_are_refused_before_anything_is_written(loops: compiled.Loops) -> None:

@@ -108,9 +108,14 @@ def test_derived_libraries_drop_numbers_of_other_motions(keeping: MotionLibrary)
     ("name", "array", "said"),
     [
         ("basis weights", None, "basis weights: expected an array, got none"),
-        ("basis weights", np.ones(3), "basis: expected directions"),
-        ("basis directions", np.ones((3, 2)), "basis: expected directions"),
+        ("basis weights", np.ones(3), "at least 0 and one share, got"),
+        ("basis weights", -np.ones(10), "at least 0 and one share, got"),
+        ("basis directions", np.ones((3, 2)), "at most 32. directions, got"),
+        ("basis directions", np.ones((10, 33)), "at most 32. directions, got"),
+        ("basis directions", np.ones((10, 0)), "at most 32. directions, got"),
+        ("basis directions", np.ones(10), "at most 32. directions, got"),
         ("across posture 0.25 s axes", np.ones((3, 2)), "across posture 0.25 s: expected an origin"),
+        ("across posture 0.25 s axes", np.ones((10, 129)), "across posture 0.25 s: expected an origin"),
         ("across posture 0.25 s origin", np.ones(3), "across posture 0.25 s: expected an origin"),
     ],
 )

@@ -33,7 +33,7 @@ def test_a_charter_comes_back() -> None:
     ("changes", "own", "said"),
     [
         ({"version": "99.0"}, None, "the gateway has version 99.0, this worker "),
-        ({"protocol": 2}, None, "the gateway has protocol 2, this worker 1"),
+        ({"protocol": 99}, None, f"the gateway has protocol 99, this worker {chartered.PROTOCOL}"),
         ({"partitions": 32}, None, "the gateway has partitions 32, this worker 64"),
         ({}, "e" * 64, "the gateway has library dddddddddddd, this worker eeeeeeeeeeee"),
     ],

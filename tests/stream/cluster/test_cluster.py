@@ -105,7 +105,7 @@ class Bus:
 
     def has_workers(self, gateway: Gateway, count: int) -> bool:
         """Say whether a gateway has so many workers."""
-        return gateway.notes[0] == f"{count} workers of gateway {gateway.name}"
+        return gateway.notes[0] == f"workers of gateway {gateway.name}: {count}"
 
 
 @pytest.fixture
@@ -174,7 +174,7 @@ def test_workers_come_and_go_without_a_lost_event(on: Bus, feed: Sequence[Sequen
     # Hops begin anew with the first frame that a worker sees, so that one may fall on the frame beside it.
     assert abs(len(heard) - len(expected)) <= 3 * len(NAMES)
     assert on.told[0].startswith(f"working for gateway {gateway.name}, library ")
-    assert "is gone; 1 workers left or were lost so far" in " ".join(gateway.notes)
+    assert "workers lost so far: 1; last: worker" in " ".join(gateway.notes)
 
 
 def test_another_version_or_library_or_map_is_refused(

@@ -44,17 +44,17 @@ def test_rates_are_counted_from_reading_to_reading() -> None:
     rates = Rates(100.0)
     for performer in "aababa":
         rates.count(performer)
-    assert rates.read(102.0) == {"a": 2.0, "b": 1.0}
+    assert rates.read(102.0, "abc") == {"a": 2.0, "b": 1.0}
     rates.count("b")
-    assert rates.read(102.5) == {"b": 2.0}
-    assert rates.read(103.0) == {}
+    assert rates.read(102.5, "b") == {"b": 2.0}
+    assert rates.read(103.0, "b") == {}
 
 
 def test_a_clock_that_stands_divides_nothing_by_0() -> None:
     """Read twice at one moment, a rate is finite."""
     rates = Rates(1.0)
     rates.count("a")
-    assert np.isfinite(rates.read(1.0)["a"])
+    assert np.isfinite(rates.read(1.0, "a")["a"])
 
 
 def test_without_hops_there_is_no_time() -> None:

@@ -157,7 +157,7 @@ def test_a_killed_worker_costs_no_event(
     gaps = [[later.time - earlier.time for earlier, later in successive(heard)] for heard in (on.heard, expected)]
     assert max(gaps[0]) < max(gaps[1]) + 1.5 / RATE
     assert len(FakeProcess.all) == 3
-    assert on.crew.notes == ["worker 1 ended, 1 replaced so far"]
+    assert on.crew.notes == ["workers replaced so far: 1; last: worker 1 ended"]
 
 
 @pytest.mark.slow
@@ -172,7 +172,7 @@ def test_a_hung_worker_is_replaced(
         on.turn(frames)
     assert events(on.heard) == events(expected)
     assert len(on.heard) == len(expected)
-    assert on.crew.notes == ["worker 2 hung and was killed, 1 replaced so far"]
+    assert on.crew.notes == ["workers replaced so far: 1; last: worker 2 hung and was killed"]
 
 
 def test_a_stopped_parent_kills_no_worker(stage: Callable[..., Stage], feed: Sequence[Sequence[Frame]]) -> None:
@@ -340,4 +340,4 @@ def test_real_processes_work_and_are_replaced(
             read()
         assert len(heard) == len(expected)
         assert events(heard) == events(expected)
-        assert "worker 1 ended, 1 replaced so far" in crew.notes
+        assert "workers replaced so far: 1; last: worker 1 ended" in crew.notes

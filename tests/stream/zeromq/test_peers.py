@@ -15,7 +15,7 @@ from programs import LOOPBACK, PATIENCE
 
 from kinespace.stream import zeromq
 from kinespace.stream.frame import Frame
-from kinespace.stream.zeromq import Endpoint, ZmqReceiver, ZmqSender, peers, sockets
+from kinespace.stream.zeromq import Endpoint, ZmqReceiver, ZmqSender, peers
 from kinespace.stream.zeromq.peers import Allowance
 from kinespace.tools.chaos import attacks
 
@@ -33,7 +33,7 @@ FRAME = zeromq.encode_frame(Frame("ann", 1.0, np.zeros((3, 3))), 1)
 @pytest.fixture(autouse=True)
 def often(monkeypatch: pytest.MonkeyPatch) -> None:
     """Look at the connections all the time."""
-    monkeypatch.setattr(sockets, "LOOK_EVERY", 0.0)
+    monkeypatch.setattr(peers, "LOOK_EVERY", 0.0)
 
 
 @pytest.fixture
@@ -173,3 +173,32 @@ def test_of_too_many_connections_the_silent_end_first(monkeypatch: pytest.Monkey
     wait_for(lambda: is_ended(silent[0]) and is_ended(silent[1]))
     assert [is_ended(each) for each in (first, *silent[2:])] == [False] * 3
     assert sender.shut == 2
+
+
+def test_connections_without_end_do_not_hold_up_the_loop(monkeypatch: pytest.MonkeyPatch, opened: ExitStack) -> None:
+    """A look reads and shuts down a bounded number of connections; the following looks deal with the others."""
+    monkeypatch.setattr(peers, "MAX_PER_HOST", 0)
+    monkeypatch.setattr(peers, "_MAX_EVENTS", 4)
+    monkeypatch.setattr(peers, "_MIN_SHUT", 2)
+    sender = opened.enter_context(closing(ZmqSender(ANY_PORT)))
+    host, port = sender.address.removeprefix("tcp://").split(":")
+    for _ in range(10):
+        opened.enter_context(socket.create_connection((host, int(port))))
+    watched, before, most = sender._peers, 0, 0  # noqa: SLF001 - what one look does cannot be seen from outside
+
+    def all_shut() -> bool:
+        nonlocal before, most
+        watched.look()
+        assert len(watched.begun) <= 4
+        before, most = sender.shut, max(most, sender.shut - before)
+        return sender.shut == 10
+
+    wait_for(all_shut)
+    assert most == 2
+
+
+def test_a_connection_that_has_just_ended_ends_nothing_else() -> None:
+    """ZeroMQ may have closed a file before it tells: nothing came in on it, and nothing is raised."""
+    with socket.socket() as ended:
+        number = ended.fileno()
+    assert peers._received(number) is None  # noqa: SLF001 - the moment cannot be arranged from outside

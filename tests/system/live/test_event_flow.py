@@ -66,6 +66,21 @@ def test_silence_ends_the_motion(library: MotionLibrary) -> None:
     assert performers.drop_silent(2.1) == []
 
 
+def test_a_pause_in_the_feed_ends_the_motion(library: MotionLibrary) -> None:
+    """A second without frames ends a motion at the last frame before it, once; half a second does not."""
+    first, short, long = (_frames("bow", start=start) for start in (100.0, 102.5, 105.5))
+    for clocked in (True, False):
+        performers = Performers(library)
+        events = []
+        for frame in (*first, *short, *long):
+            if clocked and frame is long[0]:
+                events += performers.end_paused(frame.time)
+            recognition = performers.push(frame, frame.time)
+            events += recognition.events if recognition else ()
+        assert [event.kind for event in events] == [START, END, START]
+        assert events[1].time == short[-1].time
+
+
 def test_a_performer_dropped_to_make_room_gets_an_end(library: MotionLibrary) -> None:
     """The end of a performer dropped for a new one's sake is given when silence is next asked about, once."""
     performers = Performers(library, most=1, silence=1.0)

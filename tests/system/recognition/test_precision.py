@@ -48,18 +48,18 @@ class Followed:
 
     def __init__(self, width: int, rate: float = 120.0) -> None:
         self.rate, self.length = rate, round(rate / 2)
-        self._windows = SlidingWindow(0.5, width), SlidingWindow(0.5, width)
-        self.covariance = RollingCovariance(self._windows[0], width)
-        self.moments = RollingMoments(self._windows[1], width)
+        self._window = SlidingWindow(0.5, width, beside=width)
+        self.covariance, self.moments = RollingCovariance(self._window), RollingMoments(self._window)
         self._pushed = 0
 
     def push(self, rows: np.ndarray) -> None:
         """Take in some rows and follow them."""
         times = (np.arange(self._pushed, self._pushed + len(rows)) / self.rate).tolist()
         self._pushed += len(rows)
-        for window, each in zip(self._windows, (self.covariance, self.moments), strict=True):
-            window.push(times, rows)
-            each.update()
+        self._window.push(times, rows, rows)
+        self.covariance.update()
+        self.moments.update()
+        self._window.pass_over()
 
     def error(self, rows: np.ndarray) -> float:
         """Compare with the textbook's covariance and variances of the rows that should be in the window."""

@@ -52,16 +52,15 @@ def test_a_page_is_served_until_it_is_to_end() -> None:
     [
         ["--recordings", "."],
         ["--page", "0", "--recordings", ".", "--record", "a.kinerec"],
-        ["--page", "0", "--recordings", "missing"],
     ],
 )
 def test_recordings_that_cannot_be_made_are_refused(
     options: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Without a page, beside a recording from the beginning, or in a folder that is not there: one line, exit 2."""
+    """Without a page, and beside a recording from the beginning: one line, exit 2."""
     monkeypatch.chdir(tmp_path)
     assert main(["live", *options]) == 2
-    assert capsys.readouterr().err.startswith(("kinespace: --recordings: ", "kinespace: missing: no such folder"))
+    assert capsys.readouterr().err.startswith("kinespace: --recordings: ")
 
 
 def test_a_replay_needs_somebody_to_show(capsys: pytest.CaptureFixture[str]) -> None:

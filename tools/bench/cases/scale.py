@@ -5,6 +5,7 @@ Gateway and sender are this process; the workers are `kinespace work`, in proces
 
 from __future__ import annotations
 
+import math
 import signal
 import socket
 import subprocess
@@ -24,9 +25,10 @@ from kinespace.stream.cluster.bus import open_session
 from kinespace.stream.cluster.gateway import Gateway
 from kinespace.stream.frame import Frame
 from kinespace.stream.osc import OscReceiver
-from kinespace.stream.recognition import EventKind
 from kinespace.stream.recognizer import Performers, SentJoints, Settings
-from kinespace.stream.workers.wire import Entry, decode_frames, encode_frames, sent_frame
+from kinespace.stream.workers.ledger import Ledger
+from kinespace.stream.workers.partition import PARTITIONS
+from kinespace.stream.workers.wire import decode_frames, encode_frames
 from kinespace.stream.workers.worker import HISTORY, Worker
 from kinespace.tools.bench.memory import core_seconds
 from kinespace.tools.bench.recorded import FRAME_RATE
@@ -37,9 +39,9 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from kinespace.library.windows.index import WindowIndex
-    from kinespace.stream.recognition import Event, Recognition
+    from kinespace.stream.recognition import Event, EventKind, Recognition
     from kinespace.stream.service.recognising import Recognising
+    from kinespace.stream.workers.wire import Answered, Entry, SentFrame
 
 _LOOPBACK = "127.0.0.1"
 #: Seconds in which workers must be there, and in which the last answers may still come.
@@ -172,7 +174,7 @@ class Cluster:
     def wait_for(self, workers: int) -> None:
         """Wait until so many workers are there."""
         until = time.monotonic() + _MAX_START
-        while not self.gateway.notes[0].startswith(f"{workers} workers"):
+        while not self.gateway.notes[0].endswith(f": {workers}"):
             if time.monotonic() > until:
                 raise TimeoutError(f"{workers} workers were not there within {_MAX_START:g} s")
             self.gateway.source.tend(time.monotonic())
@@ -335,38 +337,35 @@ def gateway_gap(positions: NDArray[np.float32]) -> float:
 def takeovers(positions: NDArray[np.float32], seconds: float) -> tuple[int, int]:
     """Let another worker take a performer over at many moments; give how many, and after how many an event differs."""
     index = opened(MotionLibrary.builtin())
-    frames = [Frame("p", 1.0 + k / FRAME_RATE, each) for k, each in enumerate(positions)]
-    whole = Performers(index)
-    answers = [whole.push(frame, frame.time) for frame in frames]
+    former, ledger = Worker(Performers(index)), Ledger(most=1, silence=math.inf, keeps_frames=True)
     history = round(seconds * FRAME_RATE)
-    differ = tried = 0
-    for cut in range(history, len(frames) - _AFTER, _EVERY):
-        tried += 1
-        differ += _taken_over(index, frames[cut - history : cut + _AFTER], history, _going_on(answers[:cut])) != _named(
-            [event for each in answers[cut : cut + _AFTER] if each for event in each.events]
-        )
-    return tried, differ
+    frames: list[SentFrame] = []
+    events: list[list[Event]] = []
+    cuts: dict[int, tuple[list[Entry], int]] = {}
+    for k, each in enumerate(positions):
+        numbered = ledger.send(Frame("p", 1.0 + k / FRAME_RATE, each), k / FRAME_RATE)
+        frames += [numbered[1]] if numbered else []
+        answers = _pushed(former, frames[-1:])
+        events.append([event for answer in answers for event in ledger.note(answer) or ()])
+        if k in range(history, len(positions) - _AFTER, _EVERY):
+            entries = ledger.entries(range(PARTITIONS))
+            cuts[k + 1] = entries, max(entries[0].answered - history, 0)
+    differ = 0
+    for cut, (entries, first) in cuts.items():
+        worker = Worker(Performers(index))
+        worker.take_over(entries, 0.0)
+        found = _pushed(worker, frames[first : cut + _AFTER])
+        expected = [event for each in events[cut : cut + _AFTER] for event in each]
+        differ += _named([event for answer in found for event in answer.events]) != _named(expected)
+    return len(cuts), differ
 
 
-def _going_on(answers: Sequence[Recognition | None]) -> Event | None:
-    last = [event for each in answers if each for event in each.events][-1:]
-    return last[0] if last and last[0].kind is EventKind.START else None
+def _pushed(worker: Worker, frames: Sequence[SentFrame]) -> list[Answered]:
+    return [answer for each in frames for answer in worker.push(decode_frames(encode_frames([each])), each.at)]
 
 
 def _named(events: Sequence[Event]) -> list[tuple[EventKind, str]]:
     return [(event.kind, event.label) for event in events]
-
-
-def _taken_over(
-    index: WindowIndex, frames: Sequence[Frame], history: int, going_on: Event | None
-) -> list[tuple[EventKind, str]]:
-    worker = Worker(Performers(index))
-    worker.take_over([Entry("p", history, 0.0, going_on, None)], 0.0)
-    found: list[Event] = []
-    for number, frame in enumerate(frames, start=1):
-        message = encode_frames([sent_frame(frame, number, 0.0, anew=False)])
-        found += [event for each in worker.push(decode_frames(message), frame.time) for event in each.events]
-    return _named(found)
 
 
 def measure(positions: NDArray[np.float32], *, seconds: float, crowd: int) -> Scale:

@@ -223,12 +223,13 @@ function listClasses() {
     const named = made("span", { className: "name", text: name }, ...(examples ? [made("small", { text: `  taught ${examples}×` })] : []));
     const row = made("button", {}, named, score, made("span", { className: "track" }, fill));
     row.type = "button";
-    row.disabled = !page.control;
+    row.disabled = !teaches();
     row.classList.toggle("off", Boolean(page.control?.off.includes(name)));
     row.addEventListener("click", () => openClass(name));
     list.append(made("li", {}, row));
     return { row, fill, score, name };
   });
+  if (!page.classes.length) list.append(made("li", { className: "none", text: page.control ? "None yet: teach one below." : "None yet." }));
   byId("names").replaceChildren(...page.classes.map((name) => new Option("", name)));
 }
 
@@ -271,9 +272,10 @@ setInterval(() => {
 // --- teaching ---
 
 const ask = (command) => send({ ask: command });
+const teaches = () => Boolean(page.control?.teaches);
 
 function showControl() {
-  byId("teach").toggleAttribute("data-on", Boolean(page.control));
+  byId("teach").toggleAttribute("data-on", teaches());
   const { sensitivity, records, recording } = page.control;
   const slider = byId("sensitivity");
   slider.closest("label").hidden = sensitivity === null;
@@ -353,7 +355,7 @@ function openClass(name) {
 }
 
 function openWrong(performer, motion) {
-  if (!page.control || motion.end === null || motion.mark === "taught") return;
+  if (!teaches() || motion.end === null || motion.mark === "taught") return;
   const dialog = byId("wrong");
   byId("wrong-title").textContent = `${motion.className}, ${number(motion.end - motion.begin, 1)} s`;
   byId("meant").replaceChildren(...["nothing", ...page.classes.filter((name) => name !== motion.className)].map((name) => new Option(name)));
@@ -439,8 +441,8 @@ document.addEventListener("keydown", (event) => {
   if (event.target.closest("input, select, dialog") || event.ctrlKey || event.metaKey || event.altKey) return;
   const name = [...page.performers.keys()][Number(event.key) - 1];
   if (name && event.target.tagName !== "CANVAS") choose(name);
-  if (event.key === "t" && page.control) { event.preventDefault(); byId("name").focus(); }
-  if (event.key === "Escape" && page.control) ask({ do: "cancel" });
+  if (event.key === "t" && teaches()) { event.preventDefault(); byId("name").focus(); }
+  if (event.key === "Escape" && teaches()) ask({ do: "cancel" });
 });
 
 setTheme(localStorage.getItem("theme") ?? (matchMedia("(prefers-color-scheme: light)").matches ? "light" : "dark"));

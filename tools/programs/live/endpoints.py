@@ -13,7 +13,7 @@ from kinespace.stream.inputs import OscDecoder, Source, ZmqDecoder
 from kinespace.stream.inputs.recording import RawWriter, Recorder, source_name
 from kinespace.stream.outputs import LAYOUTS, LayoutSink, NativeLayout, ReplySink, Sink, ZmqSink
 from kinespace.stream.zeromq import Endpoint
-from kinespace.tools.cli.address import host_and_port
+from kinespace.tools.cli.address import host_and_port, opening
 from kinespace.tools.teaching.door import WEKINATOR_PORT, Allowed, RequestDoor, TaughtDecoder, WekinatorDoor
 
 if TYPE_CHECKING:
@@ -53,11 +53,13 @@ def open_ends(
     sinks: list[Sink] = []
     with ExitStack() as opened:
         if addresses.osc_in:
-            receivers.append(osc.OscReceiver(*host_and_port(addresses.osc_in), networks))
+            with opening("--osc-in"):
+                receivers.append(osc.OscReceiver(*host_and_port(addresses.osc_in), networks))
             opened.callback(receivers[-1].close)
         if addresses.zmq_in:
             endpoint = Endpoint.parse(addresses.zmq_in, bind=True)
-            receivers.append(zeromq.ZmqReceiver(endpoint, networks=networks, keyring=keyring))
+            with opening("--zmq-in"):
+                receivers.append(zeromq.ZmqReceiver(endpoint, networks=networks, keyring=keyring))
             opened.callback(receivers[-1].close)
         if addresses.osc_out:
             sinks.append(LayoutSink(NativeLayout(), osc.OscSender(*host_and_port(addresses.osc_out))))
@@ -66,7 +68,8 @@ def open_ends(
             endpoint = Endpoint.parse(addresses.zmq_out, bind=True)
             listeners = [*networks, *_LOOPBACK] if networks else ()
             known = bool(keyring or networks) or not endpoint.is_open_to_others
-            sinks.append(ZmqSink(zeromq.ZmqSender(endpoint, keyring, listeners), named=known))
+            with opening("--zmq-out"):
+                sinks.append(ZmqSink(zeromq.ZmqSender(endpoint, keyring, listeners), named=known))
             opened.callback(sinks[-1].close)
         for out in feed.outs:
             sinks.append(_layout_sink(out, receivers, admission))
@@ -144,9 +147,11 @@ def open_doors(
         name, _, place = control.partition("=")
         if name == "wekinator":
             host, port = host_and_port(place) if place else ("127.0.0.1", WEKINATOR_PORT)
-            doors.append(WekinatorDoor(osc.OscReceiver(host, port), desk, allowed))
+            with opening("--control"):
+                doors.append(WekinatorDoor(osc.OscReceiver(host, port), desk, allowed))
         elif "://" in control:
-            doors.append(RequestDoor(Endpoint.parse(control, bind=True), desk, allowed, keyring))
+            with opening("--control"):
+                doors.append(RequestDoor(Endpoint.parse(control, bind=True), desk, allowed, keyring))
         else:
             raise ValueError(f"--control: expected wekinator or an endpoint like tcp://127.0.0.1:9330, got {control!r}")
     return doors

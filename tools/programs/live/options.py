@@ -122,13 +122,12 @@ class Watched:
     keys: Path | None = None
 
     def require_folder(self, record: Path | None) -> None:
-        """Refuse recordings without a page, beside a recording from the beginning, or without their folder."""
+        """Refuse recordings without a page, or beside a recording from the beginning; make their folder."""
         if self.recordings is None:
             return
         if not self.page or record:
             raise ValueError("--recordings: expected --page with it, and no --record")
-        if not self.recordings.is_dir():
-            raise FileNotFoundError(f"{self.recordings}: no such folder")
+        self.recordings.mkdir(parents=True, exist_ok=True)
 
     def session(self, sources: Sequence[Source], preset: Preset | None) -> RecordingSession | None:
         """Give what begins and ends recordings; None where nobody may record."""

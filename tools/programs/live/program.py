@@ -36,7 +36,6 @@ if TYPE_CHECKING:
 
     from kinespace.library.windows.index import WindowIndex
     from kinespace.stream.recognizer import SentJoints, Settings
-    from kinespace.stream.service.recognising import Teachable
 
 #: Where answers go by default: a port that no usual receiver uses.
 OSC_OUT = "127.0.0.1:9311"
@@ -44,6 +43,24 @@ OSC_OUT = "127.0.0.1:9311"
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the program's options."""
+    add_shared_arguments(parser)
+    parser.add_argument(
+        "--workers", type=workers, default=0, metavar="N|auto", help="spread performers over processes (default: none)"
+    )
+    parser.add_argument(
+        "--teach", type=Path, metavar="FILE", help="let people teach motions by showing them, and keep them there"
+    )
+    parser.add_argument(
+        "--control",
+        action="append",
+        default=[],
+        metavar="wekinator|ENDPOINT",
+        help="also obey Wekinator's control messages (=HOST:PORT; 6448), or ZeroMQ requests, like tcp://127.0.0.1:9330",
+    )
+
+
+def add_shared_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options that `kinespace gateway` has, too."""
     parser.description = (
         f"Recognises frames and publishes answers until Ctrl-C. Unless told otherwise: OSC in on {OSC_IN}, out to "
         f"{OSC_OUT}. A ZeroMQ endpoint is bound; put > before it to connect instead."
@@ -85,21 +102,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_keys(parser)
     parser.add_argument("--merge", action="store_true", help="let several senders send frames of one performer")
     parser.add_argument("--performers", type=int, default=32, help="how many performers at most (default %(default)s)")
-    parser.add_argument(
-        "--workers", type=workers, default=0, metavar="N|auto", help="spread performers over processes (default: none)"
-    )
     parser.add_argument("--record", type=Path, metavar="FILE", help="keep every packet that comes in, for replay")
     add_overwrite(parser)
-    parser.add_argument(
-        "--teach", type=Path, metavar="FILE", help="let people teach motions by showing them, and keep them there"
-    )
-    parser.add_argument(
-        "--control",
-        action="append",
-        default=[],
-        metavar="wekinator|ENDPOINT",
-        help="also obey Wekinator's control messages (=HOST:PORT; 6448), or ZeroMQ requests, like tcp://127.0.0.1:9330",
-    )
     parser.add_argument(
         "--bodies", action="store_true", help="publish bodies on --zmq-out, for kinespace page elsewhere"
     )
@@ -156,7 +160,7 @@ def in_workers(number: int) -> Where:
         most: int,
         joints: SentJoints,
         classes: Sequence[str] = (),
-    ) -> Teachable:
+    ) -> Crew:
         if isinstance(library, MotionLibrary) and settings.signature is LiveSignature.WINDOWS:
             library = opened(library)
         crew = Crew(number, library, settings, most=most, joints=joints, classes=classes)

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Protocol
 from kinespace.library.naming import Naming
 from kinespace.stream.recognizer import Performers, Recognizer, SentJoints
 from kinespace.stream.service.background_opener import background_restricter, background_windows
+from kinespace.stream.service.recognising import Teachable
 from kinespace.tools.cli.arguments import library_at
 from kinespace.tools.feeding.joint_sets import joints_in_order
 from kinespace.tools.teaching.desk import Start, open_desk
@@ -24,8 +25,9 @@ if TYPE_CHECKING:
     from kinespace.stream.feeds import Preset
     from kinespace.stream.outputs import Sink
     from kinespace.stream.recognizer import Settings
+    from kinespace.stream.recognizer.joints.fewer_joints import Restricter
     from kinespace.stream.service.loop import Source
-    from kinespace.stream.service.recognising import Recognising, Teachable
+    from kinespace.stream.service.recognising import Recognising
     from kinespace.tools.programs.live.options import Feed, Teaching
     from kinespace.tools.teaching.desk import Desk
 
@@ -44,7 +46,7 @@ class Making(Protocol):
         most: int,
         joints: SentJoints,
         classes: Sequence[str] = (),
-    ) -> Teachable:
+    ) -> Recognising:
         """Make them."""
 
 
@@ -55,7 +57,7 @@ def in_this_process(
     most: int,
     joints: SentJoints,
     classes: Sequence[str] = (),
-) -> Teachable:
+) -> Performers:
     """Make recognisers that the service's own loop calls."""
     return Performers(library, settings, most=most, joints=joints, opener=background_windows(), classes=classes)
 
@@ -151,16 +153,21 @@ def _desk(
     motions: MotionLibrary | None,
     sent: SentJoints,
     settings: Settings,
-    make: Callable[..., Teachable],
+    make: Callable[..., Recognising],
 ) -> Desk:
     """Open the taught library."""
     assert teaching.file is not None  # noqa: S101 - told to mypy
 
-    def performers(index: WindowIndex, classes: Sequence[str]) -> Teachable:
+    def performers(index: WindowIndex, classes: Sequence[str], restrict: Restricter) -> Teachable:
         covers = set(index.library.skeleton.joints) <= set(sent.assumed)
-        joints = sent if covers else replace(sent, assumed=())
+        joints = replace(
+            sent, assumed=sent.assumed if covers else (), restricter=background_restricter(settings, restrict)
+        )
         _require_room_for(index, settings)
-        return make(index, joints=joints, classes=classes)
+        made = make(index, joints=joints, classes=classes)
+        if not isinstance(made, Teachable):
+            raise ValueError(f"--teach: expected recognisers that take another library, got {type(made).__name__}")  # noqa: TRY004 - the program's options are at fault
+        return made
 
     return open_desk(Start(teaching.file, motions, sent.assumed), performers)
 

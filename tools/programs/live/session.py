@@ -24,6 +24,7 @@ from kinespace.tools.programs.feeds import preset_named
 from kinespace.tools.programs.live.endpoints import open_doors, open_ends
 from kinespace.tools.programs.live.options import Feed, Guard, Teaching, Watched
 from kinespace.tools.programs.live.recognisers import Where, recognisers
+from kinespace.tools.teaching.commanded import RecordingDesk
 from kinespace.tools.teaching.keys import Keys
 from kinespace.tools.terminal.console import console
 from kinespace.tools.terminal.live_table import LiveTable, PlainLines, summary
@@ -39,7 +40,7 @@ if TYPE_CHECKING:
     from kinespace.stream.service.recognising import Recognising
     from kinespace.tools.page.attach import Ends
     from kinespace.tools.programs.live.options import Addresses
-    from kinespace.tools.teaching.desk import Desk
+    from kinespace.tools.teaching.commanded import Commanded
 
 #: Times a second the table is drawn.
 _REDRAWS = 5
@@ -85,7 +86,10 @@ def recognise(
     admission = Admission(silence=performers.silence, merge=guard.merge, allowed=guard.performers)
     networks = [ipaddress.ip_network(each, strict=False) for each in guard.networks]
     # Before the sockets are open: no packet is to wait until the page runs.
-    ends = _page_ends(watched, addresses, preset, guard, performers=performers, desk=desk)
+    commanded = desk or RecordingDesk()
+    ends = _page_ends(
+        watched, addresses, preset, guard, performers=performers, desk=commanded if desk or watched.recordings else None
+    )
     sources, sinks, kept = open_ends(
         addresses, feed, preset, record, networks=networks, keyring=guard.keyring, admission=admission
     )
@@ -105,7 +109,7 @@ def recognise(
     ):
         if desk:
             desk.sinks = service.sinks
-            desk.recording = watched.session(sources, preset)
+        commanded.recording = watched.session(sources, preset)
         # Before anybody can know that the program runs.
         stop_on_signals(service.stop)
         _announce([*sources, *doors], sinks)
@@ -120,8 +124,7 @@ def recognise(
                 _run_with_table(service, shown)
             else:
                 service.run()
-        if desk:
-            desk.close()
+        commanded.close()
         status = service.status()
     console.print(summary(status), soft_wrap=True)
     for source in feeds:
@@ -150,7 +153,7 @@ def _page_ends(
     guard: Guard,
     *,
     performers: Recognising,
-    desk: Desk | None,
+    desk: Commanded | None,
 ) -> Ends:
     """Start the page that is asked for, and open the ends of the link to it."""
     if not watched.page:

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 
 from kinespace.library import NOTHING, Clip, MotionLibrary, find_recordings
 from kinespace.library.naming import hdm05
-from kinespace.library.recordings import RecordingReader, is_recording, labelled, performed
-from kinespace.library.recordings.formats.labels import LabelError, cut, labels_beside, oddities, read_labels
+from kinespace.library.recordings import RecordingReader, is_recording, labelled, performed, segments_beside
+from kinespace.library.recordings.formats.labels import LabelError, cut, oddities, read_labels
 from kinespace.tools.cli.arguments import (
     BUILT_IN,
     add_actor_in,
@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence
 
     from kinespace.library import Reading
+    from kinespace.library.recordings.formats.labels import Segment
 
 #: Seconds: a longer recording hardly is one motion; HDM05's longest cut clip has eight.
 _MAX_SECONDS = 15.0
@@ -70,15 +71,16 @@ class Changes:
 
 @dataclass(frozen=True, slots=True)
 class Terms:
-    """The terms of motions, and the authors to name; by default HDM05's for files named like HDM05's."""
+    """The terms of motions, and the authors to name; by default the file's own, or HDM05's for names like HDM05's."""
 
     licence: str | None = None
     attribution: str | None = None
 
     def put_on(self, clip: Clip, path: Path) -> Clip:
         """Set a clip's source and terms."""
-        usual = (hdm05.SOURCE, hdm05.LICENCE, hdm05.ATTRIBUTION) if hdm05.read_clip_name(path) else (path.name, "", "")
-        source, licence, attribution = usual
+        told = clip.source or path.name, clip.licence, clip.attribution
+        ours = hdm05.SOURCE, hdm05.LICENCE, hdm05.ATTRIBUTION
+        source, licence, attribution = ours if hdm05.read_clip_name(path) else told
         return replace(
             clip, source=source, licence=self.licence or licence, attribution=self.attribution or attribution
         )
@@ -89,7 +91,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.description = (
         "Puts the motions of recordings and library files together, over the joints that all of them have. A "
         "recording's class is in its name (HDM05) or is its folder's name. A file of labels beside a take, with "
-        "the take's name and the ending .csv, .tsv or .txt, cuts it into motions."
+        "the take's name and the ending .csv, .tsv or .txt, cuts it into motions; so does UTKinect's actionLabel.txt."
     )
     parser.add_argument(
         "sources", nargs="+", type=Path, metavar="SOURCE", help=f"folders, recordings, libraries, or {BUILT_IN}"
@@ -177,7 +179,7 @@ def build(
         f"{output}: {len(merged)} motions, {len(merged.classes)} classes, {output.stat().st_size / 1e6:.2f} MB",
         soft_wrap=True,
     )
-    for line in (*read.told, *_unshared(libraries, merged), *_filled(clips), *_short(merged), *_long(read.uncut)):
+    for line in (*read.told, *_unshared(libraries, merged), *_short(merged), *_long(read.uncut)):
         console.print(line, soft_wrap=True)
     return 0
 
@@ -197,38 +199,44 @@ class _Recordings:
         self._reading, self._terms = reading, terms
         self.uncut: list[Clip] = []
         self.told: list[str] = []
+        self._filled = self._read = 0
 
     def motions(self, places: Sequence[Path], labels: Sequence[Path] = ()) -> Iterator[Clip]:
         """Give the motions of recordings, by the given labels or the labels beside the recordings."""
         paths = find_recordings(places)
         if labels and len(labels) != len(paths):
             raise ValueError(f"--labels: expected one for each of {len(paths)} recordings, got {len(labels)}")
-        beside = list[Path | None](labels) or [labels_beside(path) for path in paths]
-        tell, found = NameTeller(), sum(each is not None for each in beside)
+        given = list(map(read_labels, labels)) if labels else list(map(segments_beside, paths))
+        tell, found = NameTeller(), sum(each is not None for each in given)
         if found and not labels:
             self.told.append(f"{found} of {len(paths)} recordings are cut by the labels that lie beside them")
         with RecordingReader(self._reading) as reader:
-            for path, file in zip(progress(paths, "Reading", len(paths)), beside, strict=True):
+            for path, segments in zip(progress(paths, "Reading", len(paths)), given, strict=True):
                 clips = [self._terms.put_on(tell(clip), path) for clip in reader.clips(path)]
-                yield from self._motions_of(clips, path, file)
+                self._filled += sum(clip.filled for clip in clips)
+                self._read += sum(clip.frames * len(clip.skeleton.joints) for clip in clips)
+                yield from self._motions_of(clips, path, segments)
+        if self._filled:
+            self.told.append(
+                f"{self._filled} of {self._read} joint positions were missing and were filled with straight lines"
+            )
 
-    def _motions_of(self, clips: Sequence[Clip], path: Path, labels: Path | None) -> Iterator[Clip]:
+    def _motions_of(self, clips: Sequence[Clip], path: Path, segments: Sequence[Segment] | None) -> Iterator[Clip]:
         """Give the motions of one recording, a clip for each performer."""
-        if labels is None:
+        if segments is None:
             whole = [labelled(clip, path, self._reading.actor_in) for clip in clips]
             self.uncut += whole
             yield from whole
         else:
-            yield from self._cut([performed(clip, path, self._reading.actor_in) for clip in clips], labels)
+            yield from self._cut([performed(clip, path, self._reading.actor_in) for clip in clips], segments, path)
 
-    def _cut(self, takes: Sequence[Clip], file: Path) -> Iterator[Clip]:
+    def _cut(self, takes: Sequence[Clip], segments: Sequence[Segment], path: Path) -> Iterator[Clip]:
         """Cut the takes of one recording: with several performers each label names its performer."""
-        segments = read_labels(file)
         performers = {take.actor for take in takes}
         for segment in segments:
             if len(takes) > 1 and segment.performer not in performers:
                 told = repr(segment.performer) if segment.performer else "none"
-                raise LabelError(f"{file}: expected a performer of {', '.join(sorted(performers))}, got {told}")
+                raise LabelError(f"{path}: labels: expected a performer of {', '.join(sorted(performers))}, got {told}")
         for take in takes:
             own = [each for each in segments if not (take.actor and each.performer) or each.performer == take.actor]
             self.told += oddities(take, own)
@@ -241,13 +249,6 @@ def _unshared(libraries: Sequence[MotionLibrary], merged: MotionLibrary) -> Iter
     lost = [name for name in every if name not in merged.skeleton.joints]
     if lost:
         yield f"{len(merged.skeleton.joints)} joints that all sources have; without {', '.join(lost)}"
-
-
-def _filled(clips: Sequence[Clip]) -> Iterator[str]:
-    filled = sum(clip.filled for clip in clips)
-    if filled:
-        every = sum(clip.frames * len(clip.skeleton.joints) for clip in clips)
-        yield f"{filled} of {every} joint positions were missing and were filled with straight lines"
 
 
 def _short(library: MotionLibrary) -> Iterator[str]:

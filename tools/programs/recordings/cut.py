@@ -19,13 +19,16 @@ if TYPE_CHECKING:
     from kinespace.library import Reading
 
 COLUMNS = ("start_s", "end_s", "label", "performer")
+#: Seconds: a longer row hardly is one motion; HDM05's longest cut clip has eight.
+_MAX_SECONDS = 8.0
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the program's options."""
     parser.description = (
         "Writes start_s,end_s,label,performer for each movement between two stillnesses, with an empty label. Fill in "
-        "the classes; kinespace build --labels makes a library of them."
+        "the classes; kinespace build --labels makes a library of them. Motions that follow one another without a "
+        "stillness of half a second stay one row, to be divided by hand."
     )
     parser.add_argument("source", type=Path, metavar="FILE", help="a .kinerec or a motion file")
     parser.add_argument("-o", "--output", type=Path, metavar="CSV", help="default: beside the recording, with its name")
@@ -85,4 +88,11 @@ def propose(source: Path, output: Path | None, *, reading: Reading, stillness: f
         f"{labels}: {len(found)} movements of {whose}; write a class behind each; a movement without one is left out",
         soft_wrap=True,
     )
+    long = [each for each, _ in found if each.duration > _MAX_SECONDS]
+    if long:
+        console.print(
+            f"{len(long)} of them last longer than {_MAX_SECONDS:g} s, because nobody stood still in between: divide "
+            f"these rows where the motions change, or cut at quieter moments by --stillness above {stillness:g}",
+            soft_wrap=True,
+        )
     return 0

@@ -13,7 +13,7 @@ from rich.status import Status
 from kinespace.stream import osc, zeromq
 from kinespace.stream.inputs.recording import RawWriter, Recorder, source_name
 from kinespace.stream.zeromq import Endpoint, Keyring
-from kinespace.tools.cli.address import host_and_port
+from kinespace.tools.cli.address import host_and_port, opening
 from kinespace.tools.cli.arguments import OSC_IN, add_inputs, add_keys, add_overwrite, positive
 from kinespace.tools.cli.interruption import stop_on_signals
 from kinespace.tools.terminal.console import console, progress_console
@@ -98,10 +98,12 @@ def _open(opened: ExitStack, osc_in: str | None, zmq_in: str | None, keys: Path 
     receivers: _Receivers = []
     keyring = opened.enter_context(Keyring(keys)) if keys else None
     if osc_in:
-        receivers.append(osc.OscReceiver(*host_and_port(osc_in)))
+        with opening("--osc-in"):
+            receivers.append(osc.OscReceiver(*host_and_port(osc_in)))
         opened.callback(receivers[-1].close)
     if zmq_in:
-        receivers.append(zeromq.ZmqReceiver(Endpoint.parse(zmq_in, bind=True), keyring=keyring))
+        with opening("--zmq-in"):
+            receivers.append(zeromq.ZmqReceiver(Endpoint.parse(zmq_in, bind=True), keyring=keyring))
         opened.callback(receivers[-1].close)
     return receivers
 

@@ -10,7 +10,7 @@ from rich.markup import escape
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
 from kinespace.stream import osc
-from kinespace.tools.feeding.feed import ANNOUNCE_EVERY, Pace
+from kinespace.tools.feeding.feed import ANNOUNCE_EVERY, Pace, told_of_nobody
 from kinespace.tools.loopback.answer_listener import answer_in
 from kinespace.tools.programs.replay.score import Score
 from kinespace.tools.terminal.console import console, printable, progress_console
@@ -32,8 +32,8 @@ _NOTICED = 0.05
 class Exchange:
     """One feed with its answers."""
 
-    def __init__(self, sender: FrameSender, listener: Listener | None, announcement: Announcement) -> None:
-        self._sender = sender
+    def __init__(self, sender: FrameSender, listener: Listener | None, announcement: Announcement, place: str) -> None:
+        self._sender, self._place = sender, place
         self._listener = listener
         self._announcement = announcement
         # OSC answers name the performer in their address, which cannot hold every character.
@@ -89,6 +89,11 @@ class Exchange:
         """Whether any answer was heard."""
         return bool(self._score.heard)
 
+    @property
+    def was_unheard(self) -> bool:
+        """Whether it is known that no frame was heard."""
+        return bool(self._sent) and self._sender.unheard >= self._sent
+
     def _silence(self) -> str:
         """Say that no answer came, and list checks."""
         if self._heard:
@@ -96,6 +101,8 @@ class Exchange:
                 f"no answers about {self._announcement.performer!r} heard, but {self._heard} other packets: do the "
                 "frames reach the recogniser, and can it use their joints? It counts and shows both"
             )
+        if self.was_unheard:
+            return "no answers heard"
         return "no answers heard: is a recogniser running, and does it send its answers here?"
 
     def report(self, *, as_json: bool) -> None:
@@ -103,13 +110,20 @@ class Exchange:
         score = self._score
         if as_json:
             share = score.share()
-            figures = {"sent": self._sent, "failed": self._sender.failed, "answers": score.answers.total()}
+            figures = {
+                "sent": self._sent,
+                "failed": self._sender.failed,
+                "unheard": self._sender.unheard,
+                "answers": score.answers.total(),
+            }
             figures |= {"unlabelled": score.unlabelled} if score.unlabelled else {}
             print(json.dumps({**figures, "right": None if share is None else round(share, 4)}))
             return
         console.print(f"{self._sent} frames sent, {self._sender.failed} refused by the system")
         if self._stood_still > _NOTICED:
             console.print(f"the feed stood still for {self._stood_still:.1f} s: a recording took longer to be read")
+        if self._sender.unheard:
+            console.print(told_of_nobody(self._place, self._sender.unheard), soft_wrap=True)
         if self._listener and not score.heard:
             console.print(self._silence(), soft_wrap=True)
         elif self._listener:

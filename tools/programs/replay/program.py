@@ -31,7 +31,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "Sends recordings as live packets on an absolute schedule. With --listen it hears the answers and prints the "
         "share that was right; a clip's class is in its name (HDM05) or is its folder's name. If a file of labels "
         "with a take's name lies beside the take, the class is the label of the moment. Exit status: 0 sent (and, with "
-        "--listen, answered), 1 with --listen and without any answer, 2 could not be done."
+        "--listen, answered), 1 if it is known that nobody heard the frames, or with --listen and without any answer, "
+        "2 could not be done."
     )
     parser.add_argument(
         "clips",

@@ -8,8 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from kinespace.library import Clip, MotionLibrary, Reading, find_recordings
-from kinespace.library.recordings import RecordingReader, labelled
-from kinespace.library.recordings.formats.labels import labels_beside, read_labels
+from kinespace.library.recordings import RecordingReader, labelled, segments_beside
 from kinespace.tools.cli.arguments import BUILT_IN
 from kinespace.tools.feeding.feed import Piece
 from kinespace.tools.terminal.named_joints import NameTeller
@@ -57,8 +56,7 @@ def _read(reader: RecordingReader, recording: Path | Clip) -> Iterator[Clip]:
     if isinstance(recording, Clip):
         yield replace(recording, name=recording.name or f"{recording.class_name} {recording.actor}".strip())
         return
-    labels = labels_beside(recording)
-    segments, start = read_labels(labels) if labels else (), 0
+    segments, start = segments_beside(recording), 0
     for clip in reader.pieces(recording):
         if not segments:
             yield labelled(clip, recording)

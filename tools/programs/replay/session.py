@@ -11,7 +11,7 @@ from kinespace.stream import osc, zeromq
 from kinespace.stream.frame import Announcement
 from kinespace.stream.inputs.recording.kinerec import ENDING
 from kinespace.stream.zeromq import Endpoint, Keyring
-from kinespace.tools.cli.address import host_and_port
+from kinespace.tools.cli.address import host_and_port, opening
 from kinespace.tools.feeding import packets
 from kinespace.tools.feeding.feed import OscFrameSender, ZmqFrameSender, piece_cues
 from kinespace.tools.feeding.prefetch import ReadAhead
@@ -64,7 +64,7 @@ def play(
 
     Returns
     -------
-    The exit status: 1 when listening and no answers came, else 0.
+    The exit status: 1 when nobody heard the frames, or when listening and no answers came, else 0.
 
     Raises
     ------
@@ -96,14 +96,15 @@ def play(
             opened.callback(listener.close)
         sender = _sender(osc_to, zmq_to, keyring)
         opened.callback(sender.close)
-        exchange = Exchange(sender, listener, announcement)
+        exchange = Exchange(sender, listener, announcement, zmq_to or osc_to or "")
         # Ctrl-C, or a recording that cannot be read, does not end the report.
         opened.callback(exchange.report, as_json=as_json)
         with suppress(KeyboardInterrupt):
             if zmq_to:
                 time.sleep(_MEETING)
             exchange.play(shown(faults.applied(played), None if course.loop else len(recordings)), pieces)
-    return 0 if exchange.answered or not listener else 1
+        unheard = exchange.was_unheard
+    return 1 if unheard or (listener and not exchange.answered) else 0
 
 
 def _run_raw(
@@ -136,13 +137,15 @@ def _run_raw(
 
 
 def _listener(address: str, keyring: Keyring | None) -> Listener:
-    if "://" in address:
-        endpoint = Endpoint.parse(address, bind=False)
-        return Listener(zeromq.ZmqReceiver(endpoint, b"class/", keyring=keyring))
-    return Listener(osc.OscReceiver(*host_and_port(address)))
+    with opening("--listen"):
+        if "://" in address:
+            endpoint = Endpoint.parse(address, bind=False)
+            return Listener(zeromq.ZmqReceiver(endpoint, b"class/", keyring=keyring))
+        return Listener(osc.OscReceiver(*host_and_port(address)))
 
 
 def _sender(osc_to: str | None, zmq_to: str | None, keyring: Keyring | None) -> FrameSender:
     if zmq_to:
-        return ZmqFrameSender(Endpoint.parse(zmq_to, bind=False), keyring)
-    return OscFrameSender(*host_and_port(osc_to or ""))
+        with opening("--zmq"):
+            return ZmqFrameSender(Endpoint.parse(zmq_to, bind=False), keyring, asks=True)
+    return OscFrameSender(*host_and_port(osc_to or ""), asks=True)

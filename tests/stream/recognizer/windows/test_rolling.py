@@ -47,27 +47,27 @@ def test_moments_and_covariance_equal_the_textbooks(seed: int, seconds: float, s
     generator = np.random.default_rng(seed)
     rows = 1.0 + generator.normal(scale=0.1 if loud else 1e-3, size=(120, WIDTH)) * generator.uniform(0, 1, WIDTH)
     times = start + np.cumsum(generator.choice([1 / 120, 1 / 30, 0.2], size=len(rows)))
-    window = SlidingWindow(seconds, WIDTH), SlidingWindow(seconds, WIDTH)
-    moments, covariance = RollingMoments(window[0], WIDTH), RollingCovariance(window[1], WIDTH)
+    window = SlidingWindow(seconds, WIDTH, beside=WIDTH)
+    moments, covariance = RollingMoments(window), RollingCovariance(window)
     end = 0
     while end < len(rows):
         begin, end = end, min(end + int(generator.integers(1, 9)), len(rows))
-        for each in window:
-            each.push(times[begin:end].tolist(), rows[begin:end])
+        window.push(times[begin:end].tolist(), rows[begin:end], rows[begin:end])
         moments.update()
         covariance.update()
-        _assert_moments(moments.read(), window[0].times, window[0].rows)
-        if len(window[1]) > 1:
-            expected = naive_windows.covariance(window[1].rows)
+        window.pass_over()
+        _assert_moments(moments.read(), window.times, window.rows)
+        if len(window) > 1:
+            expected = naive_windows.covariance(window.rows)
             assert np.abs(covariance.read() - expected).max() <= SAME * np.abs(expected).max()
 
 
 @BOTH
 def test_a_single_row_does_not_move(kind: type[RollingMoments | RollingCovariance]) -> None:
     """Of one row the deviation, the trend and the covariance are 0."""
-    window = SlidingWindow(1.0, WIDTH)
-    rolling = kind(window, WIDTH)
-    window.push([1.0], ROWS[:1])
+    window = SlidingWindow(1.0, WIDTH, beside=WIDTH)
+    rolling = kind(window)
+    window.push([1.0], ROWS[:1], ROWS[:1])
     rolling.update()
     read = rolling.read()
     numbers = read if isinstance(read, np.ndarray) else np.array([read.deviation, read.trend])
@@ -77,19 +77,19 @@ def test_a_single_row_does_not_move(kind: type[RollingMoments | RollingCovarianc
 @BOTH
 def test_only_rows_all_new_are_computed_afresh(kind: type[Rolling]) -> None:
     """Sums are computed afresh at the start, after a clear and after a gap, and not otherwise."""
-    window = SlidingWindow(1.0, WIDTH)
-    rolling, counted = kind(window, WIDTH), []
+    window = SlidingWindow(1.0, WIDTH, beside=WIDTH)
+    rolling, counted = kind(window), []
     for begin, end in ((0, 10), (10, 12), (12, 30), (30, 31)):
-        window.push((np.arange(begin, end) / 120).tolist(), ROWS[begin:end])
+        window.push((np.arange(begin, end) / 120).tolist(), ROWS[begin:end], ROWS[begin:end])
         rolling.update()
         counted.append(rolling.refreshes)
     rolling.update()
     counted.append(rolling.refreshes)
     window.clear()
     rolling.clear()
-    window.push([5.0, 5.1], ROWS[:2])
+    window.push([5.0, 5.1], ROWS[:2], ROWS[:2])
     rolling.update()
-    window.push([9.0], ROWS[2:3])
+    window.push([9.0], ROWS[2:3], ROWS[2:3])
     rolling.update()
     assert [*counted, rolling.refreshes] == [1, 1, 1, 1, 1, 3]
 
@@ -97,10 +97,11 @@ def test_only_rows_all_new_are_computed_afresh(kind: type[Rolling]) -> None:
 @pytest.mark.parametrize("place", [0.0, 3.0])
 def test_a_point_that_stays_has_no_covariance(place: float) -> None:
     """Rows that are all the same, the origin too, have the covariance 0, to the last digit."""
-    window = SlidingWindow(0.2, WIDTH)
-    rolling = RollingCovariance(window, WIDTH)
+    window = SlidingWindow(0.2, WIDTH, beside=WIDTH)
+    rolling = RollingCovariance(window)
     for index in range(80):
         row = ROWS[index : index + 1] if index < 40 else np.full((1, WIDTH), place)
-        window.push([index / 120], row)
+        window.push([index / 120], row, row)
         rolling.update()
+        window.pass_over()
     assert not rolling.read().any()

@@ -13,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from naive_stream import NaiveWindow
 
-from kinespace.stream.recognizer.windows.sliding_window import MAX_FEED_RATE, MAX_PENDING, SlidingWindow
+from kinespace.stream.recognizer.windows.sliding_window import MAX_FEED_RATE, MAX_PENDING, SlidingWindow, Span
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -27,19 +27,27 @@ def _rows(*marks: float) -> np.ndarray:
 
 
 def _assert_alike(window: SlidingWindow, twin: NaiveWindow) -> None:
-    """Hold contents, times and fullness against the plain list."""
+    """Hold contents and times against the plain list."""
     assert len(window) == len(twin.rows)
-    assert window.full == twin.full
     assert window.rows[:, 0].tolist() == [mark for _, mark in twin.rows]
     assert window.rows[:, 1].tolist() == [-mark for _, mark in twin.rows]
     assert window.times.tolist() == [time / TICKS for time, _ in twin.rows]
 
 
-def _assert_change_alike(window: SlidingWindow, twin: NaiveWindow) -> None:
+def _taken(window: SlidingWindow, span: Span) -> list[np.ndarray]:
+    """Give the rows that entered and left, with their times, (rows, 3), and let the window go on."""
+    kept = np.column_stack([window.rows_kept, window.times_kept])
+    changes = [kept[each] for each in span.take_change()]
+    assert len(span) == len(window)
+    assert kept[span.rows, 2].tolist() == window.times.tolist()
+    window.pass_over()
+    return changes
+
+
+def _assert_change_alike(window: SlidingWindow, span: Span, twin: NaiveWindow) -> None:
     """Compare the rows that entered and left with the plain list, oldest first."""
-    change = window.take_change()
-    marks = change.entered[:, 0].tolist(), change.left[:, 0].tolist()
-    times = change.entered_times.tolist(), change.left_times.tolist()
+    changes = _taken(window, span)
+    marks, times = (tuple(each[:, column].tolist() for each in changes) for column in (0, 2))
     expected = twin.take_change()
     assert marks == tuple([mark for _, mark in each] for each in expected)
     assert times == tuple([time / TICKS for time, _ in each] for each in expected)
@@ -48,7 +56,7 @@ def _assert_change_alike(window: SlidingWindow, twin: NaiveWindow) -> None:
 def _push(window: SlidingWindow, times: Iterable[float]) -> None:
     for time in times:
         window.push([time], _rows(time))
-        window.take_change()
+        window.pass_over()
 
 
 @pytest.mark.slow
@@ -66,6 +74,7 @@ def test_the_window_equals_a_plain_list(
     """At random times, over many moves of the memory, rows, times and changes equal a plain list's after every push."""
     generator = np.random.default_rng(seed)
     window = SlidingWindow(ticks / TICKS, 2, fastest)
+    span = Span(window)
     twin = NaiveWindow(ticks, max(2, int(np.ceil(ticks / TICKS * fastest))))
     time = int(generator.integers(-1000, 1000))
     for index in range(700):
@@ -75,7 +84,7 @@ def test_the_window_equals_a_plain_list(
         _assert_alike(window, twin)
         assert window.pending == index % taken_every + 1
         if index % taken_every == taken_every - 1:
-            _assert_change_alike(window, twin)
+            _assert_change_alike(window, span, twin)
             assert window.pending == 0
 
 
@@ -94,6 +103,7 @@ def test_rows_that_come_together_are_as_if_one_by_one(
     """In batches of any size, longer than the window or with gaps inside, the window is a plain list's row by row."""
     generator = np.random.default_rng(seed)
     window = SlidingWindow(ticks / TICKS, 2, fastest)
+    span = Span(window)
     twin = NaiveWindow(ticks, max(2, int(np.ceil(ticks / TICKS * fastest))))
     time = mark = 0
     while mark < 1200:
@@ -103,14 +113,14 @@ def test_rows_that_come_together_are_as_if_one_by_one(
         steps[generator.random(count) < 0.03] += 5 * TICKS
         times, marks = (time + steps.cumsum()).tolist(), range(mark, mark + count)
         if window.pending + count > MAX_PENDING:
-            _assert_change_alike(window, twin)
+            _assert_change_alike(window, span, twin)
         window.push([each / TICKS for each in times], _rows(*marks).reshape(count, 2))
         for each, index in zip(times, marks, strict=True):
             twin.push(each, index)
         time, mark = [time, *times][-1], mark + count
         if mark:
             _assert_alike(window, twin)
-    _assert_change_alike(window, twin)
+    _assert_change_alike(window, span, twin)
 
 
 @given(seed=st.integers(0, 2**32 - 1))
@@ -119,17 +129,19 @@ def test_clearing_at_any_moment_is_a_new_beginning(seed: int) -> None:
     """Cleared at random, before or after changes were taken, the window goes on as one that was never used."""
     generator = np.random.default_rng(seed)
     window, twin = SlidingWindow(0.1, 2), NaiveWindow(TICKS // 10, 1000)
+    span = Span(window)
     time = 0
     for index in range(400):
         time += int(generator.integers(1, 20))
         window.push([time / TICKS], _rows(index))
         twin.push(time, index)
         if generator.random() < 0.1:
-            _assert_change_alike(window, twin)
+            _assert_change_alike(window, span, twin)
         if generator.random() < 0.03 or window.pending == MAX_PENDING:
             window.clear()
+            span.clear()
             twin.clear()
-            assert (len(window), window.full, window.pending) == (0, False, 0)
+            assert (len(window), len(span), window.pending) == (0, 0, 0)
             time -= int(generator.integers(0, 2000))
         else:
             _assert_alike(window, twin)
@@ -139,13 +151,12 @@ def test_clearing_at_any_moment_is_a_new_beginning(seed: int) -> None:
 @pytest.mark.parametrize("seconds", [0.5, 1.0, 1.1])
 @pytest.mark.parametrize("start", [0.0, 0.1, 1.7e9])
 def test_every_rate_fills_the_same_seconds(rate: int, seconds: float, start: float) -> None:
-    """At any rate the window holds its seconds' frames, and is full first with the frame that is that late."""
+    """At any rate the window holds its seconds' frames, whatever frame it began with."""
     window = SlidingWindow(seconds, 2)
     frames = round(seconds * rate)
     for index in range(3 * frames):
         window.push([start + index / rate], _rows(index))
-        window.take_change()
-        assert window.full == (index >= frames)
+        window.pass_over()
         assert window.rows[:, 0].tolist() == list(range(max(0, index - frames + 1), index + 1))
 
 
@@ -155,22 +166,23 @@ def test_dropped_frames_leave_the_seconds_alone() -> None:
     window = SlidingWindow(1.0, 2)
     for index in kept.tolist():
         window.push([index / 120], _rows(index))
-        window.take_change()
+        window.pass_over()
         expected = kept[(kept <= index) & (kept > index - 120)]
         assert window.rows[:, 0].tolist() == expected.tolist()
-        assert window.full == (index - kept[0] >= 120)
 
 
 def test_a_gap_longer_than_the_window_leaves_the_newest_row() -> None:
     """After a gap only the newest row is in the window; rows that entered and left are in no change."""
     window = SlidingWindow(1.0, 2)
+    span = Span(window)
     _push(window, [0.0, 0.1, 0.2])
+    span.take_change()
     window.push([0.3], _rows(0.3))
     window.push([9.0], _rows(9.0))
     assert window.times.tolist() == [9.0]
-    change = window.take_change()
-    assert change.entered[:, 0].tolist() == change.entered_times.tolist() == [9.0]
-    assert change.left[:, 0].tolist() == change.left_times.tolist() == [0.0, 0.1, 0.2]
+    entered, left = _taken(window, span)
+    assert entered[:, 2].tolist() == [9.0]
+    assert left[:, 2].tolist() == [0.0, 0.1, 0.2]
 
 
 def test_a_feed_too_fast_shortens_the_window() -> None:
@@ -179,7 +191,6 @@ def test_a_feed_too_fast_shortens_the_window() -> None:
     _push(window, np.arange(3000) / (4 * MAX_FEED_RATE))
     assert len(window) == MAX_FEED_RATE
     assert window.times[-1] - window.times[0] == pytest.approx(0.25, rel=0.01)
-    assert window.full
 
 
 def test_the_memory_is_allocated_once() -> None:
@@ -205,9 +216,10 @@ def test_changes_must_be_taken_in_time() -> None:
     with pytest.raises(RuntimeError, match=f"at least once in {MAX_PENDING} rows"):
         window.push([1.0, 1.1], _rows(99, 100))
     assert len(window) == window.pending == MAX_PENDING
-    assert window.take_change().entered[:, 0].tolist() == list(range(MAX_PENDING))
+    span = Span(window)
+    assert _taken(window, span)[0][:, 0].tolist() == list(range(MAX_PENDING))
     window.push([1.0], _rows(99))
-    assert window.take_change().entered[:, 0].tolist() == [99]
+    assert _taken(window, span)[0][:, 0].tolist() == [99]
 
 
 @pytest.mark.parametrize("time", [1.0, 0.999, -5.0])
@@ -251,20 +263,18 @@ def test_the_newest_row_always_stays(start: float) -> None:
     for index in range(300):
         time = start + index * abs(start) * 1e-6
         window.push([time], _rows(index))
-        window.take_change()
+        window.pass_over()
         assert window.times.tolist() == [time]
         assert window.rows[:, 0].tolist() == [index]
 
 
 def test_nothing_is_in_an_empty_window() -> None:
-    """Before the first row the window is empty, not full, and has no changes."""
+    """Before the first row the window is empty and has no changes."""
     window = SlidingWindow(1.0, 3)
-    assert (len(window), window.full, window.pending) == (0, False, 0)
+    assert (len(window), window.pending) == (0, 0)
     assert window.rows.shape == (0, 3)
     assert window.times.shape == (0,)
-    change = window.take_change()
-    assert change.entered.shape == change.left.shape == (0, 3)
-    assert change.entered_times.shape == change.left_times.shape == (0,)
+    assert Span(window).take_change() == (slice(0, 0), slice(0, 0))
 
 
 @pytest.mark.parametrize(

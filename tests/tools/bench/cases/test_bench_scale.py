@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
+import msgspec
 import pytest
 
 from kinespace.stream.recognition import Event, EventKind
@@ -34,7 +35,9 @@ def test_takeovers_are_compared_with_an_uninterrupted_feed(
     monkeypatch.setattr(scale, "_AFTER", 1200)
     monkeypatch.setattr(scale, "_EVERY", 2000)
     assert scale.takeovers(played[:1441], 2.0) == (1, 0)
-    monkeypatch.setattr(scale, "_going_on", lambda _: Event("p", EventKind.START, "squat1Reps", 10, 1.0, 1.0))
+    told, entries = Event("p", EventKind.START, "squat1Reps", 10, 1.0, 1.0), scale.Ledger.entries
+    changed = lambda *given: [msgspec.structs.replace(each, going_on=told) for each in entries(*given)]  # noqa: E731
+    monkeypatch.setattr(scale.Ledger, "entries", changed)
     assert scale.takeovers(played[:1441], 2.0) == (1, 1)
 
 

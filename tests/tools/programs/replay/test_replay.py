@@ -45,7 +45,7 @@ pytestmark = pytest.mark.slow
 
 #: Fast enough for a short test, slow enough for a busy machine.
 SPEED = 8.0
-KEYS = {"sent", "failed", "answers", "right"}
+KEYS = {"sent", "failed", "unheard", "answers", "right"}
 
 
 @pytest.fixture(autouse=True)
@@ -336,9 +336,20 @@ def test_faults_follow_the_options(stage: osc.OscReceiver, take: Path, capsys: p
     assert 100 < len(times) < 180
     assert times != sorted(times)
     described = json.loads(capsys.readouterr().out)
-    assert described == {"sent": len(times), "failed": 0, "answers": 0, "right": None}
+    assert described == {"sent": len(times), "failed": 0, "unheard": 0, "answers": 0, "right": None}
     replay(take, "--osc", target(stage), *order, "--seed", 6)
     assert [frame.time for frame in frames_in(heard(stage))] != times
+
+
+@pytest.mark.parametrize("transport", ["osc", "zmq"])
+def test_frames_that_nobody_hears_are_counted(transport: str, take: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Where no program listens the report says so, counts the packets, and the status is 1."""
+    port = free_udp_port()
+    to = {"osc": ("--osc", f"{LOOPBACK}:{port}"), "zmq": ("--zmq", f"@tcp://{LOOPBACK}:*")}[transport]
+    assert replay(take, *to, "--speed", SPEED) == 1
+    sent, unheard = capsys.readouterr().out.splitlines()
+    assert sent == "180 frames sent, 0 refused by the system"
+    assert re.match(rf"nobody listens at {re.escape(to[1])}: 18\d packets reached no program; start", unheard)
 
 
 def test_no_faults_change_nothing() -> None:
@@ -516,5 +527,5 @@ def test_the_command_replays(stage: osc.OscReceiver, take: Path) -> None:
     """As a command of its own, replay sends the clip and prints exactly one JSON object."""
     status, output, errors = finished("replay", take, "--osc", target(stage), "--speed", SPEED, "--json")
     assert (status, errors) == (0, "")
-    assert json.loads(output) == {"sent": 180, "failed": 0, "answers": 0, "right": None}
+    assert json.loads(output) == {"sent": 180, "failed": 0, "unheard": 0, "answers": 0, "right": None}
     assert len(frames_in(heard(stage))) == 180

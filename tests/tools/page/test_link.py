@@ -1,0 +1,84 @@
+"""The page's link to a recogniser that ends and comes again."""
+
+from __future__ import annotations
+
+import threading
+import time
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+import zmq
+
+from kinespace.stream.zeromq import Endpoint
+from kinespace.tools.page import link
+from kinespace.tools.page.link import ControlDoor, Subscription
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    import pytest
+
+PATIENCE = 30.0
+
+
+@contextmanager
+def bound(kind: int, place: str = "tcp://127.0.0.1:*") -> Iterator[zmq.Socket[bytes]]:
+    """Bind a socket as a recogniser does; wait until the address of one that has ended is free."""
+    with zmq.Context() as context, context.socket(kind) as opened:
+        opened.linger = 0
+        until = time.monotonic() + PATIENCE
+        while True:
+            try:
+                opened.bind(place)
+                break
+            except zmq.ZMQError:
+                assert time.monotonic() < until
+                time.sleep(0.01)
+        yield opened
+
+
+def hears(subscription: Subscription, publisher: zmq.Socket[bytes], answer: bytes) -> bool:
+    """Publish an answer again and again until it is heard."""
+    until = time.monotonic() + PATIENCE
+    while time.monotonic() < until:
+        publisher.send_multipart([b"class/ann/", answer])
+        if [b"class/ann/", answer] in subscription.messages():
+            return True
+        time.sleep(0.01)
+    return False
+
+
+def reply_once(door: zmq.Socket[bytes]) -> None:
+    """Reply to one request as a recogniser does."""
+    if door.poll(PATIENCE * 1000):
+        door.recv()
+        door.send(b'{"classes": ["bow"]}')
+
+
+def test_answers_come_again_after_a_restart() -> None:
+    """A subscription hears the recogniser that takes the address of one that has ended."""
+    with bound(zmq.PUB) as first:
+        place = first.getsockopt_string(zmq.LAST_ENDPOINT)
+        heard = Subscription(Endpoint.parse(place, bind=False))
+        assert hears(heard, first, b"first")
+    with bound(zmq.PUB, place) as second:
+        assert hears(heard, second, b"second")
+    heard.close()
+
+
+def test_commands_are_carried_out_again_after_a_restart(monkeypatch: pytest.MonkeyPatch) -> None:
+    """While the door is away a command gets no reply; when the door is back the next command gets one."""
+    with bound(zmq.REP) as first:
+        place = first.getsockopt_string(zmq.LAST_ENDPOINT)
+    door = ControlDoor(Endpoint.parse(place, bind=False))
+    monkeypatch.setattr(link, "_MAX_REPLY", 10)
+    assert door.ask({"do": "undo"}) is None
+    monkeypatch.setattr(link, "_MAX_REPLY", PATIENCE * 1000)
+    with bound(zmq.REP, place) as second:
+        replying = threading.Thread(target=reply_once, args=(second,))
+        replying.start()
+        reply = door.ask({"do": "undo"})
+        replying.join()
+    door.close()
+    assert reply is not None
+    assert reply["classes"] == ["bow"]

@@ -25,6 +25,7 @@ from kinespace.library.windows.index import opened
 from kinespace.stream.osc import udp
 from kinespace.tools.bench import recorded
 from kinespace.tools.feeding.feed import resampled
+from kinespace.tools.terminal.console import console
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -189,6 +190,12 @@ def small_index(small_library: MotionLibrary) -> WindowIndex:
 def played() -> NDArray[np.float32]:
     """Give the bench's positions: motions of the built-in library, 120 frames a second, (frames, joints, 3)."""
     return recorded.positions()
+
+
+@pytest.fixture
+def wide(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Give the tables that programs print 200 columns."""
+    monkeypatch.setattr(console, "width", 200)
 
 
 @pytest.fixture

@@ -25,7 +25,6 @@ from kinespace.tools.evaluation.retrieval.experiment import (
     motion_axes,
     retrieve,
 )
-from kinespace.tools.terminal.console import console
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -35,7 +34,7 @@ if TYPE_CHECKING:
 
     from kinespace.library import Clip
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("wide")]
 
 KEYS = {"space", "protocol", "motions", "classes", "nearest", "two_nearest"}
 #: Measured independently on 287 of the 288 clips, 1-NN by space and protocol.
@@ -50,11 +49,6 @@ REFERENCE = {
     ("rotations", "actor-held-out"): 0.697,
     ("rotations", "split"): 0.677,
 }
-
-
-@pytest.fixture(autouse=True)
-def _wide(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(console, "width", 200)
 
 
 @pytest.fixture

@@ -18,12 +18,11 @@ from kinespace.stream.zeromq.keys import make_keys
 from kinespace.tools.cli.main import main
 from kinespace.tools.loopback.service_process import BackgroundService
 from kinespace.tools.programs.latency import Latency, measure
-from kinespace.tools.terminal.console import console
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("wide")]
 
 KEYS = {
     "transport",
@@ -37,11 +36,6 @@ KEYS = {
     "echo_p50_ms",
     "echo_p99_ms",
 }
-
-
-@pytest.fixture(autouse=True)
-def _wide(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(console, "width", 200)
 
 
 def test_percentiles_describe_the_measured_times() -> None:

@@ -19,8 +19,9 @@
 #error "these loops are written for gcc and clang; without them numpy does the same"
 #endif
 
-/* stream.recognizer.windows.rolling.DRIFT_TOLERANCE */
+/* Of stream.recognizer.windows.rolling. */
 #define DRIFT_TOLERANCE 1e-11
+#define NO_MOVEMENT 1e-6
 /* Frames measured side by side. */
 #define TOGETHER 4
 /* Sizes for which the stack has room; larger ones are left to numpy. */
@@ -252,6 +253,7 @@ typedef struct {
 typedef struct {
     int count;
     Py_buffer held[MAX_ARGUMENTS];
+    const char *begin[MAX_ARGUMENTS], *end[MAX_ARGUMENTS]; /* its bytes, those between rows too; none if it holds nothing */
     double number[MAX_ARGUMENTS];
     Py_ssize_t length[128];
 } Taken;
@@ -331,16 +333,6 @@ static int agrees(Taken *taken, const Py_buffer *held, const Wanted *wanted) {
     return 1;
 }
 
-/* Whether two arrays may share bytes, including bytes between rows. */
-static int overlap(const Py_buffer *one, const Py_buffer *other) {
-    if (one->len == 0 || other->len == 0) {
-        return 0;
-    }
-    const char *begin = one->buf, *end = begin + (one->shape[0] - 1) * one->strides[0] + one->len / one->shape[0];
-    const char *start = other->buf, *stop = start + (other->shape[0] - 1) * other->strides[0] + other->len / other->shape[0];
-    return begin < stop && start < end;
-}
-
 /* Take arguments; in either case they must be let go afterwards. */
 static int take(Taken *taken, const Wanted *wanted, int count, PyObject *const *arguments, Py_ssize_t given) {
     taken->count = 0;
@@ -351,7 +343,7 @@ static int take(Taken *taken, const Wanted *wanted, int count, PyObject *const *
     for (int i = 0; i < count; i++) {
         Py_buffer *held = &taken->held[taken->count++];
         held->obj = NULL;
-        held->len = 0;
+        taken->begin[i] = taken->end[i] = NULL;
         if (wanted[i].shape[0] == 0) {
             taken->number[i] = PyFloat_AsDouble(arguments[i]);
             if (taken->number[i] == -1.0 && PyErr_Occurred()) {
@@ -361,12 +353,18 @@ static int take(Taken *taken, const Wanted *wanted, int count, PyObject *const *
                                       PyBUF_STRIDES | PyBUF_FORMAT | (wanted[i].how & WRITTEN ? PyBUF_WRITABLE : 0)) < 0 ||
                    !fits(held, &wanted[i]) || !agrees(taken, held, &wanted[i])) {
             return -1;
+        } else if (held->len > 0) {
+            taken->begin[i] = held->buf;
+            taken->end[i] = taken->begin[i] + held->len;
+            if (wanted[i].how & ROOM) {
+                taken->end[i] += (held->shape[0] - 1) * (held->strides[0] - held->len / held->shape[0]);
+            }
         }
     }
     /* Inputs and outputs must not overlap: indices could change after they were checked. */
     for (int i = 0; i < count; i++) {
         for (int j = 0; j < count && wanted[i].how & WRITTEN; j++) {
-            if (i != j && overlap(&taken->held[i], &taken->held[j])) {
+            if (i != j && taken->begin[i] < taken->end[j] && taken->begin[j] < taken->end[i]) {
                 PyErr_Format(PyExc_ValueError, "%s: expected memory that is in no other array", wanted[i].name);
                 return -1;
             }
@@ -415,17 +413,17 @@ typedef struct {
     Py_ssize_t entered, end, left, gone, count;
 } Change;
 
-/* stream.recognizer.windows.sliding_window.Span.take_change; the arguments are times, places, end, moved, seconds and most,
- * from the given ones on. -1 and an error where they do not fit. */
-static int take_change(const Taken *taken, int times_at, int places_at, int from, Change *change) {
-    const double *times = taken->held[times_at].buf, *number = taken->number + from;
-    Py_ssize_t *places = taken->held[places_at].buf;
+/* stream.recognizer.windows.sliding_window.Span.take_change; arguments 1 and 2 are times and places, and the last four
+ * seconds, most, end and moved. -1 and an error where they do not fit. */
+static int take_change(const Taken *taken, Change *change) {
+    const double *times = taken->held[1].buf, *number = taken->number + taken->count - 4;
+    Py_ssize_t *places = taken->held[2].buf;
     const Py_ssize_t room = taken->length['n'];
-    if (!(number[0] >= 0 && number[0] <= (double)room && number[1] >= 0 && number[1] < 1e15 && number[3] >= 1)) {
+    if (!(number[1] >= 1 && number[2] >= 0 && number[2] <= (double)room && number[3] >= 0 && number[3] < 1e15)) {
         PyErr_Format(PyExc_ValueError, "end: expected 0 to %zd, moved not below 0, and most 1 at least", room);
         return -1;
     }
-    const Py_ssize_t end = (Py_ssize_t)number[0], moved = (Py_ssize_t)number[1], last = end - 1;
+    const Py_ssize_t end = (Py_ssize_t)number[2], moved = (Py_ssize_t)number[3], last = end - 1;
     *change = (Change){0};
     if (end == 0) {
         return 0;
@@ -434,8 +432,8 @@ static int take_change(const Taken *taken, int times_at, int places_at, int from
     left = left < last ? left : last;
     entered = entered < end ? entered : end;
     Py_ssize_t start = left;
-    const double too_old = times[last] - number[2];
-    while (start < last && (times[start] <= too_old || (double)(last - start) >= number[3])) {
+    const double too_old = times[last] - number[0];
+    while (start < last && (times[start] <= too_old || (double)(last - start) >= number[1])) {
         start++;
     }
     places[0] = start + moved;
@@ -446,96 +444,157 @@ static int take_change(const Taken *taken, int times_at, int places_at, int from
     return 0;
 }
 
-/* Whether a span's sums must be computed afresh, because of rounding: stream.recognizer.windows.rolling.Rolling._followed */
-static int drifted(double *drift, const Change *change, double squares, double sum) {
-    const double count = (double)change->count, scatter = squares - sum * sum / count, least = count * drift[1];
-    drift[0] += DBL_EPSILON * (double)(change->end - change->entered + change->gone - change->left) * squares;
-    return drift[0] > DRIFT_TOLERANCE * (scatter > least ? scatter : least);
+/* What stream.recognizer.windows.rolling does of one window: it adds rows that entered and subtracts rows that left, or all
+ * anew; and says how large the sum of squares is that bounds the rounding, and the sum that belongs to it. */
+typedef struct {
+    const double *rows, *times;
+    Py_ssize_t stride, width;
+    double *drift, *reference, *sum, *clock, *products; /* moments have a clock, covariances products */
+} Sums;
+
+static void add(const Sums *sums, Py_ssize_t begin, Py_ssize_t end, double weight) {
+    const double *rows = sums->rows + begin * sums->stride;
+    if (sums->clock != NULL) {
+        loops.add_rows(sums->reference, sums->width, sums->clock, rows, sums->stride, sums->times + begin, end - begin, weight);
+    } else {
+        loops.add_products(sums->reference, sums->sum, sums->products, (int)sums->width, rows, sums->stride, end - begin, weight);
+    }
 }
 
-/* stream.recognizer.windows.rolling.RollingMoments: follow(rows, times, places, drift, sums, clock, end, moved, seconds, most)
- * -> whether the sums must be computed afresh */
+/* The variance, times the rows, that is left where the sum of squares is largest; gives this sum of squares too. */
+static double scatter_of(const Sums *sums, double count, double *largest) {
+    double square = 0.0;
+    *largest = 0.0;
+    if (sums->clock != NULL) {
+        const Py_ssize_t place = loops.largest(sums->sum + 2 * sums->width, sums->width);
+        *largest = sums->sum[2 * sums->width + place];
+        square = sums->sum[place] * sums->sum[place];
+    } else {
+        for (Py_ssize_t i = 0; i < sums->width; i++) {
+            *largest += sums->products[i * sums->width + i];
+            square += sums->sum[i] * sums->sum[i];
+        }
+    }
+    return fmax(*largest - square / count, count * sums->drift[1]);
+}
+
+/* Forget all sums; the mean of the rows becomes the reference. */
+static void begin_anew(const Sums *sums, Py_ssize_t begin, Py_ssize_t end) {
+    const Py_ssize_t width = sums->width;
+    double mean = 0.0, square = 0.0;
+    memset(sums->reference, 0, sizeof(double) * (size_t)width);
+    for (Py_ssize_t row = begin; row < end; row++) {
+        for (Py_ssize_t i = 0; i < width; i++) {
+            sums->reference[i] += sums->rows[row * sums->stride + i];
+        }
+    }
+    for (Py_ssize_t i = 0; i < width; i++) {
+        sums->reference[i] /= (double)(end - begin);
+        mean += sums->reference[i] / (double)width;
+        square += sums->reference[i] * sums->reference[i];
+    }
+    memset(sums->sum, 0, sizeof(double) * (size_t)(sums->clock != NULL ? 3 * width : width));
+    if (sums->clock != NULL) {
+        sums->clock[0] = sums->times[end - 1];
+        sums->clock[1] = sums->clock[2] = 0.0;
+    } else {
+        memset(sums->products, 0, sizeof(double) * (size_t)(width * width));
+    }
+    sums->drift[0] = 0.0;
+    sums->drift[1] = NO_MOVEMENT * NO_MOVEMENT * (sums->clock != NULL ? mean * mean : square);
+}
+
+/* stream.recognizer.windows.rolling.Rolling.update; gives whether the sums were computed afresh. */
+static PyObject *update(const Sums *sums, const Change *change) {
+    const Py_ssize_t new = change->end - change->entered, start = change->end - change->count;
+    int afresh = new > 0 && new == change->count;
+    double largest;
+    if (new > 0 && !afresh) {
+        add(sums, change->entered, change->end, 1.0);
+        add(sums, change->left, change->gone, -1.0);
+        const double scatter = scatter_of(sums, (double)change->count, &largest);
+        sums->drift[0] += DBL_EPSILON * (double)(new + change->gone - change->left) * largest;
+        afresh = sums->drift[0] > DRIFT_TOLERANCE * scatter;
+    }
+    if (afresh) {
+        begin_anew(sums, start, change->end);
+        add(sums, start, change->end, 1.0);
+        scatter_of(sums, (double)change->count, &largest);
+        sums->drift[0] = DBL_EPSILON * (double)change->count * largest;
+    }
+    return PyBool_FromLong(afresh);
+}
+
+/* stream.recognizer.windows.rolling.RollingMoments: follow(rows, times, places, drift, sums, clock, seconds, most, end, moved)
+ * -> whether the sums were computed afresh */
 static PyObject *follow(PyObject *module, PyObject *const *arguments, Py_ssize_t given) {
     static const Wanted wanted[] = {{"rows", "d", "nw", ROOM},     {"times", "d", "n", 0},       {"places", INDEX, "2", WRITTEN},
                                     {"drift", "d", "2", WRITTEN},  {"sums", "d", "4w", WRITTEN}, {"clock", "d", "3", WRITTEN},
-                                    {"end", "d", "", 0},           {"moved", "d", "", 0},        {"seconds", "d", "", 0},
-                                    {"most", "d", "", 0}};
+                                    {"seconds", "d", "", 0},       {"most", "d", "", 0},         {"end", "d", "", 0},
+                                    {"moved", "d", "", 0}};
     Taken taken;
     Change change;
     PyObject *result = NULL;
     (void)module;
     if (TAKE(&taken, wanted) == 0 && expect_most("rows", PY_SSIZE_T_MAX, taken.length['w']) == 0 &&
-        take_change(&taken, 1, 2, 6, &change) == 0) {
-        const Py_ssize_t width = taken.length['w'], stride = stride_of(&taken.held[0]);
-        const double *rows = taken.held[0].buf, *times = taken.held[1].buf;
-        double *drift = taken.held[3].buf, *sums = taken.held[4].buf, *clock = taken.held[5].buf;
-        const Py_ssize_t new = change.end - change.entered;
-        int afresh = new > 0 && new == change.count;
-        if (new > 0 && !afresh) {
-            loops.add_rows(sums, width, clock, rows + change.entered * stride, stride, times + change.entered, new, 1.0);
-            loops.add_rows(sums, width, clock, rows + change.left * stride, stride, times + change.left,
-                           change.gone - change.left, -1.0);
-            const Py_ssize_t largest = loops.largest(sums + 3 * width, width);
-            afresh = drifted(drift, &change, sums[3 * width + largest], sums[width + largest]);
-        }
-        result = PyBool_FromLong(afresh);
+        take_change(&taken, &change) == 0) {
+        const Py_buffer *held = taken.held;
+        const Py_ssize_t width = taken.length['w'];
+        double *sums = held[4].buf;
+        result = update(&(Sums){.rows = held[0].buf, .times = held[1].buf, .stride = stride_of(&held[0]), .width = width,
+                                .drift = held[3].buf, .reference = sums, .sum = sums + width, .clock = held[5].buf},
+                        &change);
     }
     let_go(&taken);
     return result;
 }
 
 /* stream.recognizer.windows.rolling.RollingCovariance: follow_products(points, times, places, drift, reference, sum, products,
- * end, moved, seconds, most) -> whether the sums must be computed afresh */
+ * seconds, most, end, moved) -> whether the sums were computed afresh */
 static PyObject *follow_products(PyObject *module, PyObject *const *arguments, Py_ssize_t given) {
-    static const Wanted wanted[] = {{"points", "d", "nw", ROOM},      {"times", "d", "n", 0},     {"places", INDEX, "2", WRITTEN},
-                                    {"drift", "d", "2", WRITTEN},     {"reference", "d", "w", 0}, {"sum", "d", "w", WRITTEN},
-                                    {"products", "d", "ww", WRITTEN}, {"end", "d", "", 0},        {"moved", "d", "", 0},
-                                    {"seconds", "d", "", 0},          {"most", "d", "", 0}};
+    static const Wanted wanted[] = {{"points", "d", "nw", ROOM},      {"times", "d", "n", 0},           {"places", INDEX, "2", WRITTEN},
+                                    {"drift", "d", "2", WRITTEN},     {"reference", "d", "w", WRITTEN}, {"sum", "d", "w", WRITTEN},
+                                    {"products", "d", "ww", WRITTEN}, {"seconds", "d", "", 0},          {"most", "d", "", 0},
+                                    {"end", "d", "", 0},              {"moved", "d", "", 0}};
     Taken taken;
     Change change;
     PyObject *result = NULL;
     (void)module;
     if (TAKE(&taken, wanted) == 0 && expect_most("directions", MAX_DIRECTIONS, taken.length['w']) == 0 &&
-        take_change(&taken, 1, 2, 7, &change) == 0) {
-        const int width = (int)taken.length['w'];
-        const Py_ssize_t stride = stride_of(&taken.held[0]), new = change.end - change.entered;
-        const double *points = taken.held[0].buf, *reference = taken.held[4].buf;
-        double *sum = taken.held[5].buf, *products = taken.held[6].buf, trace = 0.0, square = 0.0;
-        int afresh = new > 0 && new == change.count;
-        if (new > 0 && !afresh) {
-            loops.add_products(reference, sum, products, width, points + change.entered * stride, stride, new, 1.0);
-            loops.add_products(reference, sum, products, width, points + change.left * stride, stride,
-                               change.gone - change.left, -1.0);
-            for (int i = 0; i < width; i++) {
-                trace += products[i * width + i];
-                square += sum[i] * sum[i];
-            }
-            afresh = drifted(taken.held[3].buf, &change, trace, sqrt(square));
-        }
-        result = PyBool_FromLong(afresh);
+        take_change(&taken, &change) == 0) {
+        const Py_buffer *held = taken.held;
+        result = update(&(Sums){.rows = held[0].buf, .times = held[1].buf, .stride = stride_of(&held[0]),
+                                .width = taken.length['w'], .drift = held[3].buf, .reference = held[4].buf,
+                                .sum = held[5].buf, .products = held[6].buf},
+                        &change);
     }
     let_go(&taken);
     return result;
 }
 
 /* RollingMoments.read, library.windows.parts.spread, posture, trend and movement:
- * read_parts(sums, clock, count, sizing, segments, paths, floor, level, posture, trend, parts) -> (movement, the body's size) */
+ * read_parts(sums, clock, places, sizing, segments, paths, floor, level, spread, posture, trend) -> (movement, the body's size);
+ * posture and trend may be empty: not wanted */
 static PyObject *read_parts(PyObject *module, PyObject *const *arguments, Py_ssize_t given) {
-    static const Wanted wanted[] = {{"sums", "d", "4w", 0},   {"clock", "d", "3", 0},        {"count", "d", "", 0},
-                                    {"sizing", "d", "w", 0},  {"segments", INDEX, "s", 0},   {"paths", "d", "sw", 0},
-                                    {"floor", "d", "", 0},    {"level", "d", "", 0},         {"posture", "d", "", 0},
-                                    {"trend", "d", "", 0},    {"parts", "d", "3w", WRITTEN}};
+    static const Wanted wanted[] = {{"sums", "d", "4w", 0},         {"clock", "d", "3", 0},         {"places", INDEX, "2", 0},
+                                    {"sizing", "d", "w", 0},        {"segments", INDEX, "s", 0},    {"paths", "d", "sw", 0},
+                                    {"floor", "d", "", 0},          {"level", "d", "", 0},          {"spread", "d", "w", WRITTEN},
+                                    {"posture", "d", "p", WRITTEN}, {"trend", "d", "t", WRITTEN}};
     Taken taken;
     PyObject *result = NULL;
     (void)module;
     if (TAKE(&taken, wanted) == 0 && expect_most("sums", PY_SSIZE_T_MAX, taken.length['w']) == 0 &&
         expect_most("segments", MAX_JOINTS, taken.length['s'] + 1) == 0 &&
-        expect_indices("segments", &taken.held[4], taken.length['w']) == 0) {
+        expect_indices("segments", &taken.held[4], taken.length['w']) == 0 &&
+        (taken.length['p'] == 0 || expect("posture", taken.length['w'], taken.length['p']) == 0) &&
+        (taken.length['t'] == 0 || expect("trend", taken.length['w'], taken.length['t']) == 0)) {
         Py_buffer *held = taken.held;
+        const Py_ssize_t *places = held[2].buf;
         double movement;
-        const double size = loops.parts(held[0].buf, taken.length['w'], held[1].buf, taken.number[2], held[3].buf, held[4].buf,
-                                        held[5].buf, taken.length['s'], taken.number[6], taken.number[7], taken.number[8] != 0.0,
-                                        taken.number[9] != 0.0, held[10].buf, &movement);
+        const double size = loops.parts(held[0].buf, taken.length['w'], held[1].buf, (double)places[1] - (double)places[0], held[3].buf,
+                                        held[4].buf, held[5].buf, taken.length['s'], taken.number[6], taken.number[7], held[8].buf,
+                                        taken.length['p'] > 0 ? held[9].buf : NULL, taken.length['t'] > 0 ? held[10].buf : NULL,
+                                        &movement);
         result = Py_BuildValue("dd", movement, size);
     }
     let_go(&taken);
@@ -570,10 +629,10 @@ static PyObject *eigenpairs(PyObject *module, PyObject *const *arguments, Py_ssi
 }
 
 /* RollingCovariance.read, library.windows.cutting.eigenpairs_of and library.windows.parts.eigen:
- * read_eigen(sum, products, count, none, values, vectors, scaled, block) -> the covariance's trace */
+ * read_eigen(sum, products, places, drift, values, vectors, scaled, block) -> the covariance's trace */
 static PyObject *read_eigen(PyObject *module, PyObject *const *arguments, Py_ssize_t given) {
-    static const Wanted wanted[] = {{"sum", "d", "n", 0},          {"products", "d", "nn", 0},        {"count", "d", "", 0},
-                                    {"none", "d", "", 0},          {"values", "d", "k", WRITTEN},     {"vectors", "d", "kn", WRITTEN},
+    static const Wanted wanted[] = {{"sum", "d", "n", 0},           {"products", "d", "nn", 0},     {"places", INDEX, "2", 0},
+                                    {"drift", "d", "2", 0},         {"values", "d", "k", WRITTEN},  {"vectors", "d", "kn", WRITTEN},
                                     {"scaled", "d", "kn", WRITTEN}, {"block", "d", "n8", WRITTEN}};
     Taken taken;
     PyObject *result = NULL;
@@ -582,7 +641,10 @@ static PyObject *read_eigen(PyObject *module, PyObject *const *arguments, Py_ssi
         const int size = (int)taken.length['n'], most = (int)taken.length['k'];
         double covariance[MAX_DIRECTIONS * MAX_DIRECTIONS], total = 0.0;
         double *values = taken.held[4].buf, *vectors = taken.held[5].buf, *scaled = taken.held[6].buf;
-        const double trace = loops.covariance(taken.held[0].buf, taken.held[1].buf, size, taken.number[2], taken.number[3], covariance);
+        const Py_ssize_t *places = taken.held[2].buf;
+        const double *drift = taken.held[3].buf;
+        const double trace = loops.covariance(taken.held[0].buf, taken.held[1].buf, size, (double)places[1] - (double)places[0], drift[1],
+                                              covariance);
         if (loops.eigenpairs_again(covariance, size, most, trace, values, vectors, taken.held[7].buf)) {
             for (int k = 0; k < most; k++) {
                 total += values[k] > 0.0 ? values[k] : 0.0;

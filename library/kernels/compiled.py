@@ -90,15 +90,15 @@ class Loops(Protocol):
         drift: Numbers,
         sums: Numbers,
         clock: Numbers,
-        end: int,
-        moved: int,
         seconds: float,
         most: int,
+        end: int,
+        moved: int,
         /,
     ) -> bool:
         """Let a window's sums (4, width) and clock (3,) follow its rows, as `RollingMoments` has them.
 
-        Return whether the sums must be computed afresh.
+        Return whether the sums were computed afresh.
 
         Parameters
         ----------
@@ -119,10 +119,10 @@ class Loops(Protocol):
         reference: Numbers,
         total: Numbers,
         products: Numbers,
-        end: int,
-        moved: int,
         seconds: float,
         most: int,
+        end: int,
+        moved: int,
         /,
     ) -> bool:
         """Do what `follow` does for the sums of `RollingCovariance`."""
@@ -131,41 +131,37 @@ class Loops(Protocol):
         self,
         sums: Numbers,
         clock: Numbers,
-        count: float,
+        places: Indices,
         sizing: Numbers,
         segments: Indices,
         paths: Numbers,
         floor: float,
         level: float,
-        posture: float,
-        trend: float,
-        parts: Numbers,
+        spread: Numbers,
+        posture: Numbers,
+        trend: Numbers,
         /,
     ) -> tuple[float, float]:
-        """Write spread, posture and trend of a window of so many rows with these sums, (3, width), each where wanted.
-
-        Return its movement, and the size of the body.
+        """Write spread, posture and trend of a window with these sums; return its movement, and the size of the body.
 
         Parameters
         ----------
-        sums, clock, count
-            As `RollingMoments` keeps them.
+        sums, clock, places
+            As `RollingMoments` and its span keep them.
         sizing, segments, paths
             As `Body` has them, but paths (segments, width).
         floor, level
             `NOISE_FLOOR` and `LEVEL_REMOVED`.
-        posture, trend
-            Whether they are wanted: 0 or 1.
-        parts
-            Where to write.
+        spread, posture, trend
+            Where to write, (width,); posture and trend are empty where they are not wanted.
         """
 
     def read_eigen(  # noqa: PLR0913, PLR0917 - as above
         self,
         total: Numbers,
         products: Numbers,
-        count: float,
-        none: float,
+        places: Indices,
+        drift: Numbers,
         values: Numbers,
         vectors: Numbers,
         scaled: Numbers,
@@ -176,10 +172,8 @@ class Loops(Protocol):
 
         Parameters
         ----------
-        total, products, count
-            As `RollingCovariance` keeps them.
-        none
-            Trace at which nothing moves.
+        total, products, places, drift
+            As `RollingCovariance` and its span keep them.
         values, vectors, scaled
             Where to write, (k,), (k, width) and (k, width): four at most.
         block

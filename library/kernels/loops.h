@@ -158,15 +158,15 @@ LOOP static void KIND(add_products)(const double *restrict reference, double *re
 
 HELPER double KIND(positive)(double number) { return number > 0.0 ? number : 0.0; }
 
-/* Spread of a window of `count` rows with these sums, and posture and trend where they are wanted, to parts (3, width); gives
- * the body's size, and its movement. */
+/* Spread of a window of `count` rows with these sums, and posture and trend if they are wanted, all (width); gives the body's
+ * size, and its movement. */
 LOOP static double KIND(parts)(const double *restrict sums, Py_ssize_t width, const double *restrict clock, double count,
                                const double *restrict sizing, const Py_ssize_t *restrict segments,
                                const double *restrict paths, Py_ssize_t between, double floor, double level,
-                              int has_posture, int has_trend, double *restrict parts, double *restrict moved_by) {
+                              double *restrict spread, double *restrict posture, double *restrict trend,
+                              double *restrict moved_by) {
     const double *restrict reference = sums, *restrict sum = sums + width, *restrict along = sums + 2 * width;
     const double *restrict squares = sums + 3 * width;
-    double *restrict spread = parts, *restrict posture = parts + width, *restrict trend = parts + 2 * width;
     const double per_row = 1.0 / count, middle = clock[1] * per_row, swing = clock[2] * per_row - middle * middle;
     const double per_swing = swing > 0.0 ? 1.0 / sqrt(swing) : 0.0;
     double size = 0.0, means = 0.0, variances = 0.0, total = 0.0;
@@ -178,11 +178,10 @@ LOOP static double KIND(parts)(const double *restrict sums, Py_ssize_t width, co
         means += mean * mean;
         variances += variance;
         spread[i] = sqrt(variance);
-        posture[i] = mean;
     }
     /* A body in one point has no spread. */
     const double per_size = size > 0.0 ? 1.0 / size : 0.0, noise = floor * size;
-    for (Py_ssize_t i = 0; has_trend && i < width; i++) {
+    for (Py_ssize_t i = 0; trend != NULL && i < width; i++) {
         const double moved = spread[i] + noise, rising = (along[i] - sum[i] * middle) * per_row * per_swing;
         trend[i] = moved > 0.0 ? rising / moved : 0.0;
     }
@@ -207,9 +206,9 @@ LOOP static double KIND(parts)(const double *restrict sums, Py_ssize_t width, co
     double lengths[LANE];
     double means_of[MAX_JOINTS];
     for (Py_ssize_t s = 0; s < between; s++) {
-        means_of[s] = posture[segments[s]];
+        means_of[s] = reference[segments[s]] + sum[segments[s]] * per_row;
     }
-    for (Py_ssize_t begin = 0; has_posture && begin < width; begin += LANE) {
+    for (Py_ssize_t begin = 0; posture != NULL && begin < width; begin += LANE) {
         const Py_ssize_t some = width - begin < LANE ? width - begin : LANE;
         for (Py_ssize_t i = 0; i < LANE; i++) {
             lengths[i] = between ? 0.0 : size;
@@ -220,7 +219,8 @@ LOOP static double KIND(parts)(const double *restrict sums, Py_ssize_t width, co
             }
         }
         for (Py_ssize_t i = 0; i < some; i++) {
-            posture[begin + i] = lengths[i] > 0.0 ? posture[begin + i] / lengths[i] : 0.0;
+            const double mean = reference[begin + i] + sum[begin + i] * per_row;
+            posture[begin + i] = lengths[i] > 0.0 ? mean / lengths[i] : 0.0;
         }
     }
     *moved_by = means > 0.0 ? sqrt(variances / means) : 0.0;
@@ -628,7 +628,7 @@ HELPER void KIND(flatten)(const double *restrict scaled, Py_ssize_t count, Py_ss
     }
 }
 
-/* Squared distances of one lane of windows to a vector, and a little more. */
+/* Squared distances of one lane of windows to a vector, given times −2, and a little more. */
 HELPER void KIND(distances_to)(const Group *group, Py_ssize_t lane, const float *restrict vector, float square,
                                float *restrict squared) {
     const Half *windows = group->windows + lane * group->axes * LANE;
@@ -638,7 +638,7 @@ HELPER void KIND(distances_to)(const Group *group, Py_ssize_t lane, const float 
         sums[j] = *(const KIND(Floats) *)(lengths + FLOATS * j) + square;
     }
     for (Py_ssize_t k = 0; k < group->axes; k++) {
-        KIND(add)(windows + k * LANE, -2.0F * vector[k], sums);
+        KIND(add)(windows + k * LANE, vector[k], sums);
     }
     memcpy(squared, sums, sizeof sums);
 }
@@ -759,8 +759,10 @@ LOOP static void KIND(compare)(const Table *table, const double *const *numbers,
         if (group->joint.kept > 0) {
             KIND(place)(&group->joint, joined, vectors[g]);
         }
+        /* |a − b|² = |a|² − 2 a b + |b|². */
         for (Py_ssize_t i = 0; i < group->axes; i++) {
             squares[g] += vectors[g][i] * vectors[g][i];
+            vectors[g][i] *= -2.0F;
         }
     }
     for (Py_ssize_t lane = 0; lane < table->lanes; lane++) {

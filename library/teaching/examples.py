@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from kinespace.library.clip import Clip
+    from kinespace.library.windows.rejection import Rejection
 
 #: Examples in a roster, at most.
 MAX_EXAMPLES = 2000
@@ -31,6 +32,8 @@ _EVERY = 0.1
 _GOOD, _NOT_TOLD = 0.05, 0.5
 #: An unlike example is so many times as far from its class's other examples as these from each other.
 _UNLIKE = 2.0
+#: Examples from which on what is unknown is learned anew only when their number has changed by more than this share.
+_MANY, _FEW = 200, 0.05
 #: Sets of fewer joints, and rosters, that stay open.
 _MAX_FEWER = 3
 #: Other examples of a class, and windows of an example, that a check uses, at most.
@@ -174,6 +177,8 @@ class TaughtWindows:
         #: The last rosters, by the library of their index; and the windows of bodies with fewer joints.
         self._rosters: list[tuple[MotionLibrary, Roster]] = []
         self._fewer: dict[tuple[str, ...], TaughtWindows] = {}
+        #: What is unknown, as so many examples taught it.
+        self._judged: tuple[int, Rejection | None] = 0, None
 
     @property
     def base_classes(self) -> tuple[str, ...]:
@@ -226,10 +231,17 @@ class TaughtWindows:
             return None
         kept = self._everything.of_some(places)
         # A base taught by strangers tells what is unknown; without one the examples do.
-        index = kept if self._beside else replace(kept, judged_by=None)
-        index = replace(index, judged_by=index.rejection)
+        index = replace(kept, judged_by=kept.rejection if self._beside else self._learned(kept, len(enabled)))
         index.prepare()
         return index
+
+    def _learned(self, index: WindowIndex, examples: int) -> Rejection:
+        """Learn what is unknown from so many examples; learning is slow, and among many a few more do not matter."""
+        count, rejection = self._judged
+        if rejection is None or examples < _MANY or abs(examples - count) > _FEW * examples:
+            rejection = replace(index, judged_by=None).rejection
+            self._judged = examples, rejection
+        return rejection
 
 
 def _key(example: Example) -> tuple[str, float, float, int]:

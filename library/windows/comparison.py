@@ -38,7 +38,7 @@ Group = tuple[Part, ...]
 #: Added to squared distances before the logarithm: two windows at a smaller distance count as the same.
 NEAREST = 0.01
 #: Axes that are kept of each part, and of a group of several parts.
-_PART_AXES, MAX_AXES = 64, 128
+MAX_AXES, _GROUP_AXES = 64, 48
 #: The share of the learned scatter that is replaced by equal scatter. The eigen part is compared by plain inner
 #: products.
 _PART_SHRINKAGE = {Kind.EIGEN: 1.0, Kind.SPREAD: 0.3, Kind.POSTURE: 0.3, Kind.TREND: 0.3}
@@ -57,8 +57,6 @@ class Weighing:
         For each view the weight of each group; a view's weights add up to 1.
     first
         Seconds from a motion's start to the end of its first window in the library.
-    lead
-        Lead of a class in log distance, times thirtieths of a second, from which on it becomes the guess.
 
     Raises
     ------
@@ -69,7 +67,6 @@ class Weighing:
     groups: tuple[Group, ...]
     views: tuple[tuple[float, ...], ...]
     first: float
-    lead: float
 
     def __post_init__(self) -> None:
         for view in self.views:
@@ -124,10 +121,9 @@ ACROSS_LABORATORIES = Weighing(
     groups=((EIGEN_LONG,), (EIGEN_SHORT,), (SPREAD_LONG,), (SPREAD_SHORT,), (POSTURE,)),
     views=((2 / 9, 2 / 9, 2 / 9, 2 / 9, 1 / 9), (0.0, 1 / 3, 0.0, 1 / 3, 1 / 3)),
     first=0.5,
-    lead=0.6,
 )
 #: Within a laboratory one metric over all parts also learns how parts vary together between people.
-WITHIN_LABORATORY = Weighing(groups=(PARTS, SHORT_PARTS), views=((0.5, 0.5),), first=FIRST_WINDOW, lead=0.3)
+WITHIN_LABORATORY = Weighing(groups=(PARTS, SHORT_PARTS), views=((0.5, 0.5),), first=FIRST_WINDOW)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -163,7 +159,7 @@ class Comparison:
         """
         parts = {
             part: learned_metric(
-                _as_vectors(part, numbers), lessons, shrinkage=_PART_SHRINKAGE[part.kind], kept=_PART_AXES
+                _as_vectors(part, numbers), lessons, shrinkage=_PART_SHRINKAGE[part.kind], kept=MAX_AXES
             )
             for part in weighing.measured
         }
@@ -174,7 +170,7 @@ class Comparison:
                 groups.append(None)
                 continue
             joined = np.concatenate([placed[part] for part in group], axis=-1, dtype=np.float64)
-            groups.append(learned_metric(joined, lessons, shrinkage=_GROUP_SHRINKAGE, kept=MAX_AXES))
+            groups.append(learned_metric(joined, lessons, shrinkage=_GROUP_SHRINKAGE, kept=_GROUP_AXES))
         return cls(weighing, parts, tuple(groups))
 
     def place(self, numbers: Mapping[Part, NDArray[np.float64]]) -> list[NDArray[np.float32]]:

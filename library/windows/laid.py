@@ -64,7 +64,9 @@ class Windows:
         if table is None:
             return self._blocks.agreed(self._blocks.nearest(self.weighed(self._comparison.place(numbers))))
         logs = np.empty(self._shape)
-        table.compared(*[numbers[part] for part in self._parts], logs)
+        # A live window has its parts in this order; others may not.
+        in_order = numbers.values() if tuple(numbers) == self._parts else [numbers[part] for part in self._parts]
+        table.compared(*in_order, logs)
         return logs
 
     def weighed(self, vectors: Sequence[NDArray[np.float32]]) -> NDArray[np.float32]:

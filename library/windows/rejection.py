@@ -65,8 +65,10 @@ class Evidence(NamedTuple):
             distance, each[guess] = each[guess], math.inf
             lead = min(each) - distance
             distances.append(distance)
-            # Where there is no other class, the lead says nothing.
-            leads.append(0.0 if lead == math.inf else min(max(lead, -MAX_LEAD), MAX_LEAD))
+            if not -MAX_LEAD <= lead <= MAX_LEAD:
+                # Where there is no other class, the lead says nothing.
+                lead = 0.0 if lead == math.inf else min(max(lead, -MAX_LEAD), MAX_LEAD)
+            leads.append(lead)
         return cls(tuple(distances), tuple(leads), noise)
 
     @property
@@ -126,7 +128,7 @@ class Rejection:
 
     def logit(self, evidence: Evidence, class_name: str) -> float:
         """Give the log odds that a guess is right, up to a constant that the threshold contains."""
-        numbers = (*evidence.compared, evidence.noisiness)
+        numbers = (*evidence.distances, *evidence.leads, evidence.noisiness)
         weighed: float = sum(map(mul, self._listed, numbers)) + self._constant
         slope = self.slopes.get(class_name, 0.0)
         return weighed + self.biases.get(class_name, 0.0) + slope * (evidence.lead - self._lead)

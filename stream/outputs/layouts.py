@@ -15,6 +15,7 @@ class" when no class is named, and once when a performer has left.
 
 from __future__ import annotations
 
+import math
 from itertools import chain
 from typing import TYPE_CHECKING, TypeVar
 
@@ -78,7 +79,8 @@ class NativeLayout(Layout):
 
     def recognition(self, recognition: Recognition) -> bytes | None:
         """Class, guess, label and scores in one bundle."""
-        if recognition.performer not in self._since:
+        # A sender whose clock began anew begins anew: no time is below 0.
+        if recognition.time < self._since.get(recognition.performer, math.inf):
             _remember(self._since, recognition.performer, recognition.time)
         return answers.encode_recognition(recognition)
 

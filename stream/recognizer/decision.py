@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from kinespace.library.motion_library import NOTHING
 from kinespace.library.windows.rejection import Evidence
 from kinespace.stream.recognition import Outcome
-from kinespace.stream.recognizer.hysteresis import Hysteresis, Judgement
+from kinespace.stream.recognizer.hysteresis import LEAD, Hysteresis, Judgement
 from kinespace.stream.recognizer.settings import SENSITIVITY_LEARNED, SENSITIVITY_OWN
 
 if TYPE_CHECKING:
@@ -50,7 +50,7 @@ class Decision:
     def __init__(self, index: WindowIndex, *, stillness: float, sensitivity: float | None) -> None:
         self._stillness, self._sensitivity = stillness, sensitivity
         self._judgement = Judgement(self._threshold(index))
-        self._hysteresis = Hysteresis(index.comparison.weighing.lead)
+        self._hysteresis = Hysteresis(LEAD)
         self._compare_with(index)
 
     def _threshold(self, index: WindowIndex) -> float:
@@ -65,7 +65,7 @@ class Decision:
 
     def exchange(self, index: WindowIndex) -> None:
         """Go on with the windows of another library."""
-        self._hysteresis.exchange(index.comparison.weighing.lead, places_in(self._classes, index.classes))
+        self._hysteresis.exchange(places_in(self._classes, index.classes))
         self._judgement.exchange(self._threshold(index))
         self._compare_with(index)
 
@@ -108,10 +108,8 @@ def followed(hysteresis: Hysteresis, distances: NDArray[np.float64], elapsed: fl
     """Let the guess follow the nearest class; give the guess and its lead over all other classes."""
     # For some ten numbers Python finds the least two before numpy has begun.
     listed = distances.tolist()
-    nearest = min(listed)
-    leader = listed.index(nearest)
-    others = listed[:leader] + listed[leader + 1 :]
-    ahead = min(others) - nearest if others else math.inf
+    nearest, second = sorted([*listed, math.inf])[:2]
+    leader, ahead = listed.index(nearest), second - nearest
     hysteresis.push(leader, min(ahead, _MAX_PACE), elapsed)
     if hysteresis.current is None:
         hysteresis.current = leader

@@ -91,7 +91,7 @@ class EventDetector:
         if active and active.index not in places:
             return self.end(time)
         self._active = active and replace(active, index=places[active.index])
-        self._hysteresis.exchange(self._needed, {**places, _NONE: _NONE})
+        self._hysteresis.exchange({**places, _NONE: _NONE})
         return None
 
     def _pace(self, recognition: Recognition, named: int) -> float:

@@ -2,7 +2,7 @@
 
 Each hop the class in front gains its lead over the others, in log distance times thirtieths of a second; when another
 class comes to the front the count begins anew. A clear lead takes over at once, a doubtful one takes a moment. The
-guess needs little (`library.windows.comparison.Weighing.lead`), a start event more (`Settings.lead`).
+guess needs little (`LEAD`), a start event more (`Settings.lead`).
 """
 
 from __future__ import annotations
@@ -13,6 +13,8 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
+#: The lead after which a class becomes the guess.
+LEAD = 0.6
 #: Seconds over which the evidence for a known motion is averaged.
 _KNOWN_OVER = 0.3
 #: The evidence for a named motion may fall this much below the threshold; without this margin a motion at the threshold
@@ -46,9 +48,8 @@ class Hysteresis:
         self._leader: int | None = None
         self._lead = 0.0
 
-    def exchange(self, needed: float, places: Mapping[int, int]) -> None:
-        """Go on with another lead that is needed and with indices at other places; forget indices without one."""
-        self._needed = needed
+    def exchange(self, places: Mapping[int, int]) -> None:
+        """Go on with indices at other places; forget indices without one."""
         self.current = None if self.current is None else places.get(self.current)
         leader = None if self._leader is None else places.get(self._leader)
         self._leader, self._lead = leader, 0.0 if leader is None else self._lead

@@ -14,7 +14,7 @@ from kinespace.library.windows.index import opened
 from kinespace.library.windows.paper import opened_by_paper
 from kinespace.stream.recognition import Outcome
 from kinespace.stream.recognizer.decision import FIRST_HOP, Decision, followed, places_in, usual_sensitivity
-from kinespace.stream.recognizer.hysteresis import Hysteresis
+from kinespace.stream.recognizer.hysteresis import LEAD, Hysteresis
 from kinespace.stream.recognizer.progress import ProgressFollower
 from kinespace.stream.recognizer.windows.live_windows import LiveWindows, PaperWindow
 
@@ -239,14 +239,11 @@ class PaperMatcher:
         As `stream.recognizer.settings.Settings` has them.
     """
 
-    #: Lead by which a class becomes the guess.
-    _LEAD = 0.6
-
     def __init__(self, index: PaperIndex, *, stillness: float, smallest_gap: float) -> None:
         self._window = PaperWindow(index.basis, index.seconds)
         self.longest = index.seconds
         self._stillness, self._smallest_gap = stillness, smallest_gap
-        self._hysteresis = Hysteresis(self._LEAD)
+        self._hysteresis = Hysteresis(LEAD)
         self._feed = _Feed()
         self._compare_with(index)
 
@@ -263,7 +260,7 @@ class PaperMatcher:
         """Compare the same window with another library of the same joints from now on."""
         index = opened_by_paper(library_of(library), self.longest)
         self._window.exchange(index.basis)
-        self._hysteresis.exchange(self._LEAD, places_in(self.classes, index.classes))
+        self._hysteresis.exchange(places_in(self.classes, index.classes))
         self._compare_with(index)
 
     def clear(self) -> None:

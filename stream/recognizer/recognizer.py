@@ -48,6 +48,7 @@ _MAX_WAITING = 16
 MAX_PAUSE = 0.8
 #: Tolerance, as a share of the hop: a frame this much early still counts as due, because times are rounded.
 _EARLY = 1e-3
+_SECOND_THREAD = "a recogniser is used by one thread at a time: expected none, got a second"
 #: Defaults of the paper's signature.
 _WINDOW, _SMALLEST_GAP = 0.5, 0.02
 
@@ -74,7 +75,7 @@ def _one_at_a_time(
     @wraps(method)
     def guarded(self: Recognizer, /, *given: _Given.args, **named: _Given.kwargs) -> _Answer:
         if self._busy:
-            raise RuntimeError("a recogniser is used by one thread at a time: expected none, got a second")
+            raise RuntimeError(_SECOND_THREAD)
         self._busy = True
         try:
             return method(self, *given, **named)
@@ -149,6 +150,7 @@ class Recognizer:
         # each of the matcher's classes among ours, where `nothing` has none.
         self._named = np.array([classes.index(name) if name in classes else len(classes) for name in self.classes])
         self._some_have_none = bool((self._named == len(classes)).any())
+        self._all_named = self.classes == classes
         self._places = places_in(classes, self.classes)
 
     @_one_at_a_time
@@ -221,7 +223,6 @@ class Recognizer:
         self._newest, self._due = math.nan, -math.inf
         self._late_in_a_row = 0
 
-    @_one_at_a_time
     def push(self, frame: Frame) -> Recognition | None:
         """Take in a frame.
 
@@ -246,20 +247,30 @@ class Recognizer:
         positions, time = frame.positions, frame.time
         if positions.shape != self._shape:
             raise ValueError(f"positions: expected {self._shape}, got {positions.shape}")
-        if not self._in_time(time):
-            return None
-        self._positions[len(self._times)] = positions
-        self._times.append(time)
-        self._newest = self._last = time
-        self.counts.frames += 1
-        due = time >= self._due - self._early
-        if due or len(self._times) == _MAX_WAITING:
+        # As `_one_at_a_time`, whose call costs as much as all the rest of a frame between hops.
+        if self._busy:
+            raise RuntimeError(_SECOND_THREAD)
+        self._busy = True
+        try:
+            if not 0.0 < time - self._newest <= self._longest_gap and not self._in_time(time):
+                return None
+            self._late_in_a_row = 0
+            times = self._times
+            self._positions[len(times)] = positions
+            times.append(time)
+            self._newest = self._last = time
+            self.counts.frames += 1
+            due = time >= self._due - self._early
+            if not due and len(times) < _MAX_WAITING:
+                return None
             self._measure()
-        reading = self._doubts.read(time, self._smoother.noise) if due else None
-        if reading is None:
-            return None
-        self._set_due(time)
-        return self._recognized(frame, reading)
+            reading = self._doubts.read(time, self._smoother.noise) if due else None
+            if reading is None:
+                return None
+            self._set_due(time)
+            return self._recognized(frame, reading)
+        finally:
+            self._busy = False
 
     def _measure(self) -> None:
         """Measure the frames that came since the last hop together, because that is cheaper than one by one."""
@@ -289,7 +300,6 @@ class Recognizer:
                 self.counts.out_of_order += 1
                 return False
             self._restart()
-        self._late_in_a_row = 0
         return True
 
     def _restart(self) -> None:
@@ -307,16 +317,19 @@ class Recognizer:
         distances = reading.distances
         if self._some_have_none:
             distances = np.append(distances, np.inf)  # a class without windows is infinitely far
-        distances = distances[self._named]
+        if not self._all_named:
+            distances = distances[self._named]
         # A window nearest to `nothing` is unknown; its best guess is the nearest class.
         guess = self._places.get(reading.guess)
         found = self._places.get(reading.eigenvector_class)
+        scores = np.exp(distances)
+        scores += 1.0
         recognition = Recognition(
             performer=frame.performer,
             time=frame.time,
             outcome=reading.outcome,
             classes=self.classes,
-            scores=1 / (1 + np.exp(distances)),
+            scores=np.divide(1.0, scores, out=scores),
             guess=int(distances.argmin()) if guess is None else guess,
             movement=reading.movement,
             lead=reading.lead,

@@ -14,6 +14,8 @@ if TYPE_CHECKING:
 
 #: Seconds of a recording, and of standing still before it, at most.
 MAX_RECORDING, MAX_WAITING = 15.0, 15.0
+#: Seconds without a frame after which a recording ends: a sender that pauses sends no stillness.
+MAX_PAUSE = 0.8
 #: Seconds that rounding may add to a countdown.
 _TIE = 1e-6
 #: Seconds kept before the movement, so that undoing the trim shows them.
@@ -110,6 +112,11 @@ class Lesson:
         found = self._finder.end()
         return self._recorded(found or Stretch(self._began, self._newest), self._newest, by_hand=True)
 
+    def paused(self) -> State | Recorded:
+        """End the recording, because no frames come for now."""
+        found = self._finder.end()
+        return self._recorded(found or Stretch(self._began, self._newest), self._newest, by_hand=False)
+
     def _recorded(self, found: Stretch, time: float, *, by_hand: bool) -> State | Recorded:
         begin = max(found.start, self._armed)
         kept = Stretch(begin, min(found.end, time, begin + MAX_RECORDING))
@@ -120,6 +127,7 @@ class Lesson:
         if kept.duration < MIN_SECONDS:
             told = f"expected {MIN_SECONDS:g} s or more of movement"
             # A performer who takes up their place moves for a moment: this is no example.
-            return State(self.performer, Step.REFUSED if by_hand else Step.WAITING, kept.duration, told)
+            # A sender's clock that begins anew gives a time below 0.
+            return State(self.performer, Step.REFUSED if by_hand else Step.WAITING, max(kept.duration, 0.0), told)
         self.left -= 1
         return Recorded(whole, kept)

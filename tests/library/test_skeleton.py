@@ -56,6 +56,16 @@ def test_missing_joints_are_named(sent: tuple[str, ...], message: str) -> None:
         Skeleton(JOINTS).order_from(sent)
 
 
+def test_a_missing_joint_is_where_the_nearest_is() -> None:
+    """Along the bones, towards the root where two are as near; without bones the first joint stands for all."""
+    chain = Skeleton(("root", "hip", "knee", "foot", "toe"), (-1, 0, 1, 2, 3))
+    assert chain.nearest_from(["foot", "hip", "hat"]).tolist() == [1, 1, 1, 0, 0]
+    assert chain.nearest_from(["toe"]).tolist() == [0] * 5
+    assert Skeleton(JOINTS).nearest_from(["hat", *JOINTS[1:3]]).tolist() == [1, 1, 2, 1, 1]
+    with pytest.raises(SkeletonMismatchError, match="expected some of the skeleton's, got hat"):
+        chain.nearest_from(["hat"])
+
+
 def test_many_missing_joints_are_cut_short() -> None:
     """Of more than five missing joints the first five are named."""
     with pytest.raises(SkeletonMismatchError, match=r"without a, b, c, d, e \.\.\.$"):

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import gc
 from contextlib import closing
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from kinespace.stream.cluster.bus import LISTEN, open_session
 from kinespace.stream.cluster.node import Node
-from kinespace.tools.cli.arguments import add_library, library_at
+from kinespace.tools.cli.arguments import library_at
 from kinespace.tools.cli.interruption import stop_on_signals
 from kinespace.tools.programs.gateway import add_bus
 from kinespace.tools.terminal.console import console
@@ -24,7 +25,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         f"otherwise it connects to {LISTEN}."
     )
     add_bus(parser)
-    add_library(parser)
+    parser.add_argument(
+        "--library", type=Path, metavar="FILE", help="work for this motion library only (default: every gateway's)"
+    )
 
 
 def run(options: argparse.Namespace) -> int:

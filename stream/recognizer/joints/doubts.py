@@ -129,6 +129,8 @@ class Doubts:
     @property
     def joints(self) -> tuple[str, ...]:
         """Names of the joints that are not believed now."""
+        if not self._wanted:
+            return ()
         names = self._library.skeleton.joints
         return tuple(names[joint] for joint in self._wanted)
 

@@ -124,12 +124,7 @@ class LiveWindows(_RowsAndPoints):
 
     def _set_body(self, body: Body, parts: Sequence[Part]) -> None:
         self._body, self._paths = body, np.ascontiguousarray(body.paths.T)
-        self._places = tuple((part, *_PLACES[part]) for part in parts)
-        self._kinds = tuple(kind for kind in _KINDS if any(part.kind is kind for part in parts))
-        # For each length, whether posture and trend are read.
-        self._wanted = tuple(
-            (Part(Kind.POSTURE, seconds) in parts, Part(Kind.TREND, seconds) in parts) for seconds in DISTANCE_LENGTHS
-        )
+        self._read_parts = tuple(parts)
 
     def _set_basis(self, basis: Basis) -> None:
         self._directions = basis.directions
@@ -138,26 +133,65 @@ class LiveWindows(_RowsAndPoints):
         self._moments = tuple(RollingMoments(self._window, seconds) for seconds in DISTANCE_LENGTHS)
         self._covariances = tuple(RollingCovariance(self._window, seconds) for seconds in BASIS_LENGTHS)
         self._rolling = (*self._moments, *self._covariances)
-        # The compiled loops write the parts of distances, and each window's eigenvectors, unscaled and scaled.
-        self._parts = np.empty((len(self._moments), len(_KINDS), pairs))
+        self._lay_out()
+
+    def _lay_out(self) -> None:
+        """Make room for what the compiled loops write, and put their arguments together, once for all hops."""
+        pairs, directions = self._directions.shape
         found = min(EIGENVECTORS, directions)
-        self._values = np.empty(found)
-        self._vectors = np.empty((len(self._covariances), 2, found, directions))
-        # The compiled loops' eigenvectors of the hop before.
-        self._blocks = np.zeros((len(self._covariances), directions, _BLOCK))
+        body, unwanted = self._body, np.empty(0)
+        numbers: dict[Part, NDArray[np.float64]] = {
+            part: np.empty((found, directions)) if part.kind is Kind.EIGEN else np.empty(pairs)
+            for part in self._read_parts
+        }
+        self._numbers = numbers
+        self._values: NDArray[np.float64] = np.empty(found)
+        self._leading: NDArray[np.float64] = np.empty((found, directions))
+        self._of_parts = tuple(
+            (
+                moments.sums,
+                moments.clock,
+                moments.span.places,
+                body.sizing,
+                body.segments,
+                self._paths,
+                NOISE_FLOOR,
+                LEVEL_REMOVED,
+                numbers.get(Part(Kind.SPREAD, seconds), np.empty(pairs)),
+                numbers.get(Part(Kind.POSTURE, seconds), unwanted),
+                numbers.get(Part(Kind.TREND, seconds), unwanted),
+            )
+            for moments, seconds in zip(self._moments, DISTANCE_LENGTHS, strict=True)
+        )
+        self._of_eigen = tuple(
+            (
+                each.total,
+                each.products,
+                each.span.places,
+                each.drift,
+                self._values,
+                self._leading,
+                numbers.get(Part(Kind.EIGEN, seconds), np.empty((found, directions))),
+                np.zeros((directions, _BLOCK)),
+            )
+            for each, seconds in zip(self._covariances, BASIS_LENGTHS, strict=True)
+        )
 
     def clear(self) -> None:
         """Forget all rows."""
         super().clear()
-        self._blocks[:] = 0.0
+        for *_, block in self._of_eigen:
+            block[:] = 0.0
 
     def exchange(self, body: Body, basis: Basis, parts: Sequence[Part] = PARTS) -> None:
         """Follow the same rows, in another basis of the same distances and with another body's measures and parts."""
         self._set_body(body, parts)
-        if not np.array_equal(basis.directions, self._directions):
-            before = self._window
-            self._set_basis(basis)
-            self._push_all(before)
+        if np.array_equal(basis.directions, self._directions):
+            self._lay_out()
+            return
+        before = self._window
+        self._set_basis(basis)
+        self._push_all(before)
 
     def place(self) -> NDArray[np.float64]:
         """Give the newest row's point in the basis, relative to the body's size, shape (directions,); needs a row."""
@@ -178,56 +212,24 @@ class LiveWindows(_RowsAndPoints):
         pairs = eigenpairs_of(covariances)
         scaled = eigen(pairs)
         moments = moments_of(self._moments)
-        distances = {kind: OF_DISTANCES[kind](moments, self._body) for kind in self._kinds}
+        kinds = {part.kind for part in self._read_parts} & OF_DISTANCES.keys()
+        distances = {kind: OF_DISTANCES[kind](moments, self._body) for kind in kinds}
         numbers = {
-            part: scaled[place[0]] if kind is None else distances[kind][place[0]] for part, kind, place in self._places
+            part: scaled[BASIS_LENGTHS.index(part.seconds)]
+            if part.kind is Kind.EIGEN
+            else distances[part.kind][DISTANCE_LENGTHS.index(part.seconds)]
+            for part in self._read_parts
         }
         leading = Leading.of(float(np.trace(covariances[-1])), pairs.values[-1], pairs.vectors[-1, 0])
         return LiveSignature(numbers, float(movement(moments)[-1]), *leading)
 
     def _read_compiled(self, loops: compiled.Loops) -> LiveSignature:
-        moved, body = 0.0, self._body
-        for moments, (has_posture, has_trend), parts in zip(self._moments, self._wanted, self._parts, strict=True):
-            moved, _ = loops.read_parts(
-                moments.sums,
-                moments.clock,
-                moments.count,
-                body.sizing,
-                body.segments,
-                self._paths,
-                NOISE_FLOOR,
-                LEVEL_REMOVED,
-                has_posture,
-                has_trend,
-                parts,
-            )
-        totals = [
-            loops.read_eigen(
-                each.total,
-                each.products,
-                each.count,
-                each.drift.item(1),
-                self._values,
-                vectors[0],
-                vectors[1],
-                block,
-            )
-            for each, vectors, block in zip(self._covariances, self._vectors, self._blocks, strict=True)
-        ]
-        numbers = {part: (self._vectors if kind is None else self._parts)[place] for part, kind, place in self._places}
-        return LiveSignature(numbers, moved, *Leading.of(totals[-1], self._values, self._vectors[-1, 0, 0]))
-
-
-#: The kinds of parts of distances, in the order in which the compiled loops write them.
-_KINDS = (Kind.SPREAD, Kind.POSTURE, Kind.TREND)
-#: For each part its kind, None for eigen parts, and where the compiled loops write it: the index of its length, and the
-#: index of its kind or of the scaled eigenvectors.
-_PLACES: dict[Part, tuple[Kind | None, tuple[int, int]]] = {
-    part: (None, (BASIS_LENGTHS.index(part.seconds), 1))
-    if part.kind is Kind.EIGEN
-    else (part.kind, (DISTANCE_LENGTHS.index(part.seconds), _KINDS.index(part.kind)))
-    for part in PARTS
-}
+        moved = total = 0.0
+        for parts in self._of_parts:
+            moved, _ = loops.read_parts(*parts)
+        for eigen_of in self._of_eigen:
+            total = loops.read_eigen(*eigen_of)
+        return LiveSignature(self._numbers, moved, *Leading.of(total, self._values, self._leading[0]))
 
 
 class Leading(NamedTuple):
@@ -240,10 +242,11 @@ class Leading(NamedTuple):
     @classmethod
     def of(cls, total: float, values: NDArray[np.float64], eigenvector: NDArray[np.float64]) -> Leading:
         """Compute it from a covariance's trace, leading eigenvalues and leading eigenvector."""
-        listed: list[float] = [*values.tolist(), 0.0]
-        first, second = (max(each, 0.0) for each in listed[:2])
-        moves = total > 0 and first > 0
-        return cls(eigenvector, min(first / total, 1.0) if moves else 0.0, (first - second) / first if moves else 0.0)
+        listed: list[float] = values.tolist()
+        first, second = (listed[0], listed[1]) if len(listed) > 1 else (listed[0], 0.0)
+        if total <= 0 or first <= 0:
+            return cls(eigenvector, 0.0, 0.0)
+        return cls(eigenvector, min(first / total, 1.0), (first - max(second, 0.0)) / first)
 
 
 class PaperWindow(_RowsAndPoints):

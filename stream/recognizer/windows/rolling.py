@@ -48,6 +48,8 @@ class Rolling(ABC):
 
     Attributes
     ----------
+    span
+        The rows that are followed.
     drift
         The bound of the sums' rounding, and the variance below which lost digits do not matter, shape (2,).
     refreshes
@@ -59,38 +61,41 @@ class Rolling(ABC):
 
     def __init__(self, window: SlidingWindow, seconds: float | None = None) -> None:
         self._window = window
-        self._span = Span(window, seconds)
+        self.span = Span(window, seconds)
         self.drift = np.zeros(2)
         self.refreshes = 0
 
     @property
     def count(self) -> int:
         """Rows in the span."""
-        return len(self._span)
+        return len(self.span)
 
     def clear(self) -> None:
         """Forget all rows."""
-        self._span.clear()
+        self.span.clear()
 
+    @abstractmethod
     def update(self) -> None:
         """Follow the window up to its newest row."""
-        if self._followed():
-            self._refresh()
 
-    def _followed(self) -> bool:
-        """Follow the window; say whether the sums must be computed afresh."""
-        change = self._span.take_change()
+    def _update(self) -> None:
+        """Follow the window in numpy."""
+        change = self.span.take_change()
         new, gone = (each.stop - each.start for each in change)
-        if new in {0, self.count}:
-            return bool(new)
+        if not new:
+            return
+        if new == self.count:
+            self._refresh()
+            return
         self._add(change)
         largest, scatter = self._bounds()
         self.drift[0] += EPSILON * (new + gone) * largest
-        return bool(self.drift[0] > DRIFT_TOLERANCE * scatter)
+        if self.drift[0] > DRIFT_TOLERANCE * scatter:
+            self._refresh()
 
     def _refresh(self) -> None:
         self.refreshes += 1
-        rows = self._span.rows
+        rows = self.span.rows
         self._begin(self._rows[rows], self._window.times_kept[rows])
         self._add(Change(rows, _NONE))
         self.drift[0] = EPSILON * self.count * self._bounds()[0]
@@ -139,6 +144,12 @@ class RollingMoments(Rolling):
         super().__init__(window, seconds)
         self._rows = window.rows_kept
         self.sums, self.clock = np.zeros((4, self._rows.shape[1])), np.zeros(3)
+        span = self.span
+        # Put together once, because looking attributes up costs more than the sums.
+        self._followed = (
+            *(self._rows, window.times_kept, span.places, self.drift, self.sums, self.clock),
+            *(span.seconds, span.most),
+        )
 
     def _begin(self, rows: Rows, times: Rows) -> None:
         self.sums[1:] = self.clock[:] = 0.0
@@ -146,22 +157,12 @@ class RollingMoments(Rolling):
         self.clock[0] = times[-1]
         self.drift[1] = (_NO_MOVEMENT * float(self.sums[0].mean())) ** 2
 
-    def _followed(self) -> bool:
-        window, span, loops = self._window, self._span, compiled.loops
-        if loops is None:
-            return super()._followed()
-        return loops.follow(
-            self._rows,
-            window.times_kept,
-            span.places,
-            self.drift,
-            self.sums,
-            self.clock,
-            window.end,
-            window.moved,
-            span.seconds,
-            span.most,
-        )
+    def update(self) -> None:
+        """Follow the window up to its newest row."""
+        if compiled.loops is None:
+            self._update()
+        else:
+            self.refreshes += compiled.loops.follow(*self._followed, self._window.end, self._window.moved)
 
     def _add(self, change: Change) -> None:
         rows, weights = self._weighed(change)
@@ -226,6 +227,11 @@ class RollingCovariance(Rolling):
         width = self._rows.shape[1]
         # Arrays of their own, so that the compiled loops may write one and read another.
         self.reference, self.total, self.products = np.zeros(width), np.zeros(width), np.zeros((width, width))
+        span = self.span
+        self._followed = (
+            *(self._rows, window.times_kept, span.places, self.drift, self.reference, self.total, self.products),
+            *(span.seconds, span.most),
+        )
 
     def _begin(self, rows: Rows, times: Rows) -> None:  # noqa: ARG002 - a covariance needs no times
         np.mean(rows, axis=0, out=self.reference)
@@ -233,23 +239,13 @@ class RollingCovariance(Rolling):
         self.total[:] = 0.0
         self.products[:] = 0.0
 
-    def _followed(self) -> bool:
-        window, span, loops = self._window, self._span, compiled.loops
+    def update(self) -> None:
+        """Follow the window up to its newest row."""
+        loops = compiled.loops
         if loops is None or len(self.total) > loops.MAX_DIRECTIONS:
-            return super()._followed()
-        return loops.follow_products(
-            self._rows,
-            window.times_kept,
-            span.places,
-            self.drift,
-            self.reference,
-            self.total,
-            self.products,
-            window.end,
-            window.moved,
-            span.seconds,
-            span.most,
-        )
+            self._update()
+        else:
+            self.refreshes += loops.follow_products(*self._followed, self._window.end, self._window.moved)
 
     def _add(self, change: Change) -> None:
         rows, weights = self._weighed(change)

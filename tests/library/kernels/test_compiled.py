@@ -125,6 +125,7 @@ def _sums(rows: np.ndarray, times: np.ndarray, reference: np.ndarray, begin: flo
     return np.array(sums), np.array([begin, since.sum(), np.square(since).sum()])
 
 
+ROWS = np.random.default_rng(3).normal(size=(30, 5))
 #: Rows that moved back in a window's memory.
 MOVED = 70
 
@@ -135,13 +136,13 @@ class _Following(NamedTuple):
     times: np.ndarray
     places: np.ndarray
     drift: np.ndarray
-    numbers: tuple[int, int, float, int]
+    numbers: tuple[float, int, int, int]
 
     @classmethod
     def of(cls, end: int, entered: int, left: int, rows: int) -> _Following:
         times = np.arange(rows) / 60 + 1e3
         seconds = (end + entered - left - 0.5) / 60
-        return cls(times, np.array([0, end]) + MOVED, np.zeros(2), (end + entered, MOVED, seconds, 10_000))
+        return cls(times, np.array([0, end]) + MOVED, np.zeros(2), (seconds, 10_000, end + entered, MOVED))
 
     def assert_followed(self, end: int, entered: int, left: int, largest: float) -> None:
         """Check that the span lies where the rows are now, and that its drift is the rounding of as many rows."""
@@ -186,15 +187,38 @@ def test_products_follow_points(loops: compiled.Loops, entered: int, left: int, 
 
 
 @pytest.mark.parametrize("place", [0, 12, 2**60])
-def test_a_span_of_new_rows_alone_is_to_be_computed_afresh(loops: compiled.Loops, place: int) -> None:
-    """Wherever a span was before, the loops add nothing to its sums when none of its rows were in it."""
-    places, sums, rows = np.array([0, place]), np.zeros((4, 5)), np.ones((30, 5))
-    arrays = rows, np.arange(30.0), places, np.zeros(2), sums, np.zeros(3)
-    assert loops.follow(*arrays, 30, 0, 12.0, 100) is (place < 30)
+def test_a_span_of_new_rows_alone_is_computed_afresh(loops: compiled.Loops, place: int) -> None:
+    """Wherever a span was before, the loops begin anew from the mean of its rows when none of them were in it."""
+    generator = np.random.default_rng(place % 7)
+    places, rows, times = np.array([0, place]), _with_room(generator.normal(size=(30, 5))), np.arange(30.0)
+    sums, clock, drift = np.ones((4, 5)), np.ones(3), np.ones(2)
+    arrays = rows, times, places, drift, sums, clock
+    assert loops.follow(*arrays, 12.0, 100, 30, 0) is (place < 30)
     assert places.tolist() == [18, 30]
-    assert not sums.any()
-    assert not loops.follow(*arrays, 30, 0, 12.0, 100)
-    assert not loops.follow(*arrays, 0, 0, 12.0, 100)
+    if place < 30:
+        expected = _sums(rows[18:], times[18:], rows[18:].mean(axis=0), 29.0)
+        for ours, theirs in zip((sums, clock), expected, strict=True):
+            np.testing.assert_allclose(ours, theirs, atol=1e-12)
+        assert drift == pytest.approx([EPSILON * 12 * sums[3].max(), (1e-6 * sums[0].mean()) ** 2])
+    before = sums.copy()
+    assert not loops.follow(*arrays, 12.0, 100, 30, 0)
+    assert not loops.follow(*arrays, 12.0, 100, 0, 0)
+    assert np.array_equal(sums, before)
+
+
+def test_sums_that_lost_digits_are_computed_afresh(loops: compiled.Loops) -> None:
+    """When the bound of the rounding is large the loops compute sums and products anew from the rows."""
+    rows, times, drift = ROWS.copy(), np.arange(30.0), np.array([1.0, 0.0])
+    sums, clock = np.ones((4, 5)), np.ones(3)
+    assert loops.follow(rows, times, np.array([16, 29]), drift, sums, clock, 12.0, 100, 30, 0)
+    np.testing.assert_allclose(sums, _sums(rows[18:], times[18:], rows[18:].mean(axis=0), 29.0)[0], atol=1e-12)
+    drift[0], reference, total, products = 1.0, np.ones(5), np.ones(5), np.ones((5, 5))
+    arrays = rows, times, np.array([16, 29]), drift, reference, total, products
+    assert loops.follow_products(*arrays, 12.0, 100, 30, 0)
+    relative = rows[18:] - rows[18:].mean(axis=0)
+    np.testing.assert_allclose(products, relative.T @ relative, atol=1e-12)
+    np.testing.assert_allclose(reference, rows[18:].mean(axis=0), atol=1e-12)
+    assert drift == pytest.approx([EPSILON * 12 * products.trace(), 1e-12 * reference @ reference])
 
 
 @BODIES
@@ -209,26 +233,13 @@ def test_parts_equal_numpys_parts(loops: compiled.Loops, every: int, parents: bo
         moments = Moments(rows.mean(axis=0)[None], rows.std(axis=0)[None], _trend(rows, times)[None])
         expected = [read(moments, body)[0] for read in (spread, posture, trend)]
         sums, clock = _sums(rows, times, rows[0], times[-1])
-        parts, paths = np.full((3, rows.shape[1]), np.nan), np.ascontiguousarray(body.paths.T)
-        moved, size = loops.read_parts(
-            sums, clock, len(rows), body.sizing, body.segments, paths, NOISE_FLOOR, LEVEL_REMOVED, 1.0, 1.0, parts
-        )
+        parts, alone = np.full((2, 3, rows.shape[1]), np.nan)
+        paths, places = np.ascontiguousarray(body.paths.T), np.array([7, 7 + len(rows)])
+        arrays = sums, clock, places, body.sizing, body.segments, paths, NOISE_FLOOR, LEVEL_REMOVED
+        moved, size = loops.read_parts(*arrays, *parts)
         for ours, theirs in zip(parts, expected, strict=True):
             np.testing.assert_allclose(ours, theirs, rtol=1e-9, atol=1e-7)
-        alone = np.full_like(parts, np.nan)
-        loops.read_parts(
-            sums,
-            clock,
-            len(rows),
-            body.sizing,
-            body.segments,
-            paths,
-            NOISE_FLOOR,
-            LEVEL_REMOVED,
-            0.0,
-            0.0,
-            alone,
-        )
+        assert loops.read_parts(*arrays, alone[0], alone[1, :0], alone[2, :0]) == (moved, size)
         assert np.array_equal(alone[0], parts[0])
         assert moved == pytest.approx(float(movement(moments)[0]), rel=1e-9)
         assert size == pytest.approx(float(body.size(moments.mean)[0]), rel=1e-9)
@@ -244,9 +255,8 @@ def test_a_body_in_one_point_has_numbers(loops: compiled.Loops) -> None:
     body = Body.of(BUILTIN.skeleton)
     parts, paths = np.full((3, len(PAIRS)), np.nan), np.ascontiguousarray(body.paths.T)
     sums, clock = np.zeros((4, len(PAIRS))), np.zeros(3)
-    read = loops.read_parts(
-        sums, clock, 1, body.sizing, body.segments, paths, NOISE_FLOOR, LEVEL_REMOVED, 1.0, 1.0, parts
-    )
+    constants = NOISE_FLOOR, LEVEL_REMOVED
+    read = loops.read_parts(sums, clock, np.array([0, 1]), body.sizing, body.segments, paths, *constants, *parts)
     assert read == (0.0, 0.0)
     still = Moments(*np.zeros((3, 1, len(PAIRS))))
     np.testing.assert_allclose(parts[0], spread(still, body)[0], rtol=1e-12)
@@ -301,14 +311,16 @@ def test_a_window_is_read_as_numpy_reads_it(loops: compiled.Loops) -> None:
     values, vectors = np.empty(EIGENVECTORS), np.empty((2, EIGENVECTORS, 32))
     total, products = relative.sum(axis=0), relative.T @ relative
     block = np.zeros((32, 8))
-    trace = loops.read_eigen(total, products, len(points), 0.0, values, *vectors, block)
+    places, drift = np.array([5, 5 + len(points)]), np.zeros(2)
+    trace = loops.read_eigen(total, products, places, drift, values, *vectors, block)
     with compiled.left_aside():
         pairs = eigenpairs_of(covariance[None])
     assert trace == pytest.approx(covariance.trace(), rel=1e-9)
     np.testing.assert_allclose(values, pairs.values[0], rtol=1e-9)
     scaled = eigen(Eigenpairs(values[None], vectors[:1]))[0]
     np.testing.assert_allclose(vectors[1], scaled, atol=1e-12)
-    assert loops.read_eigen(total, products, len(points), 2 * trace, values, *vectors, block) == 0.0
+    drift[1] = 2 * trace
+    assert loops.read_eigen(total, products, places, drift, values, *vectors, block) == 0.0
     assert not vectors[1].any()
 
 
@@ -318,7 +330,7 @@ def test_one_window_after_another_is_read_as_each_alone(loops: compiled.Loops, b
     covariances, taken_over = np.concatenate([_covariances(clip) for clip in CLIPS]), 0
     values, vectors, block = np.empty(EIGENVECTORS), np.empty((2, EIGENVECTORS, 32)), np.full((32, 8), begin)
     for covariance in covariances:
-        trace = loops.read_eigen(np.zeros(32), covariance, 1.0, 0.0, values, *vectors, block)
+        trace = loops.read_eigen(np.zeros(32), covariance, np.array([0, 1]), np.zeros(2), values, *vectors, block)
         pairs = eigenpairs_of(covariance[None])
         (scaled,) = eigen(pairs)
         np.testing.assert_allclose(values, pairs.values[0], atol=1e-9 * trace)
@@ -380,7 +392,7 @@ def test_nan_and_infinity_are_never_near() -> None:
 def test_numpy_compares_views_that_the_loops_have_no_room_for() -> None:
     """A weighing with eight views, and each group alone, is not refused."""
     views = (ACROSS_LABORATORIES.views[0],) * 8
-    weighing = type(ACROSS_LABORATORIES)(ACROSS_LABORATORIES.groups, views, first=0.5, lead=0.6)
+    weighing = type(ACROSS_LABORATORIES)(ACROSS_LABORATORIES.groups, views, first=0.5)
     index = WindowIndex.of(MotionLibrary.of_clips(BUILTIN.motions[:3]), weighing=weighing)
     numbers = {part: np.ones((4, 32) if part.kind == "eigen" else 465) for part in weighing.parts}
     assert index.log_distances(numbers).shape == (8 + len(weighing.groups), len(index.classes))
@@ -563,10 +575,12 @@ def _parts(loops: compiled.Loops, **other: np.ndarray) -> object:
         "sizing": np.ones(5),
         "segments": _ONE,
         "paths": np.ones((1, 5)),
-        "parts": np.zeros((3, 5)),
+        "spread": np.zeros(5),
+        "posture": np.zeros(5),
+        "trend": np.zeros(0),
     }
-    sums, clock, sizing, segments, paths, parts = (usual | other).values()
-    return loops.read_parts(sums, clock, 2.0, sizing, segments, paths, 0.1, 0.5, 1.0, 1.0, parts)
+    sums, clock, sizing, segments, paths, *parts = (usual | other).values()
+    return loops.read_parts(sums, clock, np.array([0, 2]), sizing, segments, paths, 0.1, 0.5, *cast("Any", parts))
 
 
 def _sums_followed(loops: compiled.Loops, **other: object) -> object:
@@ -578,10 +592,10 @@ def _sums_followed(loops: compiled.Loops, **other: object) -> object:
         "drift": np.zeros(2),
         "sums": np.zeros((4, 5)),
         "clock": np.zeros(3),
-        "end": 9,
-        "moved": 0,
         "seconds": 1.0,
         "most": 9,
+        "end": 9,
+        "moved": 0,
     }
     return loops.follow(*cast("Any", (usual | other).values()))
 
@@ -589,7 +603,7 @@ def _sums_followed(loops: compiled.Loops, **other: object) -> object:
 def _products_followed(loops: compiled.Loops, directions: int, products: np.ndarray) -> object:
     points, places = np.zeros((9, directions)), np.zeros(2, np.intp)
     sums = np.zeros(directions), np.zeros(directions), products
-    return loops.follow_products(points, np.arange(9.0), places, np.zeros(2), *sums, 9, 0, 1.0, 9)
+    return loops.follow_products(points, np.arange(9.0), places, np.zeros(2), *sums, 1.0, 9, 9, 0)
 
 
 def _followed(loops: compiled.Loops, **other: np.ndarray) -> object:
@@ -674,7 +688,9 @@ _REFUSED: dict[str, tuple[Callable[[compiled.Loops], object], str]] = {
         "segments: expected indices below 5, got 5",
     ),
     "parts: paths": (lambda loops: _parts(loops, paths=np.ones((2, 5))), "paths: expected 1, got 2"),
-    "parts: parts": (lambda loops: _parts(loops, parts=np.zeros((3, 6))), "parts: expected 5, got 6"),
+    "parts: spread": (lambda loops: _parts(loops, spread=np.zeros(0)), "spread: expected 5, got 0"),
+    "parts: posture": (lambda loops: _parts(loops, posture=np.zeros(6)), "posture: expected 5, got 6"),
+    "parts: trend": (lambda loops: _parts(loops, trend=np.zeros(4)), "trend: expected 5, got 4"),
     "parts: between two numbers": (
         lambda loops: _parts(loops, sizing=cast("np.ndarray", memoryview(bytearray(41))[1:].cast("d"))),
         "sizing: expected numbers that begin at multiples of their size",
@@ -689,7 +705,13 @@ _REFUSED: dict[str, tuple[Callable[[compiled.Loops], object], str]] = {
     ),
     "eigen: no number": (
         lambda loops: loops.read_eigen(
-            np.zeros(3), np.full((3, 3), np.nan), 2.0, 0.0, np.zeros(3), *np.zeros((2, 3, 3)), np.zeros((3, 8))
+            np.zeros(3),
+            np.full((3, 3), np.nan),
+            np.array([0, 2]),
+            np.zeros(2),
+            np.zeros(3),
+            *np.zeros((2, 3, 3)),
+            np.zeros((3, 8)),
         ),
         "products: expected finite numbers",
     ),
@@ -835,7 +857,9 @@ def test_the_error_names_the_first_of_two_bad_numbers(loops: compiled.Loops) -> 
     none, fraction = cast("Any", "2"), cast("Any", Fraction(1, 2))
     arrays = np.ones((4, 5)), np.zeros(3)
     with pytest.raises(TypeError, match="must be real number, not str"):
-        loops.read_parts(*arrays, none, np.ones(5), _ONE, np.ones((1, 5)), fraction, 0.5, 1.0, 1.0, np.zeros((3, 5)))
+        loops.read_parts(
+            *arrays, np.array([0, 1]), np.ones(5), _ONE, np.ones((1, 5)), none, fraction, *np.zeros((3, 5))
+        )
 
 
 def test_read_only_rows_are_refused_before_anything_is_written(loops: compiled.Loops) -> None:

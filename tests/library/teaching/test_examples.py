@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from kinespace.library import MotionLibrary
+from kinespace.library.teaching import examples
 from kinespace.library.teaching.examples import Check, Example, Roster, TaughtWindows, checked
 from kinespace.library.windows.index import WindowIndex
 
@@ -85,6 +86,22 @@ def test_changed_windows_equal_the_windows_of_a_new_library() -> None:
     assert index.classes == anew.classes
     for mine, other in zip(index.vectors, anew.vectors, strict=True):
         np.testing.assert_array_equal(mine, other)
+
+
+def test_among_many_examples_one_more_does_not_make_the_unknown_learned_anew(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Without a library's motions beside them examples teach what is unknown; among many a few more do not matter."""
+    first = _roster(("a", "squat1Reps", 0), ("b", "kickLFront1Reps", 0), ("a", "squat1Reps", 1))
+    second = first.with_example(_example(4, "b", _motions("kickLFront1Reps")[1]))
+    for many in (200, 2):
+        monkeypatch.setattr(examples, "_MANY", many)
+        monkeypatch.setattr(examples, "_FEW", 0.3)
+        windows = TaughtWindows(_base(), beside=False)
+        before, after, much_later = map(windows.index_of, (first, second, _roster(("a", "squat1Reps", 0))))
+        assert before is not None
+        assert after is not None
+        assert much_later is not None
+        assert (after.rejection is before.rejection) == (many == 2)
+        assert much_later.rejection is not before.rejection
 
 
 def test_disabled_classes_have_no_windows() -> None:

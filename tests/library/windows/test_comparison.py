@@ -24,7 +24,6 @@ SMALL = Weighing(
     groups=((EIGEN_LONG, SPREAD_LONG), (EIGEN_SHORT,), (POSTURE,)),
     views=((0.5, 0.25, 0.25), (0.0, 0.0, 1.0)),
     first=0.5,
-    lead=0.6,
 )
 
 
@@ -94,7 +93,7 @@ def test_below_the_views_each_group_is_compared_alone() -> None:
 
 def test_nothing_left_to_name_a_class_by() -> None:
     """A weighing of one kind cannot do without it."""
-    alone = Weighing(groups=((POSTURE,),), views=((1.0,),), first=0.5, lead=0.6)
+    alone = Weighing(groups=((POSTURE,),), views=((1.0,),), first=0.5)
     with pytest.raises(ValueError, match="beside posture"):
         alone.without(Kind.POSTURE)
 

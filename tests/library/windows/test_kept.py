@@ -90,7 +90,7 @@ def test_other_motions_teach_anew(keeping: MotionLibrary) -> None:
         replace(keeping, motions=(replace(one, positions=one.positions + 0.001), *keeping.motions[1:])),
     )
     assert all(kept_of(other, across) is None for other in others)
-    assert kept_of(keeping, replace(across, lead=1.0)) is None
+    assert kept_of(keeping, replace(across, first=1.0)) is None
     assert kept_of(replace(keeping, learned=None), across) is None
 
 

@@ -84,6 +84,7 @@ def test_event_times_are_floats_since_the_first_answer(name: str) -> None:
     assert read(packet) == {"/motion/Ada_L/event": ["start", "jump", 1, 0.75, 2.5]}
     assert b",ssiff\0" in (packet or b"")
     layout.gone("Ada L")
+    layout.recognition(dataclasses.replace(recognition(), time=START.time + 100.0))
     layout.recognition(dataclasses.replace(recognition(), time=START.time))
     assert read(layout.event(START))["/motion/Ada_L/event"][-1] == 0.0
 

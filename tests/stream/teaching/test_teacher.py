@@ -188,6 +188,20 @@ def test_a_recording_ends_after_fifteen_seconds() -> None:
     assert example.seconds <= MAX_RECORDING + 0.1
 
 
+def test_a_pause_in_the_feed_ends_a_recording() -> None:
+    """A sender that pauses between motions, as a replay does, sends no stillness: the motion is an example."""
+    stage = Stage()
+    stage.stand(1.0)
+    stage.ask(commands.Teach("ann", "wave", 2, 0.0))
+    for _ in range(2):
+        stage.show(stage.library.motions[40].positions)
+        stage.now += 1.0
+        stage.told += stage.teacher.tick(stage.now)
+    assert stage.steps().count(Step.CHECKING) == 2
+    lasts = stage.library.motions[40].duration
+    assert [each.seconds for each in stage.teacher.roster.examples] == [pytest.approx(lasts, abs=0.3)] * 2
+
+
 def test_stop_by_hand() -> None:
     """A recording that is stopped by hand becomes an example."""
     stage = Stage()

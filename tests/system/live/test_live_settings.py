@@ -103,6 +103,12 @@ def test_spans_of_time_are_positive(name: str, value: float) -> None:
         Settings(signature=LiveSignature.PAPER, **{name: value})
 
 
+def test_a_sensitivity_is_a_share() -> None:
+    """A sensitivity above 1 is refused."""
+    with pytest.raises(ValueError, match=r"sensitivity: expected a share from 0 to 1, got 2"):
+        Settings(sensitivity=2)
+
+
 @pytest.mark.parametrize("name", ["sensitivity", "lead", "hop", "stillness", "smallest_gap", "patience"])
 @pytest.mark.parametrize("value", [-1, -1e-9, np.inf, np.nan])
 def test_thresholds_are_not_negative(name: str, value: float) -> None:

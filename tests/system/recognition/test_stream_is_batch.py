@@ -19,6 +19,7 @@ from twins import Twin
 from kinespace.stream.frame import Frame
 from kinespace.stream.recognition import Outcome
 from kinespace.stream.recognizer import LiveSignature, Performers, Recognizer, Settings
+from kinespace.stream.recognizer.hysteresis import LEAD
 from kinespace.tools.feeding.feed import resampled
 
 if TYPE_CHECKING:
@@ -127,7 +128,7 @@ def _assert_decided_alike(course: Course, twin: Twin, settings: Settings) -> Non
     if not course.answers:
         return
     index = twin.index
-    guesses = naive_stream.guesses(course.times, course.distances, index.comparison.weighing.lead)
+    guesses = naive_stream.guesses(course.times, course.distances, LEAD)
     assert [answer.best for answer in course.answers] == guesses
     rejection = index.rejection
     logits = [

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from recorded import SWINGS, write_takes
 
-from kinespace.library import read_recordings
+from kinespace.library import MotionLibrary, find_recordings, read_recordings
 from kinespace.tools.cli.main import main
 from kinespace.tools.evaluation.retrieval.experiment import (
     Labels,
@@ -108,6 +108,18 @@ def test_json_alone_is_the_papers_own_case(cut: Path, capsys: pytest.CaptureFixt
     assert (described["space"], described["protocol"]) == ("distances", "leave-one-out")
     assert described["motions"] == 12
     assert described["nearest"] == 1.0
+
+
+def test_a_librarys_motions_are_compared(cut: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """With --library the motions of a library are compared, and recordings beside it are refused."""
+    file = tmp_path / "mine.npz"
+    MotionLibrary.of_clips(read_recordings(find_recordings([cut]))).save(file)
+    assert main(["evaluate", "retrieval", "--library", str(file), "--json"]) == 0
+    by_library = json.loads(capsys.readouterr().out)
+    assert main(["evaluate", "retrieval", str(cut), "--json"]) == 0
+    assert by_library["motions"] == json.loads(capsys.readouterr().out)["motions"]
+    assert main(["evaluate", "retrieval", str(cut), "--library", str(file)]) == 2
+    assert "--library: expected no recordings beside it" in capsys.readouterr().err
 
 
 def test_the_table_holds_every_case(cut: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from kinespace.library.recordings import Reading, find_recordings, read_recordings
+from kinespace.library.recordings import Reading, find_recordings, read_recordings, segments_beside
 from kinespace.library.recordings.formats import utkinect
 from kinespace.library.recordings.formats.labels import Segment, cut
 from kinespace.library.recordings.formats.utkinect import UTKinectError
@@ -84,6 +84,16 @@ def test_a_take_is_a_recording(tmp_path: Path) -> None:
     assert clip.skeleton.joints == ("lowerneck", "head", *left)
     assert clip.frame_rate == 60.0
     np.testing.assert_allclose(clip.positions[0, 1], np.array(_values(0)[9:12]) / 100)
+
+
+def test_labels_beside_a_take_are_found(tmp_path: Path) -> None:
+    """The labels of all takes count as labels beside each; a file with the take's own name goes before."""
+    take = _take(tmp_path)
+    assert segments_beside(take) is None
+    _labels(tmp_path, "s01_e02\nwalk: 12 20\n")
+    assert [each.label for each in segments_beside(take) or ()] == ["walk"]
+    take.with_suffix(".csv").write_text("start_s,end_s,label\n0,1,run\n")
+    assert [each.label for each in segments_beside(take) or ()] == ["run"]
 
 
 def test_the_joints_are_kinects() -> None:

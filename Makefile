@@ -35,7 +35,7 @@ test: setup
 
 # For trying a change while it is made: leaves out tests that play in real time, start programs or read many takes.
 quick: setup
-	@$(MAKE) --no-print-directory -j2 lint types pytest CHOSEN='-m "not slow"'
+	@$(MAKE) --no-print-directory -j2 lint types pytest WORKERS=auto CHOSEN='-m "not slow"'
 
 lint: setup
 	$(BIN)/ruff check

@@ -35,8 +35,6 @@ if TYPE_CHECKING:
     from kinespace.library.windows.index import WindowIndex
     from kinespace.stream.recognition import Recognition
 
-pytestmark = pytest.mark.slow
-
 LOOPBACK = "127.0.0.1"
 WINDOWS = Settings(signature=LiveSignature.WINDOWS, hop=1 / 15)
 #: The share of right answers, label and best guess, that a body of few joints may lose against all 31.
@@ -124,6 +122,7 @@ def test_a_packet_written_by_hand_is_read_as_published(name: str) -> None:
     np.testing.assert_allclose(ours, golden.position, rtol=1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("layout", LAYOUTS)
 def test_every_sent_frame_is_made(layout: str) -> None:
     """In each layout every frame comes out once, whole, in time, with exactly the distances sent."""
@@ -150,6 +149,7 @@ def test_axes_are_ours(layout: str) -> None:
     )
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("no_waiting")
 @pytest.mark.parametrize("preset_name", builtin_names())
 def test_a_feed_is_recognised_over_the_wire(preset_name: str, small_library: MotionLibrary) -> None:
@@ -258,6 +258,7 @@ def cmu_pieces(cmu_folder: Path) -> Pieces:
     return Pieces(pieces[::2], builtin_library())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("source", "preset_name"),
     # Of strangers one feed of 9 joints and one of 25.

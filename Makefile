@@ -29,11 +29,13 @@ chaos: setup
 demo: setup
 	@$(BIN)/kinespace demo
 
-test: lint types pytest
+# mypy runs beside the tests, because many of them wait for real time.
+test: setup
+	@$(MAKE) --no-print-directory -j2 lint types pytest
 
-# For trying a change while it is made: leaves out tests that play in real time or read many takes.
-quick: lint types
-	$(BIN)/python -m pytest -n $(WORKERS) --dist worksteal -m "not slow"
+# For trying a change while it is made: leaves out tests that play in real time, start programs or read many takes.
+quick: setup
+	@$(MAKE) --no-print-directory -j2 lint types pytest WORKERS=auto CHOSEN='-m "not slow"'
 
 lint: setup
 	$(BIN)/ruff check
@@ -49,7 +51,7 @@ types: setup
 # takes tests from another, because a few of them take half a minute.
 WORKERS := $(shell $(PYTHON) -c 'import os; print(3 * (os.cpu_count() or 1) // 2)')
 pytest: setup
-	$(BIN)/python -m pytest -n $(WORKERS) --dist worksteal
+	$(BIN)/python -m pytest -n $(WORKERS) --dist worksteal $(CHOSEN)
 
 # The compiled loops under AddressSanitizer and UBSan.
 sanitize: setup

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import importlib
 import os
+import pickle
 import shutil
 import signal
-from collections import defaultdict
 from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, NoReturn
 
+import programs
 import pytest
 from hypothesis import settings
 from liblotools import LibloTools
@@ -24,6 +25,7 @@ from kinespace.library.windows.index import opened
 from kinespace.stream.osc import udp
 from kinespace.tools.bench import recorded
 from kinespace.tools.feeding.feed import resampled
+from kinespace.tools.terminal.console import console
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -35,8 +37,8 @@ if TYPE_CHECKING:
     from kinespace.library.clip import Clip
     from kinespace.library.windows.index import WindowIndex
 
-# The same examples in every run, and no deadline: a slow machine is not a failure.
-settings.register_profile("kinespace", derandomize=True, deadline=None)
+# The same examples in every run, therefore few, and no deadline: a slow machine is not a failure.
+settings.register_profile("kinespace", derandomize=True, deadline=None, max_examples=50)
 settings.load_profile("kinespace")
 
 #: A file system in memory. Some tests write a file anew a thousand times, and a disk would write out each.
@@ -54,9 +56,6 @@ for _number, _usual in ((signal.SIGINT, signal.default_int_handler), (getattr(si
 COMPLETE = "KINESPACE_COMPLETE"
 #: Why tests of the compiled loops skip.
 NO_LOOPS = "no compiled loops here: gcc or clang and Python's headers make them"
-#: The motions of the small library.
-SMALL_CLASSES = ("kickLFront1Reps", "lieDownFloor", "squat1Reps")
-SMALL_ACTORS = ("bd", "dg", "mm")
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
@@ -123,9 +122,19 @@ def cmu_folder(data_folder: Path) -> Path:
 
 
 @pytest.fixture(scope="session")
-def hdm05_clips(hdm05_folder: Path) -> tuple[Clip, ...]:
-    """All 288 clips as AMC files say them, read once."""
-    return tuple(read_recordings(find_recordings([hdm05_folder])))
+def hdm05_clips(hdm05_folder: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[Clip, ...]:
+    """All 288 clips as AMC files say them, read by the first of the processes that share the tests."""
+    base = tmp_path_factory.getbasetemp()
+    shared = (base.parent if os.environ.get("PYTEST_XDIST_WORKER") else base) / "hdm05_clips.pickle"
+    if shared.exists():
+        kept: tuple[Clip, ...] = pickle.loads(shared.read_bytes())  # noqa: S301 - our own
+        return kept
+    clips = tuple(read_recordings(find_recordings([hdm05_folder])))
+    # Written whole or not at all: another process may look.
+    own = shared.with_suffix(f".{os.getpid()}")
+    own.write_bytes(pickle.dumps(clips))
+    own.replace(shared)
+    return clips
 
 
 @pytest.fixture(scope="session")
@@ -166,13 +175,9 @@ def sticks() -> MotionLibrary:
 
 
 @pytest.fixture(scope="session")
-def small_library(builtin: MotionLibrary) -> MotionLibrary:
-    """Give a library that opens fast: two motions of each of three classes by each of three people, its teachers."""
-    kept: dict[tuple[str, str], list[Clip]] = defaultdict(list)
-    for motion in builtin.motions:
-        if motion.class_name in SMALL_CLASSES and motion.actor in SMALL_ACTORS:
-            kept[motion.class_name, motion.actor].append(motion)
-    return MotionLibrary.of_clips(clip for clips in kept.values() for clip in clips[:2])
+def small_library() -> MotionLibrary:
+    """Give a library that opens fast: one object, so that it is opened once."""
+    return programs.small_library()
 
 
 @pytest.fixture(scope="session")
@@ -185,6 +190,12 @@ def small_index(small_library: MotionLibrary) -> WindowIndex:
 def played() -> NDArray[np.float32]:
     """Give the bench's positions: motions of the built-in library, 120 frames a second, (frames, joints, 3)."""
     return recorded.positions()
+
+
+@pytest.fixture
+def wide(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Give the tables that programs print 200 columns."""
+    monkeypatch.setattr(console, "width", 200)
 
 
 @pytest.fixture

@@ -98,6 +98,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="standard deviations on each coordinate (default: 0 10 20 30)",
     )
     parser.add_argument("--groups", type=count, default=12, help="how many, at least two (default %(default)s)")
+    parser.add_argument("--every", type=count, default=1, help="play every nth motion alone (default %(default)s)")
     parser.add_argument("--seed", type=int, default=0, help="of the noise (default %(default)s)")
     parser.add_argument("--skeleton", metavar="NAME", help="with the joints of this product alone, like kinectv2")
     add_settings(parser)
@@ -111,6 +112,7 @@ def run(options: argparse.Namespace) -> int:
         reading=reading_of(options),
         noises=options.noise,
         groups=options.groups,
+        every=options.every,
         seed=options.seed,
         skeleton=options.skeleton,
         settings=settings_of(options),
@@ -124,6 +126,7 @@ def evaluate(
     reading: Reading,
     noises: Sequence[float],
     groups: int,
+    every: int,
     seed: int,
     skeleton: str | None,
     settings: Settings,
@@ -141,6 +144,8 @@ def evaluate(
         Standard deviations of each coordinate, millimetres.
     groups
         The number of groups; each group is left out of the library that names its motions.
+    every
+        Every so many motions one is played; all stay in the groups.
     seed
         The seed of the noise.
     skeleton
@@ -158,7 +163,7 @@ def evaluate(
     for group in progress(left_out, "Replaying", len(left_out)):
         others = library.without(motions=[library.motions[index] for index in group])
         for noise in noises:
-            for index in group:
+            for index in (each for each in group if each % every == 0):
                 generator = np.random.default_rng([seed, index])
                 heard[noise][index] = _heard(library.motions[index], others, settings, noise / 1000, generator)
     scores = [scored(noise, [each[index] for index in sorted(each)]) for noise, each in heard.items()]

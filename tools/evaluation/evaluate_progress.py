@@ -132,8 +132,9 @@ def run(options: argparse.Namespace) -> int:
         takes = read_takes(Sources(options.takes, names=dict(options.map)), reading_of(options))
         _tell_rounds(list(rounds_scored(takes, opened(library))), as_json=options.json)
         return 0
-    scores, amplitude = evaluated(library, every=options.every)
+    # First, because it opens the whole library, which `evaluated` then finds open.
     cost = _cost(library)
+    scores, amplitude = evaluated(library, every=options.every)
     if options.json:
         print(json.dumps(_summary(scores, amplitude, cost), indent=2))
     else:

@@ -6,8 +6,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.ndimage import gaussian_filter1d
-from scipy.signal import find_peaks
 
 from kinespace.library import distance_rows
 from kinespace.stream.frame import Frame
@@ -82,6 +80,10 @@ def _told(clip: Clip, index: WindowIndex) -> dict[float, Progress | None]:
 
 def _turns(clip: Clip, segment: Segment) -> list[float]:
     """Find the turning points of a segment's principal axis that are more in number: its maxima or its minima."""
+    # Slow to load, and most evaluations do not need them.
+    from scipy.ndimage import gaussian_filter1d  # noqa: PLC0415
+    from scipy.signal import find_peaks  # noqa: PLC0415
+
     inside = slice(round(segment.start * clip.frame_rate), round(segment.end * clip.frame_rate))
     rows = distance_rows(clip.positions[inside], clip.skeleton)
     rows -= rows.mean(axis=0)

@@ -8,6 +8,7 @@ import pickle
 import subprocess
 import sys
 from fractions import Fraction
+from functools import cache
 from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 import naive
@@ -103,6 +104,7 @@ def test_every_kind_of_loops_that_the_processor_has_is_tested(loops: compiled.Lo
     assert loops.kind() == kind
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("frames", [1, 2, 3, 4, 5, 7, 16])
 def test_distances_equal_three_loops(loops: compiled.Loops, frames: int) -> None:
     """The distances equal those from three plain loops, for any number of frames measured side by side."""
@@ -353,7 +355,7 @@ def index(request: pytest.FixtureRequest) -> WindowIndex:
 @pytest.mark.usefixtures("loops")
 def test_distances_to_windows_equal_numpys(index: WindowIndex) -> None:
     """At every hop of some motions log distances and scores equal numpy's, for every weighing."""
-    for clip in index.library.motions[::41]:
+    for clip in index.library.motions[::82]:
         live = LiveWindows(index.body, index.basis)
         rows = distance_rows(clip.positions, clip.skeleton)
         for end in range(4, len(rows), 4):
@@ -385,6 +387,7 @@ def test_nan_and_infinity_are_never_near() -> None:
     assert (index.log_distances(far)[others] > usual[others] + 1).all()
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("loops")
 def test_numpy_compares_views_that_the_loops_have_no_room_for() -> None:
     """A weighing with eight views, and each group alone, is not refused."""
@@ -452,10 +455,19 @@ def test_a_body_is_followed_as_numpy_follows_it(directions: int, cyclic: bool) -
 # --- whole streams -----------------------------------------------------------------------------------------------
 
 
-def _answers(library: MotionLibrary, settings: Settings, positions: np.ndarray) -> list[Recognition]:
-    recognizer = Recognizer(library, settings)
+def _answers(signature: LiveSignature, every: int) -> list[Recognition]:
+    library = _library(every)
+    recognizer = Recognizer(library, Settings(signature=signature))
+    positions = np.concatenate([clip.positions for clip in library.motions[5::47]])
     frames = (Frame("p", index / 60, each) for index, each in enumerate(positions))
     return [answer for frame in frames if (answer := recognizer.push(frame))]
+
+
+@cache
+def _numpys_answers(signature: LiveSignature, every: int) -> list[Recognition]:
+    """Give the answers that every kind of loops is compared with."""
+    with compiled.left_aside():
+        return _answers(signature, every)
 
 
 @pytest.mark.slow
@@ -464,11 +476,7 @@ def _answers(library: MotionLibrary, settings: Settings, positions: np.ndarray) 
 @pytest.mark.parametrize("signature", list(LiveSignature))
 def test_a_stream_is_answered_as_numpy_answers_it(signature: LiveSignature, every: int) -> None:
     """At every hop of some motions outcome, guess and events are the same, scores to three digits."""
-    library, settings = _library(every), Settings(signature=signature)
-    positions = np.concatenate([clip.positions for clip in library.motions[5::47]])
-    ours = _answers(library, settings, positions)
-    with compiled.left_aside():
-        theirs = _answers(library, settings, positions)
+    ours, theirs = _answers(signature, every), _numpys_answers(signature, every)
     assert len(ours) == len(theirs) > 0
     for mine, other in zip(ours, theirs, strict=True):
         assert (mine.outcome, mine.guess, mine.time) == (other.outcome, other.guess, other.time)
@@ -477,6 +485,7 @@ def test_a_stream_is_answered_as_numpy_answers_it(signature: LiveSignature, ever
         assert mine.movement == pytest.approx(other.movement, rel=1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("loops")
 @pytest.mark.parametrize("signature", list(LiveSignature))
 def test_a_recogniser_is_copied_in_full(signature: LiveSignature) -> None:
@@ -513,6 +522,7 @@ def test_the_loops_can_be_switched_off_for_a_while() -> None:
     assert compiled.loops is before is not None
 
 
+@pytest.mark.slow
 def test_a_module_built_from_older_sources_is_not_used() -> None:
     """Numpy does the arithmetic if the compiled module lacks one of the loops."""
     lacking = (
@@ -525,6 +535,7 @@ def test_a_module_built_from_older_sources_is_not_used() -> None:
     assert told.stdout == "numpy\n"
 
 
+@pytest.mark.slow
 def test_an_environment_variable_switches_the_loops_off() -> None:
     """With KINESPACE_COMPILED=0 numpy does the arithmetic."""
     asked = [sys.executable, "-c", "from kinespace.library.kernels import compiled; print(compiled.kind())"]

@@ -286,7 +286,7 @@ def test_flipped_bytes_are_refused_or_do_not_matter(
     content: bytes, small_library: MotionLibrary, tmp_path: Path, begin: int, mask: int
 ) -> None:
     """A byte flipped anywhere gives the one error, or sits where zip files keep dates and the library is whole."""
-    places = range(begin, len(content) - END, 15)
+    places = range(begin, len(content) - END, 30)
     refused = sum(
         _assert_refused_or_equal(
             tmp_path / "flipped.npz",
@@ -518,6 +518,7 @@ UNUSABLE = "not a usable motion library ("
 NO_LIBRARY = "not a motion library"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("change", "message"),
     [
@@ -621,6 +622,7 @@ def huge() -> bytes:
     return bytes(HUGE)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["header.npy", "positions.npy", "starts.npy", "learned_weights.npy", "further.npy"])
 def test_an_array_that_claims_gigabytes_is_not_unpacked(content: bytes, huge: bytes, tmp_path: Path, name: str) -> None:
     """An array larger in the zip than the header allows is refused before memory is taken."""
@@ -646,6 +648,7 @@ def test_an_arrays_header_that_asks_for_gigabytes_is_refused(content: bytes, tmp
             _assert_refused(tmp_path / "bomb.npz", _with_member(content, f"{name}.npy", file.getvalue() + bytes(64)))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "header", ["{" * 500, "(" * 5000, "'", "{'descr': '<i2'", "\n" * 9000, "\\", "[1" * 3000, "\x00"]
 )

@@ -147,6 +147,7 @@ def test_the_torn_clip_is_torn_in_its_file(hdm05_clips: tuple[Clip, ...], hdm05_
     np.testing.assert_allclose(clip.positions, expected, rtol=1e-9, atol=1e-9)
 
 
+@pytest.mark.slow
 def test_cmus_takes_are_read_with_the_same_body(cmu_folder: Path) -> None:
     """A CMU take has HDM05's 31 joints, an upright body of human height, and no labels of HDM05's."""
     clip = read_clip(cmu_folder / "13_30.amc")

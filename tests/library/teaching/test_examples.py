@@ -71,6 +71,7 @@ def test_trimming_cuts_the_motion() -> None:
     assert example.whole.seconds == motion.duration
 
 
+@pytest.mark.slow
 def test_changed_windows_equal_the_windows_of_a_new_library() -> None:
     """Examples added, taken back and added again are compared as if they had all been there at once."""
     windows = TaughtWindows(_base(), beside=True)

@@ -65,6 +65,7 @@ def test_a_window_needs_two_frames(clip: Clip) -> None:
     assert 2 in window_ends(slow.moved_to(slow.positions[:2]), 0.4, first=1.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("part", PARTS, ids=lambda part: part.name)
 def test_numbers_by_definition(
     part: tuple[Kind, float], clip: Clip, short: Clip, builtin_index: WindowIndex, arithmetic: str
@@ -83,6 +84,7 @@ def test_numbers_by_definition(
     assert not list(numbers)
 
 
+@pytest.mark.slow
 def test_eigenpairs(clip: Clip, builtin_index: WindowIndex, arithmetic: str) -> None:
     """The leading eigenvectors over two seconds are the covariance's, but for their signs."""
     cut, [ends] = _cut(builtin_index, clip)

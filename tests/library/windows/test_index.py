@@ -93,6 +93,7 @@ def _guess(index: WindowIndex, clip: Clip) -> str:
     return index.classes[int(_mean_distances(index, clip).argmin())]
 
 
+@pytest.mark.slow
 def test_log_distances_by_brute_force(index: WindowIndex, asking: tuple[Clip, ...], arithmetic: str) -> None:
     """For each view, each group alone and each class they are the mean of the two nearest people's nearest windows."""
     windows = list(zip(*(each.astype(float) for each in index.vectors), strict=True))
@@ -157,6 +158,7 @@ def test_without_some_motions(small_index: WindowIndex, asking: tuple[Clip, ...]
     assert np.allclose(fewer.log_distances(numbers), small_index.log_distances(numbers)[:, [0, 2]]), arithmetic
 
 
+@pytest.mark.slow
 def test_motions_added_are_as_if_opened_with_them(small_library: MotionLibrary, builtin: MotionLibrary) -> None:
     """Where others teach, basis and metrics are the same, and so is every window, to the last bit."""
     alone = small_library.without(actors=("dg", "mm"))
@@ -204,6 +206,7 @@ def test_a_last_motion_may_fill_a_piece(
         np.testing.assert_array_equal(one, other)
 
 
+@pytest.mark.slow
 def test_a_large_library_is_opened_in_pieces(
     small_library: MotionLibrary, small_index: WindowIndex, monkeypatch: pytest.MonkeyPatch
 ) -> None:

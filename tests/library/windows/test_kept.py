@@ -50,6 +50,7 @@ def test_kept_numbers_are_the_learned_ones(
     assert np.array_equal(kept.eigenvectors, learned.eigenvectors)
 
 
+@pytest.mark.slow
 @BOTH
 def test_the_built_in_file_keeps_its_metrics(builtin: MotionLibrary, weighing: Weighing) -> None:
     """Its windows are as far from each other as in metrics learned here; processors round differently."""

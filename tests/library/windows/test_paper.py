@@ -37,6 +37,7 @@ def eigenvectors(small_library: MotionLibrary, paper: PaperIndex) -> Sequence[tu
     return found
 
 
+@pytest.mark.slow
 def test_eigenvectors_by_definition(paper: PaperIndex, eigenvectors: Sequence[tuple[str, str, np.ndarray]]) -> None:
     """They are the leading ones of the covariance of distances, but for their signs."""
     assert len(paper.eigenvectors) == len(eigenvectors)

@@ -139,12 +139,14 @@ def test_moved_to_other_joints_typical_evidence_is_judged_alike() -> None:
     assert np.array_equal(moved.thresholds, REJECTION.thresholds)
 
 
+@pytest.mark.slow
 def test_a_library_learns_from_its_own_motions(learning: WindowIndex) -> None:
     """Motions of a person left out are mostly known, motions whose class is left out mostly not."""
     assert _share_known(learning, 0.1, with_class=True) > 0.75
     assert _share_known(learning, 0.1, with_class=False) < 0.25
 
 
+@pytest.mark.slow
 def test_the_rate_is_kept_on_the_librarys_own_motions(learning: WindowIndex) -> None:
     """At each rate about that share of windows without their class is named."""
     named = [_share_known(learning, rate, with_class=False) for rate in (0.05, 0.2, 0.4)]

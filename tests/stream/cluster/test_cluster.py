@@ -148,6 +148,7 @@ def test_a_busy_loop_deals_in_pieces_and_keeps_the_newest() -> None:
     inbox.close()
 
 
+@pytest.mark.slow
 def test_workers_come_and_go_without_a_lost_event(on: Bus, feed: Sequence[Sequence[Frame]]) -> None:
     """A worker fetches the library, a second one joins, the first one dies: the events are those of one process."""
     performers = Performers(opened(on.library))

@@ -75,6 +75,7 @@ def read(times: NDArray[np.float64], arrivals: NDArray[np.float64]) -> tuple[NDA
     return np.array(list(map(clock.read, told.tolist(), arrivals.tolist()))), clock
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("way", ["evenly", "with jitter", "in bursts"])
 @pytest.mark.parametrize("rate", [8, 30, 60, 120, 240])
 @pytest.mark.parametrize("kind", CLOCKS)

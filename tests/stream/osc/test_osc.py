@@ -253,7 +253,7 @@ def test_made_up_names_do_not_pile_up() -> None:
 
 
 @given(data=st.data())
-@settings(max_examples=400)
+@settings(max_examples=150)
 def test_a_frame_with_bytes_changed_is_read_alike_both_ways(data: st.DataObject) -> None:
     """With any bytes changed, the quick reader of frames agrees with the thorough one."""
     packet = bytearray(_VALID)
@@ -280,7 +280,7 @@ def test_a_frame_with_bytes_changed_is_read_alike_both_ways(data: st.DataObject)
     packet=st.binary(max_size=200),
     start=st.sampled_from([b"", b"/motion/frame\0\0\0,sd", b"/motion/skeleton\0\0\0\0,"]),
 )
-@settings(max_examples=400)
+@settings(max_examples=150)
 def test_random_bytes_raise_nothing(packet: bytes, start: bytes) -> None:
     """Any bytes give events or counts."""
     received = osc.decode(start + packet, 1.0)
@@ -310,7 +310,7 @@ def test_an_answer_is_one_bundle_to_be_used_at_once() -> None:
     outcome=st.sampled_from(Outcome),
     wide=st.booleans(),
 )
-@settings(max_examples=200)
+@settings(max_examples=100)
 def test_an_answer_is_byte_for_byte_python_oscs(
     performer: str, labels: list[str], seed: int, outcome: Outcome, *, wide: bool
 ) -> None:

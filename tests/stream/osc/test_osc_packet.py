@@ -96,7 +96,7 @@ def _in_order(element: OscMessage | OscBundle) -> list[Message]:
 @given(message=_MESSAGES)
 @example(message=("/", []))
 @example(message=("/all", [("[", []), ("[", [("[", [("f", 1.0)]), ("f", 2.0)]), ("f", 3.0), ("f", 4.0)]))
-@settings(max_examples=300)
+@settings(max_examples=150)
 def test_messages_are_read_like_pythonosc(message: tuple[str, list[tuple[str, object]]]) -> None:
     """Every message that python-osc builds, with all its types and nested arrays, is read as python-osc reads it."""
     packet = _message(*message).dgram
@@ -106,7 +106,7 @@ def test_messages_are_read_like_pythonosc(message: tuple[str, list[tuple[str, ob
 
 @pytest.mark.slow
 @given(element=_ELEMENTS)
-@settings(max_examples=200)
+@settings(max_examples=100)
 def test_bundles_are_read_like_pythonosc(element: tuple[object, list[object]]) -> None:
     """Bundles in bundles of any time tags hold python-osc's messages, in the order of the bytes."""
     built = _built(element)
@@ -307,7 +307,7 @@ def test_cut_off_anywhere_only_whole_messages_are_found(name: str) -> None:
 
 
 @given(data=st.data())
-@settings(max_examples=300)
+@settings(max_examples=150)
 def test_a_packet_with_bytes_changed_raises_nothing_else(data: st.DataObject) -> None:
     """With any bytes overwritten, inserted or taken out a packet is read or is a PacketError."""
     packet = bytearray(data.draw(st.sampled_from(sorted(_PACKETS.values()))))
@@ -324,14 +324,14 @@ def test_a_packet_with_bytes_changed_raises_nothing_else(data: st.DataObject) ->
 
 
 @given(start=st.sampled_from([b"", b"/", b"/a\0\0,", b"/a\0\0,bsf", b"#bundle\0" + bytes(7) + b"\1"]), rest=st.binary())
-@settings(max_examples=500)
+@settings(max_examples=150)
 def test_random_bytes_raise_nothing_else(start: bytes, rest: bytes) -> None:
     """Any bytes at all, with or without a beginning that promises OSC, are read or are a PacketError."""
     _decode_or_refuse(start + rest)
 
 
 @given(tags=st.text("ifhdsSbcrmtTFNI[]x", max_size=20), rest=st.binary(max_size=60))
-@settings(max_examples=500)
+@settings(max_examples=150)
 def test_any_tags_with_any_arguments_raise_nothing_else(tags: str, rest: bytes) -> None:
     """Type tags in any order, followed by any bytes, are read or are a PacketError."""
     encoded = f",{tags}".encode()

@@ -54,6 +54,7 @@ def _assert_same(first: Sequence[Recognition], second: Sequence[Recognition]) ->
 # --- when it answers ---------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("signature", LiveSignature)
 @pytest.mark.parametrize("start", [0.0, 7.0, 1.7e9])
 @pytest.mark.parametrize(("rate", "first"), [(30, 5), (60, 9), (120, 18), (240, 36)])
@@ -74,6 +75,7 @@ def test_two_frames_are_no_window(library: MotionLibrary) -> None:
     assert [answer is None for answer in answers] == [True, True, False]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rate", RATES)
 @pytest.mark.parametrize("class_name", STICK_CLASSES)
 def test_feeds_of_any_rate_are_recognised_alike(library: MotionLibrary, rate: int, class_name: str) -> None:
@@ -83,6 +85,7 @@ def test_feeds_of_any_rate_are_recognised_alike(library: MotionLibrary, rate: in
     assert len(answers) == pytest.approx(30 * (3 - 0.15), abs=1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rate", [24, 50, 100, 119.88])
 @pytest.mark.parametrize("hop", [0.05, 1 / 30, 0.11])
 def test_hops_keep_their_mean_distance(library: MotionLibrary, rate: float, hop: float) -> None:
@@ -126,6 +129,7 @@ def test_lost_frames_cost_no_answer(library: MotionLibrary) -> None:
 # --- its answers ------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_answers_do_not_change_afterwards(library: MotionLibrary) -> None:
     """An answer does not change while the recogniser goes on."""
     recognizer = Recognizer(library, Settings(hop=0))
@@ -152,6 +156,7 @@ def test_frames_are_not_changed_or_kept(library: MotionLibrary) -> None:
 # --- frames that come late, or not at all ------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @given(seed=st.integers(0, 2**32 - 1))
 @settings(max_examples=15)
 def test_late_frames_are_counted_and_change_nothing(library: MotionLibrary, seed: int) -> None:
@@ -308,6 +313,7 @@ def test_without_reset_the_same_feed_is_a_sender_that_starts_anew(library: Motio
 # --- senseless frames --------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("joints", [0, 1, 5, 7, 31])
 def test_another_number_of_joints_is_refused(library: MotionLibrary, joints: int) -> None:
     """A frame of another body is the caller's mistake: it raises, is not counted, and does not change the window."""

@@ -132,7 +132,8 @@ def test_answers_equal_one_processs(
     assert len({process.name for process in FakeProcess.all if process.channel}) == 2
 
 
-@pytest.mark.parametrize("moment", range(70, len(STICK_CLASSES) * PLAYED, 117))
+@pytest.mark.slow
+@pytest.mark.parametrize("moment", range(70, len(STICK_CLASSES) * PLAYED, 234))
 def test_a_killed_worker_costs_no_event(
     stage: Callable[..., Stage], feed: Sequence[Sequence[Frame]], expected: Sequence[Recognition], moment: int
 ) -> None:
@@ -159,6 +160,7 @@ def test_a_killed_worker_costs_no_event(
     assert on.crew.notes == ["workers replaced so far: 1; last: worker 1 ended"]
 
 
+@pytest.mark.slow
 def test_a_hung_worker_is_replaced(
     stage: Callable[..., Stage], feed: Sequence[Sequence[Frame]], expected: Sequence[Recognition]
 ) -> None:
@@ -183,6 +185,7 @@ def test_a_stopped_parent_kills_no_worker(stage: Callable[..., Stage], feed: Seq
     assert on.crew.notes == []
 
 
+@pytest.mark.slow
 def test_a_worker_alone_comes_back(stage: Callable[..., Stage], feed: Sequence[Sequence[Frame]]) -> None:
     """With one worker frames are counted as lost until the new process is ready; then answers go on."""
     on = stage(1)
@@ -227,6 +230,7 @@ def test_performers_are_bounded(stage: Callable[..., Stage], feed: Sequence[Sequ
     assert on.crew.counts.no_room == 2 * 60
 
 
+@pytest.mark.slow
 def test_announced_joints_survive_a_worker(
     stage: Callable[..., Stage], feed: Sequence[Sequence[Frame]], expected: Sequence[Recognition]
 ) -> None:
@@ -244,6 +248,7 @@ def test_announced_joints_survive_a_worker(
     assert np.array_equal(frame.positions, feed[0][0].positions)
 
 
+@pytest.mark.slow
 def test_another_library_reaches_every_worker(stage: Callable[..., Stage], sticks: MotionLibrary, feed: list) -> None:
     """After an exchange all answers have the new classes, also of a worker that is started later; lost motions end."""
     on = stage(2)

@@ -62,6 +62,7 @@ def _header(**changes: object) -> bytes:
 # --- frames ------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @given(
     performer=st.text(st.characters(codec="utf-8"), min_size=1, max_size=64),
     time=st.floats(allow_nan=False, allow_infinity=False).filter(bool),
@@ -219,7 +220,7 @@ _NUMBERS = st.one_of(
     dtype=st.sampled_from(["<f4", "<f8", ">f4"]),
     space=st.sampled_from(["", " ", "  "]),
 )
-@settings(max_examples=500)
+@settings(max_examples=150)
 def test_a_header_is_read_alike_both_ways(seq: str, time: str, joints: str, dtype: str, space: str) -> None:
     """The quick way of reading a header finds what json does, with the fields in another order, or nothing either."""
     fields = [f'"seq":{space}{seq}', f'"t":{space}{time}', f'"shape":{space}[{joints},{space}3]']
@@ -305,7 +306,7 @@ def test_nothing_is_unpickled(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @given(parts=st.lists(st.binary(max_size=60) | st.sampled_from([TOPIC, HEADER, BUFFER]), max_size=4))
-@settings(max_examples=300)
+@settings(max_examples=150)
 def test_random_parts_raise_nothing_else(parts: list[bytes]) -> None:
     """Any parts, good ones and random bytes mixed, are a frame or a FormatError."""
     try:
@@ -333,7 +334,7 @@ def test_random_parts_raise_nothing_else(parts: list[bytes]) -> None:
     ),
     full=st.booleans(),
 )
-@settings(max_examples=300)
+@settings(max_examples=150)
 def test_any_json_raises_nothing_else(header: dict[str, object], *, full: bool) -> None:
     """Any JSON in the header's fields gives a frame or a FormatError."""
     described = json.loads(HEADER) | header if full else header
@@ -481,6 +482,7 @@ def test_numbers_that_are_not_finite_are_null() -> None:
     assert (answer["movement"], answer["gap"]) == (None, None)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("signature", LiveSignature)
 def test_real_answers_equal_json_dumps(signature: LiveSignature, some_clips: tuple[Clip, ...]) -> None:
     """Recognitions of real motions are read like ones written by json."""

@@ -11,7 +11,6 @@ from importlib import resources
 from importlib.util import find_spec
 from typing import TYPE_CHECKING
 
-import numpy as np
 import pytest
 from programs import ROOT
 
@@ -20,8 +19,6 @@ from kinespace.library.naming import hdm05
 
 if TYPE_CHECKING:
     from pathlib import Path
-
-    from kinespace.library import Clip
 
 #: Each folder that is shipped, and the name it is imported by.
 FOLDERS = {"tools/front": "kinespace"} | {
@@ -33,7 +30,6 @@ FOLDERS = {"tools/front": "kinespace"} | {
 RECORDINGS = (".amc", ".asf", ".c3d", ".bvh", ".trc", ".fbx")
 #: Bytes above which a recording is data, not a test's example.
 MAX_EXAMPLE = 20_000
-MAX_LIBRARY = 3_000_000
 
 
 def project() -> dict[str, dict[str, object]]:
@@ -124,23 +120,6 @@ def test_the_librarys_terms_stand_beside_it() -> None:
     assert project()["project"]["license-files"] == ["LICENSE", "library/LICENSE-hdm05.txt"]
 
 
-def test_the_built_in_library_is_small() -> None:
-    """The built-in library takes at most 3 MB."""
-    assert 0 < len((resources.files("kinespace.library") / "hdm05.npz").read_bytes()) <= MAX_LIBRARY
-
-
-def test_the_built_in_library_is_the_one_the_recordings_give(hdm05_clips: tuple[Clip, ...]) -> None:
-    """Rebuilt from the 288 clips the library has the same motions, number for number."""
-    shipped = MotionLibrary.builtin()
-    rebuilt = MotionLibrary.of_clips(hdm05_clips)
-    assert shipped.classes == rebuilt.classes
-    assert shipped.skeleton == rebuilt.skeleton
-    for ours, theirs in zip(shipped.motions, rebuilt.motions, strict=True):
-        assert (ours.class_name, ours.actor, ours.take) == (theirs.class_name, theirs.actor, theirs.take)
-        assert (ours.frames, ours.frame_rate) == (theirs.frames, theirs.frame_rate)
-        assert np.array_equal(ours.positions, theirs.positions)
-
-
 def test_no_recording_is_tracked() -> None:
     """Git tracks no recording larger than a test's example, under any capitalisation of its ending."""
     large = [
@@ -167,6 +146,7 @@ def test_a_python_that_is_promised_is_one_that_is_required() -> None:
     assert described["requires-python"] == f">=3.{min(promised)}"
 
 
+@pytest.mark.slow
 def test_modules_of_the_user_do_not_interfere(tmp_path: Path) -> None:
     """A script beside a `stream.py` and folders `library` and `tools` of its own imports ours and its own."""
     (tmp_path / "stream.py").write_text("MINE = True\n", encoding="utf-8")

@@ -47,6 +47,7 @@ def test_there_is_something_to_run() -> None:
     assert COMMANDS
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("code", PYTHON)
 def test_every_python_example_runs(code: str, tmp_path: Path) -> None:
     """Each example in Python runs by itself, in any folder, without a warning, and prints something."""

@@ -28,8 +28,6 @@ if TYPE_CHECKING:
     from kinespace.stream.recognition import Recognition
     from kinespace.stream.service.status import Status
 
-pytestmark = pytest.mark.slow
-
 START, END = EventKind.START, EventKind.END
 
 

@@ -79,8 +79,7 @@ def _exchanged(
     return before, _pushed(recognizer, frames[at:]), ended
 
 
-@pytest.mark.parametrize("at", [3, 291])
-@pytest.mark.parametrize("name", ["taught", "other", "small_index"])
+@pytest.mark.parametrize(("name", "at"), [("taught", 3), ("taught", 291), ("other", 291), ("small_index", 3)])
 def test_answers_are_the_twins_from_the_next_hop_on(
     request: pytest.FixtureRequest, small_index: WindowIndex, frames: list[Frame], name: str, at: int
 ) -> None:

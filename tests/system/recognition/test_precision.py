@@ -89,9 +89,9 @@ def _streamed(rows: np.ndarray, *, hop: int, rate: float = 120.0, truth: np.ndar
 
 @pytest.mark.parametrize("unit", ["m", "mm"])
 def test_all_motions_after_every_hop(builtin: MotionLibrary, unit: str) -> None:
-    """On each of the 288 motions, in metres and millimetres, every hop's covariance and variances are exact."""
+    """On the 288 motions, half in metres and half in millimetres, every hop's covariance and variances are exact."""
     factor = 1.0 if unit == "m" else 1000.0
-    for place, motion in enumerate(builtin.motions):
+    for place, motion in enumerate(builtin.motions[unit == "m" :: 2]):
         rows = distance_rows(motion.positions, SKELETON)[:, place % EVERY :: EVERY] * factor
         error = _streamed(rows, hop=4, rate=60.0)
         assert error.worst <= MOVING, motion.name
@@ -99,8 +99,8 @@ def test_all_motions_after_every_hop(builtin: MotionLibrary, unit: str) -> None:
 
 
 def test_all_motions_as_one_performance(builtin: MotionLibrary) -> None:
-    """The 288 motions played without a break stay exact to the last hop, and little is computed afresh."""
-    positions = np.concatenate([motion.positions for motion in builtin.motions])
+    """Half of the motions, played without a break, stay exact to the last hop, and little is computed afresh."""
+    positions = np.concatenate([motion.positions for motion in builtin.motions[::2]])
     rows = distance_rows(positions, SKELETON)[:, ::EVERY]
     error = _streamed(rows, hop=8, rate=60.0)
     assert error.worst <= MOVING
@@ -119,15 +119,15 @@ def test_far_from_the_origin(some_clips: tuple[Clip, ...], distance: float) -> N
         assert _streamed(away, hop=4, truth=at_home).worst <= MOVING
 
 
-# --- a million frames --------------------------------------------------------------------------------------------
+# --- half a million frames ----------------------------------------------------------------------------------------
 
-LONG = 1_000_000
+LONG = 500_000
 PIECE = 50_000
 HOP = 50
 
 
 def _long_motion() -> Iterator[np.ndarray]:
-    """Perform for more than two hours: eight joints swing, faster and slower, while the posture as a whole wanders."""
+    """Perform for more than an hour: eight joints swing, faster and slower, while the posture as a whole wanders."""
     generator = np.random.default_rng(8)
     pose = generator.normal(scale=0.6, size=(8, 3))
     swing, lean = generator.normal(scale=0.15, size=(8, 3)), generator.normal(scale=0.3, size=(8, 3))
@@ -142,8 +142,8 @@ def _long_motion() -> Iterator[np.ndarray]:
         yield distance_rows(positions, body)
 
 
-def test_a_million_frames() -> None:
-    """After a million frames of motion all sums are as exact as at first, with few refreshes on the way."""
+def test_half_a_million_frames() -> None:
+    """After half a million frames of motion all sums are as exact as at first, with few refreshes on the way."""
     followed, rows, worst, hops = Followed(28), np.empty((0, 28)), 0.0, 0
     for piece in _long_motion():
         rows = np.concatenate([rows[-followed.length :], piece])
@@ -172,7 +172,7 @@ def _stop(clip: Clip, noise: float, *, frames: int = 480) -> np.ndarray:
 @pytest.mark.parametrize("noise", [1e-3, 1e-4, 1e-5])
 def test_still_right_after_moving(some_clips: tuple[Clip, ...], noise: float, unit: float) -> None:
     """When a performer stops, down to a hundredth of a millimetre of noise, the still window's covariance is right."""
-    for clip in some_clips[::2]:
+    for clip in some_clips[::4]:
         rows = distance_rows(_stop(clip, noise), SKELETON)[:, ::EVERY] * unit
         assert _streamed(rows, hop=5).worst <= STILL
 
@@ -184,7 +184,7 @@ def test_a_still_body_is_never_named(
     some_clips: tuple[Clip, ...], small_library: MotionLibrary, signature: LiveSignature, noise: float, unit: float
 ) -> None:
     """When all of a second is still it is answered still, either way, at any noise down to a frozen tracker's none."""
-    for clip in some_clips[1::3]:
+    for clip in some_clips[1::6]:
         recognizer = Recognizer(small_library, Settings(signature=signature, hop=0.1))
         answers = {}
         for index, positions in enumerate(_stop(clip, noise, frames=240) * unit):
@@ -201,7 +201,7 @@ def test_a_still_body_is_never_named(
 @pytest.mark.parametrize("signature", LiveSignature)
 def test_a_frozen_feed_is_never_a_class(sticks: MotionLibrary, signature: LiveSignature) -> None:
     """After any motion, a tracker that repeats its last frame digit for digit is answered still."""
-    for seed in range(8):
+    for seed in range(4):
         generator = np.random.default_rng(seed)
         pose = generator.normal(size=(6, 3))
         recognizer = Recognizer(sticks, Settings(signature=signature, hop=0.0, plausibility=False))

@@ -182,7 +182,7 @@ def test_on_a_clock_that_counts_from_1970(clips: list[Clip], twin: Twin) -> None
 def test_with_dropped_frames(clips: list[Clip], twin: Twin, share: float) -> None:
     """With frames lost by chance every hop is answered as the twin answers."""
     generator = np.random.default_rng(12)
-    for clip in clips[:2]:
+    for clip in clips[:1]:
         kept = np.flatnonzero(generator.random(clip.frames) >= share)
         assert _count(_compare(twin, _frames(clip, kept.tolist()))) > 10
 
@@ -270,7 +270,7 @@ def test_again_after_reset_every_answer_is_identical(
 ) -> None:
     """The same feed after a reset gets the same answers to the last bit; without one it does not."""
     recognizer = Recognizer(small_index, Settings(signature=signature, plausibility=False))
-    for clip in clips[::2]:
+    for clip in clips[::4]:
         frames = _frames(clip)
         recognizer.reset()
         first = _run(recognizer, frames)

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
-from programs import COUNTED, LOOPBACK, PATIENCE, Publisher, builtin_library, finished, ghost_cues, live, summary_counts
+from programs import COUNTED, LOOPBACK, PATIENCE, Publisher, finished, ghost_cues, live, small_library, summary_counts
 from recorded import write_take, write_takes
 from synthetic import stick_clips
 
@@ -349,8 +349,8 @@ GOOD = "good"
 
 
 def index() -> WindowIndex:
-    """Give the built-in library, opened."""
-    return opened(builtin_library())
+    """Give the small library, opened."""
+    return opened(small_library())
 
 
 @dataclass(frozen=True)

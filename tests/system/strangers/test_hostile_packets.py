@@ -28,8 +28,6 @@ if TYPE_CHECKING:
     from kinespace.library.motion_library import MotionLibrary
     from kinespace.stream.inputs import Decoder
 
-pytestmark = pytest.mark.slow
-
 BUFFER = np.zeros((3, 3), "<f4").tobytes()
 HEADER = b'{"v":1,"seq":%s,"t":%s,"shape":%s,"dtype":"<f4"}'
 NINES = b"9" * 4300

@@ -196,6 +196,7 @@ def test_the_tables_name_everything(capsys: pytest.CaptureFixture[str], monkeypa
         assert text in printed
 
 
+@pytest.mark.slow
 def test_the_picture_shows_every_part(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """An SVG contains, as text, every peer, step and growth; of two parts it shows only those."""
     monkeypatch.setitem(mpl.rcParams, "svg.fonttype", "none")

@@ -372,6 +372,7 @@ def test_a_mistake_of_ours_is_not_hidden(monkeypatch: pytest.MonkeyPatch) -> Non
         main(["info"])
 
 
+@pytest.mark.slow
 def test_a_closed_output_ends_the_program_quietly() -> None:
     """When the reader of our output goes away, the program ends with 1 and an empty standard error."""
     command = [sys.executable, "-m", "kinespace", "info"]

@@ -45,6 +45,7 @@ def test_each_fault_does_what_its_name_says(feed: Feed) -> None:
     assert len(np.unique(_played(feed, "two postures, 1/4 s").positions, axis=0)) == 2
 
 
+@pytest.mark.slow
 def test_answers_and_seconds_of_alarm_are_counted(hdm05_folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """A take named in another's library: a sound feed is not alarmed, a frozen arm is noticed within a second."""
     squats = sorted((hdm05_folder / "squat1Reps").glob("HDM_bd*"))[:1]

@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING
 import naive_score
 import numpy as np
 import pytest
-from programs import started
 from recorded import SWINGS, write_takes
 
 from kinespace.library import MotionLibrary, find_recordings, read_recordings
@@ -26,7 +25,6 @@ from kinespace.tools.evaluation.retrieval.experiment import (
     motion_axes,
     retrieve,
 )
-from kinespace.tools.terminal.console import console
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -36,7 +34,7 @@ if TYPE_CHECKING:
 
     from kinespace.library import Clip
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("wide")]
 
 KEYS = {"space", "protocol", "motions", "classes", "nearest", "two_nearest"}
 #: Measured independently on 287 of the 288 clips, 1-NN by space and protocol.
@@ -51,11 +49,6 @@ REFERENCE = {
     ("rotations", "actor-held-out"): 0.697,
     ("rotations", "split"): 0.677,
 }
-
-
-@pytest.fixture(autouse=True)
-def _wide(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(console, "width", 200)
 
 
 @pytest.fixture
@@ -332,12 +325,20 @@ def percent(told: str) -> float:
     return float(told.rstrip("%")) / 100
 
 
-def test_the_commands_table_is_the_papers(hdm05_folder: Path, tmp_path: Path) -> None:
+def test_the_commands_table_is_the_papers(
+    hdm05_folder: Path,
+    hdm05_clips: tuple[Clip, ...],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
     """On all 288 clips every figure of the command's table is within a point of the reference; a picture is drawn."""
+    monkeypatch.setattr("kinespace.tools.evaluation.evaluate_retrieval.read_labelled", lambda *_: list(hdm05_clips))
     picture = tmp_path / "confusion.svg"
-    with started("evaluate", "retrieval", hdm05_folder, "--signature", "eigenvector", "--picture", picture) as program:
-        assert (program.wait(), program.errors) == (0, "")
-        rows = table_rows(program.output)
+    assert evaluate(hdm05_folder, "--signature", "eigenvector", "--picture", picture) == 0
+    printed = capsys.readouterr()
+    assert printed.err == ""
+    rows = table_rows(printed.out)
     assert picture.stat().st_size > 50_000
     with picture.with_suffix(".csv").open(newline="", encoding="utf-8") as file:
         shares = [float(row["share"]) for row in csv.DictReader(file)]

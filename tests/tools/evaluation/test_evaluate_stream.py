@@ -21,7 +21,6 @@ from kinespace.tools.cli.main import main
 from kinespace.tools.evaluation.evaluate_stream import replay
 from kinespace.tools.evaluation.takes import Sources, read_takes
 from kinespace.tools.terminal import pictures
-from kinespace.tools.terminal.console import console
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -29,7 +28,7 @@ if TYPE_CHECKING:
 
     from kinespace.tools.evaluation.scoring.timeline import Course
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("wide")]
 
 KEYS = [
     "frame_accuracy",
@@ -56,11 +55,6 @@ KEYS = [
 ]
 BY_EIGENVECTOR = ("--signature", "paper")
 KNOWN = [("clap", 2.5), ("hail", 2.5), ("row", 2.5)]
-
-
-@pytest.fixture(autouse=True)
-def _wide(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(console, "width", 200)
 
 
 @pytest.fixture(scope="module")
@@ -150,10 +144,10 @@ def test_figures_equal_the_take_replayed(folder: Path, library: Path, capsys: py
 
 def test_two_runs_are_equal(folder: Path, library: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """The same takes have the same figures to the last digit, in every run."""
-    for options in (["--library", library], ["--protocol", "leave-one-take-out"]):
+    for arguments in ([folder / "puppet_03.amc", "--library", library], [folder, "--protocol", "leave-one-take-out"]):
         printed = []
         for _ in range(2):
-            assert _evaluate(folder, *options, "--json") == 0
+            assert _evaluate(*arguments, "--json") == 0
             printed.append(capsys.readouterr().out)
         assert printed[0] == printed[1]
 

@@ -37,6 +37,7 @@ def answer(label: str, score: float) -> Answer:
     return Answer("me", 0, score, 0.1, label)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("transported", [over_osc, over_zmq])
 @pytest.mark.parametrize(
     "settings",

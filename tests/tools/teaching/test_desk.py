@@ -113,6 +113,7 @@ def _teach(desk: Desk, begin: float, name: str, class_name: str, joints: Sequenc
     _show(desk, begin, class_name, 0, joints)
 
 
+@pytest.mark.slow
 def test_a_class_is_taught_recognised_and_saved(desk: Desk, library: MotionLibrary, tmp_path: Path) -> None:
     """It comes behind the classes that were there, starts when it is shown again, and is in the file."""
     _show(desk, 0, "kickLFront1Reps")
@@ -250,6 +251,7 @@ def test_a_performer_whose_joints_cannot_be_compared_is_told_so(desk: Desk, libr
         assert state.reason.startswith(told)
 
 
+@pytest.mark.slow
 def test_without_a_library_nothing_starts_and_nothing_ends(tmp_path: Path) -> None:
     """Until something is taught no motion of the library that lends its metrics is told, nor its end."""
     desk = open_desk(Start(tmp_path / "mine.npz", None), _performers)

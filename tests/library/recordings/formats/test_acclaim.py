@@ -229,7 +229,7 @@ def bodies_and_frames(draw: st.DrawFn) -> tuple[TinyBody, list[dict[str, list[fl
 
 
 # The folder is the same for all examples, each of which overwrites its files.
-@settings(max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=30, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(drawn=bodies_and_frames(), header=st.sampled_from([":DEGREES", ":RADIANS", ""]))
 def test_any_body_stands_where_the_recursion_puts_it(
     tmp_path: Path, drawn: tuple[TinyBody, list[dict[str, list[float]]]], header: str
@@ -243,6 +243,7 @@ def test_any_body_stands_where_the_recursion_puts_it(
     np.testing.assert_allclose(clip.positions, expected, rtol=1e-9, atol=1e-9)
 
 
+@pytest.mark.slow
 def test_real_clips_stand_where_the_recursion_puts_them(
     amc_clips: tuple[Clip, ...], some_paths: tuple[Path, ...], hdm05_folder: Path
 ) -> None:
@@ -282,6 +283,7 @@ def test_the_same_words_are_the_same_clip(tmp_path: Path, rewritten: Callable[[s
     assert np.array_equal(clip.rotations, expected.rotations)
 
 
+@pytest.mark.slow
 def test_bones_may_stand_in_another_order_in_every_frame(
     some_paths: tuple[Path, ...], amc_clips: tuple[Clip, ...], hdm05_folder: Path, tmp_path: Path
 ) -> None:
@@ -553,7 +555,7 @@ def test_rubbish_is_refused_by_name(tmp_path: Path, content: bytes) -> None:
 
 
 # As above, the folder may be shared: every example overwrites the file.
-@settings(max_examples=200, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=100, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(
     start=st.integers(0, len(GOOD_AMC) - 1),
     length=st.integers(0, 20),

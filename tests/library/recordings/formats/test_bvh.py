@@ -156,7 +156,8 @@ def bodies(draw: st.DrawFn) -> Node:
     return nodes[0]
 
 
-@settings(max_examples=100, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@pytest.mark.slow
+@settings(max_examples=50, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(root=bodies(), chance=st.randoms(use_true_random=False))
 def test_any_body_is_read_as_written_and_stands_where_the_recursion_puts_it(
     tmp_path: Path, root: Node, chance: st.RandomType
@@ -184,6 +185,7 @@ def test_many_frames_are_placed_as_few_are(tmp_path: Path) -> None:
         np.testing.assert_array_equal(places[index], stand(tmp_path, arm(), frames[index])[0])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scale", [1.0, 100.0])
 def test_hdm05_as_bvh_has_the_same_distances(
     tmp_path: Path, some_paths: tuple[Path, ...], hdm05_folder: Path, scale: float
@@ -300,7 +302,7 @@ def test_a_file_cut_off_anywhere_is_refused(tmp_path: Path) -> None:
             read_clip(write(tmp_path, GOOD[:end]))
 
 
-@settings(max_examples=200, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=100, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(place=st.integers(0, len(GOOD)), rubbish=st.binary(max_size=12), lost=st.integers(0, 40))
 def test_rubbish_in_the_middle_is_refused_by_name_or_read(
     tmp_path: Path, place: int, rubbish: bytes, lost: int

@@ -185,6 +185,7 @@ def test_a_take_without_labels_names_their_file(tmp_path: Path) -> None:
 # --- the takes themselves ----------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_the_takes_are_read_and_cut(data_folder: Path) -> None:
     """All 20 takes are of ten persons, with ten actions each but one; each is cut out of its take whole."""
     paths = find_recordings([data_folder / "utkinect"])

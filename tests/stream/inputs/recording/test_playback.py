@@ -84,6 +84,7 @@ def a_feed() -> list[bytes]:
     return datagrams
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("signature", list(LiveSignature))
 def test_a_recording_is_answered_as_the_feed_was(tmp_path: Path, signature: LiveSignature) -> None:
     """A recording by OSC and ZeroMQ at once gives the live answers twice again, number for number."""

@@ -59,6 +59,7 @@ def _push(window: SlidingWindow, times: Iterable[float]) -> None:
         window.pass_over()
 
 
+@pytest.mark.slow
 @given(
     seed=st.integers(0, 2**32 - 1),
     ticks=st.integers(1, 2 * TICKS),
@@ -66,7 +67,7 @@ def _push(window: SlidingWindow, times: Iterable[float]) -> None:
     fastest=st.sampled_from([1.0, 20.0, 960.0]),
     taken_every=st.integers(1, MAX_PENDING),
 )
-@settings(max_examples=60)
+@settings(max_examples=30)
 def test_the_window_equals_a_plain_list(
     seed: int, ticks: int, largest_step: int, fastest: float, taken_every: int
 ) -> None:
@@ -95,7 +96,7 @@ def test_the_window_equals_a_plain_list(
     fastest=st.sampled_from([1.0, 20.0, 960.0]),
     largest_batch=st.sampled_from([2, 5, MAX_PENDING]),
 )
-@settings(max_examples=60)
+@settings(max_examples=30)
 def test_rows_that_come_together_are_as_if_one_by_one(
     seed: int, ticks: int, largest_step: int, fastest: float, largest_batch: int
 ) -> None:

@@ -20,14 +20,14 @@ NAMES = ["SVD of the window", "np.cov + eigh", "DTW"]
 
 @pytest.fixture(scope="module")
 def few() -> MotionLibrary:
-    """Give the three shortest motions of each of two people in each of three classes."""
+    """Give the two shortest motions of each of two people in each of three classes."""
     whole = MotionLibrary.builtin()
     by_length = sorted(whole.motions, key=lambda motion: motion.duration)
     chosen = [
         motion
         for class_name in ("elbowToKnee1RepsLelbowStart", "kickLFront1Reps", "squat1Reps")
         for actor in ("bd", "mm")
-        for motion in [each for each in by_length if (each.class_name, each.actor) == (class_name, actor)][:3]
+        for motion in [each for each in by_length if (each.class_name, each.actor) == (class_name, actor)][:2]
     ]
     return MotionLibrary(whole.skeleton, tuple(chosen))
 
@@ -146,8 +146,8 @@ def test_everybody_is_timed_and_judged(few: MotionLibrary, monkeypatch: pytest.M
     assert len(compared) == 3
     assert {library.actors for library in compared} == {("mm",)}
     assert [peer.name for peer in found.peers] == [*LiveSignature, *NAMES]
-    assert (found.person, found.motions) == ("bd", 9)
-    assert found.answers > 100
+    assert (found.person, found.motions) == ("bd", 6)
+    assert found.answers > 60
     for peer in found.peers:
         assert peer.frames_per_second == pytest.approx(1e6 / peer.us_per_frame)
         assert set(peer.ratios) == set(LiveSignature)

@@ -255,6 +255,7 @@ def test_any_outcome_equals_sorted_lists(seed: int, motions: int, protocol: Prot
     )
 
 
+@pytest.mark.slow
 def test_scores_are_absolute_inner_products(axes: Axes) -> None:
     """Every motion is scored against every other by the product of their axes, signs aside, itself by 1."""
     some = axes[Space.DISTANCES][::40]

@@ -32,6 +32,7 @@ def everything() -> WindowIndex:
     return WindowIndex.of(FEW)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("settings", [Settings(), Settings(sensitivity=0.4, lead=1.0)], ids=["usual", "quick"])
 def test_replayed_starts_equal_the_recognisers(everything: WindowIndex, settings: Settings) -> None:
     """A motion heard once, asked in a library of other motions, starts where the recogniser starts it."""

@@ -13,15 +13,11 @@ from synthetic import STICK, stick_clips
 from kinespace.library import NOTHING, MotionLibrary
 from kinespace.library.naming import hdm05
 from kinespace.tools.cli.main import main
-from kinespace.tools.terminal.console import console
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-
-@pytest.fixture(autouse=True)
-def _wide(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(console, "width", 200)
+pytestmark = pytest.mark.usefixtures("wide")
 
 
 def _row(printed: str, class_name: str) -> list[str]:

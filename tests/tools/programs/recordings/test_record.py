@@ -25,7 +25,6 @@ from kinespace.stream.inputs.recording.kinerec import RawFile, RawHeader, RawPac
 from kinespace.stream.zeromq import Endpoint
 from kinespace.tools.cli.main import main
 from kinespace.tools.feeding.packets import cut
-from kinespace.tools.terminal.console import console
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -33,12 +32,7 @@ if TYPE_CHECKING:
 
     from programs import Program
 
-pytestmark = pytest.mark.slow
-
-
-@pytest.fixture(autouse=True)
-def _wide(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(console, "width", 200)
+pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("wide")]
 
 
 @pytest.fixture

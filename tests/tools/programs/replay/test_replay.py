@@ -33,7 +33,6 @@ from kinespace.tools.programs.replay import exchange
 from kinespace.tools.programs.replay.options import Course, Faults
 from kinespace.tools.programs.replay.recordings import pieces_of
 from kinespace.tools.programs.replay.score import Score
-from kinespace.tools.terminal.console import console
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
@@ -41,16 +40,11 @@ if TYPE_CHECKING:
 
     from kinespace.library import Clip
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("wide")]
 
 #: Fast enough for a short test, slow enough for a busy machine.
 SPEED = 8.0
 KEYS = {"sent", "failed", "unheard", "answers", "right"}
-
-
-@pytest.fixture(autouse=True)
-def _wide(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(console, "width", 200)
 
 
 @pytest.fixture

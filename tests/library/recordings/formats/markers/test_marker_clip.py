@@ -68,6 +68,7 @@ Read = "Callable[..., Clip]"
 # --- sound files ------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @FORMATS
 @pytest.mark.parametrize(("unit", "metres"), [("mm", 0.001), ("cm", 0.01), ("m", 1.0), ("in", 0.0254)])
 def test_markers_come_back_in_metres(  # noqa: PLR0913, PLR0917 - one for each thing that varies
@@ -99,6 +100,7 @@ def test_a_gap_is_filled_with_straight_lines(tmp_path: Path, write: Write, read:
     assert clip.filled == 9 + 5 + 1
 
 
+@pytest.mark.slow
 @FORMATS
 def test_a_longer_gap_is_refused_unless_its_marker_is_not_asked_for(
     tmp_path: Path, write: Write, read: Read, ending: str
@@ -125,6 +127,7 @@ def test_a_marker_always_at_the_origin_is_there(tmp_path: Path, write: Write, re
     assert read(write(tmp_path / f"walk.{ending}", positions)).filled == 0
 
 
+@pytest.mark.slow
 @FORMATS
 def test_a_performers_prefix_is_left_out_and_two_are_refused(
     tmp_path: Path, write: Write, read: Read, ending: str
@@ -150,6 +153,7 @@ def test_a_file_named_like_hdm05s_has_class_actor_and_take(
     assert (clip.class_name, clip.actor, clip.take) == ("walk", "bd", "003")
 
 
+@pytest.mark.slow
 def test_results_that_are_no_positions_are_passed_over(tmp_path: Path) -> None:
     """Angles that the file lists as such and unlabelled markers are left out, unless they are named one by one."""
     positions = np.concatenate([walk(), walk()[:, :2]], axis=1)
@@ -161,6 +165,7 @@ def test_results_that_are_no_positions_are_passed_over(tmp_path: Path) -> None:
     assert c3d.read_clip(path, joints=("hipAngles", "knee")).skeleton.joints == ("knee", "hipAngles")
 
 
+@pytest.mark.slow
 def test_the_size_of_the_body_gives_the_unit_of_a_c3d(tmp_path: Path) -> None:
     """Where POINT:UNITS is empty the body's size tells millimetres from metres."""
     for scale in (1.0, 0.001):
@@ -168,6 +173,7 @@ def test_the_size_of_the_body_gives_the_unit_of_a_c3d(tmp_path: Path) -> None:
         np.testing.assert_allclose(c3d.read_clip(path).positions, walk() / 1000, rtol=1e-5)
 
 
+@pytest.mark.slow
 def test_the_error_without_ezc3d_names_the_package_to_install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Without ezc3d a C3D is refused with the command that installs it."""
     path = written_c3d(tmp_path / "walk.c3d", walk())
@@ -238,7 +244,7 @@ def test_a_trc_cut_off_anywhere_is_refused(tmp_path: Path) -> None:
             trc.read_clip(path)
 
 
-@settings(max_examples=200, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=100, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(place=st.integers(0, len(GOOD)), rubbish=st.binary(max_size=12), lost=st.integers(0, 40))
 def test_rubbish_in_a_trc_is_refused_by_name_or_read(tmp_path: Path, place: int, rubbish: bytes, lost: int) -> None:
     """Bytes put in or taken out anywhere end in a clip of finite numbers or in one error that names the file."""
@@ -253,6 +259,7 @@ def test_rubbish_in_a_trc_is_refused_by_name_or_read(tmp_path: Path, place: int,
     assert told.startswith(str(path))
 
 
+@pytest.mark.slow
 def test_a_c3d_cut_off_anywhere_is_refused(tmp_path: Path) -> None:
     """However much of the end is missing, filling bytes aside, the file is refused by name with where it ends."""
     path = written_c3d(tmp_path / "walk.c3d", walk())
@@ -299,6 +306,7 @@ def process() -> Iterator[C3dProcess]:
 BREAKS_THE_READER = (b"RATE\x09\x00\x04\x00", b"RATE\x09\x00\xff\x00")
 
 
+@pytest.mark.slow
 def test_a_c3d_that_breaks_its_reader_breaks_nothing_else(tmp_path: Path) -> None:
     """A file that ends ezc3d's process gives one error that names it; the next file is read."""
     good = written_c3d(tmp_path / "a.c3d", walk())
@@ -358,7 +366,7 @@ def test_a_built_in_python_reads_c3d_itself(tmp_path: Path, monkeypatch: pytest.
 
 
 @pytest.mark.slow
-@settings(max_examples=400, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=150, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(
     places=st.lists(st.tuples(st.integers(0, 1100), st.binary(max_size=3), st.integers(0, 3)), min_size=1, max_size=4)
 )

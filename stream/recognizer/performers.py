@@ -323,7 +323,7 @@ class Performers:
             performer.filled = self.library.skeleton.nearest_from(joints)
         if compared is None:
             performer.is_waiting = True
-            # After an exchange the old library serves until the new one is ready, unless a class of it is not known now.
+            # After an exchange the old library serves until the new one is ready, unless a class of it is unknown now.
             serves = as_before and set(performer.library.classes) <= set(self.classes)
             performer.unusable = "" if serves else f"the library is being restricted to {len(shared)} of its joints"
         if performer.unusable:

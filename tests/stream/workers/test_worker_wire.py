@@ -91,7 +91,11 @@ def test_answers_come_back_to_the_last_bit(recognition: Recognition) -> None:
     event = Event("ann", EventKind.START, recognition.classes[1], 1, 0.5, 2.0)
     progress = Progress(recognition.classes[1], 0.5, 0.4, 1.0, 1.1, 0.9, 2)
     whole = msgspec.structs.replace(
-        wire.answered(recognition, 9, 5.0, 0, (event,)), progress=progress, doubted=("c",), eigenvector_class=None
+        wire.answered(recognition, 9, 5.0, 0),
+        events=(event,),
+        progress=progress,
+        doubted=("c",),
+        eigenvector_class=None,
     )
     report = wire.Report(wire.PerformerCounts(), {"bob": "why"}, {}, {}, 3, 4)
     back = wire.decode_answers(wire.encode_answers(wire.Answers([whole], report)))

@@ -42,7 +42,7 @@ class Rolling(ABC):
     Parameters
     ----------
     window
-        The window that is followed; its rows are passed over after each update.
+        The window that is followed. After all its sums are updated, its `pass_over` must be called.
     seconds
         The seconds that are followed; the window's when not given.
 

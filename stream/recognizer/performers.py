@@ -323,9 +323,10 @@ class Performers:
             performer.filled = self.library.skeleton.nearest_from(joints)
         if compared is None:
             performer.is_waiting = True
-            # After an exchange the old library serves until the new one is ready.
-            performer.unusable = "" if as_before else f"the library is being restricted to {len(shared)} of its joints"
-        if compared is None and not as_before:
+            # After an exchange the old library serves until the new one is ready, unless a class of it is unknown now.
+            serves = as_before and set(performer.library.classes) <= set(self.classes)
+            performer.unusable = "" if serves else f"the library is being restricted to {len(shared)} of its joints"
+        if performer.unusable:
             return
         compared = compared or performer.library
         library = library_of(compared)

@@ -285,6 +285,12 @@ def test_a_performer_is_answered_once_the_library_is_ready(library: MotionLibrar
     frames = [dataclasses.replace(each, positions=each.positions[:5]) for each in _frames("p", "bow")]
     _assert_same(_pushed(performers, frames), _alone(library.restricted_to(STICK.joints[:5]), frames))
     assert performers.refused == {}
+    # Meanwhile the library before serves, unless it has a class that is gone.
+    ready[0] = False
+    performers.exchange(library.renamed({}))
+    assert any(_pushed(performers, [dataclasses.replace(each, time=each.time + 10) for each in frames]))
+    performers.exchange(library.without(classes=["bow"]))
+    assert not any(_pushed(performers, [dataclasses.replace(each, time=each.time + 20) for each in frames]))
 
 
 def test_joints_that_cannot_be_compared_are_refused_with_the_reason(library: MotionLibrary) -> None:

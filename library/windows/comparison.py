@@ -38,7 +38,10 @@ Group = tuple[Part, ...]
 #: Added to squared distances before the logarithm: two windows at a smaller distance count as the same.
 NEAREST = 0.01
 #: Axes that are kept of each part, and of a group of several parts.
-MAX_AXES, _GROUP_AXES = 64, 48
+_PART_AXES, MAX_AXES = 64, 128
+#: Axes of such a group that tell the very classes apart that taught them: the other axes differ between people. Classes
+#: that taught nothing may differ in any axis.
+_TAUGHT_AXES = 48
 #: The share of the learned scatter that is replaced by equal scatter. The eigen part is compared by plain inner
 #: products.
 _PART_SHRINKAGE = {Kind.EIGEN: 1.0, Kind.SPREAD: 0.3, Kind.POSTURE: 0.3, Kind.TREND: 0.3}
@@ -144,6 +147,11 @@ class Comparison:
     parts: Mapping[Part, Metric] = field(repr=False)
     groups: tuple[Metric | None, ...] = field(repr=False)
 
+    def of_taught_classes(self) -> Comparison:
+        """Give the comparison for the classes that taught it."""
+        groups = tuple(metric and Metric(metric.origin, metric.axes[:, :_TAUGHT_AXES]) for metric in self.groups)
+        return replace(self, groups=groups)
+
     @classmethod
     def learned(cls, weighing: Weighing, numbers: Mapping[Part, NDArray[np.float64]], lessons: Lessons) -> Comparison:
         """Learn the metrics from windows of known classes and people.
@@ -159,7 +167,7 @@ class Comparison:
         """
         parts = {
             part: learned_metric(
-                _as_vectors(part, numbers), lessons, shrinkage=_PART_SHRINKAGE[part.kind], kept=MAX_AXES
+                _as_vectors(part, numbers), lessons, shrinkage=_PART_SHRINKAGE[part.kind], kept=_PART_AXES
             )
             for part in weighing.measured
         }
@@ -170,7 +178,7 @@ class Comparison:
                 groups.append(None)
                 continue
             joined = np.concatenate([placed[part] for part in group], axis=-1, dtype=np.float64)
-            groups.append(learned_metric(joined, lessons, shrinkage=_GROUP_SHRINKAGE, kept=_GROUP_AXES))
+            groups.append(learned_metric(joined, lessons, shrinkage=_GROUP_SHRINKAGE, kept=MAX_AXES))
         return cls(weighing, parts, tuple(groups))
 
     def place(self, numbers: Mapping[Part, NDArray[np.float64]]) -> list[NDArray[np.float32]]:

@@ -113,15 +113,17 @@ class WindowIndex:
         teacher = teacher or teacher_of(library)
         body, kept = Body.of(teacher.skeleton), kept_of(teacher, weighing)
         if kept:
+            comparison = kept.comparison.of_taught_classes() if library is teacher else kept.comparison
             measured = _Measured.of(library, _every(library), weighing.first)
-            placed = measured.placed(kept.comparison, body, kept.basis)
-            return cls(library, body, *kept, placed.vectors, placed.eigenvectors, measured.motions)
+            placed = measured.placed(comparison, body, kept.basis)
+            return cls(library, body, kept.basis, comparison, placed.vectors, placed.eigenvectors, measured.motions)
         basis = learned_basis(teacher)
         taught = _Measured.of(teacher, _EVERY_SEVERAL, weighing.first)
         lessons = taught.thinned(_MAX_LESSONS)
         cut = CutWindows(lessons.clips, lessons.ends, body, basis)
         numbers = cut.numbers(weighing.parts)
         comparison = Comparison.learned(weighing, numbers, _lessons(teacher, lessons.motions))
+        comparison = comparison.of_taught_classes() if library is teacher else comparison
         again = library is teacher and _every(library) == _EVERY_SEVERAL
         if again and lessons is taught:
             placed = Placed.of(comparison, cut, numbers)
@@ -260,8 +262,10 @@ def _rejection(index: WindowIndex) -> Rejection:
 
 def keeping_lessons(library: MotionLibrary) -> MotionLibrary:
     """Give a library that keeps the basis and the metrics that its own motions teach, so that it opens sooner."""
+    # As if another library had taught: all axes are kept.
     indices = {
-        name: WindowIndex.of(library, teacher=library, weighing=weighing) for name, weighing in WEIGHINGS.items()
+        name: WindowIndex.of(library, teacher=replace(library), weighing=weighing)
+        for name, weighing in WEIGHINGS.items()
     }
     bases = [index.basis for index in indices.values()]
     return with_kept(library, bases[0], {name: index.comparison for name, index in indices.items()})

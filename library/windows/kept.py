@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from kinespace.library.windows.comparison import Weighing
 
 #: Raised when basis or metrics are learned in another way: those of another version are learned again.
-_VERSION = 2
+_VERSION = 1
 #: The weighings whose metrics are kept, by the beginning of their arrays' names.
 WEIGHINGS = {"across": ACROSS_LABORATORIES, "within": WITHIN_LABORATORY}
 _BY, _BASIS = f"{TAUGHT}by", f"{TAUGHT}basis "

@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from kinespace.stream.cluster.charter import Charter
-    from kinespace.stream.workers.wire import Handover, SentFrame
+    from kinespace.stream.workers.wire import Answered, Handover, SentFrame
     from kinespace.stream.workers.worker import Worker
     from kinespace.stream.zeromq.frames import NumberedFrame
 
@@ -49,6 +49,8 @@ _MAX_WAITING = 50_000
 _MAX_AGE, _MAX_WARMING = 1.0, 4.0
 #: Seconds within which a worker that takes over has caught up, if no further frame comes.
 _MAX_CATCHING_UP = 0.5
+#: Seconds for which an answer waits for others that can travel with it, at most.
+_MAX_TOGETHER = 0.002
 #: Seconds without a frame after which a performer may come from another gateway.
 _SILENCE = 5.0
 
@@ -150,6 +152,8 @@ class Node:
             select.select([self.inbox], [], [], longest)
         # In between it reports: a worker that warms up is busy, but not gone.
         self.inbox.deal(REPORT_EVERY / 4)
+        for post in self._posts.values():
+            post.send_answers()
         now = self.clock()
         if now >= self._next_report:
             self._next_report = now + REPORT_EVERY
@@ -258,6 +262,9 @@ class Post:
         #: A question that is answered when a later frame than this number was seen, or at this time.
         self._asked: tuple[int, int, float] | None = None
         self._newest = self._taken_at = 0
+        #: Answers that wait for others, and when the first of them was made.
+        self._answers: list[Answered] = []
+        self._answered_at = 0.0
         #: Until when the frames of performers who were taken over may still be worked on.
         self._warm = 0.0
         self._begin()
@@ -311,7 +318,7 @@ class Post:
     def _rejoin(self) -> None:
         """Begin anew: the gateway has given our performers to others."""
         self._unsubscribe(list(self._subscribed))
-        self._member, self._asked = 0, None
+        self._member, self._asked, self._answers = 0, None, []
         self._begin()
 
     def _take_over(self, handover: Handover) -> None:
@@ -355,11 +362,21 @@ class Post:
         self._recognise(own)
 
     def _recognise(self, frames: list[tuple[SentFrame, NumberedFrame]]) -> None:
-        if answered := self._worker.push(frames, self._node.clock()):
-            self._send(Answers(answered))
+        now = self._node.clock()
+        if answered := self._worker.push(frames, now):
+            self._answered_at = self._answered_at if self._answers else now
+            self._answers += answered
+        if self._answers and self._node.clock() - self._answered_at > _MAX_TOGETHER:
+            self.send_answers()
         self._newest = max([self._newest, *(each.seq or 0 for each, _ in frames)])
         if self._asked and self._newest > self._asked[1]:
             self._answer_question()
+
+    def send_answers(self) -> None:
+        """Send the answers that wait."""
+        if self._answers:
+            answers, self._answers = self._answers, []
+            self._send(Answers(answers))
 
     def _answer_question(self) -> None:
         assert self._asked is not None  # noqa: S101 - told to mypy
@@ -368,6 +385,7 @@ class Post:
 
     def report(self) -> None:
         """Report; this shows also that the worker is alive, or asks for membership."""
+        self.send_answers()
         now = self._node.clock()
         if self._asked and now >= self._asked[2]:
             self._last, self._asked = self._asked[0], None

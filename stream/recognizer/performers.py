@@ -261,10 +261,10 @@ class Performers:
         if performer := self._performer(name, arrival):
             performer.recognizer.go_on(known)
 
-    def answer_next(self, name: str) -> None:
-        """Answer a performer's next frame (`Recognizer.answer_next`)."""
+    def keep_time_with(self, name: str, answered: float) -> None:
+        """Answer the same frames of a performer as another recogniser (`Recognizer.keep_time_with`)."""
         if performer := self._performers.get(name):
-            performer.recognizer.answer_next()
+            performer.recognizer.keep_time_with(answered)
 
     def _told(self, performer: _Performer) -> str:
         used, wanted = len(performer.library.skeleton.joints), len(self.library.skeleton.joints)

@@ -42,6 +42,8 @@ if TYPE_CHECKING:
 _Given = ParamSpec("_Given")
 _Answer = TypeVar("_Answer")
 
+#: Share of a hop within which two moments are the same.
+_SAME_HOP = 0.01
 #: Frames that wait for the next hop to be measured together, at most.
 _MAX_WAITING = 16
 #: Seconds without a frame after which a motion has ended: nobody knows what went on meanwhile.
@@ -199,9 +201,11 @@ class Recognizer:
         """Go on where another recogniser was, whose last frames this one has seen, or is about to see."""
         self._doubts.go_on(known)
 
-    def answer_next(self) -> None:
-        """Answer the next frame, as another recogniser did: both then answer the same frames."""
-        self._due = -math.inf
+    def keep_time_with(self, answered: float) -> None:
+        """Answer the same frames as another recogniser, which answered the frame of this time, seconds."""
+        hop = self.settings.hop
+        hops = math.floor((self._newest - answered) / hop + _SAME_HOP) + 1 if self._newest >= answered else 0
+        self._due = answered + hops * hop
 
     def set_sensitivity(self, share: float) -> None:
         """Recognise with another sensitivity from the next hop on; the paper's signature has none."""

@@ -37,8 +37,9 @@ class _Performer:
     #: The numbers of the last frame sent and of the last frame answered.
     sent: int = 0
     answered: int = 0
-    #: When the last frame came that was answered.
+    #: When the last frame came that was answered, and its time on the sender's clock.
     answered_at: float = 0.0
+    answered_time: float = 0.0
     #: The start of the motion that listeners believe to go on.
     going_on: Event | None = None
     #: What the worker knew of the feed with its last answer.
@@ -165,7 +166,7 @@ class Ledger:
         if performer is None or not performer.answered < answer.seq <= performer.sent:
             return None
         performer.answered, performer.answered_at = answer.seq, answer.at
-        performer.long_ago = answer.long_ago
+        performer.answered_time, performer.long_ago = answer.time, answer.long_ago
         performer.carried = answer.carried or performer.carried
         told: list[Event] = []
         for event in answer.events:
@@ -182,7 +183,15 @@ class Ledger:
     def entries(self, partitions: Collection[int]) -> list[Entry]:
         """Give what a worker must know of some partitions' performers."""
         return [
-            Entry(name, each.answered, each.answered_at - HISTORY, each.going_on, self._joints.get(name), each.long_ago)
+            Entry(
+                performer=name,
+                answered=each.answered,
+                since=each.answered_at - HISTORY,
+                going_on=each.going_on,
+                joints=self._joints.get(name),
+                time=each.answered_time,
+                long_ago=each.long_ago,
+            )
             for name, each in self._performers.items()
             if each.partition in partitions
         ]

@@ -67,6 +67,8 @@ class Entry(msgspec.Struct, array_like=True, frozen=True):
         The start of the motion that listeners believe to go on.
     joints
         The joints that the sender announced.
+    time
+        The time of the last frame that was answered, on the sender's clock.
     long_ago
         What the frames that are to be seen before need not show; None for nothing.
     """
@@ -76,6 +78,7 @@ class Entry(msgspec.Struct, array_like=True, frozen=True):
     since: float
     going_on: Event | None
     joints: tuple[str, ...] | None
+    time: float = 0.0
     long_ago: LongAgo | None = None
 
 

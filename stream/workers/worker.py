@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 #: Seconds of frames with which a performer is taken over. The longest window is two seconds; then the averages must
 #: forget the first, short windows (`kinespace bench scale` counts the events that differ).
-HISTORY = 3.5
+HISTORY = 2.5
 #: Seconds of frames that are kept: as many before the last answer of a worker that hung unnoticed for a while.
 KEPT = HISTORY + 1.5
 
@@ -127,6 +127,7 @@ class Worker:
         for entry in entries:
             if over := self._taken_over.get(entry.performer):
                 over.answered, over.told, over.long_ago = entry.answered, entry.going_on, entry.long_ago
+                self.performers.keep_time_with(entry.performer, entry.time)
 
     def _begin(self, performer: str) -> None:
         self.performers.push_all([NewSender(performer)], 0.0)
@@ -151,7 +152,9 @@ class Worker:
             if announced:
                 self.performers.announce(announced, now)
             if over and known:
-                self._warm_up(over, frame, now, is_last=seq == over.answered)
+                if seq == over.answered:
+                    self.performers.keep_time_with(name, frame.time)
+                self._warm_up(over, frame, now)
                 continue
             if over and over.long_ago:
                 self.performers.go_on(name, over.long_ago, now)
@@ -160,9 +163,7 @@ class Worker:
                 answers.append(self._answered(recognition, seq, sent.at))
         return answers
 
-    def _warm_up(self, over: _TakenOver, frame: Frame, now: float, *, is_last: bool) -> None:
-        if is_last:
-            self.performers.answer_next(frame.performer)
+    def _warm_up(self, over: _TakenOver, frame: Frame, now: float) -> None:
         if recognition := self.performers.push(frame, now):
             self._warmed.hops += 1
             over.mute(recognition)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 from kinespace.stream.recognizer import LiveSignature
@@ -107,8 +107,8 @@ class Report:
             "added_p50_ms": scale.added_ms(50) if scale else None,
             "added_p99_ms": scale.added_ms(99) if scale else None,
             "performers_per_core_ratio": scale.ratio if scale else None,
-            "kill_gap_s": scale.runs["kill"].worst if scale else None,
-            "hang_gap_s": scale.runs["hang"].worst if scale else None,
+            "workers_speedup": scale.speedup if scale else None,
+            **{f"{what}_gap_s": scale.runs[what].gap if scale else None for what in ("kill", "hang", "leave", "join")},
             "gateway_gap_s": scale.gateway_gap_s if scale else None,
             "lost_events": scale.lost_events if scale else None,
             "false_events": scale.false_events if scale else None,
@@ -244,22 +244,32 @@ def _soak_table(soak: Soak) -> Table:
 
 
 def _scale_table(scale: Scale) -> Table:
-    headings = ("p50 ms", "p99 ms", "worst s", "late", "lost", "false", "here µs", "work µs")
+    headings = ("p50 ms", "p99 ms", "gap s", "missing", "lost", "false", "here µs", "work µs", "a core")
     title = (
-        f"Gateway, two workers, {scale.crowd} performers; three, half when one comes or goes\n"
-        "Worst: the oldest answer then; late: answers that never came\n"
-        "Lost, false: events; µs: of a core, a frame"
+        f"{scale.crowd} performers; three workers when one comes, goes or is cut off\n"
+        "Gap: the longest time after that without an answer to a performer; missing: answers\n"
+        "Lost, false: events; µs: of a core, a frame, in this process and in the workers\n"
+        "A core: performers at 120 Hz that a core recognises, by their processor time"
     )
     table = _table(title, ("",), headings)
-    for run in (scale.alone, *scale.runs.values()):
-        lags = (f"{run.percentile(50):.2f}", f"{run.percentile(99):.2f}", f"{run.worst:.2f}")
+    at_once = [replace(run, what=f"{run.what}, all at once") for run in scale.busy]
+    for run in (scale.alone, scale.workers, *scale.runs.values(), *at_once):
+        lags = (f"{run.percentile(50):.2f}", f"{run.percentile(99):.2f}", f"{run.gap:.2f}")
         used = (f"{run.loop_us:.1f}", _NOTHING if run.core_us is None else f"{run.core_us:.1f}")
-        late = f"{run.expected - run.answered}"
-        table.add_row(run.what, *lags, late, f"{run.lost_events}", f"{run.false_events}", *used)
+        counted = (f"{run.expected - run.answered}", f"{run.lost_events}", f"{run.false_events}")
+        recognised = run.core_us or (run.loop_us if run.what.startswith("one") else None)
+        table.add_row(run.what, *lags, *counted, *used, f"{1e6 / 120 / recognised:.0f}" if recognised else _NOTHING)
     table.add_section()
-    table.add_row("gateway again", "", "", f"{scale.gateway_gap_s:.2f}", "", "", "", "", "")
-    for seconds, (tried, differ) in scale.takeovers.items():
-        table.add_row(f"{seconds} s before", "", "", "", f"{tried}", "", f"{differ}", "", "")
+    tried, differ = scale.takeovers
+    table.add_row("gateway again", "", "", f"{scale.gateway_gap_s:.2f}", *[""] * 6)
+    healed = f"{scale.healed_s:.2f}" if scale.healed_s == scale.healed_s else _NOTHING
+    table.add_row("cut of 5 s healed after", "", "", healed, *[""] * 6)
+    table.add_row(f"{tried} takeovers by themselves", "", "", "", "", "", f"{differ}", *[""] * 3)
+    for name, value, goal in (
+        ("a worker's core / one process's", scale.ratio, 0.8),
+        ("live --workers 2 / 1", scale.speedup, 1.7),
+    ):
+        table.add_row(f"{name} (goal {goal})", *[""] * 8, f"{value:.2f}" if value else _NOTHING)
     return table
 
 

@@ -67,7 +67,7 @@ class Effort:
     rates: tuple[float, ...] = sockets.RATES
     most: int = 1024
     starts: int = 5
-    crowd: int = 130
+    crowd: int = 12
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -100,7 +100,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--minutes", type=not_negative, default=10.0, help="of soak over sockets, 0 for none (default %(default)s)"
     )
-    parser.add_argument("--crowd", type=count, default=130, help="performers of scale (default %(default)s)")
+    parser.add_argument("--crowd", type=count, default=12, help="performers of scale (default %(default)s)")
     parser.add_argument("--picture", type=Path, metavar="FILE", help="draw what was found")
     add_json(parser)
 

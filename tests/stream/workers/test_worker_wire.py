@@ -14,6 +14,7 @@ from synthetic import STICK_CLASSES, stick_clip
 from kinespace.stream.frame import Frame
 from kinespace.stream.recognition import Event, EventKind, Progress
 from kinespace.stream.recognizer import Recognizer
+from kinespace.stream.recognizer.joints.doubts import LongAgo
 from kinespace.stream.workers import wire
 from kinespace.stream.zeromq import FormatError
 from kinespace.stream.zeromq.single_part import decode as decode_single
@@ -91,7 +92,7 @@ def test_answers_come_back_to_the_last_bit(recognition: Recognition) -> None:
     event = Event("ann", EventKind.START, recognition.classes[1], 1, 0.5, 2.0)
     progress = Progress(recognition.classes[1], 0.5, 0.4, 1.0, 1.1, 0.9, 2)
     whole = msgspec.structs.replace(
-        wire.answered(recognition, 9, 5.0, 0),
+        wire.answered(recognition, 9, 5.0, 0, LongAgo(mirrored=True, last_jump=1.5)),
         events=(event,),
         progress=progress,
         doubted=("c",),
@@ -101,7 +102,7 @@ def test_answers_come_back_to_the_last_bit(recognition: Recognition) -> None:
     back = wire.decode_answers(wire.encode_answers(wire.Answers([whole], report)))
     assert back.report == report
     (answer,) = back.answered
-    assert (answer.seq, answer.at) == (9, 5.0)
+    assert (answer.seq, answer.at, answer.long_ago) == (9, 5.0, LongAgo(mirrored=True, last_jump=1.5))
     again = answer.recognition(recognition.classes)
     assert np.array_equal(again.scores, recognition.scores)
     assert (again.events, again.progress, again.doubted, again.evidence) == ((event,), progress, ("c",), None)
@@ -112,6 +113,6 @@ def test_answers_come_back_to_the_last_bit(recognition: Recognition) -> None:
 @pytest.mark.parametrize("changes", [{"guess": 99}, {"scores": b""}, {"scores": b"12345678"}])
 def test_an_answer_that_does_not_fit_the_classes_is_refused(recognition: Recognition, changes: dict[str, Any]) -> None:
     """An index beyond the classes, or another number of scores, is a format error."""
-    answer = msgspec.structs.replace(wire.answered(recognition, 9, 5.0, 0, ()), **changes)
+    answer = msgspec.structs.replace(wire.answered(recognition, 9, 5.0, 0), **changes)
     with pytest.raises(FormatError):
         answer.recognition(recognition.classes)

@@ -34,7 +34,7 @@ KEYS = (
     *("performers_at_120hz", "floor_performers_at_120hz", "performers_share_of_floor"),
     *("pairs_exponent", "match_200k_ms", "rss_mb", "rss_100_mb", "startup_s", "max_eigenvector_error"),
     *("added_p50_ms", "added_p99_ms", "performers_per_core_ratio", "kill_gap_s", "hang_gap_s", "gateway_gap_s"),
-    *("lost_events", "false_events"),
+    *("lost_events", "false_events", "workers_speedup", "leave_gap_s", "join_gap_s"),
 )
 
 
@@ -76,14 +76,19 @@ def made_up(signature: LiveSignature = LiveSignature.PAPER) -> Report:
         ),
         scale=Scale(
             130,
-            one := Run("one process", np.full(9, 1e-3), float("nan"), 9, 9, 0, 0, 30.0),
+            one := Run("one process", np.full(9, 1e-3), 0.03, 9, 9, 0, 0, 30.0),
+            replace(one, what="live --workers 2", core_us=32.0),
             {
                 "nothing": replace(one, what="nothing", lags=np.full(9, 1.5e-3), loop_us=5.0, core_us=40.0),
-                "kill": replace(one, what="kill", worst=0.25, lost_events=1),
-                "hang": replace(one, what="hang", worst=1.25, false_events=2),
+                "kill": replace(one, what="kill", gap=0.25, lost_events=1),
+                "hang": replace(one, what="hang", gap=1.25, false_events=2),
+                "leave": replace(one, what="leave", gap=0.05),
+                "join": replace(one, what="join", gap=0.0625),
             },
+            (one, replace(one, what="two", core_us=32.0), replace(one, what="three", core_us=40.0)),
             1.5,
-            {2.5: (100, 4), 3.5: (98, 1)},
+            0.75,
+            (98, 1),
         ),
     )
 
@@ -120,8 +125,11 @@ def test_the_standard_figures_come_from_the_results() -> None:
         "added_p50_ms": 0.5,
         "added_p99_ms": 0.5,
         "performers_per_core_ratio": 0.75,
+        "workers_speedup": 1.875,
         "kill_gap_s": 0.25,
         "hang_gap_s": 1.25,
+        "leave_gap_s": 0.05,
+        "join_gap_s": 0.0625,
         "gateway_gap_s": 1.5,
         "lost_events": 1,
         "false_events": 2,
@@ -182,7 +190,7 @@ def test_the_tables_name_everything(capsys: pytest.CaptureFixture[str], monkeypa
             "over UDP, 64 performers",
             "80.0 MB, 81.0 MB, 82.0 MB",
         ),
-        *("Gateway, two workers, 130 performers", "kill", "hang", "gateway again", "3.5 s before"),
+        *("130 performers; three workers", "kill", "hang", "gateway again", "98 takeovers by themselves"),
     )
     for text in told:
         assert text in printed

@@ -1,21 +1,27 @@
 """`kinespace bench scale`: what workers add, what they hold, and what their deaths cost.
 
-Gateway and sender are this process; the workers are `kinespace work`, in processes of their own on this machine.
+Gateway and sender are this process; the workers are `kinespace work`, in processes of their own on this machine. How
+many performers a core holds follows from the time for which the processes used a core, so that the crowd can be small
+enough for the machine.
 """
 
 from __future__ import annotations
 
 import math
+import os
+import select
+import shutil
 import signal
 import socket
 import subprocess
 import sys
+import threading
 import time
 from collections import Counter
-from contextlib import ExitStack, suppress
-from dataclasses import dataclass, field, replace
+from contextlib import ExitStack, closing, suppress
+from dataclasses import dataclass, field
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
@@ -26,6 +32,7 @@ from kinespace.stream.cluster.gateway import Gateway
 from kinespace.stream.frame import Frame
 from kinespace.stream.osc import OscReceiver
 from kinespace.stream.recognizer import Performers, SentJoints, Settings
+from kinespace.stream.workers.crew import Crew
 from kinespace.stream.workers.ledger import Ledger
 from kinespace.stream.workers.partition import PARTITIONS
 from kinespace.stream.workers.wire import decode_frames, encode_frames
@@ -41,6 +48,7 @@ if TYPE_CHECKING:
 
     from kinespace.stream.recognition import Event, EventKind, Recognition
     from kinespace.stream.service.recognising import Recognising
+    from kinespace.stream.workers.answer_source import AnswerSource
     from kinespace.stream.workers.wire import Answered, Entry, SentFrame
 
 _LOOPBACK = "127.0.0.1"
@@ -50,8 +58,10 @@ _MAX_START, _LINGER = 60.0, 3.0
 _SEEN = 4
 #: Frames of feed that are looked at after a takeover, and between two takeovers, without a cluster.
 _AFTER, _EVERY = 360, 80
-#: Seconds of frames that a worker might take a performer over with, beside those that it does.
-_SHORTER = 2.5
+#: Seconds for which the network is cut, and in which it must be whole again.
+_CUT, _MAX_HEALING = 5.0, 20.0
+#: The network between two namespaces, and the host in it of each.
+_NETWORK, _HERE, _THERE = "10.213.77.{}", 1, 2
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,21 +74,23 @@ class Run:
         What happened in its middle.
     lags
         Seconds from the hand-over of a frame to its answer, of all answers, shape (answers,).
-    worst
-        The longest of these after the middle: until performers were answered again.
+    gap
+        The longest time after the middle without an answer to a performer, seconds, beyond the pauses of one process;
+        usually a hop.
     expected, answered
         Answers of one process, and answers that came.
     lost_events, false_events
         Events of one process that did not come, and events that came beside these.
     loop_us
-        Microseconds of a core that a frame took in this process, to be sent or to be recognised.
+        Microseconds of a core that a frame took in this process: to be recognised or, with workers, to be sent to them
+        and to be answered, in all threads.
     core_us
         The same in all workers; None where there are none, or where the system does not tell.
     """
 
     what: str
     lags: NDArray[np.float64] = field(repr=False)
-    worst: float
+    gap: float
     expected: int
     answered: int
     lost_events: int
@@ -95,21 +107,48 @@ class Run:
 class Scale:
     """All results.
 
-    `takeovers` says for seconds of history how many takeovers were tried without a cluster, and after how many another
-    event came than without one.
+    Attributes
+    ----------
+    crowd
+        The number of performers.
+    alone, workers
+        One process, and two workers of `live --workers 2`.
+    runs
+        A gateway and two workers, or three when something happens, by what happens.
+    busy
+        One process, `live --workers 2`, and a gateway with two workers, with frames that come all at once, as those do
+        that wait for a full core: their processor time tells how many performers a core holds.
+    gateway_gap_s
+        Seconds without an answer when the gateway is started again.
+    healed_s
+        Seconds from the end of a cut of the network until the worker behind it works again; NaN where no network could
+        be made.
+    takeovers
+        How many takeovers were tried without a cluster, and after how many another event came than without one.
     """
 
     crowd: int
     alone: Run
+    workers: Run
     runs: dict[str, Run]
+    busy: tuple[Run, Run, Run]
     gateway_gap_s: float
-    takeovers: dict[float, tuple[int, int]]
+    healed_s: float
+    takeovers: tuple[int, int]
 
     @property
     def ratio(self) -> float | None:
-        """Performers that a worker's core holds, relative to those of a core that does everything itself."""
-        workers = self.runs["nothing"].core_us
-        return self.alone.loop_us / workers if workers else None
+        """Performers that a worker's core holds, relative to those that a core of one process holds."""
+        return self._relative(self.busy[2])
+
+    @property
+    def speedup(self) -> float | None:
+        """Frames that the two workers of `live` recognise in a second, relative to those of one process."""
+        ratio = self._relative(self.busy[1])
+        return 2 * ratio if ratio else None
+
+    def _relative(self, run: Run) -> float | None:
+        return self.busy[0].loop_us / run.core_us if run.core_us else None
 
     @property
     def lost_events(self) -> int:
@@ -133,6 +172,8 @@ class Feed:
     frames: tuple[tuple[Frame, ...], ...] = field(repr=False)
     due: int
     events: Counter[tuple[str, str, str]] = field(repr=False)
+    #: By performer and time of an answer, seconds beyond a hop for which one process gave none before: a body jumped.
+    pauses: dict[tuple[str, float], float] = field(repr=False)
 
     @classmethod
     def of(cls, positions: NDArray[np.float32], performers: int, seconds: float) -> Feed:
@@ -147,23 +188,90 @@ class Feed:
         )
         recognisers = Performers(opened(MotionLibrary.builtin()), most=performers)
         answers = [each for together in frames for each in recognisers.push_all(together, together[0].time) if each]
-        return cls(frames, len(answers), _counted(answers))
+        return cls(frames, len(answers), _counted(answers), _pauses(answers))
+
+
+def _pauses(answers: Sequence[Recognition]) -> dict[tuple[str, float], float]:
+    last: dict[str, float] = {}
+    pauses = {}
+    for each in answers:
+        pause = each.time - last.get(each.performer, each.time) - Settings().hop
+        if pause > 1 / FRAME_RATE:
+            pauses[each.performer, each.time] = pause
+        last[each.performer] = each.time
+    return pauses
 
 
 def _counted(answers: Sequence[Recognition]) -> Counter[tuple[str, str, str]]:
     return Counter((each.performer, str(event.kind), event.label) for each in answers for event in each.events)
 
 
-class Cluster:
-    """A gateway in this process, and workers in processes of their own."""
+class Troupe:
+    """Performers' recognisers and where their answers come back: here those of this process, which has no workers."""
+
+    def __init__(self, performers: Recognising, sources: Sequence[AnswerSource] = ()) -> None:
+        self.performers, self.sources = performers, sources
+
+    def answers(self, longest: float) -> Iterator[tuple[Recognition, float]]:
+        """Wait for answers, at most so many seconds; give them, and how long each took."""
+        pollables: list[Any] = [source.pollable for source in self.sources]
+        if pollables:
+            select.select(pollables, [], [], longest)
+        else:
+            time.sleep(longest)
+        for source in self.sources:
+            source.tend(time.monotonic())
+            while (taken := source.take(time.monotonic())) is not None:
+                for each in self.performers.push_all(taken, time.monotonic()):
+                    if each:
+                        yield each, source.waited
+
+    @property
+    def process_ids(self) -> Sequence[int | None]:
+        """The numbers of the workers' processes."""
+        return ()
+
+    def core_seconds(self) -> float | None:
+        """Give the seconds of a core that the workers have used; None where there are none, or nobody tells."""
+        used = [core_seconds(number) for number in self.process_ids]
+        return None if None in used or not used else float(sum(each or 0.0 for each in used))
+
+    def close(self) -> None:
+        """End everything."""
+        for source in self.sources:
+            source.close()
+
+
+class Workers(Troupe):
+    """The workers of `live --workers`."""
 
     def __init__(self, workers: int, performers: int) -> None:
-        self.place = f"tcp/{_LOOPBACK}:{_free_port(socket.SOCK_STREAM)}"
+        library = opened(MotionLibrary.builtin())
+        self.crew = Crew(workers, library, Settings(), most=performers, joints=SentJoints())
+        super().__init__(self.crew, self.crew.sources)
+
+    @property
+    def process_ids(self) -> Sequence[int | None]:
+        """The numbers of the workers' processes."""
+        return [source.process.process_id if source.process else None for source in self.crew.sources]
+
+
+class Cluster(Troupe):
+    """A gateway in this process, and workers in processes of their own, perhaps one behind another network."""
+
+    def __init__(self, workers: int, performers: int, network: Network | None = None) -> None:
+        places = [
+            f"tcp/{host}:{_free_port(socket.SOCK_STREAM)}" for host in (_LOOPBACK, *(network.hosts if network else ()))
+        ]
+        self.place, self.network = places[0], network
+        session = open_session(places, [], None)
         library = MotionLibrary.builtin()
-        session = open_session([self.place], [], None)
         self.gateway = Gateway(session, library, Settings(), most=performers, joints=SentJoints(), naming="auto")
+        super().__init__(self.gateway, [self.gateway.source])
         self.workers: list[subprocess.Popen[bytes]] = []
-        for _ in range(workers):
+        if network:
+            self.workers.append(_started("work", "--connect", places[1], within=network.within))
+        while len(self.workers) < workers:
             self.add_worker()
         self.wait_for(workers)
 
@@ -171,36 +279,92 @@ class Cluster:
         """Start a worker."""
         self.workers.append(_started("work", "--connect", self.place))
 
-    def wait_for(self, workers: int) -> None:
+    def wait_for(self, workers: int, longest: float = _MAX_START) -> None:
         """Wait until so many workers are there."""
-        until = time.monotonic() + _MAX_START
-        while not self.gateway.notes[0].endswith(f": {workers}"):
+        until = time.monotonic() + longest
+        while not (self.gateway.notes[0].endswith(f": {workers}") and (self.network is None or self.network.is_whole)):
             if time.monotonic() > until:
-                raise TimeoutError(f"{workers} workers were not there within {_MAX_START:g} s")
-            self.gateway.source.tend(time.monotonic())
-            time.sleep(0.01)
+                raise TimeoutError(f"{workers} workers were not there within {longest:g} s")
+            for _ in self.answers(0.01):
+                pass
 
-    def answers(self, now: float) -> Iterator[tuple[Recognition, float]]:
-        """Give the answers that have come, and how long each took."""
-        self.gateway.source.tend(now)
-        while (taken := self.gateway.source.take(time.monotonic())) is not None:
-            for each in self.gateway.push_all(taken, now):
-                if each:
-                    yield each, self.gateway.source.waited
+    def cut(self) -> None:
+        """Cut the network to the worker behind it for some seconds."""
+        assert self.network  # noqa: S101 - told to mypy
+        self.network.cut()
 
-    def core_seconds(self) -> float | None:
-        """Give the seconds of a core that the workers have used."""
-        used = [core_seconds(worker.pid) for worker in self.workers]
-        return None if None in used else float(sum(each or 0.0 for each in used))
+    @property
+    def process_ids(self) -> Sequence[int | None]:
+        """The numbers of the workers' processes."""
+        return [worker.pid for worker in self.workers]
 
     def close(self) -> None:
         """End everything."""
         _end(self.workers)
-        self.gateway.close()
+        super().close()
 
 
-def _started(*arguments: str) -> subprocess.Popen[bytes]:
-    command = [sys.executable, "-m", "kinespace", *arguments]
+class Network:
+    """A network namespace with a cable to ours. A context manager.
+
+    Raises
+    ------
+    OSError
+        The system has no namespaces, or they are not for us.
+    """
+
+    def __init__(self) -> None:
+        self._name, self._ends = f"kinespace{os.getpid()}", (f"kin{os.getpid()}a", f"kin{os.getpid()}b")
+        #: What begins a command that is to run behind the cable, and our address.
+        self.within = ("ip", "netns", "exec", self._name)
+        self.hosts = (_NETWORK.format(_HERE),)
+        #: When the cable was last plugged in.
+        self.plugged = time.monotonic()
+        self._plugging = threading.Timer(_CUT, self._plug)
+
+    def __enter__(self) -> Self:
+        if not shutil.which("ip"):
+            raise OSError("there is no `ip`")
+        here, there = self._ends
+        with ExitStack() as stack:
+            _ip("netns", "add", self._name)
+            stack.callback(self.__exit__)
+            _ip("link", "add", here, "type", "veth", "peer", "name", there, "netns", self._name)
+            for end, host, within in ((here, _HERE, ()), (there, _THERE, ("-n", self._name))):
+                _ip(*within, "address", "add", f"{_NETWORK.format(host)}/30", "dev", end)
+                _ip(*within, "link", "set", end, "up")
+            stack.pop_all()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self._plugging.ident:
+            self._plugging.join()
+        # The cable's ends vanish with the namespace.
+        _ip("netns", "delete", self._name)
+
+    @property
+    def is_whole(self) -> bool:
+        """Whether the cable is plugged in."""
+        return not self._plugging.is_alive()
+
+    def cut(self) -> None:
+        """Pull the cable out for some seconds."""
+        _ip("link", "set", self._ends[0], "down")
+        self._plugging.start()
+
+    def _plug(self) -> None:
+        _ip("link", "set", self._ends[0], "up")
+        self.plugged = time.monotonic()
+
+
+def _ip(*arguments: str) -> None:
+    done = subprocess.run(["ip", *arguments], capture_output=True, text=True, check=False)  # noqa: S603, S607 - found
+    if done.returncode:
+        raise OSError(f"ip {' '.join(arguments)}: {done.stderr.strip()}")
+
+
+def _started(*arguments: str, within: Sequence[str] = ()) -> subprocess.Popen[bytes]:
+    command = [*within, sys.executable, "-m", "kinespace", *arguments]
     return subprocess.Popen(command, stdout=subprocess.DEVNULL)  # noqa: S603 - our own command
 
 
@@ -226,78 +390,105 @@ HAPPENINGS: dict[str, Callable[[Cluster], None]] = {
     "hang": lambda cluster: cluster.workers[0].send_signal(signal.SIGSTOP),
     "leave": lambda cluster: cluster.workers[0].send_signal(signal.SIGINT),
     "join": Cluster.add_worker,
+    "cut": Cluster.cut,
 }
 
 
-def play(feed: Feed, what: str) -> Run:
+def play(feed: Feed, what: str, network: Network | None = None, *, at_once: bool = False) -> Run:
     """Play a feed through two workers, or through three of which one does something in the middle."""
-    performers = len(feed.frames[0])
-    with ExitStack() as stack:
-        cluster = Cluster(2 if what == "nothing" else 3, performers)
-        stack.callback(cluster.close)
-        before = cluster.core_seconds()
-        run = _played(feed, cluster.gateway, cluster.answers, what, partial(HAPPENINGS[what], cluster))
-        after = cluster.core_seconds() if what == "nothing" else None
-    used = None if before is None or after is None else (after - before) / (len(feed.frames) * performers) * 1e6
-    return replace(run, core_us=used)
+    with closing(Cluster(2 if what == "nothing" else 3, len(feed.frames[0]), network)) as cluster:
+        run = _played(feed, cluster, what, partial(HAPPENINGS[what], cluster), at_once=at_once)
+        if network:
+            cluster.wait_for(3, _MAX_HEALING)
+        return run
 
 
-def alone(feed: Feed) -> Run:
+def alone(feed: Feed, *, at_once: bool = False) -> Run:
     """Play a feed through the recognisers of this process."""
     recognisers = Performers(opened(MotionLibrary.builtin()), most=len(feed.frames[0]))
-    return _played(feed, recognisers, lambda _: iter(()), "one process", lambda: None)
+    return _played(feed, Troupe(recognisers), "one process", at_once=at_once)
 
 
-def _played(
-    feed: Feed,
-    performers: Recognising,
-    answers: Callable[[float], Iterator[tuple[Recognition, float]]],
-    what: str,
-    happen: Callable[[], None],
-) -> Run:
-    """Send every frame at its time, each performer's at an even share of the frame time; collect the answers."""
-    heard: list[Recognition] = []
-    lags: list[float] = []
-    late: list[float] = []
-    used = 0.0
-    happened = False
-    count = len(feed.frames[0])
+def with_workers(feed: Feed, *, at_once: bool = False) -> Run:
+    """Play a feed through the two workers of `live --workers 2`."""
+    with closing(Workers(2, len(feed.frames[0]))) as workers:
+        return _played(feed, workers, "live --workers 2", at_once=at_once)
+
+
+def network_cut(feed: Feed) -> tuple[Run, float] | None:
+    """Cut the network to one of three workers; give the run, and the seconds until the worker was back."""
+    try:
+        with Network() as network:
+            run = play(feed, "cut", network)
+            return run, time.monotonic() - network.plugged
+    except OSError:
+        return None
+
+
+@dataclass(slots=True)
+class _Heard:
+    """The answers of a run, and how long each took; the longest time without one to a performer, from `middle` on."""
+
+    pauses: dict[tuple[str, float], float]
+    recognitions: list[Recognition] = field(default_factory=list)
+    lags: list[float] = field(default_factory=list)
+    last: dict[str, float] = field(default_factory=dict)
+    middle: float = math.inf
+    gap: float = 0.0
+
+    def note(self, recognition: Recognition, lag: float) -> None:
+        now = time.monotonic()
+        if now > self.middle:
+            pause = self.pauses.get((recognition.performer, recognition.time), 0.0)
+            self.gap = max(self.gap, now - self.last.get(recognition.performer, now) - pause)
+        self.last[recognition.performer] = now
+        self.recognitions.append(recognition)
+        self.lags.append(lag)
+
+
+def _played(feed: Feed, troupe: Troupe, what: str, happen: Callable[[], None] = lambda: None, *, at_once: bool) -> Run:
+    """Send all frames of a moment at once, or each at an even share of the frame time; collect the answers."""
+    heard, count, used = _Heard(feed.pauses), len(feed.frames[0]), 0.0
+    before, others = troupe.core_seconds(), time.process_time() - time.thread_time()
     begun = time.monotonic() + 0.1
 
-    def collect() -> None:
-        for each, lag in answers(time.monotonic()):
-            heard.append(each)
-            lags.append(lag)
-            if happened:
-                late.append(lag)
+    def collect(until: float) -> None:
+        nonlocal used
+        while (left := until - time.monotonic()) > 0:
+            busy = time.thread_time()
+            for each, lag in troupe.answers(left):
+                heard.note(each, lag)
+            used += time.thread_time() - busy
 
     for k, together in enumerate(feed.frames):
         if k == len(feed.frames) // 2:
             happen()
-            happened = True
-        for index, frame in enumerate(together):
-            due = begun + (k + index / count) / FRAME_RATE
-            while time.monotonic() < due:
-                collect()
+            heard.middle = time.monotonic()
+        for index, frames in enumerate([together] if at_once else [(frame,) for frame in together]):
+            collect(begun + (k + index / count) / FRAME_RATE)
             came, busy = time.monotonic(), time.thread_time()
-            own = performers.push_all([frame], came)
+            own = troupe.performers.push_all(frames, came)
             used += time.thread_time() - busy
-            if own[0]:
-                heard.append(own[0])
-                lags.append(time.monotonic() - came)
+            for each in filter(None, own):
+                heard.note(each, time.monotonic() - came)
     until = time.monotonic() + _LINGER
-    while len(heard) < feed.due and time.monotonic() < until:
-        collect()
-    told = _counted(heard)
+    while len(heard.lags) < feed.due and time.monotonic() < until:
+        collect(min(until, time.monotonic() + 0.05))
+    after = troupe.core_seconds()
+    number = count * len(feed.frames)
+    # With workers Zenoh's threads send and receive, too.
+    used += time.process_time() - time.thread_time() - others
+    told = _counted(heard.recognitions)
     return Run(
         what,
-        np.array(lags),
-        max(late, default=float("nan")),
+        np.array(heard.lags),
+        heard.gap,
         feed.due,
-        len(heard),
+        len(heard.lags),
         (feed.events - told).total(),
         (told - feed.events).total(),
-        used / (count * len(feed.frames)) * 1e6,
+        used / number * 1e6,
+        None if before is None or after is None else (after - before) / number * 1e6,
     )
 
 
@@ -378,14 +569,20 @@ def measure(positions: NDArray[np.float32], *, seconds: float, crowd: int) -> Sc
     seconds
         Of each run.
     crowd
-        The number of performers where nothing happens; where something does they are half as many.
+        The number of performers.
     """
-    usual, smaller = Feed.of(positions, crowd, seconds), Feed.of(positions, max(crowd // 2, 2), seconds)
-    runs = {what: play(usual if what == "nothing" else smaller, what) for what in HAPPENINGS}
+    feed = Feed.of(positions, crowd, seconds)
+    runs = {what: play(feed, what) for what in HAPPENINGS if what != "cut"}
+    cut = network_cut(feed)
+    if cut:
+        runs["cut"] = cut[0]
     return Scale(
         crowd,
-        alone(usual),
+        alone(feed),
+        with_workers(feed),
         runs,
+        (alone(feed, at_once=True), with_workers(feed, at_once=True), play(feed, "nothing", at_once=True)),
         gateway_gap(positions),
-        {each: takeovers(positions, each) for each in (_SHORTER, HISTORY)},
+        cut[1] if cut else math.nan,
+        takeovers(positions, HISTORY),
     )

@@ -25,7 +25,7 @@ def test_a_feed_is_recognised_by_one_process_as_expected(played: NDArray[np.floa
     assert run.answered == run.expected == feed.due > 60
     assert (run.lost_events, run.false_events) == (0, 0)
     assert run.lags.shape == (feed.due,)
-    assert math.isnan(run.worst)
+    assert run.core_us is None
 
 
 def test_takeovers_are_compared_with_an_uninterrupted_feed(
@@ -48,4 +48,20 @@ def test_a_worker_is_killed(played: NDArray[np.float32]) -> None:
     run = scale.play(feed, "kill")
     assert run.what == "kill"
     assert run.answered > run.expected // 2
-    assert math.isfinite(run.worst)
+    assert math.isfinite(run.gap)
+
+
+def test_a_network_is_cut(played: NDArray[np.float32], monkeypatch: pytest.MonkeyPatch) -> None:
+    """Behind a network that was cut a worker works again, and answers came to the end."""
+    pytest.importorskip("zenoh")
+    try:
+        with scale.Network():
+            pass
+    except OSError as error:
+        pytest.skip(f"no network namespace can be made: {error}")
+    monkeypatch.setattr(scale, "_CUT", 1.5)
+    cut = scale.network_cut(scale.Feed.of(played, 2, 3.0))
+    assert cut
+    run, healed = cut
+    assert run.answered > run.expected // 2
+    assert 0 < healed < math.inf

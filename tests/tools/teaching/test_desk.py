@@ -216,6 +216,7 @@ def test_unknown_joints_can_be_taught(tmp_path: Path) -> None:
     desk.close()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("beside", [True, False])
 def test_a_performer_with_fewer_joints_is_taught(beside: bool, library: MotionLibrary, tmp_path: Path) -> None:  # noqa: FBT001
     """Of 31 joints a performer has 20: what he is taught is recognised by these."""

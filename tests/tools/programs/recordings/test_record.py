@@ -114,7 +114,13 @@ def test_recorded_packets_are_replayed_bit_for_bit(
     assert len({packet.sender for packet in packets}) == 1
     assert all(first.arrival <= second.arrival for first, second in pairwise(packets))
     assert replay(path, "--osc", f"{LOOPBACK}:{stage.address[1]}", "--speed", 4, "--json") == 0
-    assert json.loads(capsys.readouterr().out) == {"sent": 200, "left_out": 0, "failed": 0, "lost_from": None}
+    assert json.loads(capsys.readouterr().out) == {
+        "sent": 200,
+        "left_out": 0,
+        "failed": 0,
+        "unheard": 0,
+        "lost_from": None,
+    }
     assert heard(stage, 200) == sent
 
 

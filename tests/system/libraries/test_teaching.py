@@ -186,7 +186,7 @@ def test_wekinator_and_requests(tmp_path: Path) -> None:
         controller.send(encode_message("/wekinator/control/startDtwRecording", 2))
         live.expect("teaching ann: waiting")
         dancer.show(_takes("kickLFront1Reps")[0])
-        live.expect("taught kick: 1 examples")
+        live.expect("taught kick: good; examples: 1")
         with zmq.Context() as context, context.socket(zmq.REQ) as asking:
             asking.rcvtimeo = round(PATIENCE * 1000)
             asking.linger = 0

@@ -7,7 +7,7 @@ import json
 import os
 import re
 import struct
-from contextlib import ExitStack
+from contextlib import ExitStack, closing
 from dataclasses import dataclass, field, replace
 from functools import cache
 from typing import TYPE_CHECKING, Any
@@ -618,7 +618,8 @@ def test_an_impossible_arrival_ends_a_recording(
     with rawfile.RawWriter(path, ["osc 127.0.0.1:9310"]) as writer:
         for time in (1.0, arrival, 2.0):
             writer.write(rawfile.RawPacket(time, 0, "", (b"/x\0\0,\0\0\0",)))
-    assert main(["replay", str(path), "--osc", f"{LOOPBACK}:9"]) == 0
+    with closing(osc.OscReceiver(LOOPBACK, 0)) as somebody:
+        assert main(["replay", str(path), "--osc", f"{LOOPBACK}:{somebody.address[1]}"]) == 0
     assert "cut off or damaged" in capsys.readouterr().out
     recording = rawfile.RawFile(path)
     assert [packet.arrival for packet in recording.packets()] == [1.0]

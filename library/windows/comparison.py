@@ -41,7 +41,7 @@ NEAREST = 0.01
 _PART_AXES, MAX_AXES = 64, 128
 #: Axes of such a group that tell the very classes apart that taught them: the other axes differ between people. Classes
 #: that taught nothing may differ in any axis.
-_TAUGHT_AXES = 48
+_TAUGHT_AXES = 32
 #: The share of the learned scatter that is replaced by equal scatter. The eigen part is compared by plain inner
 #: products.
 _PART_SHRINKAGE = {Kind.EIGEN: 1.0, Kind.SPREAD: 0.3, Kind.POSTURE: 0.3, Kind.TREND: 0.3}

@@ -21,6 +21,7 @@ from synthetic import stick_clips
 from kinespace.library.kernels import compiled
 from kinespace.library.motion_library import MotionLibrary
 from kinespace.library.recordings import find_recordings, read_recordings
+from kinespace.library.windows import index
 from kinespace.library.windows.index import opened
 from kinespace.stream.osc import udp
 from kinespace.tools.bench import recorded
@@ -119,6 +120,12 @@ def hdm05_folder(data_folder: Path) -> Path:
 @pytest.fixture(scope="session")
 def cmu_folder(data_folder: Path) -> Path:
     return _folder(data_folder / "cmu")
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _teacher() -> None:
+    """Load the built-in library as a teacher before a test puts another one in its place, because it is kept."""
+    index._builtin()  # noqa: SLF001 - nothing else keeps it
 
 
 @pytest.fixture(scope="session")

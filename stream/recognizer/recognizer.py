@@ -139,8 +139,8 @@ class Recognizer:
         self._last = -math.inf
         self._due = -math.inf
         self._late_in_a_row = 0
-        #: The end of a motion by a pause in the feed, given with the next answer.
-        self._ended: tuple[Event, ...] = ()
+        #: The end of a motion by a pause in the feed, until the next answer tells it.
+        self._ended: Event | None = None
         self._busy = False
 
     def _compare_with(self, library: MotionLibrary | WindowIndex, order: Sequence[str]) -> None:
@@ -295,8 +295,8 @@ class Recognizer:
         """Sort out frames that come late; start anew after a gap or when the sender's clock began again."""
         behind = self._newest - time
         if behind < -self._longest_gap:
-            if behind < -MAX_PAUSE and (ended := self.end()):
-                self._ended = (ended,)
+            if behind < -MAX_PAUSE:
+                self._ended = self.end()
             self._restart()
         elif behind >= 0:
             self._late_in_a_row += 1
@@ -344,7 +344,9 @@ class Recognizer:
             evidence=reading.evidence,
             doubted=self._doubts.joints,
         )
-        events, self._ended = (*self._ended, *self._detector.push(recognition)), ()
+        events = self._detector.push(recognition)
+        if self._ended:
+            events, self._ended = (self._ended, *events), None
         progress = self._matcher.follow(frame.time, self._motion_of(recognition)) if self.settings.progress else None
         return replace(recognition, events=events, progress=progress) if events or progress else recognition
 
@@ -355,7 +357,8 @@ class Recognizer:
 
     def end(self) -> Event | None:
         """End the motion that is going on, because nothing more will come; None when none is."""
-        return self._detector.end(self._last)
+        ended, self._ended = self._ended, None
+        return ended or self._detector.end(self._last)
 
 
 def _matcher(library: MotionLibrary | WindowIndex, settings: Settings) -> Matcher:

@@ -14,8 +14,6 @@ if TYPE_CHECKING:
 
 #: Seconds of a recording, and of standing still before it, at most.
 MAX_RECORDING, MAX_WAITING = 15.0, 15.0
-#: Seconds without a frame after which a recording ends: a sender that pauses sends no stillness.
-MAX_PAUSE = 0.8
 #: Seconds that rounding may add to a countdown.
 _TIE = 1e-6
 #: Seconds kept before the movement, so that undoing the trim shows them.

@@ -13,8 +13,9 @@ from typing import TYPE_CHECKING
 from kinespace.library.motion_library import NOTHING
 from kinespace.library.teaching.examples import MAX_EXAMPLES, Example, Roster
 from kinespace.library.teaching.movement import MIN_SECONDS, STILLNESS, MovementMeter, Stretch, StretchFinder
+from kinespace.stream.recognizer.recognizer import MAX_PAUSE
 from kinespace.stream.teaching import commands
-from kinespace.stream.teaching.lesson import MAX_PAUSE, Lesson, Recorded
+from kinespace.stream.teaching.lesson import Lesson, Recorded
 from kinespace.stream.teaching.memory import Memory
 from kinespace.stream.teaching.notices import Changed, Notice, Running, Saving, Sensed, State, Step, Taught
 
@@ -92,6 +93,7 @@ class Teacher:
         if now - self._memories[lesson.performer].heard > _GONE:
             self._lesson = None
             return [State(lesson.performer, Step.REFUSED, 0.0, "the performer has left")]
+        # A sender that pauses sends no stillness, which would end the recording.
         if lesson.step is Step.RECORDING and now - self._memories[lesson.performer].heard > MAX_PAUSE:
             return self._went(lesson, lesson.paused())
         told = lesson.tick(now)

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 from kinespace.stream.recognition import Event, EventKind
+from kinespace.stream.recognizer.recognizer import MAX_PAUSE
 from kinespace.stream.workers.partition import partition_of
 from kinespace.stream.workers.wire import Entry, SentFrame, sent_frame
 from kinespace.stream.workers.worker import HISTORY, KEPT
@@ -219,6 +220,11 @@ class Ledger:
             self._gone = [*self._gone[-_MAX_REMEMBERED * self.most :], name]
         ended, self._ended = self._ended, []
         return ended
+
+    def end_paused(self, now: float) -> list[Event]:
+        """Give the ends of the motions of performers who send nothing for now; `note` does not tell them again."""
+        paused = (each for each in self._performers.values() if now - each.heard > MAX_PAUSE)
+        return [event for each in paused if (event := _end(each))]
 
     def take_gone(self) -> list[str]:
         """Give the performers who were dropped since the last call."""

@@ -199,9 +199,9 @@ class Spread(ABC):
         """Forget performers that sent nothing for `silence` seconds; give the ends of their motions."""
         return self._ledger.drop_silent(now)
 
-    def end_paused(self, now: float) -> list[Event]:  # noqa: ARG002 - the workers tell it with the next frame
-        """Give no ends."""
-        return []
+    def end_paused(self, now: float) -> list[Event]:
+        """Give the ends of the motions of performers who send nothing for now."""
+        return self._ledger.end_paused(now)
 
     def take_gone(self) -> list[str]:
         """Give the performers who were dropped since the last call."""

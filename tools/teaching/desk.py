@@ -203,17 +203,18 @@ class Desk:
 
     def drop_silent(self, now: float) -> list[Event]:
         """Forget silent performers."""
-        ended = self._performers.drop_silent(now)
-        return ended if self._something else []
+        return self._ends_told(self._performers.drop_silent(now))
 
     def end_paused(self, now: float) -> list[Event]:
         """Give the ends of the motions of performers who send nothing for now."""
-        ended = self._performers.end_paused(now)
-        return ended if self._something else []
+        return self._ends_told(self._performers.end_paused(now))
 
     def end(self) -> list[Event]:
         """Give the ends of all motions that go on."""
-        ended = self._performers.end()
+        return self._ends_told(self._performers.end())
+
+    def _ends_told(self, ended: list[Event]) -> list[Event]:
+        """Leave out ends of motions whose start was not told, because there was no library."""
         return ended if self._something else []
 
     def command(self, command: Command) -> list[Notice]:
@@ -228,9 +229,8 @@ class Desk:
 
     def _explained(self, notice: Notice) -> Notice:
         """Explain to a performer why frames that cannot be used prevent teaching."""
-        refused = self._performers.refused.get(notice.performer) if isinstance(notice, State) else None
-        if refused and isinstance(notice, State) and notice.step is Step.REFUSED:
-            return replace(notice, reason=refused)
+        if isinstance(notice, State) and notice.step is Step.REFUSED:
+            return replace(notice, reason=self._performers.refused.get(notice.performer, notice.reason))
         return notice
 
     def described(self) -> dict[str, object]:

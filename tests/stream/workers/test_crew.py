@@ -132,6 +132,22 @@ def test_answers_equal_one_processs(
     assert len({process.name for process in FakeProcess.all if process.channel}) == 2
 
 
+def test_a_pause_of_the_feed_ends_motions_by_the_clock(
+    stage: Callable[..., Stage], feed: Sequence[Sequence[Frame]], expected: Sequence[Recognition]
+) -> None:
+    """A motion whose performer sends nothing for a second ends without a further frame, as in one process, and once."""
+    on = stage(2)
+    for frames in feed:
+        on.turn(frames)
+    going_on = {name: told[-1][1] for name, told in events(expected).items() if told[-1][0] == "start"}
+    assert going_on
+    assert on.crew.end_paused(on.now + 0.5) == []
+    ended = on.crew.end_paused(on.now + 1.0)
+    assert {event.performer: event.label for event in ended} == going_on
+    assert {str(event.kind) for event in ended} == {"end"}
+    assert on.crew.end_paused(on.now + 1.0) == []
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("moment", range(70, len(STICK_CLASSES) * PLAYED, 234))
 def test_a_killed_worker_costs_no_event(

@@ -79,6 +79,18 @@ def test_a_pause_in_the_feed_ends_the_motion(library: MotionLibrary) -> None:
         assert events[1].time == short[-1].time
 
 
+def test_an_end_by_a_pause_is_told_though_no_answer_follows(library: MotionLibrary) -> None:
+    """A feed that ends right after a pause, before it can be answered again, still tells the end, once."""
+    recognizer = Recognizer(library)
+    first = _frames("bow", start=100.0)
+    for frame in (*first, *_frames("bow", start=110.0)[:5]):
+        recognizer.push(frame)
+    ended = recognizer.end()
+    assert ended is not None
+    assert (ended.kind, ended.label, ended.time) == (END, "bow", first[-1].time)
+    assert recognizer.end() is None
+
+
 def test_a_performer_dropped_to_make_room_gets_an_end(library: MotionLibrary) -> None:
     """The end of a performer dropped for a new one's sake is given when silence is next asked about, once."""
     performers = Performers(library, most=1, silence=1.0)

@@ -8,20 +8,17 @@ enough for the machine.
 from __future__ import annotations
 
 import math
-import os
 import select
-import shutil
 import signal
 import socket
 import subprocess
 import sys
-import threading
 import time
 from collections import Counter
 from contextlib import ExitStack, closing, suppress
 from dataclasses import dataclass, field
 from functools import partial
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -38,6 +35,7 @@ from kinespace.stream.workers.partition import PARTITIONS
 from kinespace.stream.workers.wire import decode_frames, encode_frames
 from kinespace.stream.workers.worker import HISTORY, Worker
 from kinespace.tools.bench.memory import core_seconds
+from kinespace.tools.bench.network import Network
 from kinespace.tools.bench.recorded import FRAME_RATE
 from kinespace.tools.feeding.feed import Cue, OscFrameSender
 
@@ -58,10 +56,8 @@ _MAX_START, _LINGER = 60.0, 3.0
 _SEEN = 4
 #: Frames of feed that are looked at after a takeover, and between two takeovers, without a cluster.
 _AFTER, _EVERY = 360, 80
-#: Seconds for which the network is cut, and in which it must be whole again.
-_CUT, _MAX_HEALING = 5.0, 20.0
-#: The network between two namespaces, and the host in it of each.
-_NETWORK, _HERE, _THERE = "10.213.77.{}", 1, 2
+#: Seconds in which workers must be back after a cut of the network.
+_MAX_HEALING = 20.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -302,65 +298,6 @@ class Cluster(Troupe):
         """End everything."""
         _end(self.workers)
         super().close()
-
-
-class Network:
-    """A network namespace with a cable to ours. A context manager.
-
-    Raises
-    ------
-    OSError
-        The system has no namespaces, or they are not for us.
-    """
-
-    def __init__(self) -> None:
-        self._name, self._ends = f"kinespace{os.getpid()}", (f"kin{os.getpid()}a", f"kin{os.getpid()}b")
-        #: What begins a command that is to run behind the cable, and our address.
-        self.within = ("ip", "netns", "exec", self._name)
-        self.hosts = (_NETWORK.format(_HERE),)
-        #: When the cable was last plugged in.
-        self.plugged = time.monotonic()
-        self._plugging = threading.Timer(_CUT, self._plug)
-
-    def __enter__(self) -> Self:
-        if not shutil.which("ip"):
-            raise OSError("there is no `ip`")
-        here, there = self._ends
-        with ExitStack() as stack:
-            _ip("netns", "add", self._name)
-            stack.callback(self.__exit__)
-            _ip("link", "add", here, "type", "veth", "peer", "name", there, "netns", self._name)
-            for end, host, within in ((here, _HERE, ()), (there, _THERE, ("-n", self._name))):
-                _ip(*within, "address", "add", f"{_NETWORK.format(host)}/30", "dev", end)
-                _ip(*within, "link", "set", end, "up")
-            stack.pop_all()
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        if self._plugging.ident:
-            self._plugging.join()
-        # The cable's ends vanish with the namespace.
-        _ip("netns", "delete", self._name)
-
-    @property
-    def is_whole(self) -> bool:
-        """Whether the cable is plugged in."""
-        return not self._plugging.is_alive()
-
-    def cut(self) -> None:
-        """Pull the cable out for some seconds."""
-        _ip("link", "set", self._ends[0], "down")
-        self._plugging.start()
-
-    def _plug(self) -> None:
-        _ip("link", "set", self._ends[0], "up")
-        self.plugged = time.monotonic()
-
-
-def _ip(*arguments: str) -> None:
-    done = subprocess.run(["ip", *arguments], capture_output=True, text=True, check=False)  # noqa: S603, S607 - found
-    if done.returncode:
-        raise OSError(f"ip {' '.join(arguments)}: {done.stderr.strip()}")
 
 
 def _started(*arguments: str, within: Sequence[str] = ()) -> subprocess.Popen[bytes]:

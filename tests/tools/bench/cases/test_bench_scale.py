@@ -9,6 +9,7 @@ import msgspec
 import pytest
 
 from kinespace.stream.recognition import Event, EventKind
+from kinespace.tools.bench import network
 from kinespace.tools.bench.cases import scale
 
 if TYPE_CHECKING:
@@ -55,11 +56,11 @@ def test_a_network_is_cut(played: NDArray[np.float32], monkeypatch: pytest.Monke
     """Behind a network that was cut a worker works again, and answers came to the end."""
     pytest.importorskip("zenoh")
     try:
-        with scale.Network():
+        with network.Network():
             pass
     except OSError as error:
         pytest.skip(f"no network namespace can be made: {error}")
-    monkeypatch.setattr(scale, "_CUT", 1.5)
+    monkeypatch.setattr(network, "_CUT", 1.5)
     cut = scale.network_cut(scale.Feed.of(played, 2, 3.0))
     assert cut
     run, healed = cut

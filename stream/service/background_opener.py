@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Generic, TypeVar
 from kinespace.library.motion_library import MotionLibrary
 from kinespace.stream.recognizer import Recognizer
 from kinespace.stream.recognizer.joints.fewer_joints import MAX_RESTRICTED, opened_anew
+from kinespace.stream.service.yielding import yielding
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -67,7 +68,9 @@ class BackgroundOpener(Generic[_Prepared]):
 
     def _run(self, library: MotionLibrary, joints: tuple[str, ...]) -> None:
         try:
-            self._prepared[library, joints] = self._prepare(library, joints)
+            with yielding():
+                prepared = self._prepare(library, joints)
+            self._prepared[library, joints] = prepared
         except (ValueError, MemoryError) as error:
             self._prepared[library, joints] = str(error) or type(error).__name__
         while len(self._prepared) > self._most:

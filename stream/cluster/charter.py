@@ -121,10 +121,10 @@ def own_version() -> str:
 
 
 def file_of(library: MotionLibrary) -> bytes:
-    """Give a library's file, which is the same for the same motions."""
+    """Give a library's file, which is the same for the same motions on every machine."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "library.npz"
-        library.save(path)
+        library.save(path, compressed=False)
         return path.read_bytes()
 
 

@@ -29,6 +29,7 @@ RATES = [30, 60, 120, 240]
 
 @pytest.fixture(scope="module")
 def library(sticks: MotionLibrary) -> MotionLibrary:
+    """Give the library of these tests."""
     return sticks
 
 

@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
     from types import FrameType
 
-#: Seconds of work after which the thread looks whether it was alone, and for which it rests when it was not.
+#: Seconds of work after which the thread checks whether it was alone; seconds of rest if it was not.
 PIECE, REST = 5e-4, 2e-3
 #: The share of a piece that the thread must have had for itself to count as alone.
 ALONE = 0.8
@@ -26,8 +26,8 @@ def yielding(
     """Let the calling thread rest, in the `with` block, while others are busy.
 
     A thread that computes can take Python's lock whenever another thread receives a packet, so that answers wait under
-    a flood of packets. The thread looks at each call of a function, where a profiler would look; the profiler that was
-    set comes back after the block.
+    a flood of packets. The thread checks the time at each call of a function, by Python's hook for profilers. The block
+    ends by setting the former profiler again.
 
     Parameters
     ----------

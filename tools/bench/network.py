@@ -22,12 +22,12 @@ class Network:
     Raises
     ------
     OSError
-        The system has no namespaces, or they are not for us.
+        The system has no namespaces, or does not allow them.
     """
 
     def __init__(self) -> None:
         self._name, self._ends = f"kinespace{os.getpid()}", (f"kin{os.getpid()}a", f"kin{os.getpid()}b")
-        #: What begins a command that is to run behind the cable, and our address.
+        #: The words that begin a command behind the cable, and our address.
         self.within = ("ip", "netns", "exec", self._name)
         self.hosts = (_NETWORK.format(_HERE),)
         #: When the cable was last plugged in.

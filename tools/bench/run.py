@@ -41,7 +41,7 @@ class Effort:
     seconds
         Seconds of each latency run.
     person
-        The person whose motions the peers are compared on.
+        The person whose motions the peers recognise.
     frames
         Frames of the long run.
     minutes
@@ -53,9 +53,9 @@ class Effort:
     most
         The number of performers, at most.
     starts
-        How often the program is started.
+        Number of starts of the program.
     crowd
-        Performers on the bus where nothing happens; half as many where a worker is lost.
+        Performers on the bus; half as many when a worker is lost.
     """
 
     rounds: int = 9
@@ -101,7 +101,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--minutes", type=not_negative, default=10.0, help="of soak over sockets, 0 for none (default %(default)s)"
     )
     parser.add_argument("--crowd", type=count, default=12, help="performers of scale (default %(default)s)")
-    parser.add_argument("--picture", type=Path, metavar="FILE", help="draw what was found")
+    parser.add_argument("--picture", type=Path, metavar="FILE", help="draw the results")
     add_json(parser)
 
 

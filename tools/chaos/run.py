@@ -103,7 +103,7 @@ def _full_disk(live: Live, seconds: float) -> str:
 
 
 def _kill_a_recorder(live: Live, seconds: float) -> str:
-    """Record a feed beside the recogniser, kill the recorder (`kill -9`), and read what it wrote."""
+    """Record a feed beside the recogniser, kill the recorder (`kill -9`), and read its file."""
     recording, printed = live.folder / "killed.kinerec", live.folder / "recorder"
     command = [sys.executable, "-m", "kinespace", "record", str(recording), "--osc-in", "127.0.0.1:0"]
     with printed.open("wb") as output:
@@ -166,8 +166,8 @@ TRIALS: tuple[Trial, ...] = (
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the program's options."""
     parser.description = (
-        "Runs kinespace live and an innocent performer, lets one thing after the other go wrong, and prints what that "
-        "did to the performer's answers and to the program. Takes eight minutes and loads the machine."
+        "Runs kinespace live and an innocent performer, lets one thing after the other go wrong, and prints the "
+        "effect on the performer's answers and on the program. Takes eight minutes and loads the machine."
     )
     parser.add_argument("--seconds", type=positive, default=5.0, help="of each attack (default %(default)s)")
     parser.add_argument("--only", type=names, default=(), metavar="TEXT,...", help="trials with one of these in them")

@@ -1,4 +1,4 @@
-"""`kinespace bench scale`: what workers add, what they hold, and what their deaths cost.
+"""`kinespace bench scale`: the delay that workers add, the performers that they hold, and the cost of losing one.
 
 Gateway and sender are this process; the workers are `kinespace work`, in processes of their own on this machine. How
 many performers a core holds follows from the time for which the processes used a core, so that the crowd can be small
@@ -54,7 +54,7 @@ _LOOPBACK = "127.0.0.1"
 _MAX_START, _LINGER = 60.0, 3.0
 #: Performers over OSC while the gateway is started again.
 _SEEN = 4
-#: Frames of feed that are looked at after a takeover, and between two takeovers, without a cluster.
+#: Frames of feed after a takeover, and between two takeovers, without a cluster.
 _AFTER, _EVERY = 360, 80
 #: Seconds in which workers must be back after a cut of the network.
 _MAX_HEALING = 20.0
@@ -67,7 +67,7 @@ class Run:
     Attributes
     ----------
     what
-        What happened in its middle.
+        The event in its middle.
     lags
         Seconds from the hand-over of a frame to its answer, of all answers, shape (answers,).
     gap
@@ -76,12 +76,12 @@ class Run:
     expected, answered
         Answers of one process, and answers that came.
     lost_events, false_events
-        Events of one process that did not come, and events that came beside these.
+        Events of one process that did not come, and events that one process did not send.
     loop_us
-        Microseconds of a core that a frame took in this process: to be recognised or, with workers, to be sent to them
-        and to be answered, in all threads.
+        Microseconds of a core for each frame in this process, in all threads: to recognise it or, with workers, to
+        send it and to receive its answer.
     core_us
-        The same in all workers; None where there are none, or where the system does not tell.
+        The same in all workers; None without workers, or if the system does not say.
     """
 
     what: str
@@ -110,17 +110,17 @@ class Scale:
     alone, workers
         One process, and two workers of `live --workers 2`.
     runs
-        A gateway and two workers, or three when something happens, by what happens.
+        A gateway and two workers, or three if something happens, by the event.
     busy
-        One process, `live --workers 2`, and a gateway with two workers, with frames that come all at once, as those do
-        that wait for a full core: their processor time tells how many performers a core holds.
+        One process, `live --workers 2`, and a gateway with two workers, with frames that come all at once, as
+        frames come that wait for a full core: their processor time tells how many performers a core holds.
     gateway_gap_s
         Seconds without an answer when the gateway is started again.
     healed_s
         Seconds from the end of a cut of the network until the worker behind it works again; NaN where no network could
         be made.
     takeovers
-        How many takeovers were tried without a cluster, and after how many another event came than without one.
+        The number of takeovers that were tried without a cluster, and the number after which the events differed.
     """
 
     crowd: int
@@ -203,7 +203,7 @@ def _counted(answers: Sequence[Recognition]) -> Counter[tuple[str, str, str]]:
 
 
 class Troupe:
-    """Performers' recognisers and where their answers come back: here those of this process, which has no workers."""
+    """Performers' recognisers and the sources of their answers; this class recognises without workers."""
 
     def __init__(self, performers: Recognising, sources: Sequence[AnswerSource] = ()) -> None:
         self.performers, self.sources = performers, sources
@@ -228,7 +228,7 @@ class Troupe:
         return ()
 
     def core_seconds(self) -> float | None:
-        """Give the seconds of a core that the workers have used; None where there are none, or nobody tells."""
+        """Give the core seconds that the workers have used; None without workers, or if the system does not say."""
         used = [core_seconds(number) for number in self.process_ids]
         return None if None in used or not used else float(sum(each or 0.0 for each in used))
 
@@ -286,7 +286,7 @@ class Cluster(Troupe):
 
     def cut(self) -> None:
         """Cut the network to the worker behind it for some seconds."""
-        assert self.network  # noqa: S101 - told to mypy
+        assert self.network  # noqa: S101 - for mypy
         self.network.cut()
 
     @property
@@ -320,7 +320,7 @@ def _free_port(kind: int) -> int:
         return port
 
 
-#: What can happen in the middle of a run.
+#: The events in the middle of a run.
 HAPPENINGS: dict[str, Callable[[Cluster], None]] = {
     "nothing": lambda _: None,
     "kill": lambda cluster: cluster.workers[0].kill(),

@@ -12,8 +12,8 @@ from typing import Self
 
 #: Seconds for which the cable is out.
 _CUT = 5.0
-#: The network between two namespaces, and the host in it of each.
-_NETWORK, _HERE, _THERE = "10.213.77.{}", 1, 2
+#: The network between two namespaces, one for each process that runs, and the host in it of each namespace.
+_NETWORK, _HERE, _THERE = f"10.213.{os.getpid() % 256}.{{}}", 1, 2
 
 
 class Network:

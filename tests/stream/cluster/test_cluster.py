@@ -200,7 +200,7 @@ def test_a_library_that_is_not_the_one_is_refused(on: Bus) -> None:
     gateway._file = b"something else"  # noqa: SLF001 - as a broken gateway would send it
     node = on.node()
     on.until(lambda: node.counts["refused"] == 1)
-    assert "is not library" in on.told[0]
+    assert "the library that came is not" in on.told[0]
 
 
 def test_two_gateways_for_one_performer(on: Bus, feed: Sequence[Sequence[Frame]]) -> None:

@@ -354,12 +354,13 @@ def with_workers(feed: Feed, *, at_once: bool = False) -> Run:
 
 def network_cut(feed: Feed) -> tuple[Run, float] | None:
     """Cut the network to one of three workers; give the run, and the seconds until the worker was back."""
-    try:
-        with Network() as network:
-            run = play(feed, "cut", network)
-            return run, time.monotonic() - network.plugged
-    except OSError:
-        return None
+    with ExitStack() as stack:
+        try:
+            network = stack.enter_context(Network())
+        except OSError:
+            return None
+        run = play(feed, "cut", network)
+        return run, time.monotonic() - network.plugged
 
 
 @dataclass(slots=True)

@@ -61,7 +61,7 @@ def open_session(listen: Sequence[str], connect: Sequence[str], file: Path | Non
         told |= {"connect/endpoints": list(connect), "connect/timeout_ms": _MAX_CONNECTING}
         told["connect/exit_on_failure"] = True
         # A gateway that was started again is found at once.
-        told["connect/retry"] = {"period_init_ms": 100, "period_max_ms": 1000, "period_increase_factor": 2}
+        told["connect/retry"] = {"period_init_ms": 100, "period_max_ms": 250, "period_increase_factor": 2}
     for name, value in told.items():
         config.insert_json5(name, json.dumps(value))
     places = ", ".join([*listen, *connect]) or str(file)

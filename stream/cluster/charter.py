@@ -121,10 +121,10 @@ def own_version() -> str:
 
 
 def file_of(library: MotionLibrary) -> bytes:
-    """Give a library's file. The same motions give the same bytes."""
+    """Give a library's file. The same motions give the same bytes on every machine."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "library.npz"
-        library.save(path)
+        library.save(path, compressed=False)
         return path.read_bytes()
 
 

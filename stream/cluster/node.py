@@ -51,6 +51,8 @@ _MAX_AGE, _MAX_WARMING = 1.0, 4.0
 _MAX_CATCHING_UP = 0.5
 #: Maximum seconds for which an answer waits for further answers, to travel with them.
 _MAX_TOGETHER = 0.002
+#: Seconds after which a gateway that has not sent its charter, or its library, is asked again.
+_ASK_AGAIN, _FETCH_AGAIN = 1.0, 20.0
 #: Seconds without a frame after which a performer may come from another gateway.
 _SILENCE = 5.0
 
@@ -94,6 +96,8 @@ class Node:
         self.session, self.inbox, self.tell, self.clock = session, Inbox(_MAX_WAITING), tell, clock
         self._digest = chartered.digest_of(chartered.file_of(library)) if library else None
         self._posts: dict[str, Post] = {}
+        #: Gateways whose charter or library has not come yet, and when they are asked again.
+        self._asked: dict[str, float] = {}
         #: Opened libraries by digest.
         self._libraries: dict[str, MotionLibrary] = {self._digest: library} if library and self._digest else {}
         #: The gateway of each performer, and when it was last heard.
@@ -158,6 +162,8 @@ class Node:
         if now >= self._next_report:
             self._next_report = now + REPORT_EVERY
             self._holders = {who: held for who, held in self._holders.items() if now - held[1] <= _SILENCE}
+            for gateway in [each for each, again in self._asked.items() if now >= again]:
+                self._ask(gateway)
             for post in self._posts.values():
                 post.report()
 
@@ -170,12 +176,18 @@ class Node:
         """Ask a gateway that has come for its charter; forget one that has gone."""
         gateway = unquote(token.rpartition("/")[2])
         if not is_there:
+            self._asked.pop(gateway, None)
             if post := self._posts.pop(gateway, None):
                 post.leave()
                 self.tell(f"gateway {gateway} is gone")
             return
         if gateway not in self._posts:
-            self._query(gateway, "charter", self._chartered)
+            self._ask(gateway)
+
+    def _ask(self, gateway: str) -> None:
+        """Ask for a gateway's charter. A question may be lost while a connection begins: it is asked again."""
+        self._asked[gateway] = self.clock() + _ASK_AGAIN
+        self._query(gateway, "charter", self._chartered)
 
     def _query(self, gateway: str, what: str, deal_with: Callable[[str, bytes], None]) -> None:
         def answered(reply: Any) -> None:  # noqa: ANN401 - Zenoh's
@@ -185,6 +197,8 @@ class Node:
         self.session.get(key(gateway, what), answered)
 
     def _chartered(self, gateway: str, message: bytes) -> None:
+        if self._asked.pop(gateway, None) is None:
+            return  # it was answered before, or has gone
         try:
             charter = decode_charter(message)
             why = charter.refusal(self._digest)
@@ -196,9 +210,12 @@ class Node:
         elif charter.digest in self._libraries:
             self._open(gateway, charter, self._libraries[charter.digest])
         else:
+            self._asked[gateway] = self.clock() + _FETCH_AGAIN
             self._query(gateway, "library", lambda _, file: self._fetched(gateway, charter, file))
 
     def _fetched(self, gateway: str, charter: Charter, file: bytes) -> None:
+        if self._asked.pop(gateway, None) is None:
+            return
         if len(file) > chartered.MAX_LIBRARY or chartered.digest_of(file) != charter.digest:
             self.refused += 1
             self.say_once(f"not working for gateway {gateway}: the library that came is not {charter.digest[:12]}")

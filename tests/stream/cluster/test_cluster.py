@@ -15,6 +15,7 @@ from synthetic import STICK_CLASSES, stick_clip
 from kinespace.library.windows.index import opened
 from kinespace.stream.cluster import bus
 from kinespace.stream.cluster import charter as chartered
+from kinespace.stream.cluster import node as node_module
 from kinespace.stream.cluster.bus import open_session
 from kinespace.stream.cluster.charter import Back, encode, key
 from kinespace.stream.cluster.gateway import Gateway
@@ -192,6 +193,24 @@ def test_another_version_or_library_or_map_is_refused(
     why = [line.removeprefix(f"not working for gateway {gateway.name}: the gateway has ") for line in on.told]
     assert [line.partition(" ")[0] for line in why] == ["library", "version", "partitions"]
     assert on.has_workers(gateway, 0)
+
+
+def test_a_question_that_is_lost_is_asked_again(on: Bus, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A worker whose first questions for charter and library nobody answers works all the same."""
+    monkeypatch.setattr(node_module, "_ASK_AGAIN", 0.0)
+    monkeypatch.setattr(node_module, "_FETCH_AGAIN", 0.0)
+    reply, lost = Gateway._reply, set[str]()  # noqa: SLF001 - what is lost is lost before it
+
+    def lose_the_first(query: Any, payload: bytes) -> None:  # noqa: ANN401 - Zenoh's
+        if str(query.key_expr) in lost:
+            reply(query, payload)
+        lost.add(str(query.key_expr))
+
+    monkeypatch.setattr(Gateway, "_reply", staticmethod(lose_the_first))
+    gateway = on.gateway()
+    on.node()
+    on.until(lambda: on.has_workers(gateway, 1))
+    assert len(lost) == 2
 
 
 def test_a_library_that_is_not_the_one_is_refused(on: Bus) -> None:

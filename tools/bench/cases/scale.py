@@ -34,6 +34,7 @@ from kinespace.stream.workers.ledger import Ledger
 from kinespace.stream.workers.partition import PARTITIONS
 from kinespace.stream.workers.wire import decode_frames, encode_frames
 from kinespace.stream.workers.worker import HISTORY, Worker
+from kinespace.tools.bench.cases import capacity
 from kinespace.tools.bench.memory import core_seconds
 from kinespace.tools.bench.network import Network
 from kinespace.tools.bench.recorded import FRAME_RATE
@@ -56,6 +57,8 @@ _MAX_START, _LINGER = 60.0, 3.0
 _SEEN = 4
 #: Frames of feed after a takeover, and between two takeovers, without a cluster.
 _AFTER, _EVERY = 360, 80
+#: How many times as many performers show what a core holds: so many that a worker seldom sleeps between frames.
+BUSIER = 3
 #: Seconds in which workers must be back after a cut of the network.
 _MAX_HEALING = 20.0
 
@@ -111,9 +114,12 @@ class Scale:
         One process, and two workers of `live --workers 2`.
     runs
         A gateway and two workers, or three if something happens, by the event.
-    busy
-        One process, `live --workers 2`, and a gateway with two workers, with frames that come all at once, as
-        frames come that wait for a full core: their processor time tells how many performers a core holds.
+    at_once
+        One process and `live --workers 2`, with frames that come all at once, as frames do that wait for a full core:
+        the processor time of recognition alone.
+    held
+        A service that receives and answers over OSC, and a gateway with two workers, with `BUSIER` times as many
+        performers: their processor time tells how many performers a core holds.
     gateway_gap_s
         Seconds without an answer when the gateway is started again.
     healed_s
@@ -127,24 +133,22 @@ class Scale:
     alone: Run
     workers: Run
     runs: dict[str, Run]
-    busy: tuple[Run, Run, Run]
+    at_once: tuple[Run, Run]
+    held: tuple[Run, Run]
     gateway_gap_s: float
     healed_s: float
     takeovers: tuple[int, int]
 
     @property
     def ratio(self) -> float | None:
-        """Performers that a worker's core holds, relative to those that a core of one process holds."""
-        return self._relative(self.busy[2])
+        """Performers that a worker's core holds, relative to those that a core of a service over OSC holds."""
+        return _relative(*self.held)
 
     @property
     def speedup(self) -> float | None:
         """Frames that the two workers of `live` recognise in a second, relative to those of one process."""
-        ratio = self._relative(self.busy[1])
+        ratio = _relative(*self.at_once)
         return 2 * ratio if ratio else None
-
-    def _relative(self, run: Run) -> float | None:
-        return self.busy[0].loop_us / run.core_us if run.core_us else None
 
     @property
     def lost_events(self) -> int:
@@ -159,6 +163,11 @@ class Scale:
     def added_ms(self, percent: float) -> float:
         """Give a percentile of the lags beside that of one process, milliseconds."""
         return self.runs["nothing"].percentile(percent) - self.alone.percentile(percent)
+
+
+def _relative(one: Run, spread: Run) -> float | None:
+    alone = one.core_us or one.loop_us
+    return alone / spread.core_us if spread.core_us else None
 
 
 @dataclass(frozen=True, slots=True)
@@ -265,11 +274,16 @@ class Cluster(Troupe):
         self.gateway = Gateway(session, library, Settings(), most=performers, joints=SentJoints(), naming="auto")
         super().__init__(self.gateway, [self.gateway.source])
         self.workers: list[subprocess.Popen[bytes]] = []
-        if network:
-            self.workers.append(_started("work", "--connect", places[1], within=network.within))
-        while len(self.workers) < workers:
-            self.add_worker()
-        self.wait_for(workers)
+        try:
+            if network:
+                self.workers.append(_started("work", "--connect", places[1], within=network.within))
+            while len(self.workers) < workers:
+                self.add_worker()
+            self.wait_for(workers)
+        except BaseException:
+            # An open session would keep this process alive for ever.
+            self.close()
+            raise
 
     def add_worker(self) -> None:
         """Start a worker."""
@@ -350,6 +364,13 @@ def with_workers(feed: Feed, *, at_once: bool = False) -> Run:
     """Play a feed through the two workers of `live --workers 2`."""
     with closing(Workers(2, len(feed.frames[0]))) as workers:
         return _played(feed, workers, "live --workers 2", at_once=at_once)
+
+
+def over_osc(positions: NDArray[np.float32], performers: int, seconds: float) -> Run:
+    """Play to a process that receives and answers over OSC, as `kinespace live` does."""
+    crowd = capacity.play("osc", performers, positions[: round(seconds * FRAME_RATE)], Settings())
+    used = None if crowd.core_share is None else crowd.core_share / performers / FRAME_RATE * 1e6
+    return Run("one process, OSC", crowd.seconds, math.nan, crowd.expected, crowd.answered, 0, 0, math.nan, used)
 
 
 def network_cut(feed: Feed) -> tuple[Run, float] | None:
@@ -519,7 +540,8 @@ def measure(positions: NDArray[np.float32], *, seconds: float, crowd: int) -> Sc
         alone(feed),
         with_workers(feed),
         runs,
-        (alone(feed, at_once=True), with_workers(feed, at_once=True), play(feed, "nothing", at_once=True)),
+        (alone(feed, at_once=True), with_workers(feed, at_once=True)),
+        (over_osc(positions, BUSIER * crowd, seconds), play(Feed.of(positions, BUSIER * crowd, seconds), "nothing")),
         gateway_gap(positions),
         cut[1] if cut else math.nan,
         takeovers(positions, HISTORY),

@@ -89,16 +89,21 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         choices=[str(signature) for signature in LiveSignature],
         help="the signature of --json, growth and sockets (default: the recogniser's own)",
     )
-    parser.add_argument("--rounds", type=count, default=9, help="medians are of so many (default %(default)s)")
+    parser.add_argument(
+        "--rounds", type=count, default=9, help="rounds, of which medians are taken (default %(default)s)"
+    )
     parser.add_argument(
         "--seconds",
         type=positive,
         default=20.0,
-        help="of a run of sockets or scale (default %(default)s)",
+        help="seconds of a run of sockets or scale (default %(default)s)",
     )
-    parser.add_argument("--frames", type=count, default=soak.DAY, help="of soak (default: a day, %(default)s)")
+    parser.add_argument("--frames", type=count, default=soak.DAY, help="frames of soak (default: a day, %(default)s)")
     parser.add_argument(
-        "--minutes", type=not_negative, default=10.0, help="of soak over sockets, 0 for none (default %(default)s)"
+        "--minutes",
+        type=not_negative,
+        default=10.0,
+        help="minutes of soak over sockets, 0 for none (default %(default)s)",
     )
     parser.add_argument("--crowd", type=count, default=12, help="performers of scale (default %(default)s)")
     parser.add_argument("--picture", type=Path, metavar="FILE", help="draw the results")

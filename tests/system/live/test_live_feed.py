@@ -126,7 +126,7 @@ def test_a_joint_that_the_library_lacks_is_named(capsys: pytest.CaptureFixture[s
     assert len(fitted(library, "feed mine", [*joints, "haed", "tail"]).skeleton.joints) == 30
     told = (
         "feed mine: the library has no joint 'haed', perhaps head is meant\n"
-        "feed mine: not compared, for the library has none: haed, tail\n"
+        "feed mine: not compared, because the library lacks them: haed, tail\n"
         "feed mine: 30 of the library's 31 joints\n"
     )
     assert capsys.readouterr().out == told

@@ -52,7 +52,7 @@ def one_line(capsys: pytest.CaptureFixture[str], *arguments: object) -> str:
     """
     assert main([str(argument) for argument in arguments]) == 2
     out, err = capsys.readouterr()
-    sent = r"(\d+ frames sent, 0 refused by the system\n(the feed stood still for .*\n)?(nobody listens at .*\n)?)?"
+    sent = r"(\d+ frames sent, 0 refused by the system\n(the feed stood still for .*\n)?(no program listens at .*\n)?)?"
     assert re.fullmatch(sent if arguments[0] == "replay" else "", out)
     assert err.startswith("kinespace: ")
     assert err.endswith("\n")

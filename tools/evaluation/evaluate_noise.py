@@ -97,7 +97,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="MM",
         help="standard deviations on each coordinate (default: 0 10 20 30)",
     )
-    parser.add_argument("--groups", type=count, default=12, help="how many, at least two (default %(default)s)")
+    parser.add_argument("--groups", type=count, default=12, help="number of groups, at least two (default %(default)s)")
     parser.add_argument("--every", type=count, default=1, help="play every nth motion alone (default %(default)s)")
     parser.add_argument("--seed", type=int, default=0, help="of the noise (default %(default)s)")
     parser.add_argument("--skeleton", metavar="NAME", help="with the joints of this product alone, like kinectv2")

@@ -116,8 +116,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--protocol",
         choices=[str(protocol) for protocol in Protocol],
         default=str(Protocol.LIBRARY),
-        help="recognise with the library; with what is cut from the other takes, or from the other persons' takes; or "
-        "with what is cut from one person's, for each person in turn",
+        help="recognise with the library; with motions cut from the other takes, or from the other persons' takes; or "
+        "with motions of one person, for each person in turn",
     )
     add_subjects(parser)
     add_map(parser)
@@ -128,9 +128,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         choices=[str(kind) for kind in Kind],
         help="leave these parts of the signature out, to see what they are worth",
     )
-    parser.add_argument("--timeline", type=Path, metavar="FILE", help="draw what was performed and answered over time")
-    parser.add_argument("--page", type=Path, metavar="HTML", help="write takes, answers and bodies to scrub through")
-    parser.add_argument("--confusion", type=Path, metavar="FILE", help="draw what was answered to what")
+    parser.add_argument("--timeline", type=Path, metavar="FILE", help="draw labels and answers over time")
+    parser.add_argument("--page", type=Path, metavar="HTML", help="write a page that plays takes, answers and bodies")
+    parser.add_argument("--confusion", type=Path, metavar="FILE", help="draw the confusion matrix")
     add_json(parser)
 
 

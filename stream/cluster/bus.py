@@ -39,7 +39,7 @@ def open_session(listen: Sequence[str], connect: Sequence[str], file: Path | Non
     ConnectionError
         An endpoint cannot be listened on or reached.
     ValueError
-        The file is not a configuration of Zenoh.
+        An endpoint is none, or the file is not a configuration of Zenoh.
     """
     try:
         import zenoh  # noqa: PLC0415 - an extra
@@ -62,9 +62,12 @@ def open_session(listen: Sequence[str], connect: Sequence[str], file: Path | Non
         told["connect/exit_on_failure"] = True
         # A gateway that was started again is found at once.
         told["connect/retry"] = {"period_init_ms": 100, "period_max_ms": 250, "period_increase_factor": 2}
-    for name, value in told.items():
-        config.insert_json5(name, json.dumps(value))
     places = ", ".join([*listen, *connect]) or str(file)
+    try:
+        for name, value in told.items():
+            config.insert_json5(name, json.dumps(value))
+    except zenoh.ZError:
+        raise ValueError(f"{places}: expected endpoints like {LISTEN}") from None
     try:
         return zenoh.open(config)
     except zenoh.ZError as error:

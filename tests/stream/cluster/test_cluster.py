@@ -331,3 +331,5 @@ def test_an_unreachable_address_is_reported_in_one_line(monkeypatch: pytest.Monk
     broken.write_text("{ nonsense", encoding="utf-8")
     with pytest.raises(ValueError, match="not a configuration of Zenoh"):
         open_session([], [], broken)
+    with pytest.raises(ValueError, match="nonsense: expected endpoints like tcp/"):
+        open_session(["nonsense"], [], None)

@@ -46,7 +46,7 @@ def add_reading(parser: argparse.ArgumentParser) -> None:
 
 def add_names(parser: argparse.ArgumentParser, whose: str) -> None:
     """Add the option for the convention of joint names."""
-    known = ", ".join(each.name for each in conventions())
+    known = ", ".join(sorted(each.name for each in conventions()))
     parser.add_argument(
         "--names",
         dest="naming",

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import json
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kinespace.library import MotionLibrary
+from kinespace.library import MotionLibrary, SkeletonMismatchError
+from kinespace.library.motion_library import MIN_JOINTS
 from kinespace.library.windows.index import WindowIndex, usual_weighing
 from kinespace.library.windows.parts import Kind
 from kinespace.stream.frame import Frame
@@ -35,14 +36,14 @@ from kinespace.tools.evaluation.scoring.stream_tables import print_persons, prin
 from kinespace.tools.evaluation.scoring.timeline import Course, confusion, course_of
 from kinespace.tools.evaluation.takes import Sources, Take, read_takes, takes_of
 from kinespace.tools.feeding.joint_sets import joints_of
-from kinespace.tools.terminal.console import progress
+from kinespace.tools.terminal.console import progress, progress_console
 from kinespace.tools.terminal.output_path import require_place_for
 
 if TYPE_CHECKING:
     import argparse
     from collections.abc import Sequence
 
-    from kinespace.library import Clip, Reading
+    from kinespace.library import Clip, Reading, Skeleton
     from kinespace.library.recordings.formats.labels import Segment
 
 #: Seconds before a moment that must lie in a segment for the moment to count as inside it.
@@ -192,12 +193,11 @@ def evaluate(
     """
     drawn.require_places()
     takes = read_takes(sources, reading) if sources else _motions(library, sources, protocol)
-    folds = folds_of(takes, protocol, lambda: _library(library, sources.skeleton))
+    given = _library(library, sources.skeleton) if protocol is Protocol.LIBRARY else None
+    joints = shared_joints([*(take.clip.skeleton for take in takes), *([given.skeleton] if given else [])])
+    takes = [replace(take, clip=take.clip.restricted_to(joints)) for take in takes]
+    folds = folds_of(takes, protocol, lambda: (given or MotionLibrary.builtin()).restricted_to(joints))
     classes = tuple(sorted({name for fold in folds for name in fold.library.classes}))
-    for fold in folds:
-        for take in fold.takes:
-            # A take of another body is refused before the work.
-            take.clip.as_of(fold.library.skeleton)
     _require_classes(takes, sources, classes)
     if drawn.confusion and not any(take.segments for take in takes):
         raise ValueError("--confusion: expected takes of which is known what is performed when, got none")
@@ -267,6 +267,28 @@ def _course(take: Take, compared: MotionLibrary | WindowIndex, classes: Sequence
 def _library(path: Path | None, skeleton: str | None) -> MotionLibrary:
     whole = library_at(path)
     return whole.restricted_to(joints_of(skeleton)) if skeleton else whole
+
+
+def shared_joints(skeletons: Sequence[Skeleton]) -> tuple[str, ...]:
+    """Give the joints that all takes and the library have; say which joints are lost.
+
+    Raises
+    ------
+    SkeletonMismatchError
+        Too few are left.
+    """
+    bodies = dict.fromkeys(skeleton.joints for skeleton in skeletons)
+    every = tuple(dict.fromkeys(name for joints in bodies for name in joints))
+    shared = tuple(name for name in every if all(name in joints for joints in bodies))
+    if len(shared) < MIN_JOINTS:
+        raise SkeletonMismatchError(
+            f"joints: expected at least {MIN_JOINTS} that all takes and the library have, got {len(shared)}"
+        )
+    if len(shared) < len(every):
+        lost = ", ".join(name for name in every if name not in shared)
+        told = f"{len(shared)} joints that all takes and the library have; without {lost}"
+        progress_console.print(told, soft_wrap=True, markup=False, highlight=False)
+    return shared
 
 
 def _motions(library: Path | None, sources: Sources, protocol: Protocol) -> list[Take]:

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from kinespace.stream.recognizer.joints.fewer_joints import Opener
 
 
-#: For each performer that there may be, the number of performers whose joint names are remembered.
+#: The joint names of so many times the maximum number of performers are remembered.
 _MAX_REMEMBERED = 4
 #: Sets of joints that the library is restricted to at most: each has windows of its own, which take room and time.
 _MAX_SETS = 3
@@ -252,7 +252,7 @@ class Performers:
         return carried_by(given, performer.library.skeleton.pairs, performer.order, len(performer.joints))
 
     def long_ago(self, name: str) -> LongAgo | None:
-        """Give what another recogniser must know that goes on with the last seconds of a performer's feed."""
+        """Give the facts for another recogniser that goes on with the last seconds of a performer's feed."""
         performer = self._performers.get(name)
         return performer.recognizer.long_ago if performer else None
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 from kinespace.library.motion_library import MIN_JOINTS
@@ -214,7 +214,7 @@ class Performers:
         """Counts of all frames so far, by their fate; a copy."""
         total = replace(self._counts.recognizers)
         for performer in self._performers.values():
-            _add(total, performer.recognizer.counts)
+            total.add(performer.recognizer.counts)
         return replace(self._counts, recognizers=total)
 
     @property
@@ -359,7 +359,7 @@ class Performers:
 
     def _retire(self, recognizer: Recognizer) -> None:
         """Keep a recogniser's counts, and the end of its motion, when the recogniser is no longer needed."""
-        _add(self._counts.recognizers, recognizer.counts)
+        self._counts.recognizers.add(recognizer.counts)
         if ended := recognizer.end():
             self._ended.append(ended)
 
@@ -516,8 +516,3 @@ class Performers:
 
 def _in_order(frame: Frame, performer: _Performer) -> Frame:
     return frame if performer.order is None else replace(frame, positions=frame.positions[performer.order])
-
-
-def _add(total: RecognizerCounts, counts: RecognizerCounts) -> None:
-    for each in fields(RecognizerCounts):
-        setattr(total, each.name, getattr(total, each.name) + getattr(counts, each.name))

@@ -8,7 +8,7 @@ alone.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import wraps
 from typing import TYPE_CHECKING, Concatenate, ParamSpec, TypeVar
 
@@ -67,6 +67,11 @@ class RecognizerCounts:
     restarts: int = 0
     #: Windows answered.
     hops: int = 0
+
+    def add(self, counts: RecognizerCounts, times: int = 1) -> None:
+        """Add other counts, or take them off with -1 times."""
+        for each in fields(self):
+            setattr(self, each.name, getattr(self, each.name) + times * getattr(counts, each.name))
 
 
 def _one_at_a_time(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 from abc import ABC, abstractmethod
-from dataclasses import fields, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, cast
 
 import msgspec
@@ -102,7 +102,7 @@ class Spread(ABC):
         """Counts of what happened to all frames so far, as far as workers have reported it."""
         total, other_joints = replace(self._past), self._past_joints
         for report in self._reports.values():
-            _add(total, report.counts.recognizers)
+            total.add(report.counts.recognizers)
             other_joints += report.counts.other_joints
         return PerformerCounts(self._ledger.no_room, other_joints, self._ledger.dropped, total)
 
@@ -292,7 +292,7 @@ class Spread(ABC):
     def _lose(self, worker: str, ready: Collection[str]) -> None:
         """Give the partitions of an ended worker to the other workers; keep its counts."""
         if report := self._reports.pop(worker, None):
-            _add(self._past, report.counts.recognizers)
+            self._past.add(report.counts.recognizers)
             self._past_joints += report.counts.other_joints
             self._past_dropped += report.dropped
         for question, (taker, partitions) in [*self._moves.items()]:
@@ -307,8 +307,3 @@ questions = itertools.count(1)
 def together(frames: Sequence[SentFrame]) -> list[list[SentFrame]]:
     """Divide frames into messages."""
     return [list(frames[first : first + MAX_TOGETHER]) for first in range(0, len(frames), MAX_TOGETHER)]
-
-
-def _add(total: RecognizerCounts, counts: RecognizerCounts) -> None:
-    for each in fields(RecognizerCounts):
-        setattr(total, each.name, getattr(total, each.name) + getattr(counts, each.name))

@@ -6,7 +6,7 @@ that its windows and averages equal the former worker's; the worker does not rep
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import msgspec
@@ -198,7 +198,5 @@ class Worker:
             self._newest.pop(name, None)
             self._taken_over.pop(name, None)
         counts = performers.counts
-        for each in fields(RecognizerCounts):
-            warmed = getattr(self._warmed, each.name)
-            setattr(counts.recognizers, each.name, getattr(counts.recognizers, each.name) - warmed)
+        counts.recognizers.add(self._warmed, -1)
         return Report(counts, performers.refused, performers.doubted, performers.compared, len(performers), last)

@@ -66,7 +66,7 @@ class NoiseScore:
     clips_right, clips_guessed
         The same shares of the motions' last answers; a motion without an answer counts as wrong.
     seconds, clips, persons
-        What the figures rest on; persons None when they are not known.
+        The basis of the figures; persons None when they are not known.
     intervals
         Ends of the 95 % interval of each share, by its name: bootstrap over motions.
     """

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from types import FrameType
 
 #: Seconds of work after which the thread looks whether it was alone, and for which it rests when it was not.
-PIECE, REST = 5e-4, 2e-3
+PIECE, REST = 5e-4, 1e-3
 #: The share of a piece that the thread must have had for itself to count as alone.
 ALONE = 0.8
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from multiprocessing.reduction import ForkingPickler
 from typing import TYPE_CHECKING, Any
 
-from kinespace.stream.recognizer import Performers, SentJoints, Settings
+from kinespace.stream.recognizer import Performers, Recognizer, SentJoints, Settings
 from kinespace.stream.service.background_opener import background_restricter, background_windows
 from kinespace.stream.workers.channel import Channel
 from kinespace.stream.workers.wire import (
@@ -99,7 +99,8 @@ def run(end: socket.socket, libraries: Connection, start: Start) -> None:
         if hasattr(signal, name):
             signal.signal(getattr(signal, name), signal.SIG_IGN)
     opened: queue.SimpleQueue[Any] = queue.SimpleQueue()
-    threading.Thread(target=_read, args=(libraries, opened), name="kinespace libraries", daemon=True).start()
+    given = libraries, opened, start.settings
+    threading.Thread(target=_read, args=given, name="kinespace libraries", daemon=True).start()
     if (first := opened.get()) is None:
         return
     library, order, book = first
@@ -109,10 +110,13 @@ def run(end: socket.socket, libraries: Connection, start: Start) -> None:
     Loop(Channel(end), worker, opened).run()
 
 
-def _read(libraries: Connection, opened: queue.SimpleQueue[Any]) -> None:
+def _read(libraries: Connection, opened: queue.SimpleQueue[Any], settings: Settings) -> None:
     with suppress(EOFError, OSError):
         while True:
-            opened.put(ForkingPickler.loads(libraries.recv_bytes()))
+            library, order, book = ForkingPickler.loads(libraries.recv_bytes())
+            # A recogniser prepares what all recognisers share, some of which takes a second: no frame waits for it.
+            Recognizer(library, settings)
+            opened.put((library, order, book))
     opened.put(None)
 
 

@@ -294,7 +294,7 @@ def segments_beside(take: Path) -> tuple[Segment, ...] | None:
         The labels cannot be used.
     """
     if labels := labels_beside(take):
-        return read_labels(labels)
+        return read_labels(labels[0])
     if utkinect.is_take(take) and take.with_name(utkinect.LABELS).is_file():
         return utkinect.read_segments(take)
     return None

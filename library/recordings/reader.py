@@ -97,7 +97,7 @@ def is_recording(path: Path) -> bool:
     return ending in _ENDINGS or utkinect.is_take(path) or (ending in _TABLES and joint_table.is_joint_table(path))
 
 
-def _got(path: Path) -> str:
+def instead_of_recording(path: Path) -> str:
     """Say of a file that is no recording what it is."""
     if path.is_file() and not path.stat().st_size:
         return "an empty file"
@@ -232,7 +232,7 @@ class RecordingReader:
 
     def _require_recording(self, path: Path) -> None:
         if not is_recording(path):
-            raise RecordingError(f"{path}: expected a recording ({_NAMED}), got {_got(path)}")
+            raise RecordingError(f"{path}: expected a recording ({_NAMED}), got {instead_of_recording(path)}")
 
     @staticmethod
     def _require_memory(path: Path) -> None:

@@ -1,10 +1,10 @@
 """Tables of joint positions: CSV with three columns for each joint, and the `.npz` that `kinespace convert` writes.
 
-A CSV has commas, semicolons or tabs between; its first line names its columns: `<joint>_x`, `<joint>_y`, `<joint>_z` for each joint, in any order, and perhaps a
-column `time` (or `timestamp`, `time_s`, `timestamp_s`, `t`): seconds, or milliseconds if frames would otherwise lie a
-second or more apart. Other columns (a frame's number, visibilities) are ignored. Without times the frames follow each
-other evenly, 30 in a second unless another rate is given; FreeMoCap writes its `mediapipe_body_3d_xyz.csv` so. An empty
-field is a joint that was not seen.
+A CSV has commas, semicolons or tabs between; its first line names its columns: `<joint>_x`, `<joint>_y`, `<joint>_z`
+for each joint, in any order, and perhaps a column `time` (or `timestamp`, `time_s`, `timestamp_s`, `t`): seconds, or
+milliseconds if frames would otherwise lie a second or more apart. Other columns (a frame's number, visibilities) are
+ignored. Without times the frames follow each other evenly, 30 in a second unless another rate is given; FreeMoCap
+writes its `mediapipe_body_3d_xyz.csv` so. An empty field is a joint that was not seen.
 
 The `.npz` holds `time` (frames,), seconds; `positions` (frames, joints, 3), metres; `joints`; `parents`, empty when
 they are not known; and `performer`.

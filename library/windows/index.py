@@ -209,7 +209,7 @@ class WindowIndex:
         return self._windows.compared(numbers)
 
     def distances_of(self, vectors: Sequence[NDArray[np.float32]]) -> NDArray[np.float64]:
-        """Do what `log_distances` does of a window that is placed already, by the vector of each group."""
+        """Do the same as `log_distances` for a window that is placed already, by the vector of each group."""
         return self.blocks.agreed(self.blocks.nearest(self._windows.weighed(vectors)))
 
     def prepare(self) -> None:

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 from enum import StrEnum
 
-#: Share of unknown time that may be named: where strangers' motions taught the library what is unknown, and where its
+#: Share of unknown time that may be named: where strangers' motions taught the library unknown motion, and where its
 #: own classes did.
 SENSITIVITY_LEARNED, SENSITIVITY_OWN = 0.05, 0.2
 

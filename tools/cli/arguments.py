@@ -1,4 +1,4 @@
-"""Arguments that several programs share: groups of options, and numbers and names as they are typed."""
+"""Arguments that several programs share: groups of options, and numbers and names in the command line."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def add_reading(parser: argparse.ArgumentParser) -> None:
     """Add the options for reading recordings."""
     parser.add_argument("--asf", type=Path, help="skeleton of AMC files (default: found by name)")
     parser.add_argument(
-        "--frame-rate", type=positive, metavar="HZ", help="of all recordings (default: each file's own)"
+        "--frame-rate", type=positive, metavar="HZ", help="frame rate of all recordings (default: each file's own)"
     )
     parser.add_argument(
         "--unit",

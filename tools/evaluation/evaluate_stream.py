@@ -89,7 +89,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the program's options."""
     parser.description = (
         "Replays takes through the very recogniser that runs live, at full speed and without sockets, and compares "
-        "what was published at each moment with what was performed at that moment."
+        "the answer of each moment with the movement performed at that moment."
     )
     parser.add_argument(
         "takes",
@@ -117,8 +117,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--protocol",
         choices=[str(protocol) for protocol in Protocol],
         default=str(Protocol.LIBRARY),
-        help="recognise with the library; with what is cut from the other takes, or from the other persons' takes; or "
-        "with what is cut from one person's, for each person in turn",
+        help="recognise with the library; with motions cut from the other takes, or from the other persons' takes; or "
+        "with motions of one person, for each person in turn",
     )
     add_subjects(parser)
     add_map(parser)
@@ -127,11 +127,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--without-part",
         choices=[str(kind) for kind in Kind],
-        help="leave these parts of the signature out, to see what they are worth",
+        help="leave these parts of the signature out, to see their worth",
     )
-    parser.add_argument("--timeline", type=Path, metavar="FILE", help="draw what was performed and answered over time")
-    parser.add_argument("--page", type=Path, metavar="HTML", help="write takes, answers and bodies to scrub through")
-    parser.add_argument("--confusion", type=Path, metavar="FILE", help="draw what was answered to what")
+    parser.add_argument("--timeline", type=Path, metavar="FILE", help="draw labels and answers over time")
+    parser.add_argument("--page", type=Path, metavar="HTML", help="write a page that plays takes, answers and bodies")
+    parser.add_argument("--confusion", type=Path, metavar="FILE", help="draw the confusion matrix")
     add_json(parser)
 
 
@@ -185,7 +185,7 @@ def evaluate(
     settings
         The recogniser's settings.
     without
-        Parts of the signature that are left out, to measure what they are worth.
+        Parts of the signature that are left out, to measure their worth.
     drawn
         The pictures.
     as_json
@@ -200,7 +200,7 @@ def evaluate(
     classes = tuple(sorted({name for fold in folds for name in fold.library.classes}))
     _require_classes(takes, sources, classes)
     if drawn.confusion and not any(take.segments for take in takes):
-        raise ValueError("--confusion: expected takes of which is known what is performed when, got none")
+        raise ValueError("--confusion: expected takes with labels, got none")
     asked = [(fold, take) for fold in folds for take in fold.takes]
     courses = [
         _course(take, _compared(fold.library, without), classes, settings)
@@ -300,7 +300,7 @@ def _motions(library: Path | None, sources: Sources, protocol: Protocol) -> list
 
 
 def _require_classes(takes: Sequence[Take], sources: Sources, classes: Sequence[str]) -> None:
-    """Refuse names that are no class, because nobody would notice that no motion is known."""
+    """Refuse names that are no class: the figures would not show that no motion is known."""
     for class_name in sources.names.values():
         if class_name not in classes:
             raise ValueError(f"--map: expected one of {', '.join(classes)}, got {class_name!r}")
@@ -323,7 +323,7 @@ def _by_person(folds: Sequence[Fold], courses: Sequence[Course], classes: Sequen
 
 
 def _over_persons(persons: dict[str, StreamScore]) -> dict[str, dict[str, object]]:
-    """Give every person's figures, their mean and the worst of each; None where nobody has the figure."""
+    """Give every person's figures, their mean and the worst of each; None where no person has the figure."""
     figures = {person: score.figures() for person, score in persons.items()}
     mean, worst = dict[str, object](), dict[str, object]()
     for name in next(iter(figures.values())):

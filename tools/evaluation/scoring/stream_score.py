@@ -41,7 +41,7 @@ class ClassScore:
 
 @dataclass(frozen=True, slots=True)
 class Basis:
-    """What figures rest on: seconds, segments (or takes), and persons; None when the persons are not known.
+    """The basis of figures: seconds, segments (or takes), and persons; None when the persons are not known.
 
     A segment that several libraries were asked about counts once.
     """
@@ -88,7 +88,7 @@ class StreamScore:
     takes_found
         For takes that only say which classes they contain: the share of these classes named at some time in the take.
     known, unknown, containing
-        What the figures of known motions, of unknown motions, and `takes_found` rest on (segments are takes for the
+        The basis of the figures of known motions, of unknown motions, and of `takes_found` (segments are takes for the
         last).
     intervals
         Lower and upper end of the 95 % interval of each figure, by name (`tools.evaluation.scoring.bootstrap`);

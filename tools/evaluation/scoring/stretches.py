@@ -66,7 +66,7 @@ class Stretch:
 
     @property
     def known(self) -> bool:
-        """Whether the recogniser's library knows what is performed."""
+        """Whether the recogniser's library knows the motion performed."""
         return self.truth != NONE
 
     @property

@@ -38,7 +38,7 @@ class Course:
     segments
         The segments performed, with the library's class names where it knows them.
     truth
-        Index of the class performed; NONE where the library does not know it or nobody labelled it.
+        Index of the class performed; NONE where the library does not know it or no label says it.
     labelled
         Whether the moment is labelled, shape (frames,).
     segment

@@ -85,7 +85,7 @@ def rounded(positions: NDArray[np.float64]) -> NDArray[np.float64]:
 # --- writing -----------------------------------------------------------------------------------------------------
 
 
-def write(path: Path, contents: Contents) -> None:
+def write(path: Path, contents: Contents, *, compressed: bool = True) -> None:
     """Write a library's file so that a reader sees the old file or the new one, never a part.
 
     Parameters
@@ -94,6 +94,8 @@ def write(path: Path, contents: Contents) -> None:
         The file; replaced when it exists.
     contents
         At least one motion, all of one skeleton; positions are rounded to whole millimetres.
+    compressed
+        Whether the file is small. A file that is not has the same bytes on every machine, and is written at once.
 
     Raises
     ------
@@ -110,7 +112,7 @@ def write(path: Path, contents: Contents) -> None:
     if contents.learned:
         arrays |= {f"{_LEARNED}{name}": array.astype("<f4") for name, array in contents.learned.arrays().items()}
     with _replacing(path) as file:
-        np.savez_compressed(file, header=np.frombuffer(header, dtype=np.uint8), **arrays)
+        (np.savez_compressed if compressed else np.savez)(file, header=np.frombuffer(header, dtype=np.uint8), **arrays)
 
 
 def _described(contents: Contents) -> dict[str, object]:

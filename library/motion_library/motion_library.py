@@ -132,8 +132,15 @@ class MotionLibrary:
         except ValueError as error:
             raise library_file.LibraryFileError(f"{path}: not a usable motion library ({error})") from error
 
-    def save(self, path: Path | str) -> None:
+    def save(self, path: Path | str, *, compressed: bool = True) -> None:
         """Write one file, atomically.
+
+        Parameters
+        ----------
+        path
+            The file; replaced when it exists.
+        compressed
+            Whether the file is small. A file that is not has the same bytes on every machine, and is written at once.
 
         Raises
         ------
@@ -142,7 +149,9 @@ class MotionLibrary:
         OSError
             The folder cannot be written.
         """
-        library_file.write(Path(path), library_file.Contents(self.skeleton, self.motions, self.learned))
+        library_file.write(
+            Path(path), library_file.Contents(self.skeleton, self.motions, self.learned), compressed=compressed
+        )
 
     def __len__(self) -> int:
         return len(self.motions)
@@ -159,7 +168,7 @@ class MotionLibrary:
 
     @property
     def judged_by_strangers(self) -> bool:
-        """Whether numbers learned from other people's motions tell what is unknown."""
+        """Whether numbers learned from other people's motions tell unknown motion from known."""
         return self.learned is not None and self.learned.judges
 
     @property

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 from enum import StrEnum
 
-#: Share of unknown time that may be named: where strangers' motions taught the library what is unknown, where its own
+#: Share of unknown time that may be named: where strangers' motions taught the library unknown motion, where its own
 #: classes did, and where these are of one person.
 SENSITIVITY_LEARNED, SENSITIVITY_OWN, SENSITIVITY_ONE = 0.05, 0.2, 0.28
 #: Lead that a class needs before a start event, and in a library of one person that learned what is unknown from its

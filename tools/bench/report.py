@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 from kinespace.stream.recognizer import LiveSignature
+from kinespace.tools.bench.cases.scale import BUSIER
 from kinespace.tools.terminal.tables import narrow_table
 
 if TYPE_CHECKING:
@@ -22,7 +23,7 @@ if TYPE_CHECKING:
     from kinespace.tools.bench.cases.sockets import Sockets
     from kinespace.tools.bench.cases.stages import Stages
 
-#: The cell of a table where nothing was measured.
+#: A table's cell without a measurement.
 _NOTHING = "-"
 #: The names of the alternatives in the standard figures.
 _PEERS = {"svd": "SVD of the window", "eigh": "np.cov + eigh", "dtw": "DTW"}
@@ -130,6 +131,7 @@ class Report:
             yield _soak_table(self.soak)
         if self.scale:
             yield _scale_table(self.scale)
+            yield _scale_summary(self.scale)
 
 
 def _rounded(value: float | None) -> float | int | None:
@@ -141,10 +143,11 @@ def _rounded(value: float | None) -> float | int | None:
 
 def _table(title: str, names: Sequence[str], figures: Sequence[str]) -> Table:
     table = narrow_table(title)
+    # Where the table does not fit, names break into lines, figures never.
     for name in names:
-        table.add_column(name, no_wrap=name == names[0])
+        table.add_column(name)
     for figure in figures:
-        table.add_column(figure, justify="right")
+        table.add_column(figure, justify="right", no_wrap=True)
     return table
 
 
@@ -179,7 +182,7 @@ def _peers_table(peers: Peers) -> Table:
 
 
 def _growth_table(growth: Sequence[Growth]) -> Table:
-    table = _table("What it costs to grow, one core", ("of", "size", "cost of"), ("µs", "exponent"))
+    table = _table("The cost of growing, one core", ("of", "size", "cost of"), ("µs", "exponent"))
     for each in growth:
         last = each.labels[-1]
         for label, us in zip(each.labels, each.us, strict=True):
@@ -244,33 +247,43 @@ def _soak_table(soak: Soak) -> Table:
 
 
 def _scale_table(scale: Scale) -> Table:
-    headings = ("p50 ms", "p99 ms", "gap s", "missing", "lost", "false", "here µs", "work µs", "a core")
     title = (
         f"{scale.crowd} performers; three workers when one comes, goes or is cut off\n"
-        "Gap: the longest time after that without an answer to a performer; missing: answers\n"
-        "Lost, false: events; µs: of a core, a frame, in this process and in the workers\n"
-        "A core: performers at 120 Hz that a core recognises, by their processor time"
+        "p50, p99: milliseconds from a frame to its answer\n"
+        "gap: the longest time after that without an answer to a performer, seconds\n"
+        "none: answers that are missing; lost, false: events\n"
+        "here, there: microseconds of a core, a frame, in this process and in others\n"
+        "core: performers at 120 Hz that a core recognises, by their processor time"
     )
-    table = _table(title, ("",), headings)
-    at_once = [replace(run, what=f"{run.what}, all at once") for run in scale.busy]
-    for run in (scale.alone, scale.workers, *scale.runs.values(), *at_once):
-        lags = (f"{run.percentile(50):.2f}", f"{run.percentile(99):.2f}", f"{run.gap:.2f}")
-        used = (f"{run.loop_us:.1f}", _NOTHING if run.core_us is None else f"{run.core_us:.1f}")
+    table = _table(title, ("",), ("p50", "p99", "gap", "none", "lost", "false", "here", "there", "core"))
+    at_once = [replace(run, what=f"{run.what}, at once") for run in scale.at_once]
+    busier = [replace(run, what=f"{run.what}, {BUSIER * scale.crowd}") for run in scale.held]
+    for run in (scale.alone, scale.workers, *scale.runs.values(), *at_once, *busier):
+        lags = (f"{run.percentile(50):.2f}", f"{run.percentile(99):.2f}", _seconds(run.gap))
         counted = (f"{run.expected - run.answered}", f"{run.lost_events}", f"{run.false_events}")
-        recognised = run.core_us or (run.loop_us if run.what.startswith("one") else None)
-        table.add_row(run.what, *lags, *counted, *used, f"{1e6 / 120 / recognised:.0f}" if recognised else _NOTHING)
-    table.add_section()
-    tried, differ = scale.takeovers
-    table.add_row("gateway again", "", "", f"{scale.gateway_gap_s:.2f}", *[""] * 6)
-    healed = f"{scale.healed_s:.2f}" if scale.healed_s == scale.healed_s else _NOTHING
-    table.add_row("cut of 5 s healed after", "", "", healed, *[""] * 6)
-    table.add_row(f"{tried} takeovers by themselves", "", "", "", "", "", f"{differ}", *[""] * 3)
-    for name, value, goal in (
-        ("a worker's core / one process's", scale.ratio, 0.8),
-        ("live --workers 2 / 1", scale.speedup, 1.7),
-    ):
-        table.add_row(f"{name} (goal {goal})", *[""] * 8, f"{value:.2f}" if value else _NOTHING)
+        recognised = run.core_us or (run.loop_us if run.what.startswith("one") else math.nan)
+        used = [_NOTHING if math.isnan(us) else f"{us:.0f}" for us in (run.loop_us, run.core_us or math.nan)]
+        core = _NOTHING if math.isnan(recognised) else f"{1e6 / 120 / recognised:.0f}"
+        table.add_row(run.what, *lags, *counted, *used, core)
     return table
+
+
+def _scale_summary(scale: Scale) -> Table:
+    tried, differ = scale.takeovers
+    table = _table("A gateway and its workers", ("",), ("",))
+    table.add_row("seconds without an answer when the gateway is started again", _seconds(scale.gateway_gap_s))
+    table.add_row("seconds until a worker works again after a cut of 5 s", _seconds(scale.healed_s))
+    table.add_row(f"of {tried} takeovers by themselves, with other events", f"{differ}")
+    for name, value, goal in (
+        ("what a worker's core holds, relative to one process over OSC", scale.ratio, 0.8),
+        ("what live --workers 2 recognises, relative to one process", scale.speedup, 1.7),
+    ):
+        table.add_row(f"{name} (goal {goal})", f"{value:.2f}" if value else _NOTHING)
+    return table
+
+
+def _seconds(seconds: float) -> str:
+    return _NOTHING if math.isnan(seconds) else f"{seconds:.2f}"
 
 
 def _megabytes(megabytes: float | None) -> str:

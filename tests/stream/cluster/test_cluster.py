@@ -15,6 +15,7 @@ from synthetic import STICK_CLASSES, stick_clip
 from kinespace.library.windows.index import opened
 from kinespace.stream.cluster import bus
 from kinespace.stream.cluster import charter as chartered
+from kinespace.stream.cluster import node as node_module
 from kinespace.stream.cluster.bus import open_session
 from kinespace.stream.cluster.charter import Back, encode, key
 from kinespace.stream.cluster.gateway import Gateway
@@ -194,13 +195,31 @@ def test_another_version_or_library_or_map_is_refused(
     assert on.has_workers(gateway, 0)
 
 
+def test_a_question_that_is_lost_is_asked_again(on: Bus, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A worker whose first questions for charter and library nobody answers works all the same."""
+    monkeypatch.setattr(node_module, "_ASK_AGAIN", 0.0)
+    monkeypatch.setattr(node_module, "_FETCH_AGAIN", 0.0)
+    reply, lost = Gateway._reply, set[str]()  # noqa: SLF001 - what is lost is lost before it
+
+    def lose_the_first(query: Any, payload: bytes) -> None:  # noqa: ANN401 - Zenoh's
+        if str(query.key_expr) in lost:
+            reply(query, payload)
+        lost.add(str(query.key_expr))
+
+    monkeypatch.setattr(Gateway, "_reply", staticmethod(lose_the_first))
+    gateway = on.gateway()
+    on.node()
+    on.until(lambda: on.has_workers(gateway, 1))
+    assert len(lost) == 2
+
+
 def test_a_library_that_is_not_the_one_is_refused(on: Bus) -> None:
     """A file whose digest is not the one of the charter is not opened."""
     gateway = on.gateway()
     gateway._file = b"something else"  # noqa: SLF001 - as a broken gateway would send it
     node = on.node()
     on.until(lambda: node.counts["refused"] == 1)
-    assert "is not library" in on.told[0]
+    assert "the library that came is not" in on.told[0]
 
 
 def test_two_gateways_for_one_performer(on: Bus, feed: Sequence[Sequence[Frame]]) -> None:
@@ -217,7 +236,7 @@ def test_two_gateways_for_one_performer(on: Bus, feed: Sequence[Sequence[Frame]]
         on.turn()
     on.until(lambda: node.counts["conflicts"] == 30)
     assert two.name not in on.heard or not on.heard[two.name]
-    assert f"two gateways have performer ann: {one.name}, {two.name}; only the first is answered" in on.told
+    assert f"two gateways have performer ann: {one.name}, {two.name}; only the first gets answers" in on.told
 
 
 def test_a_stranger_on_the_keys_is_not_believed(on: Bus, feed: Sequence[Sequence[Frame]]) -> None:
@@ -245,7 +264,7 @@ def test_a_stranger_on_the_keys_is_not_believed(on: Bus, feed: Sequence[Sequence
     finally:
         stranger.close()
     assert not on.heard.get(gateway.name)
-    assert f"somebody else publishes on the keys of gateway {gateway.name}; this is not believed" in on.told
+    assert f"another program publishes on the keys of gateway {gateway.name}; its frames are ignored" in on.told
 
 
 def test_a_gateway_that_is_gone_is_left(on: Bus) -> None:
@@ -266,7 +285,7 @@ def test_a_worker_that_says_nothing_is_left_out_and_comes_back(on: Bus, feed: Se
     on.until(lambda: on.has_workers(gateway, 1))
     on.nodes.clear()
     on.until(lambda: on.has_workers(gateway, 0))
-    assert f"worker {node.name} says nothing" in " ".join(gateway.notes)
+    assert f"worker {node.name} does not report" in " ".join(gateway.notes)
     on.nodes.append(node)
     on.until(lambda: on.has_workers(gateway, 1))
     for frames in feed[:60]:
@@ -312,3 +331,5 @@ def test_an_unreachable_address_is_reported_in_one_line(monkeypatch: pytest.Monk
     broken.write_text("{ nonsense", encoding="utf-8")
     with pytest.raises(ValueError, match="not a configuration of Zenoh"):
         open_session([], [], broken)
+    with pytest.raises(ValueError, match="nonsense: expected endpoints like tcp/"):
+        open_session(["nonsense"], [], None)

@@ -85,7 +85,8 @@ def made_up(signature: LiveSignature = LiveSignature.PAPER) -> Report:
                 "leave": replace(one, what="leave", gap=0.05),
                 "join": replace(one, what="join", gap=0.0625),
             },
-            (one, replace(one, what="two", core_us=32.0), replace(one, what="three", core_us=40.0)),
+            (one, replace(one, what="two", core_us=32.0)),
+            (replace(one, loop_us=float("nan"), core_us=45.0), replace(one, what="three", core_us=60.0)),
             1.5,
             0.75,
             (98, 1),
@@ -190,7 +191,15 @@ def test_the_tables_name_everything(capsys: pytest.CaptureFixture[str], monkeypa
             "over UDP, 64 performers",
             "80.0 MB, 81.0 MB, 82.0 MB",
         ),
-        *("130 performers; three workers", "kill", "hang", "gateway again", "98 takeovers by themselves"),
+        *(
+            "130 performers; three workers",
+            "kill",
+            "hang",
+            "gateway is started again",
+            "of 98 takeovers by themselves",
+            "one process, at once",
+            "three, 390",
+        ),
     )
     for text in told:
         assert text in printed

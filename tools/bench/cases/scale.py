@@ -1,4 +1,4 @@
-"""`kinespace bench scale`: what workers add, what they hold, and what their deaths cost.
+"""`kinespace bench scale`: the delay that workers add, the performers that they hold, and the cost of losing one.
 
 Gateway and sender are this process; the workers are `kinespace work`, in processes of their own on this machine. How
 many performers a core holds follows from the time for which the processes used a core, so that the crowd can be small
@@ -34,6 +34,7 @@ from kinespace.stream.workers.ledger import Ledger
 from kinespace.stream.workers.partition import PARTITIONS
 from kinespace.stream.workers.wire import decode_frames, encode_frames
 from kinespace.stream.workers.worker import HISTORY, Worker
+from kinespace.tools.bench.cases import capacity
 from kinespace.tools.bench.memory import core_seconds
 from kinespace.tools.bench.network import Network
 from kinespace.tools.bench.recorded import FRAME_RATE
@@ -54,8 +55,10 @@ _LOOPBACK = "127.0.0.1"
 _MAX_START, _LINGER = 60.0, 3.0
 #: Performers over OSC while the gateway is started again.
 _SEEN = 4
-#: Frames of feed that are looked at after a takeover, and between two takeovers, without a cluster.
+#: Frames of feed after a takeover, and between two takeovers, without a cluster.
 _AFTER, _EVERY = 360, 80
+#: How many times as many performers show what a core holds: so many that a worker seldom sleeps between frames.
+BUSIER = 3
 #: Seconds in which workers must be back after a cut of the network.
 _MAX_HEALING = 20.0
 
@@ -67,7 +70,7 @@ class Run:
     Attributes
     ----------
     what
-        What happened in its middle.
+        The event in its middle.
     lags
         Seconds from the hand-over of a frame to its answer, of all answers, shape (answers,).
     gap
@@ -76,12 +79,12 @@ class Run:
     expected, answered
         Answers of one process, and answers that came.
     lost_events, false_events
-        Events of one process that did not come, and events that came beside these.
+        Events of one process that did not come, and events that one process did not send.
     loop_us
-        Microseconds of a core that a frame took in this process: to be recognised or, with workers, to be sent to them
-        and to be answered, in all threads.
+        Microseconds of a core for each frame in this process, in all threads: to recognise it or, with workers, to
+        send it and to receive its answer.
     core_us
-        The same in all workers; None where there are none, or where the system does not tell.
+        The same in all workers; None without workers, or if the system does not say.
     """
 
     what: str
@@ -110,41 +113,42 @@ class Scale:
     alone, workers
         One process, and two workers of `live --workers 2`.
     runs
-        A gateway and two workers, or three when something happens, by what happens.
-    busy
-        One process, `live --workers 2`, and a gateway with two workers, with frames that come all at once, as those do
-        that wait for a full core: their processor time tells how many performers a core holds.
+        A gateway and two workers, or three if something happens, by the event.
+    at_once
+        One process and `live --workers 2`, with frames that come all at once, as frames do that wait for a full core:
+        the processor time of recognition alone.
+    held
+        A service that receives and answers over OSC, and a gateway with two workers, with `BUSIER` times as many
+        performers: their processor time tells how many performers a core holds.
     gateway_gap_s
         Seconds without an answer when the gateway is started again.
     healed_s
         Seconds from the end of a cut of the network until the worker behind it works again; NaN where no network could
         be made.
     takeovers
-        How many takeovers were tried without a cluster, and after how many another event came than without one.
+        The number of takeovers that were tried without a cluster, and the number after which the events differed.
     """
 
     crowd: int
     alone: Run
     workers: Run
     runs: dict[str, Run]
-    busy: tuple[Run, Run, Run]
+    at_once: tuple[Run, Run]
+    held: tuple[Run, Run]
     gateway_gap_s: float
     healed_s: float
     takeovers: tuple[int, int]
 
     @property
     def ratio(self) -> float | None:
-        """Performers that a worker's core holds, relative to those that a core of one process holds."""
-        return self._relative(self.busy[2])
+        """Performers that a worker's core holds, relative to those that a core of a service over OSC holds."""
+        return _relative(*self.held)
 
     @property
     def speedup(self) -> float | None:
         """Frames that the two workers of `live` recognise in a second, relative to those of one process."""
-        ratio = self._relative(self.busy[1])
+        ratio = _relative(*self.at_once)
         return 2 * ratio if ratio else None
-
-    def _relative(self, run: Run) -> float | None:
-        return self.busy[0].loop_us / run.core_us if run.core_us else None
 
     @property
     def lost_events(self) -> int:
@@ -159,6 +163,11 @@ class Scale:
     def added_ms(self, percent: float) -> float:
         """Give a percentile of the lags beside that of one process, milliseconds."""
         return self.runs["nothing"].percentile(percent) - self.alone.percentile(percent)
+
+
+def _relative(one: Run, spread: Run) -> float | None:
+    alone = one.core_us or one.loop_us
+    return alone / spread.core_us if spread.core_us else None
 
 
 @dataclass(frozen=True, slots=True)
@@ -203,7 +212,7 @@ def _counted(answers: Sequence[Recognition]) -> Counter[tuple[str, str, str]]:
 
 
 class Troupe:
-    """Performers' recognisers and where their answers come back: here those of this process, which has no workers."""
+    """Performers' recognisers and the sources of their answers; this class recognises without workers."""
 
     def __init__(self, performers: Recognising, sources: Sequence[AnswerSource] = ()) -> None:
         self.performers, self.sources = performers, sources
@@ -228,7 +237,7 @@ class Troupe:
         return ()
 
     def core_seconds(self) -> float | None:
-        """Give the seconds of a core that the workers have used; None where there are none, or nobody tells."""
+        """Give the core seconds that the workers have used; None without workers, or if the system does not say."""
         used = [core_seconds(number) for number in self.process_ids]
         return None if None in used or not used else float(sum(each or 0.0 for each in used))
 
@@ -265,11 +274,16 @@ class Cluster(Troupe):
         self.gateway = Gateway(session, library, Settings(), most=performers, joints=SentJoints(), naming="auto")
         super().__init__(self.gateway, [self.gateway.source])
         self.workers: list[subprocess.Popen[bytes]] = []
-        if network:
-            self.workers.append(_started("work", "--connect", places[1], within=network.within))
-        while len(self.workers) < workers:
-            self.add_worker()
-        self.wait_for(workers)
+        try:
+            if network:
+                self.workers.append(_started("work", "--connect", places[1], within=network.within))
+            while len(self.workers) < workers:
+                self.add_worker()
+            self.wait_for(workers)
+        except BaseException:
+            # An open session would keep this process alive for ever.
+            self.close()
+            raise
 
     def add_worker(self) -> None:
         """Start a worker."""
@@ -286,7 +300,7 @@ class Cluster(Troupe):
 
     def cut(self) -> None:
         """Cut the network to the worker behind it for some seconds."""
-        assert self.network  # noqa: S101 - told to mypy
+        assert self.network  # noqa: S101 - for mypy
         self.network.cut()
 
     @property
@@ -320,7 +334,7 @@ def _free_port(kind: int) -> int:
         return port
 
 
-#: What can happen in the middle of a run.
+#: The events in the middle of a run.
 HAPPENINGS: dict[str, Callable[[Cluster], None]] = {
     "nothing": lambda _: None,
     "kill": lambda cluster: cluster.workers[0].kill(),
@@ -352,14 +366,22 @@ def with_workers(feed: Feed, *, at_once: bool = False) -> Run:
         return _played(feed, workers, "live --workers 2", at_once=at_once)
 
 
+def over_osc(positions: NDArray[np.float32], performers: int, seconds: float) -> Run:
+    """Play to a process that receives and answers over OSC, as `kinespace live` does."""
+    crowd = capacity.play("osc", performers, positions[: round(seconds * FRAME_RATE)], Settings())
+    used = None if crowd.core_share is None else crowd.core_share / performers / FRAME_RATE * 1e6
+    return Run("one process, OSC", crowd.seconds, math.nan, crowd.expected, crowd.answered, 0, 0, math.nan, used)
+
+
 def network_cut(feed: Feed) -> tuple[Run, float] | None:
     """Cut the network to one of three workers; give the run, and the seconds until the worker was back."""
-    try:
-        with Network() as network:
-            run = play(feed, "cut", network)
-            return run, time.monotonic() - network.plugged
-    except OSError:
-        return None
+    with ExitStack() as stack:
+        try:
+            network = stack.enter_context(Network())
+        except OSError:
+            return None
+        run = play(feed, "cut", network)
+        return run, time.monotonic() - network.plugged
 
 
 @dataclass(slots=True)
@@ -518,7 +540,8 @@ def measure(positions: NDArray[np.float32], *, seconds: float, crowd: int) -> Sc
         alone(feed),
         with_workers(feed),
         runs,
-        (alone(feed, at_once=True), with_workers(feed, at_once=True), play(feed, "nothing", at_once=True)),
+        (alone(feed, at_once=True), with_workers(feed, at_once=True)),
+        (over_osc(positions, BUSIER * crowd, seconds), play(Feed.of(positions, BUSIER * crowd, seconds), "nothing")),
         gateway_gap(positions),
         cut[1] if cut else math.nan,
         takeovers(positions, HISTORY),

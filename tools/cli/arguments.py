@@ -144,10 +144,21 @@ def add_recorded_feed(parser: argparse.ArgumentParser) -> None:
 def add_changes(parser: argparse.ArgumentParser) -> None:
     """Add the options that leave motions out of a library and rename its classes."""
     parser.add_argument(
-        "--without", action="append", default=[], metavar="CLASS|PERSON", help="leave this class or person out"
+        "--without",
+        action="extend",
+        type=names,
+        default=[],
+        metavar="CLASS|PERSON,...",
+        help="leave these classes or persons out",
     )
     parser.add_argument(
-        "--rename", action="append", type=mapping, default=[], metavar="OLD=NEW", help="rename this class"
+        "--rename",
+        nargs="+",
+        action="extend",
+        type=mapping,
+        default=[],
+        metavar="OLD=NEW",
+        help="rename these classes",
     )
     parser.add_argument(
         "--nothing",

@@ -154,7 +154,7 @@ class Skeleton:
         return np.array([place[name] for name in self.joints], dtype=np.intp)
 
     def nearest_from(self, joints: Sequence[str]) -> NDArray[np.intp]:
-        """Give what `order_from` gives; for a joint that is not in the list, the index of the nearest along the bones.
+        """Do the same as `order_from`, but for a missing joint give the index of the nearest joint along the bones.
 
         Without parents the nearest joint is the first in the list that this skeleton has.
 

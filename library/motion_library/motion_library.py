@@ -168,7 +168,7 @@ class MotionLibrary:
 
     @property
     def judged_by_strangers(self) -> bool:
-        """Whether numbers learned from other people's motions tell what is unknown."""
+        """Whether numbers learned from other people's motions tell unknown motion from known."""
         return self.learned is not None and self.learned.judges
 
     @property

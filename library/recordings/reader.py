@@ -98,7 +98,7 @@ def is_recording(path: Path) -> bool:
 
 
 def _got(path: Path) -> str:
-    """Say of a file that is no recording what it is."""
+    """Describe a file that is no recording."""
     if path.is_file() and not path.stat().st_size:
         return "an empty file"
     if path.suffix.lower() in _TABLES:

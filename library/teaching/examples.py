@@ -222,7 +222,7 @@ class TaughtWindows:
         return self._selected(roster, enabled)
 
     def _selected(self, roster: Roster, enabled: Sequence[Example]) -> WindowIndex | None:
-        assert self._everything is not None and self._base is not None  # noqa: S101, PT018 - told to mypy
+        assert self._everything is not None and self._base is not None  # noqa: S101, PT018 - for mypy
         wanted = {id(self._known[_key(each)]) for each in enabled}
         if self._beside:
             wanted |= {id(motion) for motion in self._base.library.motions if motion.class_name not in roster.disabled}

@@ -209,7 +209,7 @@ class WindowIndex:
         return self._windows.compared(numbers)
 
     def distances_of(self, vectors: Sequence[NDArray[np.float32]]) -> NDArray[np.float64]:
-        """Do what `log_distances` does of a window that is placed already, by the vector of each group."""
+        """Do the same as `log_distances` for a window that is placed already, by the vector of each group."""
         return self.blocks.agreed(self.blocks.nearest(self._windows.weighed(vectors)))
 
     def prepare(self) -> None:
@@ -252,10 +252,11 @@ class WindowIndex:
 
 @lru_cache(maxsize=8)
 def _rejection(index: WindowIndex) -> Rejection:
-    learned = index.library.learned
-    if learned is None or not index.library.judged_by_strangers:
+    learned, weighing = index.library.learned, index.comparison.weighing
+    # Strangers' motions taught numbers for all groups: without some parts the library's own motions teach.
+    if learned is None or not index.library.judged_by_strangers or weighing != usual_weighing(index.library):
         return learned_rejection(index)
-    rejection = Rejection.of_kept(learned, len(index.comparison.weighing.groups))
+    rejection = Rejection.of_kept(learned, len(weighing.groups))
     fewer = len(index.library.skeleton.joints) < rejection.joints
     return rejection.moved_to(typical_evidence(index)) if fewer else rejection
 

@@ -44,7 +44,7 @@ class Decision:
     index
         The library's windows.
     stillness, sensitivity
-        As `stream.recognizer.settings.Settings` has them.
+        The same as for `stream.recognizer.settings.Settings`.
     """
 
     def __init__(self, index: WindowIndex, *, stillness: float, sensitivity: float | None) -> None:

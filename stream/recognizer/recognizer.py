@@ -8,7 +8,7 @@ alone.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import wraps
 from typing import TYPE_CHECKING, Concatenate, ParamSpec, TypeVar
 
@@ -47,7 +47,7 @@ _Answer = TypeVar("_Answer")
 _SAME_HOP = 0.01
 #: Frames that wait for the next hop to be measured together, at most.
 _MAX_WAITING = 16
-#: Seconds without a frame after which a motion has ended: nobody knows what went on meanwhile.
+#: Seconds without a frame after which a motion has ended: its performer may have done anything meanwhile.
 MAX_PAUSE = 0.8
 #: Tolerance, as a share of the hop: a frame this much early still counts as due, because times are rounded.
 _EARLY = 1e-3
@@ -58,7 +58,7 @@ _WINDOW, _SMALLEST_GAP = 0.5, 0.02
 
 @dataclass(slots=True)
 class RecognizerCounts:
-    """Counts of what a recogniser did with its frames."""
+    """Counts of a recogniser's frames, by their fate."""
 
     #: Frames taken into the window.
     frames: int = 0
@@ -68,6 +68,11 @@ class RecognizerCounts:
     restarts: int = 0
     #: Windows answered.
     hops: int = 0
+
+    def add(self, counts: RecognizerCounts, times: int = 1) -> None:
+        """Add other counts, or take them off with -1 times."""
+        for each in fields(self):
+            setattr(self, each.name, getattr(self, each.name) + times * getattr(counts, each.name))
 
 
 def _one_at_a_time(
@@ -221,11 +226,11 @@ class Recognizer:
 
     @property
     def long_ago(self) -> LongAgo | None:
-        """What another recogniser must know that goes on with the last seconds of this feed; None for nothing."""
+        """Facts for another recogniser that goes on with the last seconds of this feed; None for none."""
         return self._doubts.long_ago
 
     def go_on(self, known: LongAgo) -> None:
-        """Go on where another recogniser was, whose last frames this one has seen, or is about to see."""
+        """Go on for another recogniser, whose last frames this one has seen or is about to see."""
         self._doubts.go_on(known)
 
     def keep_time_with(self, answered: float) -> None:
@@ -243,7 +248,7 @@ class Recognizer:
             self._doubts.exchange(self.library)
 
     def pair_contributions(self) -> NDArray[np.float64] | None:
-        """Say what each joint pair gave to the variance along the last leading eigenvector, (pairs,); None before."""
+        """Give each joint pair's share of the variance along the last leading eigenvector, (pairs,); None before."""
         return self._matcher.pair_contributions()
 
     @_one_at_a_time

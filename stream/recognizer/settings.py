@@ -7,7 +7,7 @@ from dataclasses import dataclass, fields
 from enum import StrEnum
 from numbers import Integral, Real
 
-#: Share of unknown time that may be named: where strangers' motions taught the library what is unknown, and where its
+#: Share of unknown time that may be named: where strangers' motions taught the library unknown motion, and where its
 #: own classes did.
 SENSITIVITY_LEARNED, SENSITIVITY_OWN = 0.05, 0.2
 #: Seconds between answers, at most.

@@ -43,16 +43,16 @@ REPORT_EVERY = 0.25
 
 @dataclass(frozen=True, slots=True)
 class Start:
-    """What a worker needs beside the library.
+    """The values that a worker needs beside the library.
 
     Attributes
     ----------
     settings
-        Of the recognisers.
+        The settings of the recognisers.
     assumed, naming
-        As `SentJoints` has them.
+        The same as for `SentJoints`.
     most, silence
-        As `Performers` has them.
+        The same as for `Performers`.
     """
 
     settings: Settings
@@ -61,7 +61,7 @@ class Start:
     most: int
     silence: float
 
-    def worker(self, library: Any, order: tuple[str, ...]) -> Worker:  # noqa: ANN401 - as `Performers` has it
+    def worker(self, library: Any, order: tuple[str, ...]) -> Worker:  # noqa: ANN401 - as for `Performers`
         """Make the worker."""
         joints = SentJoints(self.assumed, self.naming, background_restricter(self.settings))
         opener = background_windows()
@@ -90,9 +90,9 @@ def run(end: socket.socket, libraries: Connection, start: Start) -> None:
     end
         The socket on which frames come.
     libraries
-        Gives `packed` libraries; the first one before any frame.
+        Gives `packed` libraries; the first library comes before any frame.
     start
-        What else the worker needs.
+        The other values that the worker needs.
     """
     # Ctrl-C and a closed terminal reach every process; the parent closes the channel when it is done.
     for name in ("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK"):

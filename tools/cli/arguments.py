@@ -1,4 +1,4 @@
-"""Arguments that several programs share: groups of options, and numbers and names as they are typed."""
+"""Arguments that several programs share: groups of options, and numbers and names in the command line."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def add_reading(parser: argparse.ArgumentParser) -> None:
     """Add the options for reading recordings."""
     parser.add_argument("--asf", type=Path, help="skeleton of AMC files (default: found by name)")
     parser.add_argument(
-        "--frame-rate", type=positive, metavar="HZ", help="of all recordings (default: each file's own)"
+        "--frame-rate", type=positive, metavar="HZ", help="frame rate of all recordings (default: each file's own)"
     )
     parser.add_argument(
         "--unit",
@@ -46,7 +46,7 @@ def add_reading(parser: argparse.ArgumentParser) -> None:
 
 def add_names(parser: argparse.ArgumentParser, whose: str) -> None:
     """Add the option for the convention of joint names."""
-    known = ", ".join(each.name for each in conventions())
+    known = ", ".join(sorted(each.name for each in conventions()))
     parser.add_argument(
         "--names",
         dest="naming",

@@ -1,4 +1,4 @@
-"""What the page costs: `python -m kinespace.tools.page.cost` prints it, on Linux.
+"""The cost of the page: `python -m kinespace.tools.page.cost` prints it, on Linux.
 
 One performer at 60 frames a second is recognised in a process of its own while 0, 1 and 5 pages are open, in turns. The
 pages here draw nothing and say at once that they have drawn: a browser asks for less. One more page sleeps all the
@@ -98,7 +98,7 @@ def measure(pages: int, seconds: float) -> _Cost:
         messages = len(counts) / seconds
         ended.set()
         watching.join()
-    assert service.status is not None  # noqa: S101 - told to mypy
+    assert service.status is not None  # noqa: S101 - for mypy
     hop = service.status.hop_p50 * 1000, service.status.hop_p99 * 1000
     return _Cost(pages, hop, used[0], used[1], messages, growth)
 

@@ -1,4 +1,4 @@
-"""`kinespace feeds`: lists the products whose messages are understood, and their settings."""
+"""`kinespace feeds`: lists the products whose messages kinespace understands, and their settings."""
 
 from __future__ import annotations
 

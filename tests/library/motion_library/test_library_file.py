@@ -35,6 +35,7 @@ LITTLE = 40_000_000
 
 @pytest.fixture(scope="module")
 def small_library() -> MotionLibrary:
+    """Give a library with a licence and learned arrays."""
     clips = [dataclasses.replace(clip, licence="CC0", attribution="nobody, somewhere") for clip in stick_clips()]
     return MotionLibrary.of_clips(clips, learned=Learned.of_arrays({"weights": np.arange(12.0).reshape(3, 4)}))
 
@@ -619,6 +620,7 @@ HUGE = 120_000_000
 
 @pytest.fixture(scope="module")
 def huge() -> bytes:
+    """Give the bytes of an array larger than its file says."""
     return bytes(HUGE)
 
 

@@ -46,11 +46,13 @@ def _shuffled(clip: Clip, seed: int = 5, *, parents: bool = True) -> Clip:
 
 @pytest.fixture(scope="module")
 def builtin() -> MotionLibrary:
+    """Give the built-in library, read anew."""
     return MotionLibrary.builtin()
 
 
 @pytest.fixture
 def library() -> MotionLibrary:
+    """Give a library of a body of six joints."""
     return MotionLibrary.of_clips(stick_clips())
 
 

@@ -13,6 +13,7 @@ from kinespace.library.windows.comparison import ACROSS_LABORATORIES, WITHIN_LAB
 from kinespace.library.windows.cutting import CutWindows, window_ends
 from kinespace.library.windows.index import Blocks, WindowIndex, opened, teacher_of
 from kinespace.library.windows.parts import EIGENVECTORS, PARTS, Kind
+from kinespace.library.windows.rejection import learned_rejection
 from kinespace.tools.feeding.joint_sets import joints_of
 
 if TYPE_CHECKING:
@@ -354,6 +355,13 @@ def test_weighings(small_library: MotionLibrary, across: WindowIndex, small_inde
     asked = WindowIndex.of(small_library, weighing=ACROSS_LABORATORIES)
     assert [each.ndim for each in asked.vectors] == [3, 3, 2, 2, 2]
     assert asked.vectors[0].shape[1] == EIGENVECTORS
+
+
+def test_without_some_parts_the_own_motions_teach_rejection(across: WindowIndex) -> None:
+    """Numbers that strangers taught are for all groups; with fewer groups the library's own motions teach them."""
+    asked = WindowIndex.of(across.library, weighing=ACROSS_LABORATORIES.without(Kind.EIGEN))
+    assert np.array_equal(asked.rejection.weights, learned_rejection(asked).weights)
+    assert len(asked.rejection.typical) == 6
 
 
 def test_a_library_is_opened_once(small_library: MotionLibrary) -> None:

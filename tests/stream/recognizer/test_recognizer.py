@@ -30,6 +30,7 @@ RATES = [30, 60, 120, 240]
 
 @pytest.fixture(scope="module")
 def library(sticks: MotionLibrary) -> MotionLibrary:
+    """Give the library of these tests."""
     return sticks
 
 
@@ -443,7 +444,7 @@ def test_nothing_that_is_a_frame_stops_it(
 def test_all_joints_in_one_point_are_no_body(any_index: WindowIndex, place: float, signature: LiveSignature) -> None:
     """All joints at the origin, as some trackers send without a body, are no motion; a body that comes is named."""
     shape = (len(any_index.library.skeleton.joints), 3)
-    nobody = [Frame("p", index / 120, np.full(shape, place)) for index in range(360)]
+    nobody = [Frame("p", index / 30, np.full(shape, place)) for index in range(90)]
     recognizer = Recognizer(any_index, Settings(signature=signature))
     answers = _pushed(recognizer, nobody)
     assert {answer.outcome for answer in answers} <= {Outcome.STILL, Outcome.IMPLAUSIBLE}

@@ -62,8 +62,8 @@ _SHOWN_OF_PERSONS = ("frame_accuracy", "segment_accuracy", "segment_majority", "
 
 
 def print_score(score: StreamScore) -> None:
-    """Print the figures with their intervals and what they rest on, and each class's result."""
-    table = narrow_table("Answers against what was performed at that moment")
+    """Print the figures with their intervals and their basis, and each class's result."""
+    table = narrow_table("Answers against the motion performed at that moment")
     table.add_column("")
     table.add_column("", justify="right")
     table.add_column("95 %", justify="right")

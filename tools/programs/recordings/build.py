@@ -169,8 +169,7 @@ def build(
     if not (clips or libraries):
         told = f" ({'; '.join(read.told)})" if read.told else ""
         raise ValueError(f"labels: expected segments with two frames or more of their takes, got none{told}")
-    if clips:
-        libraries.append(MotionLibrary.of_clips(clips))
+    libraries += by_body(clips)
     merged = changes.made_in(reduce(MotionLibrary.merged_with, libraries))
     if not merged.classes:
         raise ValueError(f"motions: expected some of a class beside {NOTHING!r}, got none")
@@ -241,6 +240,14 @@ class _Recordings:
             own = [each for each in segments if not (take.actor and each.performer) or each.performer == take.actor]
             self.told += oddities(take, own)
             yield from cut(take, own)
+
+
+def by_body(clips: Sequence[Clip]) -> list[MotionLibrary]:
+    """Make a library of the clips of each set of joints; merged they meet over the joints that all of them have."""
+    bodies = dict[frozenset[str], list[Clip]]()
+    for clip in clips:
+        bodies.setdefault(frozenset(clip.skeleton.joints), []).append(clip)
+    return [MotionLibrary.of_clips(each) for each in bodies.values()]
 
 
 def _unshared(libraries: Sequence[MotionLibrary], merged: MotionLibrary) -> Iterator[str]:

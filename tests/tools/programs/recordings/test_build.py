@@ -10,9 +10,10 @@ from programs import finished
 from recorded import JOINTS, SWINGS, TWO_ARMS, two_arms_frames, write_take, write_takes
 from synthetic import amc_text, stick_clips
 
-from kinespace.library import NOTHING, MotionLibrary, read_recordings
+from kinespace.library import NOTHING, MotionLibrary, Skeleton, read_recordings
 from kinespace.library.naming import hdm05
 from kinespace.tools.cli.main import main
+from kinespace.tools.programs.recordings.build import by_body
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -277,6 +278,16 @@ def test_bodies_are_merged_over_the_joints_they_share(tmp_path: Path, capsys: py
     assert set(both.classes) == {*whole.classes, "grab"}
     told = "28 joints that all sources have; without root, lhipjoint, rhipjoint"
     assert told in capsys.readouterr().out.splitlines()
+
+
+def test_recordings_of_two_skeletons_meet_over_shared_joints() -> None:
+    """Clips of each set of joints make a library of their own, whatever the order of the joints; merged they meet."""
+    one, *others = stick_clips(takes=1)
+    turned = one.as_of(Skeleton(one.skeleton.joints[::-1]))
+    fewer = [each.restricted_to(each.skeleton.joints[:5]) for each in others]
+    whole, rest = by_body([one, *fewer, turned])
+    assert (len(whole), len(rest), len(rest.skeleton.joints)) == (2, len(fewer), 5)
+    assert len(whole.merged_with(rest).skeleton.joints) == 5
 
 
 def test_bodies_that_share_too_little_cannot_be_merged(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -19,7 +19,7 @@ from kinespace.library.motion_library import NOTHING
 from kinespace.library.windows.body import Body
 from kinespace.library.windows.paper import opened_by_paper
 from kinespace.stream.recognition import Recognition
-from kinespace.stream.recognizer.decision import places_in
+from kinespace.stream.recognizer.decision import needed_lead, places_in
 from kinespace.stream.recognizer.event_detector import EventDetector
 from kinespace.stream.recognizer.joints.doubts import Doubts
 from kinespace.stream.recognizer.matcher import PaperMatcher, WindowMatcher, index_of, library_of
@@ -147,7 +147,7 @@ class Recognizer:
         self._matcher = _matcher(library, self.settings)
         require_order(classes, library)
         self.counts = RecognizerCounts()
-        self._detector = EventDetector(self.settings.lead)
+        self._detector = EventDetector(needed_lead(library_of(library), self.settings))
         self._compare_with(library, classes)
         skeleton = self.library.skeleton
         self._shape = (len(skeleton.joints), 3)
@@ -217,7 +217,8 @@ class Recognizer:
         self._matcher.exchange(library)
         self._compare_with(library, order)
         self._doubts.exchange(self.library)
-        return self._detector.exchange(places_in(classes, self.classes), self._last)
+        lead = needed_lead(self.library, self.settings)
+        return self._detector.exchange(places_in(classes, self.classes), self._last, lead)
 
     @property
     def doubt(self) -> str:

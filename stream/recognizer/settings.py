@@ -7,9 +7,12 @@ from dataclasses import dataclass, fields
 from enum import StrEnum
 from numbers import Integral, Real
 
-#: Share of unknown time that may be named: where strangers' motions taught the library unknown motion, and where its
-#: own classes did.
-SENSITIVITY_LEARNED, SENSITIVITY_OWN = 0.05, 0.2
+#: Share of unknown time that may be named: where strangers' motions taught the library unknown motion, where its own
+#: classes did, and where these are of one person.
+SENSITIVITY_LEARNED, SENSITIVITY_OWN, SENSITIVITY_ONE = 0.05, 0.2, 0.28
+#: Lead that a class needs before a start event, and in a library of one person that learned what is unknown from its
+#: own classes: what one example of each tells is less sure.
+LEAD_USUAL, LEAD_ONE = 3.0, 3.6
 #: Seconds between answers, at most.
 MAX_HOP = 60.0
 
@@ -37,13 +40,13 @@ class Settings:
     sensitivity
         Share of the time of unknown motions that may be answered with a class. The library estimates it from the
         motions that taught it what is unknown; None is 0.05 where strangers' motions did (`kinespace learn`), and 0.2
-        where its own classes did, each left out in turn, which are harder to tell apart. A larger share answers more,
-        of known and of unknown motions. WINDOWS only.
+        where its own classes did, each left out in turn, which are harder to tell apart; 0.28 where these are of one
+        person. A larger share answers more, of known and of unknown motions. WINDOWS only.
     hop
         Seconds between answers, at most 60; 0 answers every frame.
     lead
         How clear a lead, added up over time, a class needs before a start event (`stream.recognizer.hysteresis`): a
-        larger lead makes events later and surer.
+        larger lead makes events later and surer. None is 3, and 3.6 where the sensitivity is 0.28.
     longest_gap
         Seconds without a frame after which the window starts anew, because the movement in between is unknown. The
         longest window is an upper limit: after that time nothing is left in it.
@@ -71,7 +74,7 @@ class Settings:
     signature: LiveSignature = LiveSignature.WINDOWS
     window: float | None = None
     sensitivity: float | None = None
-    lead: float = 3.0
+    lead: float | None = None
     hop: float = 1 / 30
     longest_gap: float = 0.5
     stillness: float = 0.01

@@ -11,7 +11,7 @@ from kinespace.library import MotionLibrary
 from kinespace.library.naming import AS_THEY_ARE, AUTO, Naming, conventions
 from kinespace.library.recordings import ActorIn, Reading
 from kinespace.stream.recognizer import LiveSignature, Settings
-from kinespace.stream.recognizer.settings import SENSITIVITY_LEARNED, SENSITIVITY_OWN
+from kinespace.stream.recognizer.settings import SENSITIVITY_LEARNED, SENSITIVITY_ONE, SENSITIVITY_OWN
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -144,10 +144,21 @@ def add_recorded_feed(parser: argparse.ArgumentParser) -> None:
 def add_changes(parser: argparse.ArgumentParser) -> None:
     """Add the options that leave motions out of a library and rename its classes."""
     parser.add_argument(
-        "--without", action="append", default=[], metavar="CLASS|PERSON", help="leave this class or person out"
+        "--without",
+        action="extend",
+        type=names,
+        default=[],
+        metavar="CLASS|PERSON,...",
+        help="leave these classes or persons out",
     )
     parser.add_argument(
-        "--rename", action="append", type=mapping, default=[], metavar="OLD=NEW", help="rename this class"
+        "--rename",
+        nargs="+",
+        action="extend",
+        type=mapping,
+        default=[],
+        metavar="OLD=NEW",
+        help="rename these classes",
     )
     parser.add_argument(
         "--nothing",
@@ -230,7 +241,7 @@ def add_settings(parser: argparse.ArgumentParser) -> None:
         "--sensitivity",
         type=share,
         help=f"share of unknown motions that may be named, by the library's estimate (default: {SENSITIVITY_LEARNED} "
-        f"with the built-in library, {SENSITIVITY_OWN} with your own); windows only",
+        f"with the built-in library, {SENSITIVITY_OWN} with yours, {SENSITIVITY_ONE} if of one person); windows only",
     )
     parser.add_argument(
         "--window", type=positive, help="seconds that the paper's window looks back (default 0.5); paper only"

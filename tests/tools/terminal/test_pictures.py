@@ -17,6 +17,8 @@ from kinespace.tools.terminal import pictures
 if TYPE_CHECKING:
     from pathlib import Path
 
+pytestmark = pytest.mark.slow
+
 CLASSES = ("bow", "jump", "wave")
 
 
@@ -43,7 +45,6 @@ def test_the_picture_names_every_space_class_and_share(tmp_path: Path, monkeypat
     assert [drawn.count(f">{name}</text>") for name in CLASSES] == [4, 4, 4]
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(("ending", "begins"), [(".png", b"\x89PNG"), (".pdf", b"%PDF"), (".svg", b"<?xml")])
 def test_the_ending_gives_the_kind_of_file(ending: str, begins: bytes, tmp_path: Path) -> None:
     """The picture's file is of the kind its ending names, and not an empty one."""
@@ -53,7 +54,6 @@ def test_the_ending_gives_the_kind_of_file(ending: str, begins: bytes, tmp_path:
     assert path.stat().st_size > 4000
 
 
-@pytest.mark.slow
 def test_different_outcomes_are_different_pictures(tmp_path: Path) -> None:
     """Another matrix gives another picture, the same matrix the same picture."""
     same, again, other = tmp_path / "same.png", tmp_path / "again.png", tmp_path / "other.png"

@@ -22,7 +22,7 @@ $(MADE): pyproject.toml library/kernels/compiled.c library/kernels/loops.h
 	PYTHONWARNINGS=ignore $(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev]'
 	@touch $@
 
-# Eight minutes of attacks and faults, and their effect on a performer; `make test` runs a short form.
+# Seven minutes of attacks and faults, and their effect on a performer; `make test` runs a short form.
 chaos: setup
 	$(BIN)/kinespace chaos
 

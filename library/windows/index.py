@@ -182,8 +182,13 @@ class WindowIndex:
         return self._kept(~np.isin(self.motions, motions))
 
     def of_some(self, motions: Sequence[int]) -> WindowIndex:
-        """Give the index of some motions' windows alone; the metrics stay the same."""
-        return self._kept(np.isin(self.motions, motions))
+        """Give the index of some motions alone, in this order, with the numbers of the library that hold for them."""
+        places = np.unique(motions)
+        kept = self._kept(np.isin(self.motions, places))
+        learned = self.library.learned
+        some = tuple(self.library.motions[place] for place in places.tolist())
+        library = replace(self.library, motions=some, learned=learned and learned.for_other_motions())
+        return replace(kept, library=library, motions=np.searchsorted(places, kept.motions))
 
     def _kept(self, kept: NDArray[np.bool_]) -> WindowIndex:
         return replace(

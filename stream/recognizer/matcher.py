@@ -109,8 +109,11 @@ class Matcher(Protocol):
 
 
 def library_of(library: MotionLibrary | WindowIndex) -> MotionLibrary:
-    """Give the motions of a library, opened or not."""
-    return library if isinstance(library, MotionLibrary) else library.library
+    """Give the motions of a library, opened or not; ValueError for anything else."""
+    motions: object = library if isinstance(library, MotionLibrary) else getattr(library, "library", None)
+    if not isinstance(motions, MotionLibrary):
+        raise ValueError(f"library: expected a MotionLibrary or its windows, got {type(library).__name__}")  # noqa: TRY004
+    return motions
 
 
 def index_of(library: MotionLibrary | WindowIndex) -> WindowIndex:

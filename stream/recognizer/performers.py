@@ -13,7 +13,7 @@ from kinespace.stream.recognizer.decision import usual_sensitivity
 from kinespace.stream.recognizer.joints.carried import carried_by
 from kinespace.stream.recognizer.joints.fewer_joints import SentJoints
 from kinespace.stream.recognizer.matcher import library_of
-from kinespace.stream.recognizer.recognizer import MAX_PAUSE, Recognizer, RecognizerCounts
+from kinespace.stream.recognizer.recognizer import MAX_PAUSE, Recognizer, RecognizerCounts, require_order
 from kinespace.stream.recognizer.settings import Settings
 
 if TYPE_CHECKING:
@@ -104,7 +104,7 @@ class Performers:
     Raises
     ------
     ValueError
-        Fewer than one performer, or no time of silence.
+        Fewer than one performer, no time of silence, or classes that do not fit.
     SkeletonMismatchError
         An assumed joint is missing: one of the library's joints is not among them.
     """
@@ -152,6 +152,7 @@ class Performers:
 
     def _compare_with(self, library: MotionLibrary | WindowIndex, order: Sequence[str]) -> None:
         self._compared, self.library = library, library_of(library)
+        require_order(order, library)
         self._order = tuple(order)
 
     @property

@@ -13,6 +13,7 @@ import msgspec
 
 from kinespace.stream.frame import NewSender
 from kinespace.stream.recognition import EventKind
+from kinespace.stream.recognizer.decision import needed_lead
 from kinespace.stream.recognizer.event_detector import EventDetector
 from kinespace.stream.recognizer.recognizer import RecognizerCounts
 from kinespace.stream.workers.wire import Answered, Entry, Report, announcement, answered
@@ -183,7 +184,7 @@ class Worker:
         if over.agrees:
             del self._taken_over[recognition.performer]
             return recognition.events
-        return over.mend(recognition, self.performers.settings.lead)
+        return over.mend(recognition, needed_lead(self.performers.library, self.performers.settings))
 
     def exchange(self, library: MotionLibrary | WindowIndex, order: Sequence[str], book: int) -> None:
         """Compare with another library from now on. The receiving process ends the motions whose class it lacks."""

@@ -11,7 +11,7 @@ from kinespace.library import MotionLibrary
 from kinespace.library.naming import AS_THEY_ARE, AUTO, Naming, conventions
 from kinespace.library.recordings import ActorIn, Reading
 from kinespace.stream.recognizer import LiveSignature, Settings
-from kinespace.stream.recognizer.settings import SENSITIVITY_LEARNED, SENSITIVITY_OWN
+from kinespace.stream.recognizer.settings import SENSITIVITY_LEARNED, SENSITIVITY_ONE, SENSITIVITY_OWN
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -241,7 +241,7 @@ def add_settings(parser: argparse.ArgumentParser) -> None:
         "--sensitivity",
         type=share,
         help=f"share of unknown motions that may be named, by the library's estimate (default: {SENSITIVITY_LEARNED} "
-        f"with the built-in library, {SENSITIVITY_OWN} with your own); windows only",
+        f"with the built-in library, {SENSITIVITY_OWN} with yours, {SENSITIVITY_ONE} if of one person); windows only",
     )
     parser.add_argument(
         "--window", type=positive, help="seconds that the paper's window looks back (default 0.5); paper only"

@@ -24,6 +24,7 @@ from kinespace.library.windows.index import WindowIndex, opened
 from kinespace.stream.frame import Frame
 from kinespace.stream.recognition import EventKind
 from kinespace.stream.recognizer import Recognizer, Settings
+from kinespace.stream.service.yielding import yielding
 from kinespace.stream.teaching import Changed, State, Step, Teacher, commands
 from kinespace.stream.teaching.notices import Running, Saving, Sensed
 from kinespace.tools.teaching.commanded import describe_recording, recorded
@@ -313,23 +314,30 @@ class Desk:
         """Open, save, check and try, one change after the other, until the end."""
         unsaved: Roster | None = None
         while (job := self._jobs.get()) is not None:
-            try:
-                index = self._windows.index_of(job.roster)
-                if index is not None:
-                    # A first recogniser prepares the windows here; between two frames there is no time for this.
-                    Recognizer(index, self.settings)
-            except (ValueError, MemoryError) as error:
-                self._results.put(_Failed(job.number, " ".join(str(error).split())))
-                continue
-            self._results.put(_Opened(job, index))
-            unsaved = job.roster
-            if job.tells or self._jobs.empty():
-                self._save(unsaved, tells=job.tells)
-                unsaved = None
+            # Frames go first; a trial pauses of its own accord.
+            with yielding():
+                index, unsaved = self._opened(job, unsaved)
+                check = checked(index, job.number) if job.number and index is not None else None
             if job.number and index is not None:
-                self._results.put(_Found(job.number, checked(index, job.number), self._starts(job, index)))
+                self._results.put(_Found(job.number, check, self._starts(job, index)))
         if unsaved is not None:
             self._save(unsaved)
+
+    def _opened(self, job: _Job, unsaved: Roster | None) -> tuple[WindowIndex | None, Roster | None]:
+        """Open a job's roster and save it, unless another waits; give its index, and the roster not saved yet."""
+        try:
+            index = self._windows.index_of(job.roster)
+            if index is not None:
+                # A first recogniser prepares the windows here; between two frames there is no time for this.
+                Recognizer(index, self.settings)
+        except (ValueError, MemoryError) as error:
+            self._results.put(_Failed(job.number, " ".join(str(error).split())))
+            return None, unsaved
+        self._results.put(_Opened(job, index))
+        if not (job.tells or self._jobs.empty()):
+            return index, job.roster
+        self._save(job.roster, tells=job.tells)
+        return index, None
 
     def _save(self, roster: Roster, *, tells: bool = False) -> None:
         try:

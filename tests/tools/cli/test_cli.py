@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from importlib import import_module
 from importlib.metadata import entry_points, version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -73,6 +74,14 @@ def test_the_command_tells_its_version() -> None:
     command = Path(sys.executable).with_name("kinespace")
     done = subprocess.run([command, "--version"], capture_output=True, text=True, check=False, timeout=60)
     assert (done.returncode, done.stdout, done.stderr) == (0, f"kinespace {version('kinespace')}\n", "")
+
+
+def test_the_package_tells_its_version() -> None:
+    """`kinespace.__version__` is the distribution's version; there is no other attribute that was not defined."""
+    package = import_module("kinespace")
+    assert package.__version__ == version("kinespace")
+    with pytest.raises(AttributeError, match="has no attribute 'nope'"):
+        _ = package.nope
 
 
 def test_the_module_is_the_command() -> None:

@@ -22,7 +22,7 @@ pytestmark = pytest.mark.slow
 CLASSES = ("bow", "jump", "wave")
 
 
-def results() -> dict[Space, Retrieval]:
+def results() -> dict[str, Retrieval]:
     """Make outcomes of three spaces."""
     return {
         space: Retrieval(
@@ -39,7 +39,7 @@ def test_the_picture_names_every_space_class_and_share(tmp_path: Path, monkeypat
     pictures.draw_confusions(path, results(), Protocol.SPLIT)
     drawn = path.read_text(encoding="utf-8")
     assert drawn.startswith("<?xml")
-    for text in ("Nearest neighbour, split", "distances: 50.0% of 12", "positions: 50.0% of 13", "class performed"):
+    for text in ("Nearest neighbour, split", "distances", "50.0% of 12", "positions", "50.0% of 13", "class performed"):
         assert f">{text}</text>" in drawn
     # Below each of three panels, and beside the first.
     assert [drawn.count(f">{name}</text>") for name in CLASSES] == [4, 4, 4]
@@ -71,7 +71,7 @@ def test_one_space_can_be_drawn_alone(tmp_path: Path) -> None:
     wide, narrow = tmp_path / "wide.png", tmp_path / "narrow.png"
     outcome = results()
     pictures.draw_confusions(wide, outcome, Protocol.SPLIT)
-    pictures.draw_confusions(narrow, {Space.DISTANCES: outcome[Space.DISTANCES]}, Protocol.SPLIT)
+    pictures.draw_confusions(narrow, {"distances": outcome["distances"]}, Protocol.SPLIT)
     widths = [int.from_bytes(path.read_bytes()[16:20]) for path in (wide, narrow)]
     assert widths[0] > widths[1] > 0
 

@@ -122,7 +122,7 @@ def test_hands_are_shaken_with_qualisys(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("options", "said"),
     [
-        (("--feed", "kinect"), "feed: expected a .toml file or one of captury, "),
+        (("--feed", "kinect"), "--feed: expected one of captury, "),
         (("--feed", "nowhere.toml"), "nowhere.toml: No such file or directory"),
         (("--osc-in", f"{LOOPBACK}:0", "--out", "unity"), "--out: expected one of native, touchdesigner, max, "),
         (

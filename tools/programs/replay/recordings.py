@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from kinespace.library import Clip, MotionLibrary, Reading, find_recordings
 from kinespace.library.recordings import RecordingReader, labelled, segments_beside
-from kinespace.tools.cli.arguments import BUILT_IN
+from kinespace.tools.cli.arguments import BUILT_IN, class_at
 from kinespace.tools.feeding.feed import Piece
 from kinespace.tools.terminal.named_joints import NameTeller
 
@@ -33,8 +33,10 @@ def recordings_in(places: Sequence[Path], reading: Reading) -> list[Path | Clip]
 
 def _in_place(place: Path) -> Sequence[Path | Clip]:
     """Give the motions of the built-in library, or of its class of that name, if no path has that name."""
-    motions = () if place.exists() else MotionLibrary.builtin().motions
-    return [each for each in motions if place == BUILT_IN or each.class_name == str(place)] or find_recordings([place])
+    if place == BUILT_IN and not place.exists():
+        return MotionLibrary.builtin().motions
+    name = class_at(place)
+    return [each for each in MotionLibrary.builtin().motions if each.class_name == name] or find_recordings([place])
 
 
 def pieces_of(recordings: Sequence[Path | Clip], reading: Reading, course: Course) -> Iterator[Piece]:

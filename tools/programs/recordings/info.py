@@ -272,7 +272,7 @@ def _show_recordings(told: Mapping[str, Any]) -> None:
 
 def _library(file: Path | None, *, clips: bool) -> dict[str, Any]:
     """Sum up a library's motions, or a class of the built-in one; give its joints, licence and attribution."""
-    chosen = "" if file in (None, BUILT_IN) else class_at(file)
+    chosen = class_at(file) if file and file != BUILT_IN and not file.suffix else ""
     library = library_at(None if chosen else file)
     kept = [clip for clip in library.motions if chosen in ("", clip.class_name)]
     motions = [_Motion.of(clip, f"{clip.class_name} {clip.actor} {clip.take}".strip()) for clip in kept]

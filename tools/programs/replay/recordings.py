@@ -39,6 +39,17 @@ def _in_place(place: Path) -> Sequence[Path | Clip]:
     return [each for each in MotionLibrary.builtin().motions if each.class_name == name] or find_recordings([place])
 
 
+def announced(recordings: Sequence[Path | Clip], course: Course) -> str:
+    """Say how much is about to be sent; the seconds only of motions, because files are read while they are sent."""
+    clips = [each for each in recordings if isinstance(each, Clip)]
+    what = f"{len(recordings)} {'motion' if clips else 'recording'}{'s' if len(recordings) > 1 else ''}"
+    if len(clips) < len(recordings):
+        return f"sending {what}"
+    lasting = [min(each.duration, course.end or each.duration) - course.begin for each in clips]
+    seconds = (sum(lasting) + course.pause * (len(clips) - 1)) / course.speed
+    return f"sending {what}, {seconds:.0f} s{', again and again' if course.loop else ''}"
+
+
 def pieces_of(recordings: Sequence[Path | Clip], reading: Reading, course: Course) -> Iterator[Piece]:
     """Read the recordings, one after the other, in a loop for ever; all with the first recording's joints."""
     skeleton: Skeleton | None = None

@@ -33,7 +33,7 @@ $(MADE): $(SOURCES) | $(VENV)/pyvenv.cfg
 	$(INSTALL) '.[dev]'
 	@touch $(RUNS) $@
 
-# Eight minutes of attacks and faults, and what they do to a performer; `make test` runs a short form.
+# Seven minutes of attacks and faults, and their effect on a performer; `make test` runs a short form.
 chaos: setup
 	$(BIN)/kinespace chaos
 

@@ -3,18 +3,28 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from numbers import Real
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kinespace.library.skeleton import SkeletonMismatchError
+from kinespace.library.skeleton import Skeleton, SkeletonMismatchError
 
 if TYPE_CHECKING:
     from collections.abc import Collection
 
     from numpy.typing import NDArray
 
-    from kinespace.library.skeleton import Skeleton
+
+def as_numbers(positions: object) -> NDArray[np.float64]:
+    """Give positions in lists or in an array of any real numbers as doubles; ValueError for others."""
+    try:
+        found = np.asarray(positions)
+    except ValueError as error:
+        raise ValueError("positions: expected numbers, got lists of several lengths") from error
+    if found.dtype.kind not in "fiu":
+        raise ValueError(f"positions: expected numbers, got {type(positions).__name__} of {found.dtype}")
+    return found.astype(np.float64)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -26,18 +36,19 @@ class Clip:
     skeleton
         The skeleton whose joints the positions belong to.
     positions
-        Joint positions, shape (frames, joints, 3), metres.
+        Joint positions, shape (frames, joints, 3), metres; lists of numbers become an array.
     frame_rate
         Frames per second.
     name
         The clip's name, usually its file's name without the ending.
-    The movement it shows, the person who performs it, and which repetition it is; empty if the source is silent.
+    class_name, actor, take
+        The movement it shows, the person who performs it, and which repetition it is; empty if the source is silent.
     source, licence, attribution
         The file or database that the clip comes from, the terms under which it may be passed on, and the authors to
         name; empty where they are not known.
     rotations
         Joint rotations as recorded, shape (frames, angles), radians; (frames, 0) when the source has none. Only the
-        comparison of spaces (`library.retrieval.experiment`) uses them.
+        comparison of spaces (`kinespace evaluate retrieval`) uses them.
     naming
         The convention by which the recording named its joints, as a person asks for it (`library.naming`); empty where
         the names were not changed.
@@ -50,8 +61,8 @@ class Clip:
     Raises
     ------
     ValueError
-        Positions of another shape than (frames >= 1, joints, 3), a value that is not finite, or a frame rate that
-        is not positive.
+        Positions of another shape than (frames >= 1, joints, 3) or not of numbers, a value that is not finite, a frame
+        rate that is not positive, or a parameter of another type.
     """
 
     skeleton: Skeleton
@@ -70,13 +81,18 @@ class Clip:
     gaps: tuple[tuple[float, float], ...] = ()
 
     def __post_init__(self) -> None:
+        if not isinstance(self.skeleton, Skeleton):
+            raise ValueError(f"skeleton: expected a Skeleton, got {type(self.skeleton).__name__}")  # noqa: TRY004
+        if not isinstance(self.positions, np.ndarray) or self.positions.dtype.char not in "fd":
+            object.__setattr__(self, "positions", as_numbers(self.positions))
         joints = len(self.skeleton.joints)
         if self.positions.ndim != 3 or self.positions.shape[1:] != (joints, 3) or not len(self.positions):
             raise ValueError(f"positions: expected (frames, {joints}, 3), got {self.positions.shape}")
         if not np.isfinite(self.positions).all():
             raise ValueError(f"positions: expected finite metres, got NaN or infinity in clip {self.name!r}")
-        if not (np.isfinite(self.frame_rate) and self.frame_rate > 0):
-            raise ValueError(f"frame_rate: expected a positive number of frames per second, got {self.frame_rate}")
+        rate = self.frame_rate
+        if not (isinstance(rate, Real) and np.isfinite(rate) and rate > 0):
+            raise ValueError(f"frame_rate: expected a positive number of frames per second, got {rate!r}")
 
     @property
     def frames(self) -> int:

@@ -30,14 +30,15 @@ class Skeleton:
     joints
         Joint names, in the order of the position arrays.
     parents
-        For each joint the index of its parent, -1 for a root. Empty when the hierarchy is not known.
+        For each joint the index of its parent, -1 for a root; no joint is above itself. Empty when the hierarchy is
+        not known.
     pairs
         Joint indices, shape (pairs, 2), first index below second, rows in lexicographic order. Read-only.
 
     Raises
     ------
     ValueError
-        Fewer than two joints, a name twice or empty, or parents that do not fit.
+        Fewer than two joints, a name twice or empty, one text in place of names, or parents that do not fit.
     """
 
     joints: tuple[str, ...]
@@ -45,6 +46,11 @@ class Skeleton:
     pairs: NDArray[np.intp] = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
+        if isinstance(self.joints, str):
+            raise ValueError(f"joints: expected several names, got the text {self.joints!r}")  # noqa: TRY004
+        # A list would make the skeleton unhashable.
+        object.__setattr__(self, "joints", tuple(self.joints))
+        object.__setattr__(self, "parents", tuple(self.parents))
         self._check()
         first, second = np.triu_indices(len(self.joints), k=1)
         pairs = np.stack([first, second], axis=1)
@@ -63,6 +69,12 @@ class Skeleton:
             raise ValueError(f"parents: expected one per joint ({count}), got {len(self.parents)}")
         if any(not -1 <= parent < count or parent == joint for joint, parent in enumerate(self.parents)):
             raise ValueError(f"parents: expected joint indices or -1, got {self.parents}")
+        above = self.parents
+        for _ in range(count.bit_length()):
+            # Twice as far up as before.
+            above = tuple(above[each] if each >= 0 else -1 for each in above)
+        if any(each >= 0 for each in above):
+            raise ValueError(f"parents: expected no joint above itself, got {self.parents}")
 
     @classmethod
     def of_joints(cls, joints: Sequence[str]) -> Self:
@@ -142,7 +154,7 @@ class Skeleton:
         return np.array([place[name] for name in self.joints], dtype=np.intp)
 
     def nearest_from(self, joints: Sequence[str]) -> NDArray[np.intp]:
-        """Give what `order_from` gives; for a joint that is not in the list, the index of the nearest along the bones.
+        """Do the same as `order_from`, but for a missing joint give the index of the nearest joint along the bones.
 
         Without parents the nearest joint is the first in the list that this skeleton has.
 

@@ -1,7 +1,21 @@
 """A motion in flight: frames, the sliding window, the recogniser, its answers, and the transports around it."""
 
+from kinespace.library.windows.rejection import Evidence
 from kinespace.stream.frame import Announcement, Frame
-from kinespace.stream.recognition import Outcome, Recognition
+from kinespace.stream.recognition import Event, EventKind, Outcome, Progress, Recognition
 from kinespace.stream.recognizer import LiveSignature, Performers, Recognizer, Settings
 
-__all__ = ["Announcement", "Frame", "LiveSignature", "Outcome", "Performers", "Recognition", "Recognizer", "Settings"]
+__all__ = [
+    "Announcement",
+    "Event",
+    "EventKind",
+    "Evidence",
+    "Frame",
+    "LiveSignature",
+    "Outcome",
+    "Performers",
+    "Progress",
+    "Recognition",
+    "Recognizer",
+    "Settings",
+]

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from numbers import Real
 from typing import TYPE_CHECKING
 
 import numpy as np
+
+from kinespace.library.clip import as_numbers
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -16,6 +19,7 @@ MAX_PERFORMER_LENGTH = 64
 #: Metres from the origin beyond which a joint is a sender's mistake; squares of smaller numbers never overflow.
 MAX_DISTANCE = 1e8
 _MAX_DISTANCE_SQUARE = MAX_DISTANCE**2
+_FLOATS = np.dtype(np.float32), np.dtype(np.float64)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -29,13 +33,14 @@ class Frame:
     time
         Seconds on the sender's clock or ours; only differences matter.
     positions
-        Joint positions, shape (joints, 3), metres. A joint with a NaN among its three numbers is lost.
+        Joint positions, shape (joints, 3), metres. A joint with a NaN among its three numbers is lost. Arrays of floats
+        and of doubles are kept as they are, others and lists are copied.
 
     Raises
     ------
     ValueError
-        The performer is empty or too long, the time is not finite, all joints are lost, a joint is farther than
-        `MAX_DISTANCE`, or the shape is another.
+        The performer is no text, empty or too long, the time is not a finite number, all joints are lost, a joint is
+        farther than `MAX_DISTANCE`, or the shape is another or not of numbers.
     """
 
     performer: str
@@ -43,16 +48,26 @@ class Frame:
     positions: NDArray[np.floating] = field(repr=False)
 
     def __post_init__(self) -> None:
-        if not 0 < len(self.performer) <= MAX_PERFORMER_LENGTH:
-            raise ValueError(f"performer: expected 1 to {MAX_PERFORMER_LENGTH} characters, got {len(self.performer)}")
-        if not math.isfinite(self.time):
-            raise ValueError(f"time: expected finite seconds, got {self.time}")
-        shape = self.positions.shape
+        # Local names, because a hundred performers make 20,000 frames a second.
+        performer, positions = self.performer, self.positions
+        if not (isinstance(performer, str) and 0 < len(performer) <= MAX_PERFORMER_LENGTH):
+            raise _misnamed(performer)
+        kind: object
+        try:
+            finite, kind = math.isfinite(self.time), positions.dtype
+        except (AttributeError, TypeError):
+            finite, kind = _is_finite(self.time), np.dtype(object)
+        if not finite:
+            raise ValueError(f"time: expected finite seconds, got {self.time!r}")
+        if kind not in _FLOATS:
+            positions = as_numbers(positions)
+            object.__setattr__(self, "positions", positions)
+        shape = positions.shape
         if len(shape) != 2 or shape[1] != 3:
             raise ValueError(f"positions: expected (joints, 3), got {shape}")
         # One sum of squares shows any NaN, infinity or absurd number, and is quicker than checking each number. vdot is
         # used because numpy turns the processor's flags into warnings after dot.
-        if not np.vdot(self.positions, self.positions) < _MAX_DISTANCE_SQUARE:
+        if not np.vdot(positions, positions) < _MAX_DISTANCE_SQUARE:
             self._require_some_joints()
 
     def _require_some_joints(self) -> None:
@@ -62,6 +77,15 @@ class Frame:
             raise ValueError("positions: expected some joints, got NaN for all")
         if not np.vdot(there, there) < _MAX_DISTANCE_SQUARE:
             raise ValueError(f"positions: expected finite metres on a stage, got {_odd_joint(self.positions)}")
+
+
+def _misnamed(performer: object) -> ValueError:
+    got = len(performer) if isinstance(performer, str) else repr(performer)
+    return ValueError(f"performer: expected 1 to {MAX_PERFORMER_LENGTH} characters, got {got}")
+
+
+def _is_finite(time: object) -> bool:
+    return isinstance(time, Real) and math.isfinite(time)
 
 
 def _odd_joint(positions: NDArray[np.floating]) -> str:
@@ -79,15 +103,17 @@ class Announcement:
     Raises
     ------
     ValueError
-        The performer is empty or too long, or a joint name is empty or appears twice.
+        The performer is empty or too long, a joint name is empty or appears twice, or the joints are one text.
     """
 
     performer: str
     joints: tuple[str, ...]
 
     def __post_init__(self) -> None:
-        if not 0 < len(self.performer) <= MAX_PERFORMER_LENGTH:
-            raise ValueError(f"performer: expected 1 to {MAX_PERFORMER_LENGTH} characters, got {len(self.performer)}")
+        if not (isinstance(self.performer, str) and 0 < len(self.performer) <= MAX_PERFORMER_LENGTH):
+            raise _misnamed(self.performer)
+        if isinstance(self.joints, str):
+            raise ValueError(f"joints: expected several names, got the text {self.joints!r}")  # noqa: TRY004
         if not self.joints or not all(self.joints) or len(set(self.joints)) != len(self.joints):
             raise ValueError("joints: expected distinct, non-empty names")
 

@@ -108,7 +108,8 @@ class Recognition:
     outcome
         Whether a class is named, else why not.
     classes
-        The library's class names, sorted; an index into them is an index into `scores`.
+        The class names, sorted unless the recogniser was given another order, as of taught classes; an index into them
+        is an index into `scores`.
     scores
         Score of each class, 0 to 1, shape (classes,): 1 / (1 + d²) of the distance d to its nearest window. Raw, not
         normalised: an unknown movement scores low everywhere. Given even when no class is named.

@@ -108,17 +108,20 @@ def pyliblo() -> ModuleType:
 
 @pytest.fixture(scope="session")
 def data_folder() -> Path:
+    """Give the folder of the recordings."""
     beside = Path(__file__).resolve().parents[2] / "shared" / "data"
     return _folder(Path(os.environ.get("KINESPACE_DATA") or beside))
 
 
 @pytest.fixture(scope="session")
 def hdm05_folder(data_folder: Path) -> Path:
+    """Give the folder of HDM05's recordings."""
     return _folder(data_folder / "hdm05_cut_amc")
 
 
 @pytest.fixture(scope="session")
 def cmu_folder(data_folder: Path) -> Path:
+    """Give the folder of CMU's recordings."""
     return _folder(data_folder / "cmu")
 
 

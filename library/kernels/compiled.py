@@ -96,18 +96,18 @@ class Loops(Protocol):
         moved: int,
         /,
     ) -> bool:
-        """Let a window's sums (4, width) and clock (3,) follow its rows, as `RollingMoments` has them.
+        """Let a window's sums (4, width) and clock (3,) follow its rows, as in `RollingMoments`.
 
         Return whether the sums were computed afresh.
 
         Parameters
         ----------
         rows, times, end, moved
-            As `SlidingWindow` has them.
+            The same as for `SlidingWindow`.
         places, seconds, most
-            As `Span` has them.
+            The same as for `Span`.
         drift, sums, clock
-            As `RollingMoments` has them.
+            The same as for `RollingMoments`.
         """
 
     def follow_products(  # noqa: PLR0913, PLR0917 - as above
@@ -125,7 +125,7 @@ class Loops(Protocol):
         moved: int,
         /,
     ) -> bool:
-        """Do what `follow` does for the sums of `RollingCovariance`."""
+        """Do the same as `follow`, for the sums of `RollingCovariance`."""
 
     def read_parts(  # noqa: PLR0913, PLR0917 - as above
         self,
@@ -149,7 +149,7 @@ class Loops(Protocol):
         sums, clock, places
             As `RollingMoments` and its span keep them.
         sizing, segments, paths
-            As `Body` has them, but paths (segments, width).
+            The same as in `Body`, but paths (segments, width).
         floor, level
             `NOISE_FLOOR` and `LEVEL_REMOVED`.
         spread, posture, trend

@@ -7,6 +7,7 @@ around at the integers' range, so nothing is lost. Zip's checksums tell whether 
 
 from __future__ import annotations
 
+import errno
 import io
 import json
 import math
@@ -155,6 +156,8 @@ def _encoded(motions: Sequence[Clip]) -> dict[str, NDArray[Any]]:
 @contextmanager
 def _replacing(path: Path) -> Iterator[BinaryIO]:
     """Open a file that takes another file's place once it is whole and on the disk."""
+    if not path.absolute().parent.is_dir():
+        raise FileNotFoundError(errno.ENOENT, "no such folder", str(path.parent))
     handle, temporary = tempfile.mkstemp(dir=path.absolute().parent, prefix=f".{path.name}.", suffix=".part")
     try:
         with os.fdopen(handle, "wb") as file:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from kinespace.library.clip import Clip
 from kinespace.library.distances import distance_rows
 from kinespace.library.motion_library import library_file
 from kinespace.library.naming import hdm05
@@ -19,7 +20,6 @@ from kinespace.library.skeleton import Skeleton, SkeletonMismatchError
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Mapping, Sequence
 
-    from kinespace.library.clip import Clip
     from kinespace.library.motion_library.learned import Learned
     from kinespace.library.naming import Naming
 
@@ -71,7 +71,7 @@ class MotionLibrary:
         if motion.skeleton is not self.skeleton:
             self.skeleton.require_same(motion.skeleton)
         if not motion.class_name:
-            raise ValueError(f"clip {motion.name!r}: expected a class name, got none")
+            raise ValueError(f"class_name: expected a class name for clip {motion.name!r}, got none")
         if motion.frames < 2:
             raise ValueError(f"clip {motion.name!r}: expected at least 2 frames, got {motion.frames}")
         if not MIN_FRAME_RATE <= motion.frame_rate <= MAX_FRAME_RATE:
@@ -97,12 +97,12 @@ class MotionLibrary:
         Raises
         ------
         ValueError
-            There is no clip, or a clip has no class name, too few frames, no movement, or joints more than a kilometre
-            away.
+            There is no clip, something else than clips is given, or a clip has no class name, too few frames, no
+            movement, or joints more than a kilometre away.
         SkeletonMismatchError
             The clips differ in their joints, or have fewer than five.
         """
-        given = list(clips)
+        given = _clips(clips)
         if not given:
             raise ValueError("clips: expected at least one, got none")
         skeleton = _in_canonical_order(given[0].skeleton)
@@ -168,7 +168,7 @@ class MotionLibrary:
 
     @property
     def judged_by_strangers(self) -> bool:
-        """Whether numbers learned from other people's motions tell what is unknown."""
+        """Whether numbers learned from other people's motions tell unknown motion from known."""
         return self.learned is not None and self.learned.judges
 
     @property
@@ -191,7 +191,7 @@ class MotionLibrary:
         SkeletonMismatchError
             A clip has other joints than the library.
         """
-        added = (_as_motion(clip, self.skeleton) for clip in clips)
+        added = (_as_motion(clip, self.skeleton) for clip in _clips(clips))
         return self._of(self.skeleton, (*self.motions, *added))
 
     def without(
@@ -202,7 +202,7 @@ class MotionLibrary:
         Raises
         ------
         ValueError
-            A class, a person or a motion is not in this library, or no motion would be left.
+            A class, a person or a motion is not in this library, a parameter is one text, or no motion would be left.
         """
         held = {motion.class_name for motion in self.motions}
         _require_known(classes, held, "classes")
@@ -293,6 +293,13 @@ class MotionLibrary:
         return MotionLibrary(skeleton, motions, self.learned and self.learned.for_other_motions())
 
 
+def _clips(given: Iterable[Clip]) -> list[Clip]:
+    clips = [] if isinstance(given, Clip) else list(given)
+    if isinstance(given, Clip) or not all(isinstance(each, Clip) for each in clips):
+        raise ValueError(f"clips: expected several Clips, got {type(given).__name__}")
+    return clips
+
+
 def _over(skeleton: Skeleton, motions: Iterable[Clip]) -> tuple[Clip, ...]:
     """Give motions over a skeleton of some of their joints, in the skeleton's order."""
     return tuple(
@@ -348,6 +355,8 @@ def _identity(motion: Clip) -> tuple[object, ...]:
 
 
 def _require_known(names: Iterable[str], known: Collection[str], parameter: str) -> None:
+    if isinstance(names, str):
+        raise ValueError(f"{parameter}: expected several names, got the text {names!r}")  # noqa: TRY004
     for name in names:
         if name not in known:
             raise ValueError(f"{parameter}: expected some of {', '.join(sorted(known)) or 'none'}, got {name!r}")

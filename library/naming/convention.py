@@ -26,6 +26,8 @@ _KEYS = ("title", "prefixes", "sides", "absent", "joints")
 _BETWEEN_WORDS = re.compile(r"[\s_\-.:]+")
 #: The end of a namespace or a path.
 _NAMESPACE = re.compile(r".*[:|]")
+#: Names that feeds and sets of joints have for a convention.
+_ALSO = {"kinect20": "kinect1", "kinectv2": "kinect2"}
 #: Stands for a side in a convention's names, and for its letter in ours.
 _SIDE = "*"
 
@@ -118,9 +120,10 @@ def convention_named(text: str) -> Convention:
             return parse_convention(Path(text).read_text(encoding="utf-8"), text)
         except UnicodeDecodeError as error:
             raise ConventionError(f"{text}: expected UTF-8 text, got byte {error.start} of another encoding") from error
-    found = next((each for each in conventions() if each.name == text.casefold()), None)
+    name = _ALSO.get(text.casefold(), text.casefold())
+    found = next((each for each in conventions() if each.name == name), None)
     if found is None:
-        names = ", ".join(each.name for each in conventions())
+        names = ", ".join(sorted((*(each.name for each in conventions()), *_ALSO)))
         raise ConventionError(f"names: expected one of {names}, or a {_ENDING} file, got {text!r}")
     return found
 

@@ -97,8 +97,8 @@ def is_recording(path: Path) -> bool:
     return ending in _ENDINGS or utkinect.is_take(path) or (ending in _TABLES and joint_table.is_joint_table(path))
 
 
-def _got(path: Path) -> str:
-    """Say of a file that is no recording what it is."""
+def instead_of_recording(path: Path) -> str:
+    """Describe a file that is no recording."""
     if path.is_file() and not path.stat().st_size:
         return "an empty file"
     if path.suffix.lower() in _TABLES:
@@ -232,7 +232,7 @@ class RecordingReader:
 
     def _require_recording(self, path: Path) -> None:
         if not is_recording(path):
-            raise RecordingError(f"{path}: expected a recording ({_NAMED}), got {_got(path)}")
+            raise RecordingError(f"{path}: expected a recording ({_NAMED}), got {instead_of_recording(path)}")
 
     @staticmethod
     def _require_memory(path: Path) -> None:
@@ -294,7 +294,7 @@ def segments_beside(take: Path) -> tuple[Segment, ...] | None:
         The labels cannot be used.
     """
     if labels := labels_beside(take):
-        return read_labels(labels)
+        return read_labels(labels[0])
     if utkinect.is_take(take) and take.with_name(utkinect.LABELS).is_file():
         return utkinect.read_segments(take)
     return None

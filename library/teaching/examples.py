@@ -188,14 +188,18 @@ class TaughtWindows:
     def of_fewer(self, library: MotionLibrary, joints: tuple[str, ...]) -> MotionLibrary | WindowIndex:
         """Give the library of an opened roster as a body of some of its joints shows it; for one thread at a time."""
         roster = next((each for known, each in self._rosters if known is library), None)
-        if roster is None:
+        is_base = self._base is not None and library is self._base.library
+        if roster is None and not is_base:
             return library.restricted_to(joints)
         if joints not in self._fewer:
             base = self._base and opened(self._base.library.restricted_to(joints))
             while len(self._fewer) >= _MAX_FEWER:
                 del self._fewer[next(iter(self._fewer))]
             self._fewer[joints] = TaughtWindows(base, beside=self._beside)
-        return self._fewer[joints].index_of(roster.restricted_to(joints)) or library.restricted_to(joints)
+        fewer = self._fewer[joints]
+        # Before the first example the base is opened, so that the first class is recognised as soon as the next ones.
+        index = fewer.index_of(roster.restricted_to(joints)) if roster else fewer._base  # noqa: SLF001 - its own class
+        return index or library.restricted_to(joints)
 
     def index_of(self, roster: Roster) -> WindowIndex | None:
         """Open a roster; None when there is no motion to compare with."""
@@ -222,7 +226,7 @@ class TaughtWindows:
         return self._selected(roster, enabled)
 
     def _selected(self, roster: Roster, enabled: Sequence[Example]) -> WindowIndex | None:
-        assert self._everything is not None and self._base is not None  # noqa: S101, PT018 - told to mypy
+        assert self._everything is not None and self._base is not None  # noqa: S101, PT018 - for mypy
         wanted = {id(self._known[_key(each)]) for each in enabled}
         if self._beside:
             wanted |= {id(motion) for motion in self._base.library.motions if motion.class_name not in roster.disabled}
@@ -231,7 +235,7 @@ class TaughtWindows:
             return None
         kept = self._everything.of_some(places)
         # A base taught by strangers tells what is unknown; without one the examples do.
-        index = replace(kept, judged_by=kept.rejection if self._beside else self._learned(kept, len(enabled)))
+        index = replace(kept, judged_by=self._base.rejection if self._beside else self._learned(kept, len(enabled)))
         index.prepare()
         return index
 

@@ -77,7 +77,7 @@ class Weighing:
                 raise ValueError(f"views: expected {len(self.groups)} weights that add up to 1, got {view}")
 
     def without(self, kind: Kind) -> Weighing:
-        """Leave out the parts of one kind, to measure what they are worth; the other weights keep their proportions.
+        """Leave out the parts of one kind, to measure their worth; the other weights keep their proportions.
 
         Raises
         ------

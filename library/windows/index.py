@@ -182,8 +182,13 @@ class WindowIndex:
         return self._kept(~np.isin(self.motions, motions))
 
     def of_some(self, motions: Sequence[int]) -> WindowIndex:
-        """Give the index of some motions' windows alone; the metrics stay the same."""
-        return self._kept(np.isin(self.motions, motions))
+        """Give the index of some motions alone, in this order, with the numbers of the library that hold for them."""
+        places = np.unique(motions)
+        kept = self._kept(np.isin(self.motions, places))
+        learned = self.library.learned
+        some = tuple(self.library.motions[place] for place in places.tolist())
+        library = replace(self.library, motions=some, learned=learned and learned.for_other_motions())
+        return replace(kept, library=library, motions=np.searchsorted(places, kept.motions))
 
     def _kept(self, kept: NDArray[np.bool_]) -> WindowIndex:
         return replace(
@@ -209,7 +214,7 @@ class WindowIndex:
         return self._windows.compared(numbers)
 
     def distances_of(self, vectors: Sequence[NDArray[np.float32]]) -> NDArray[np.float64]:
-        """Do what `log_distances` does of a window that is placed already, by the vector of each group."""
+        """Do the same as `log_distances` for a window that is placed already, by the vector of each group."""
         return self.blocks.agreed(self.blocks.nearest(self._windows.weighed(vectors)))
 
     def prepare(self) -> None:
@@ -252,10 +257,11 @@ class WindowIndex:
 
 @lru_cache(maxsize=8)
 def _rejection(index: WindowIndex) -> Rejection:
-    learned = index.library.learned
-    if learned is None or not index.library.judged_by_strangers:
+    learned, weighing = index.library.learned, index.comparison.weighing
+    # Strangers' motions taught numbers for all groups: without some parts the library's own motions teach.
+    if learned is None or not index.library.judged_by_strangers or weighing != usual_weighing(index.library):
         return learned_rejection(index)
-    rejection = Rejection.of_kept(learned, len(index.comparison.weighing.groups))
+    rejection = Rejection.of_kept(learned, len(weighing.groups))
     fewer = len(index.library.skeleton.joints) < rejection.joints
     return rejection.moved_to(typical_evidence(index)) if fewer else rejection
 

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from kinespace.library.motion_library import MotionLibrary
     from kinespace.library.windows.comparison import Weighing
 
-#: Raised when basis or metrics are learned in another way: those of another version are learned again.
+#: Raised when basis or metrics are learned in another way: numbers of another version are learned again.
 _VERSION = 1
 #: The weighings whose metrics are kept, by the beginning of their arrays' names.
 WEIGHINGS = {"across": ACROSS_LABORATORIES, "within": WITHIN_LABORATORY}
@@ -37,7 +37,7 @@ class Kept(NamedTuple):
 
 
 def kept_of(teacher: MotionLibrary, weighing: Weighing) -> Kept | None:
-    """Give what a library's file keeps of its motions; None if it keeps nothing for this weighing and these motions.
+    """Give the basis and metrics in a library's file; None if it has none for this weighing and these motions.
 
     Raises
     ------
@@ -69,7 +69,7 @@ def kept_of(teacher: MotionLibrary, weighing: Weighing) -> Kept | None:
 
 
 def with_kept(library: MotionLibrary, basis: Basis, comparisons: Mapping[str, Comparison]) -> MotionLibrary:
-    """Give a library that keeps what its motions taught: the basis, and for each of `WEIGHINGS` the comparison."""
+    """Give a library that keeps the numbers learned from its motions: the basis, and a comparison by `WEIGHINGS`."""
     learned = library.learned.arrays() if library.learned else {}
     numbers = {"directions": basis.directions, "weights": basis.weights, "share": np.array([basis.share])}
     learned |= {f"{_BASIS}{name}": array.astype(np.float32) for name, array in numbers.items()}

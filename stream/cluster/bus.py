@@ -1,4 +1,4 @@
-"""Zenoh: opened with our defaults, or as its own configuration file says; what comes is read by one loop."""
+"""Zenoh: opened with our defaults, or with its own configuration file; one loop reads all messages."""
 
 from __future__ import annotations
 
@@ -28,9 +28,9 @@ def open_session(listen: Sequence[str], connect: Sequence[str], file: Path | Non
     Parameters
     ----------
     listen, connect
-        Endpoints like `tcp/10.0.0.1:7447`; they take the place of those in the file.
+        Endpoints like `tcp/10.0.0.1:7447`; they replace the endpoints of the file.
     file
-        A configuration of Zenoh's own, with its keys and access rules; without one nothing is looked for by multicast.
+        A configuration file of Zenoh, with keys and access rules; without a file Zenoh does not search by multicast.
 
     Raises
     ------
@@ -39,7 +39,7 @@ def open_session(listen: Sequence[str], connect: Sequence[str], file: Path | Non
     ConnectionError
         An endpoint cannot be listened on or reached.
     ValueError
-        The file is no configuration.
+        An endpoint is none, or the file is not a configuration of Zenoh.
     """
     try:
         import zenoh  # noqa: PLC0415 - an extra
@@ -62,9 +62,12 @@ def open_session(listen: Sequence[str], connect: Sequence[str], file: Path | Non
         told["connect/exit_on_failure"] = True
         # A gateway that was started again is found at once.
         told["connect/retry"] = {"period_init_ms": 100, "period_max_ms": 250, "period_increase_factor": 2}
-    for name, value in told.items():
-        config.insert_json5(name, json.dumps(value))
     places = ", ".join([*listen, *connect]) or str(file)
+    try:
+        for name, value in told.items():
+            config.insert_json5(name, json.dumps(value))
+    except zenoh.ZError:
+        raise ValueError(f"{places}: expected endpoints like {LISTEN}") from None
     try:
         return zenoh.open(config)
     except zenoh.ZError as error:
@@ -77,15 +80,20 @@ def _reason(error: Exception) -> str:
 
 
 class Inbox:
-    """What Zenoh's threads bring, for one loop: the loop can poll it, or wait.
+    """Keeps the messages of Zenoh's threads for one loop, which can poll the inbox or wait for it.
+
+    Parameters
+    ----------
+    most
+        Maximum number of messages of frames that wait.
 
     Attributes
     ----------
     dropped
-        Messages that were dropped, the oldest first, because the loop was busy.
+        Messages of frames that were dropped, the oldest first, because the loop was busy.
     """
 
-    def __init__(self, most: int) -> None:
+    def __init__(self, most: int = 0) -> None:
         self._most = most
         self._waiting: deque[tuple[Callable[..., None], tuple[Any, ...]]] = deque()
         self._frames: deque[tuple[Callable[..., None], tuple[Any, ...]]] = deque()
@@ -100,12 +108,12 @@ class Inbox:
         return self._woken.fileno()
 
     def put(self, deal_with: Callable[..., None], *arguments: object) -> None:
-        """Keep something that must not be lost; from any thread."""
+        """Keep a message that must not be lost; from any thread."""
         self._waiting.append((deal_with, arguments))
         self._wake()
 
     def put_frames(self, deal_with: Callable[..., None], *arguments: object) -> None:
-        """Keep frames, the newest if there are too many; from any thread."""
+        """Keep frames, and drop the oldest if there are too many; from any thread."""
         if len(self._frames) >= self._most:
             with suppress(IndexError):
                 self._frames.popleft()
@@ -116,12 +124,12 @@ class Inbox:
     def _wake(self) -> None:
         if not self._awake:
             self._awake = True
-            # A full socket wakes the loop, too; a closed one has no loop any more.
+            # A full socket wakes the loop, too; behind a closed socket there is no loop.
             with suppress(OSError):
                 self._wakes.send(b"!")
 
     def deal(self, longest: float = math.inf) -> None:
-        """Deal with what has come, in the loop's thread: all that must not be lost, then frames for so many seconds."""
+        """Deal with all messages that must not be lost, then with frames for so many seconds; in the loop's thread."""
         ends = time.monotonic() + longest
         if self._awake:
             with suppress(BlockingIOError):
@@ -138,7 +146,7 @@ class Inbox:
 
     @property
     def is_empty(self) -> bool:
-        """Whether nothing waits."""
+        """Whether no message waits."""
         return not (self._waiting or self._frames)
 
     def close(self) -> None:

@@ -1,13 +1,13 @@
-"""What gateways and workers must agree on, and the keys of their messages.
+"""The charter, on which a gateway and its workers must agree, and the keys of their messages.
 
 | key | what | from |
 |---|---|---|
 | `kin/gateway/<gateway>`, `kin/worker/<worker>` | liveliness tokens | both |
-| `kin/<gateway>/charter`, `kin/<gateway>/library` | queries: what must be agreed on; the library's file | gateway |
-| `kin/<gateway>/frame/<partition>` | frames; the gateway keeps those of the last seconds | gateway |
-| `kin/<gateway>/to/<worker>` | what a worker takes over and leaves | gateway |
+| `kin/<gateway>/charter`, `kin/<gateway>/library` | queries: the charter; the library's file | gateway |
+| `kin/<gateway>/frame/<partition>` | frames; the gateway keeps the last seconds | gateway |
+| `kin/<gateway>/to/<worker>` | partitions that a worker takes over or leaves | gateway |
 | `kin/<gateway>/back/<worker>` | answers and reports | worker |
-| `kin/<gateway>/answer/<performer>/class`, `.../event` | answers in JSON, for anybody | gateway |
+| `kin/<gateway>/answer/<performer>/class`, `.../event` | answers in JSON, for every listener | gateway |
 """
 
 from __future__ import annotations
@@ -37,18 +37,18 @@ GATEWAYS, WORKERS = "kin/gateway", "kin/worker"
 
 
 class Charter(msgspec.Struct, frozen=True):
-    """What a gateway demands of its workers.
+    """The versions, library and settings that a gateway demands of its workers.
 
     Attributes
     ----------
     version, protocol, partitions
-        Of kinespace, of the messages, of performers: they must be the worker's own.
+        The version of kinespace, the version of the messages, the number of partitions: the worker must have the same.
     session
-        The name that Zenoh gave the gateway's session: frames of other sessions are not believed.
+        The name that Zenoh gave the gateway's session: workers ignore frames of other sessions.
     digest
         SHA-256 of the library's file, in hexadecimal.
     settings, assumed, naming, most, silence
-        Of the recognisers; the naming as it is typed.
+        For the recognisers; the naming is written as in `--naming`.
     """
 
     version: str
@@ -80,7 +80,7 @@ class Charter(msgspec.Struct, frozen=True):
 
 
 class Back(msgspec.Struct, array_like=True, frozen=True):
-    """What a worker sends back, with the number of its membership; 0: it asks for one."""
+    """A worker's answers, with the number of its membership; a worker without one sends 0 and asks for it."""
 
     member: int
     answers: Answers
@@ -97,7 +97,7 @@ def encode_charter(charter: Charter) -> bytes:
 
 
 def decode_charter(message: bytes) -> Charter:
-    """Decode a charter; FormatError for a message that is none, also of another version of kinespace."""
+    """Decode a charter; FormatError for any other message, and perhaps for another version's charter."""
     try:
         return _read_charter(message)
     except (ValueError, RecursionError) as error:
@@ -105,7 +105,7 @@ def decode_charter(message: bytes) -> Charter:
 
 
 def decode_back(message: bytes) -> Back:
-    """Decode what a worker sent back; FormatError for a message that is not ours."""
+    """Decode a worker's answers; FormatError for a message that is not ours."""
     try:
         return _read_back(message)
     except (ValueError, RecursionError) as error:
@@ -121,7 +121,7 @@ def own_version() -> str:
 
 
 def file_of(library: MotionLibrary) -> bytes:
-    """Give a library's file, which is the same for the same motions on every machine."""
+    """Give a library's file. The same motions give the same bytes on every machine."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "library.npz"
         library.save(path, compressed=False)
@@ -129,7 +129,7 @@ def file_of(library: MotionLibrary) -> bytes:
 
 
 def digest_of(file: bytes) -> str:
-    """Give the digest by which a library is known."""
+    """Give the digest of a library's file."""
     return hashlib.sha256(file).hexdigest()
 
 

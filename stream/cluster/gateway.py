@@ -42,10 +42,8 @@ if TYPE_CHECKING:
 MAX_SILENT = 0.8
 #: Seconds between two looks at the workers, above which this process itself was stopped for a while.
 _STOPPED = 0.4
-#: Messages of one partition that are kept for a worker that takes over: the last seconds of four performers and more.
+#: Messages of one partition that are kept for a new worker: the last seconds of at least four performers.
 _KEPT = round(KEPT * 120 * 4)
-#: Messages of workers that wait, at most; they are never dropped before that.
-_MAX_WAITING = 100_000
 
 
 @dataclass(slots=True)
@@ -56,30 +54,30 @@ class _Member:
 
 
 class Gateway(Spread):
-    """Workers anywhere in the place of `Performers`.
+    """Takes the place of `Performers`; its workers may run on other machines.
 
     Parameters
     ----------
     session
         An open session of Zenoh; closed with the source.
     library, settings, most, silence, joints
-        As `Performers` has them.
+        The same as for `Performers`.
     naming
-        The naming of `joints`, as it is typed.
+        The naming of `joints`, written as in `--naming`.
     clock
         Seconds, the service's own.
 
     Attributes
     ----------
     name
-        The gateway's name: another one at every start.
+        The gateway's name, new at every start.
     source
-        Where answers come back: a source for the service, which closes it.
+        The source of the answers; the service reads and closes it.
     strangers
-        Messages of nobody who is a worker.
+        Messages whose sender is not a worker.
     """
 
-    def __init__(  # noqa: PLR0913 - what there may be of performers
+    def __init__(  # noqa: PLR0913 - all by keyword
         self,
         session: Any,  # noqa: ANN401 - Zenoh's
         library: MotionLibrary,
@@ -95,7 +93,7 @@ class Gateway(Spread):
         super().__init__(library, library.classes, settings, joints, ledger)
         self.name = uuid.uuid4().hex[:12]
         self.strangers = 0
-        self.inbox = Inbox(_MAX_WAITING)
+        self.inbox = Inbox()
         self._session, self._clock = session, clock
         self._looked = clock()
         self._file = chartered.file_of(library)
@@ -156,7 +154,7 @@ class Gateway(Spread):
     def notes(self) -> list[str]:
         """Notes for a person, a line each."""
         lost = [f"workers lost so far: {self._lost}; last: {self._last_lost}"] if self._lost else []
-        strange = [f"{self.strangers} messages of nobody who is a worker"] if self.strangers else []
+        strange = [f"{self.strangers} messages whose sender is not a worker"] if self.strangers else []
         former = [f"{self.former} answers of former owners or to frames answered before"] if self.former else []
         return [f"workers of gateway {self.name}: {len(self._ready)}", *super().notes, *lost, *strange, *former]
 
@@ -205,7 +203,7 @@ class Gateway(Spread):
             self._lose(worker, self._ready)
 
     def _heard(self, place: str, message: bytes) -> None:
-        """Read what a worker sent."""
+        """Read a worker's message."""
         worker = unquote(place.rpartition("/")[2])
         try:
             back = decode_back(message)
@@ -214,7 +212,7 @@ class Gateway(Spread):
             return
         member = self._members.get(worker)
         if worker not in self._there:
-            # A worker's first message may overtake its token, and is repeated.
+            # A worker's first message may overtake its token; the worker repeats the message.
             self.strangers += back.member != 0
         elif back.member == 0:
             self._welcome(worker, member)
@@ -229,7 +227,7 @@ class Gateway(Spread):
                 self._assign(self._ready)
 
     def _welcome(self, worker: str, member: _Member | None) -> None:
-        """Give a worker that begins a number; what it was before is void."""
+        """Give a new worker a number; forget an earlier membership."""
         if member is None or member.ready:
             self._drop(worker, "began anew")
             self._numbers += 1
@@ -237,13 +235,13 @@ class Gateway(Spread):
         self._tell(worker, WELCOME + encode_number(member.number))
 
     def tend(self, now: float) -> None:
-        """Leave out workers that say nothing."""
+        """Drop the workers that do not report."""
         if now - self._looked > _STOPPED:
             for member in self._members.values():
                 member.heard = max(member.heard, now - MAX_SILENT / 2)
         self._looked = now
         for worker in [name for name, member in self._members.items() if now - member.heard > MAX_SILENT]:
-            self._drop(worker, "says nothing")
+            self._drop(worker, "does not report")
             self._tell(worker, REJOIN)
 
     def sink(self) -> Sink:
@@ -273,7 +271,7 @@ class GatewaySource(AnswerSource):
         """Notes for a person, a line each."""
         return self._gateway.notes
 
-    def read(self, now: float) -> None:  # noqa: ARG002 - `AnswerSource` has it
+    def read(self, now: float) -> None:  # noqa: ARG002 - as in `AnswerSource`
         """Read the messages that have come."""
         self._gateway.inbox.deal()
 

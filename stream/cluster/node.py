@@ -49,7 +49,7 @@ _MAX_WAITING = 50_000
 _MAX_AGE, _MAX_WARMING = 1.0, 4.0
 #: Seconds within which a worker that takes over has caught up, if no further frame comes.
 _MAX_CATCHING_UP = 0.5
-#: Seconds for which an answer waits for others that can travel with it, at most.
+#: Maximum seconds for which an answer waits for further answers, to travel with them.
 _MAX_TOGETHER = 0.002
 #: Seconds after which a gateway that has not sent its charter, or its library, is asked again.
 _ASK_AGAIN, _FETCH_AGAIN = 1.0, 20.0
@@ -65,7 +65,7 @@ class Node:
     session
         An open session of Zenoh; closed by `close`.
     library
-        The only library with which it works; None: it takes every gateway's.
+        The only library with which it works; with None it takes every gateway's library.
     tell
         Prints a line for a person.
     clock
@@ -78,8 +78,8 @@ class Node:
     refused
         Gateways for which it does not work.
     unread, strangers, conflicts, missed
-        Messages that could not be read; messages of frames from others than their gateway; frames of performers who
-        come from another gateway already; messages of frames that Zenoh lost or that had waited for too long.
+        Messages that could not be read; messages of frames from other senders than their gateway; frames of performers
+        whom another gateway sends already; messages of frames that Zenoh lost or that had waited for too long.
     """
 
     def __init__(
@@ -117,7 +117,7 @@ class Node:
 
     @property
     def counts(self) -> dict[str, int]:
-        """What was not believed, by kind."""
+        """Counts of ignored gateways, messages and frames, by the reason."""
         counted = {"refused": self.refused, "unread": self.unread, "strangers": self.strangers}
         return {**counted, "conflicts": self.conflicts, "dropped": self.dropped}
 
@@ -131,9 +131,9 @@ class Node:
         self.missed += miss.nb
 
     def note_stranger(self, gateway: str) -> None:
-        """Count frames of somebody who is not their gateway."""
+        """Count a message of frames whose sender is not their gateway."""
         self.strangers += 1
-        self.say_once(f"somebody else publishes on the keys of gateway {gateway}; this is not believed")
+        self.say_once(f"another program publishes on the keys of gateway {gateway}; its frames are ignored")
 
     def say_once(self, line: str) -> None:
         """Print a line for a person, the first time."""
@@ -154,7 +154,7 @@ class Node:
         """Wait at most so many seconds for messages, and deal with them; report when it is time."""
         if self.inbox.is_empty:
             select.select([self.inbox], [], [], longest)
-        # In between it reports: a worker that warms up is busy, but not gone.
+        # A worker that warms up is busy, but must go on reporting: a silent worker counts as gone.
         self.inbox.deal(REPORT_EVERY / 4)
         for post in self._posts.values():
             post.send_answers()
@@ -218,7 +218,7 @@ class Node:
             return
         if len(file) > chartered.MAX_LIBRARY or chartered.digest_of(file) != charter.digest:
             self.refused += 1
-            self.say_once(f"not working for gateway {gateway}: what it sent is not library {charter.digest[:12]}")
+            self.say_once(f"not working for gateway {gateway}: the library that came is not {charter.digest[:12]}")
             return
         try:
             with tempfile.TemporaryDirectory() as folder:
@@ -229,12 +229,12 @@ class Node:
             self.refused += 1
             self.say_once(f"not working for gateway {gateway}: {error}")
             return
-        # One at a time is enough: gateways of one performance have one library.
+        # One library at a time is enough: the gateways of one performance share it.
         self._libraries = {charter.digest: library}
         self._open(gateway, charter, library)
 
     def _open(self, gateway: str, charter: Charter, library: MotionLibrary) -> None:
-        """Open the library's windows in a thread: performers of other gateways are answered meanwhile."""
+        """Open the library's windows in a thread, so that other gateways' performers get answers meanwhile."""
 
         def work() -> None:
             if charter.settings.signature is LiveSignature.WINDOWS:
@@ -249,12 +249,12 @@ class Node:
             self.tell(f"working for gateway {gateway}, library {charter.digest[:12]}")
 
     def holds(self, gateway: str, performer: str) -> bool:
-        """Say whether a gateway's performer is its own: not one who comes from another gateway."""
+        """Say whether a performer belongs to this gateway; False if another gateway sends the performer."""
         now = self.clock()
         holder, heard = self._holders.get(performer, (gateway, now))
         if holder != gateway and holder in self._posts and now - heard <= _SILENCE:
             self.conflicts += 1
-            self.say_once(f"two gateways have performer {performer}: {holder}, {gateway}; only the first is answered")
+            self.say_once(f"two gateways have performer {performer}: {holder}, {gateway}; only the first gets answers")
             return False
         self._holders[performer] = gateway, now
         return True
@@ -266,7 +266,7 @@ class Post:
     Parameters
     ----------
     node
-        Whose it is.
+        The worker.
     gateway, charter, library
         The gateway's name, its charter and its library.
     """
@@ -276,13 +276,13 @@ class Post:
         self._member = 0
         self._last = 0
         self._subscribed: dict[int, tuple[Any, Any]] = {}
-        #: A question that is answered when a later frame than this number was seen, or at this time.
+        #: A question, answered once a frame after this number has come, or at this time.
         self._asked: tuple[int, int, float] | None = None
         self._newest = self._taken_at = 0
-        #: Answers that wait for others, and when the first of them was made.
+        #: Answers that wait for further answers, and when the first of them was made.
         self._answers: list[Answered] = []
         self._answered_at = 0.0
-        #: Until when the frames of performers who were taken over may still be worked on.
+        #: Until this time old frames are recognised, too, because performers were taken over.
         self._warm = 0.0
         self._begin()
         put = node.inbox.put
@@ -297,7 +297,7 @@ class Post:
             charter.settings, charter.assumed, Naming.asked(charter.naming), charter.most, 2 * charter.silence
         )
         self._worker: Worker = start.worker(self._library, ())
-        #: What was dropped before this membership.
+        #: Messages that were dropped before this membership.
         self._dropped = self._node.dropped
 
     def leave(self) -> None:
@@ -311,7 +311,7 @@ class Post:
                 declared.undeclare()
 
     def _obey(self, message: bytes) -> None:
-        """Carry out what the gateway says."""
+        """Carry out a gateway's order."""
         kind, content = message[:1], message[1:]
         try:
             if kind == WELCOME:
@@ -344,7 +344,7 @@ class Post:
         self._worker.take_over(handover.entries, self._node.clock())
         self._taken_at = handover.sent
         self._warm = self._node.clock() + _MAX_WARMING
-        # A partition that was left a moment ago may be subscribed to still: its history is needed again.
+        # A partition that this worker left a moment ago may still be subscribed; a new subscriber gets its history.
         self._unsubscribe(handover.partitions)
         node = self._node
         for partition in handover.partitions:
@@ -365,7 +365,7 @@ class Post:
             self._node.inbox.put(self._node.note_stranger, self._gateway)
 
     def _frames(self, message: bytes, came: float) -> None:
-        """Recognise frames, unless this worker is so busy that they have become old."""
+        """Recognise frames, unless they have waited too long."""
         now = self._node.clock()
         if now - came > _MAX_AGE and now > self._warm:
             self._node.missed += 1
@@ -396,12 +396,12 @@ class Post:
             self._send(Answers(answers))
 
     def _answer_question(self) -> None:
-        assert self._asked is not None  # noqa: S101 - told to mypy
+        assert self._asked is not None  # noqa: S101 - for mypy
         self._last, self._asked = self._asked[0], None
         self.report()
 
     def report(self) -> None:
-        """Report; this shows also that the worker is alive, or asks for membership."""
+        """Send a report, which also shows that the worker is alive, or asks for membership."""
         self.send_answers()
         now = self._node.clock()
         if self._asked and now >= self._asked[2]:

@@ -151,7 +151,7 @@ class OscReceiver:
         except (BlockingIOError, InterruptedError):
             return None
         except ConnectionError:
-            return b""  # Windows reports here that an earlier answer reached nobody: counted as a bad packet.
+            return b""  # Windows reports here that an earlier answer reached no program: counted as a bad packet.
         for _, kind, value in ancillary:
             if kind == _SO_RXQ_OVFL:
                 self.kernel_drops = int.from_bytes(value[:4], sys.byteorder)
@@ -191,8 +191,8 @@ class OscSender:
     host, port
         The place to send to.
     asks
-        Count the datagrams that the other machine sends back because nobody listens there. The place must then be in
-        reach when the socket is made.
+        Count the datagrams that the other machine sends back because no program listens there. The place must then
+        be in reach when the socket is made.
 
     Attributes
     ----------

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 #: Seconds between two bodies of a performer, and the share of it by which a frame may come early.
 EVERY, _EARLY = 1 / 30, 0.01
-#: Bodies between two that tell what carries the decision, and between two that tell the skeleton.
+#: Bodies between two with the joints that carry the decision, and between two with the skeleton.
 _CARRIED_EVERY, _SKELETON_EVERY = 5, 30
 #: Performers whose pace is remembered, at most.
 _MAX_PERFORMERS = 256

@@ -1,6 +1,6 @@
 """Answers in the layouts that other programs understand, as OSC packets.
 
-native         as `stream.osc.answers` has it: class, guess, label, scores and events
+native         the messages of `stream.osc.answers`: class, guess, label, scores and events
 max, puredata, supercollider
                the same on the ports on which these usually listen
 touchdesigner  numbers only, because the OSC In CHOP takes nothing else

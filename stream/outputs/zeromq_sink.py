@@ -26,7 +26,7 @@ class ZmqSink(Sink):
     sender
         Where to publish; closed by `close`.
     named
-        Whether the status names performers and senders; False where anybody may listen.
+        Whether the status names performers and senders; False where every program may listen.
     """
 
     def __init__(self, sender: ZmqSender, *, named: bool = True) -> None:

@@ -9,7 +9,14 @@ from kinespace.library.motion_library import NOTHING
 from kinespace.library.windows.rejection import Evidence
 from kinespace.stream.recognition import Outcome
 from kinespace.stream.recognizer.hysteresis import LEAD, Hysteresis, Judgement
-from kinespace.stream.recognizer.settings import SENSITIVITY_LEARNED, SENSITIVITY_OWN
+from kinespace.stream.recognizer.settings import (
+    LEAD_ONE,
+    LEAD_USUAL,
+    SENSITIVITY_LEARNED,
+    SENSITIVITY_ONE,
+    SENSITIVITY_OWN,
+    LiveSignature,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -19,6 +26,7 @@ if TYPE_CHECKING:
 
     from kinespace.library.motion_library import MotionLibrary
     from kinespace.library.windows.index import WindowIndex
+    from kinespace.stream.recognizer.settings import Settings
 
 #: Seconds that the first hop counts for.
 FIRST_HOP = 1 / 30
@@ -44,7 +52,7 @@ class Decision:
     index
         The library's windows.
     stillness, sensitivity
-        As `stream.recognizer.settings.Settings` has them.
+        The same as for `stream.recognizer.settings.Settings`.
     """
 
     def __init__(self, index: WindowIndex, *, stillness: float, sensitivity: float | None) -> None:
@@ -101,7 +109,22 @@ class Decision:
 
 def usual_sensitivity(library: MotionLibrary) -> float:
     """Give the sensitivity for a library when none is set."""
-    return SENSITIVITY_LEARNED if library.judged_by_strangers else SENSITIVITY_OWN
+    if library.judged_by_strangers:
+        return SENSITIVITY_LEARNED
+    return SENSITIVITY_ONE if _is_one_persons(library) else SENSITIVITY_OWN
+
+
+def needed_lead(library: MotionLibrary, settings: Settings) -> float:
+    """Give the lead that a class of a library needs before a start event."""
+    if settings.lead is not None:
+        return settings.lead
+    one = settings.signature is LiveSignature.WINDOWS and _is_one_persons(library)
+    return LEAD_ONE if one else LEAD_USUAL
+
+
+def _is_one_persons(library: MotionLibrary) -> bool:
+    """Whether one person's own motions teach a library what is unknown."""
+    return not library.judged_by_strangers and len(library.actors) <= 1
 
 
 def followed(hysteresis: Hysteresis, distances: NDArray[np.float64], elapsed: float) -> tuple[int, float]:

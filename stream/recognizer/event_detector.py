@@ -77,8 +77,8 @@ class EventDetector:
         self._last = math.nan
         return replace(begun, kind=EventKind.END, time=time) if begun else None
 
-    def exchange(self, places: Mapping[int, int], time: float) -> Event | None:
-        """Go on with classes at other indices; end the motion that goes on if its class is gone.
+    def exchange(self, places: Mapping[int, int], time: float, lead: float) -> Event | None:
+        """Go on with classes at other indices and another lead; end the motion that goes on if its class is gone.
 
         Parameters
         ----------
@@ -86,12 +86,15 @@ class EventDetector:
             The new index of each class that stays.
         time
             Seconds, the time of an end.
+        lead
+            As in the constructor.
         """
+        self._needed = lead
         active = self._active
         if active and active.index not in places:
             return self.end(time)
         self._active = active and replace(active, index=places[active.index])
-        self._hysteresis.exchange({**places, _NONE: _NONE})
+        self._hysteresis.exchange({**places, _NONE: _NONE}, lead)
         return None
 
     def _pace(self, recognition: Recognition, named: int) -> float:

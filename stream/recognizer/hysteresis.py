@@ -48,8 +48,9 @@ class Hysteresis:
         self._leader: int | None = None
         self._lead = 0.0
 
-    def exchange(self, places: Mapping[int, int]) -> None:
-        """Go on with indices at other places; forget indices without one."""
+    def exchange(self, places: Mapping[int, int], needed: float | None = None) -> None:
+        """Go on with indices at other places, and perhaps another lead; forget indices without a place."""
+        self._needed = self._needed if needed is None else needed
         self.current = None if self.current is None else places.get(self.current)
         leader = None if self._leader is None else places.get(self._leader)
         self._leader, self._lead = leader, 0.0 if leader is None else self._lead

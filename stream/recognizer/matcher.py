@@ -54,7 +54,7 @@ class Reading(NamedTuple):
     lead
         Log distance by which the guess is ahead of all other classes, below 0 while it is held.
     movement, eigenvector_class, eigenvector_score, share, gap, evidence
-        As `stream.recognition.Recognition` has them.
+        The same as for `stream.recognition.Recognition`.
     """
 
     outcome: Outcome
@@ -105,12 +105,15 @@ class Matcher(Protocol):
         """Compare the same windows with another library of the same joints from now on."""
 
     def pair_contributions(self) -> NDArray[np.float64] | None:
-        """Say what each joint pair gives to the variance along the leading eigenvector read last; None before."""
+        """Give each joint pair's share of the variance along the leading eigenvector read last; None before."""
 
 
 def library_of(library: MotionLibrary | WindowIndex) -> MotionLibrary:
-    """Give the motions of a library, opened or not."""
-    return library if isinstance(library, MotionLibrary) else library.library
+    """Give the motions of a library, opened or not; ValueError for anything else."""
+    motions: object = library if isinstance(library, MotionLibrary) else getattr(library, "library", None)
+    if not isinstance(motions, MotionLibrary):
+        raise ValueError(f"library: expected a MotionLibrary or its windows, got {type(library).__name__}")  # noqa: TRY004
+    return motions
 
 
 def index_of(library: MotionLibrary | WindowIndex) -> WindowIndex:
@@ -153,7 +156,7 @@ class WindowMatcher:
     index
         The library's windows.
     stillness, sensitivity, progress
-        As `stream.recognizer.settings.Settings` has them.
+        The same as for `stream.recognizer.settings.Settings`.
     """
 
     def __init__(
@@ -236,7 +239,7 @@ class PaperMatcher:
     index
         The leading eigenvectors of the library's windows.
     stillness, smallest_gap
-        As `stream.recognizer.settings.Settings` has them.
+        The same as for `stream.recognizer.settings.Settings`.
     """
 
     def __init__(self, index: PaperIndex, *, stillness: float, smallest_gap: float) -> None:

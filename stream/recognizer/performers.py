@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 from kinespace.library.motion_library import MIN_JOINTS
@@ -13,7 +13,7 @@ from kinespace.stream.recognizer.decision import usual_sensitivity
 from kinespace.stream.recognizer.joints.carried import carried_by
 from kinespace.stream.recognizer.joints.fewer_joints import SentJoints
 from kinespace.stream.recognizer.matcher import library_of
-from kinespace.stream.recognizer.recognizer import MAX_PAUSE, Recognizer, RecognizerCounts
+from kinespace.stream.recognizer.recognizer import MAX_PAUSE, Recognizer, RecognizerCounts, require_order
 from kinespace.stream.recognizer.settings import Settings
 
 if TYPE_CHECKING:
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from kinespace.stream.recognizer.joints.fewer_joints import Opener
 
 
-#: For each performer that there may be, the number of performers whose joint names are remembered.
+#: The joint names of so many times the maximum number of performers are remembered.
 _MAX_REMEMBERED = 4
 #: Sets of joints that the library is restricted to at most: each has windows of its own, which take room and time.
 _MAX_SETS = 3
@@ -104,7 +104,7 @@ class Performers:
     Raises
     ------
     ValueError
-        Fewer than one performer, or no time of silence.
+        Fewer than one performer, no time of silence, or classes that do not fit.
     SkeletonMismatchError
         An assumed joint is missing: one of the library's joints is not among them.
     """
@@ -152,6 +152,7 @@ class Performers:
 
     def _compare_with(self, library: MotionLibrary | WindowIndex, order: Sequence[str]) -> None:
         self._compared, self.library = library, library_of(library)
+        require_order(order, library)
         self._order = tuple(order)
 
     @property
@@ -214,7 +215,7 @@ class Performers:
         """Counts of all frames so far, by their fate; a copy."""
         total = replace(self._counts.recognizers)
         for performer in self._performers.values():
-            _add(total, performer.recognizer.counts)
+            total.add(performer.recognizer.counts)
         return replace(self._counts, recognizers=total)
 
     @property
@@ -252,7 +253,7 @@ class Performers:
         return carried_by(given, performer.library.skeleton.pairs, performer.order, len(performer.joints))
 
     def long_ago(self, name: str) -> LongAgo | None:
-        """Give what another recogniser must know that goes on with the last seconds of a performer's feed."""
+        """Give the facts for another recogniser that goes on with the last seconds of a performer's feed."""
         performer = self._performers.get(name)
         return performer.recognizer.long_ago if performer else None
 
@@ -359,7 +360,7 @@ class Performers:
 
     def _retire(self, recognizer: Recognizer) -> None:
         """Keep a recogniser's counts, and the end of its motion, when the recogniser is no longer needed."""
-        _add(self._counts.recognizers, recognizer.counts)
+        self._counts.recognizers.add(recognizer.counts)
         if ended := recognizer.end():
             self._ended.append(ended)
 
@@ -516,8 +517,3 @@ class Performers:
 
 def _in_order(frame: Frame, performer: _Performer) -> Frame:
     return frame if performer.order is None else replace(frame, positions=frame.positions[performer.order])
-
-
-def _add(total: RecognizerCounts, counts: RecognizerCounts) -> None:
-    for each in fields(RecognizerCounts):
-        setattr(total, each.name, getattr(total, each.name) + getattr(counts, each.name))

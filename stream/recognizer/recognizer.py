@@ -8,17 +8,18 @@ alone.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import wraps
 from typing import TYPE_CHECKING, Concatenate, ParamSpec, TypeVar
 
 import numpy as np
 
 from kinespace.library.distances import DistanceMeasurer
+from kinespace.library.motion_library import NOTHING
 from kinespace.library.windows.body import Body
 from kinespace.library.windows.paper import opened_by_paper
 from kinespace.stream.recognition import Recognition
-from kinespace.stream.recognizer.decision import places_in
+from kinespace.stream.recognizer.decision import needed_lead, places_in
 from kinespace.stream.recognizer.event_detector import EventDetector
 from kinespace.stream.recognizer.joints.doubts import Doubts
 from kinespace.stream.recognizer.matcher import PaperMatcher, WindowMatcher, index_of, library_of
@@ -46,7 +47,7 @@ _Answer = TypeVar("_Answer")
 _SAME_HOP = 0.01
 #: Frames that wait for the next hop to be measured together, at most.
 _MAX_WAITING = 16
-#: Seconds without a frame after which a motion has ended: nobody knows what went on meanwhile.
+#: Seconds without a frame after which a motion has ended: its performer may have done anything meanwhile.
 MAX_PAUSE = 0.8
 #: Tolerance, as a share of the hop: a frame this much early still counts as due, because times are rounded.
 _EARLY = 1e-3
@@ -57,7 +58,7 @@ _WINDOW, _SMALLEST_GAP = 0.5, 0.02
 
 @dataclass(slots=True)
 class RecognizerCounts:
-    """Counts of what a recogniser did with its frames."""
+    """Counts of a recogniser's frames, by their fate."""
 
     #: Frames taken into the window.
     frames: int = 0
@@ -67,6 +68,11 @@ class RecognizerCounts:
     restarts: int = 0
     #: Windows answered.
     hops: int = 0
+
+    def add(self, counts: RecognizerCounts, times: int = 1) -> None:
+        """Add other counts, or take them off with -1 times."""
+        for each in fields(self):
+            setattr(self, each.name, getattr(self, each.name) + times * getattr(counts, each.name))
 
 
 def _one_at_a_time(
@@ -90,6 +96,12 @@ def _one_at_a_time(
 class Recognizer:
     """Names the motion in the last seconds of one performer's feed.
 
+    It follows one performer: `Performers` has a recogniser for each. When the feed pauses, a motion that goes on has no
+    end until frames come again; `end` gives the end at once.
+
+    Times are seconds. With milliseconds every frame comes after a gap: nothing is answered, and `counts.restarts` grows
+    with each frame.
+
     One thread at a time may use a recogniser; several threads with a recogniser each may share an opened library. After
     a fork the child's recogniser is independent of the parent's.
 
@@ -109,6 +121,17 @@ class Recognizer:
     ----------
     counts
         Counts of the frames, by their fate.
+    classes
+        The class names, in the order in which answers count them.
+    library
+        The motions that are compared.
+    settings
+        How motions are recognised.
+
+    Raises
+    ------
+    ValueError
+        A parameter is of another type, or `classes` does not fit.
     """
 
     def __init__(
@@ -118,10 +141,13 @@ class Recognizer:
         opener: Opener | None = None,
         classes: Sequence[str] = (),
     ) -> None:
-        self.settings = settings or Settings()
+        self.settings = Settings() if settings is None else settings
+        if not isinstance(self.settings, Settings):
+            raise ValueError(f"settings: expected Settings, got {type(settings).__name__}")  # noqa: TRY004
         self._matcher = _matcher(library, self.settings)
+        require_order(classes, library)
         self.counts = RecognizerCounts()
-        self._detector = EventDetector(self.settings.lead)
+        self._detector = EventDetector(needed_lead(library_of(library), self.settings))
         self._compare_with(library, classes)
         skeleton = self.library.skeleton
         self._shape = (len(skeleton.joints), 3)
@@ -142,6 +168,8 @@ class Recognizer:
         #: The end of a motion by a pause in the feed, until the next answer tells it.
         self._ended: Event | None = None
         self._busy = False
+        #: The performer who is followed; None before the first frame.
+        self._performer: str | None = None
 
     def _compare_with(self, library: MotionLibrary | WindowIndex, order: Sequence[str]) -> None:
         self.library = library_of(library)
@@ -168,8 +196,9 @@ class Recognizer:
         library
             Its motions, or their windows, over the same joints in the same order.
         order
-            The classes to answer with, in this order, so that indices stay the same; classes without windows are never
-            named. By default the library's.
+            The order of the classes in answers, so that indices stay the same: all of its classes, and others beside
+            them, which are never named. By default the library's, sorted. To name fewer classes, leave their
+            motions out (`MotionLibrary.without`).
 
         Returns
         -------
@@ -177,15 +206,19 @@ class Recognizer:
 
         Raises
         ------
+        ValueError
+            A class of the library is missing in the order, or a class is there twice; nothing is exchanged.
         SkeletonMismatchError
             The library has other joints; nothing is exchanged.
         """
         self.library.skeleton.require_same(library_of(library).skeleton)
+        require_order(order, library)
         classes = self.classes
         self._matcher.exchange(library)
         self._compare_with(library, order)
         self._doubts.exchange(self.library)
-        return self._detector.exchange(places_in(classes, self.classes), self._last)
+        lead = needed_lead(self.library, self.settings)
+        return self._detector.exchange(places_in(classes, self.classes), self._last, lead)
 
     @property
     def doubt(self) -> str:
@@ -194,11 +227,11 @@ class Recognizer:
 
     @property
     def long_ago(self) -> LongAgo | None:
-        """What another recogniser must know that goes on with the last seconds of this feed; None for nothing."""
+        """Facts for another recogniser that goes on with the last seconds of this feed; None for none."""
         return self._doubts.long_ago
 
     def go_on(self, known: LongAgo) -> None:
-        """Go on where another recogniser was, whose last frames this one has seen, or is about to see."""
+        """Go on for another recogniser, whose last frames this one has seen or is about to see."""
         self._doubts.go_on(known)
 
     def keep_time_with(self, answered: float) -> None:
@@ -207,6 +240,7 @@ class Recognizer:
         hops = math.floor((self._newest - answered) / hop + _SAME_HOP) + 1 if self._newest >= answered else 0
         self._due = answered + hops * hop
 
+    @_one_at_a_time
     def set_sensitivity(self, share: float) -> None:
         """Recognise with another sensitivity from the next hop on; the paper's signature has none."""
         if isinstance(self._matcher, WindowMatcher):
@@ -215,11 +249,19 @@ class Recognizer:
             self._doubts.exchange(self.library)
 
     def pair_contributions(self) -> NDArray[np.float64] | None:
-        """Say what each joint pair gave to the variance along the last leading eigenvector, (pairs,); None before."""
+        """Give each joint pair's share of the variance along the last leading eigenvector, (pairs,); None before."""
         return self._matcher.pair_contributions()
 
+    @_one_at_a_time
     def reset(self) -> None:
-        """Forget the windows, as at the beginning of the feed; counts and a motion that goes on stay."""
+        """Forget the windows, as at the beginning of the feed; counts and a motion that goes on stay.
+
+        Another performer may follow. `end` gives the end of the motion that goes on.
+        """
+        self._clear()
+        self._performer = None
+
+    def _clear(self) -> None:
         self._matcher.clear()
         self._smoother.clear()
         self._doubts.clear()
@@ -244,7 +286,7 @@ class Recognizer:
         Raises
         ------
         ValueError
-            The frame has another number of joints than the library's skeleton.
+            The frame has another number of joints than the library's skeleton, or is another performer's.
         RuntimeError
             Another thread is using this recogniser.
         """
@@ -256,6 +298,8 @@ class Recognizer:
             raise RuntimeError(_SECOND_THREAD)
         self._busy = True
         try:
+            if frame.performer != self._performer:
+                self._follow(frame.performer)
             if not 0.0 < time - self._newest <= self._longest_gap and not self._in_time(time):
                 return None
             self._late_in_a_row = 0
@@ -275,6 +319,11 @@ class Recognizer:
             return self._recognized(frame, reading)
         finally:
             self._busy = False
+
+    def _follow(self, performer: str) -> None:
+        if self._performer is not None:
+            raise ValueError(f"performer: expected {self._performer!r} until `reset`, got {performer!r}")
+        self._performer = performer
 
     def _measure(self) -> None:
         """Measure the frames that came since the last hop together, because that is cheaper than one by one."""
@@ -296,7 +345,7 @@ class Recognizer:
         behind = self._newest - time
         if behind < -self._longest_gap:
             if behind < -MAX_PAUSE:
-                self._ended = self.end()
+                self._ended = self._end()
             self._restart()
         elif behind >= 0:
             self._late_in_a_row += 1
@@ -307,7 +356,7 @@ class Recognizer:
         return True
 
     def _restart(self) -> None:
-        self.reset()
+        self._clear()
         self.counts.restarts += 1
 
     def _set_due(self, time: float) -> None:
@@ -355,18 +404,37 @@ class Recognizer:
         going_on = self._detector.going_on
         return recognition.class_name or (going_on.label if going_on else None)
 
+    @_one_at_a_time
     def end(self) -> Event | None:
-        """End the motion that is going on, because nothing more will come; None when none is."""
+        """End the motion that goes on, because no frame will come, or none came for `MAX_PAUSE` seconds.
+
+        Returns
+        -------
+        The end, at the time of the newest frame; None when no motion goes on.
+        """
+        return self._end()
+
+    def _end(self) -> Event | None:
         ended, self._ended = self._ended, None
         return ended or self._detector.end(self._last)
 
 
+def require_order(order: Sequence[str], library: MotionLibrary | WindowIndex) -> None:
+    """Refuse an order of classes, unless it is empty, that lacks a class of the library or holds one twice."""
+    known = set(library.classes) - {NOTHING}
+    lacking = sorted(known.difference(order))
+    if order and (isinstance(order, str) or lacking or len(set(order)) < len(order)):
+        got = f"{len(order)} without {', '.join(lacking[:5])}" if lacking else repr(order)
+        raise ValueError(f"classes: expected all of the library's {len(known)}, each once, got {got}")
+
+
 def _matcher(library: MotionLibrary | WindowIndex, settings: Settings) -> Matcher:
     """Open a library and make the matcher that compares with it."""
+    motions = library_of(library)
     if settings.signature is LiveSignature.PAPER:
         window = _WINDOW if settings.window is None else settings.window
         gap = _SMALLEST_GAP if settings.smallest_gap is None else settings.smallest_gap
-        paper = opened_by_paper(library_of(library), window)
+        paper = opened_by_paper(motions, window)
         return PaperMatcher(paper, stillness=settings.stillness, smallest_gap=gap)
     return WindowMatcher(
         index_of(library),

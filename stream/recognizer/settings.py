@@ -3,12 +3,18 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from enum import StrEnum
+from numbers import Integral, Real
 
-#: Share of unknown time that may be named: where strangers' motions taught the library what is unknown, and where its
-#: own classes did.
-SENSITIVITY_LEARNED, SENSITIVITY_OWN = 0.05, 0.2
+#: Share of unknown time that may be named: where strangers' motions taught the library unknown motion, where its own
+#: classes did, and where these are of one person.
+SENSITIVITY_LEARNED, SENSITIVITY_OWN, SENSITIVITY_ONE = 0.05, 0.2, 0.28
+#: Lead that a class needs before a start event, and in a library of one person that learned what is unknown from its
+#: own classes: what one example of each tells is less sure.
+LEAD_USUAL, LEAD_ONE = 3.0, 3.6
+#: Seconds between answers, at most.
+MAX_HOP = 60.0
 
 
 class LiveSignature(StrEnum):
@@ -27,20 +33,20 @@ class Settings:
     Attributes
     ----------
     signature
-        The signature that is compared.
+        The signature that is compared; also as its text, "windows" or "paper".
     window
         Length of the paper's window, seconds; None is 0.5. PAPER only: WINDOWS has lengths of its own, from a quarter
         of a second to two.
     sensitivity
         Share of the time of unknown motions that may be answered with a class. The library estimates it from the
         motions that taught it what is unknown; None is 0.05 where strangers' motions did (`kinespace learn`), and 0.2
-        where its own classes did, each left out in turn, which are harder to tell apart. A larger share answers more,
-        of known and of unknown motions. WINDOWS only.
+        where its own classes did, each left out in turn, which are harder to tell apart; 0.28 where these are of one
+        person. A larger share answers more, of known and of unknown motions. WINDOWS only.
     hop
-        Seconds between answers; 0 answers every frame.
+        Seconds between answers, at most 60; 0 answers every frame.
     lead
         How clear a lead, added up over time, a class needs before a start event (`stream.recognizer.hysteresis`): a
-        larger lead makes events later and surer.
+        larger lead makes events later and surer. None is 3, and 3.6 where the sensitivity is 0.28.
     longest_gap
         Seconds without a frame after which the window starts anew, because the movement in between is unknown. The
         longest window is an upper limit: after that time nothing is left in it.
@@ -61,14 +67,14 @@ class Settings:
     Raises
     ------
     ValueError
-        A value is not finite, window or longest_gap is not positive, another value is negative, sensitivity is above 1,
-        or a value is given that does not apply to the signature.
+        A value is of another type or not finite, window or longest_gap is not positive, another value is negative,
+        sensitivity is above 1, hop above 60, or a value is given that does not apply to the signature.
     """
 
     signature: LiveSignature = LiveSignature.WINDOWS
     window: float | None = None
     sensitivity: float | None = None
-    lead: float = 3.0
+    lead: float | None = None
     hop: float = 1 / 30
     longest_gap: float = 0.5
     stillness: float = 0.01
@@ -78,6 +84,7 @@ class Settings:
     plausibility: bool = True
 
     def __post_init__(self) -> None:
+        self._check_types()
         others = ("window", "smallest_gap") if self.signature is LiveSignature.WINDOWS else ("sensitivity",)
         for name in others:
             value = getattr(self, name)
@@ -95,3 +102,16 @@ class Settings:
                 raise ValueError(f"{name}: expected a number not below 0, got {value}")
         if self.sensitivity is not None and self.sensitivity > 1:
             raise ValueError(f"sensitivity: expected a share from 0 to 1, got {self.sensitivity}")
+        if self.hop > MAX_HOP:
+            raise ValueError(f"hop: expected at most {MAX_HOP:g} seconds, got {self.hop}")
+
+    def _check_types(self) -> None:
+        if self.signature not in tuple(LiveSignature):
+            raise ValueError(f"signature: expected {' or '.join(LiveSignature)}, got {self.signature!r}")
+        object.__setattr__(self, "signature", LiveSignature(self.signature))
+        for each in fields(self)[1:]:
+            value, kind = getattr(self, each.name), type(each.default)
+            number = isinstance(value, Integral if kind is int else Real) and not isinstance(value, bool)
+            if not (isinstance(value, bool) if kind is bool else number or (value is None and each.default is None)):
+                expected = {bool: "True or False", int: "a whole number"}.get(kind, "a number")
+                raise ValueError(f"{each.name}: expected {expected}, got {value!r}")

@@ -27,7 +27,7 @@ class BackgroundOpener(Generic[_Prepared]):
     Parameters
     ----------
     prepare
-        Prepares a library restricted to some of its joints; raises ValueError where nothing can be compared by them.
+        Prepares a library restricted to some of its joints; raises ValueError if these joints are too few.
     most
         How many prepared libraries are kept.
     """
@@ -84,8 +84,8 @@ def background_restricter(
 
     def prepare(library: MotionLibrary, joints: tuple[str, ...]) -> MotionLibrary | WindowIndex | None:
         restricted = restrict(library, joints)
-        assert restricted is not None  # noqa: S101 - told to mypy: here nobody waits
-        # The windows that a recogniser opens are remembered: the next recogniser of this library has them at once.
+        assert restricted is not None  # noqa: S101 - for mypy: this `restrict` waits
+        # The library remembers the windows that a recogniser opens: its next recogniser has them at once.
         Recognizer(restricted, settings)
         return restricted
 

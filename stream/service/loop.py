@@ -31,7 +31,7 @@ MAX_AGE = 1.0
 #: Seconds within which ZeroMQ, which keeps reading in threads of its own, hands over the messages that came while the
 #: process was stopped.
 CATCH_UP = 1.0
-#: Performers whose clocks are followed, at most.
+#: Maximum number of performers whose clocks are followed.
 _MAX_LAGS = 4096
 #: Packets of one source that are taken in together, then recognised, then answered, at most: the processor's caches
 #: then hold what a step needs, and one send wakes the listeners. More would keep the first packet waiting for too long.
@@ -319,7 +319,7 @@ class Service:
                 sink.publish_classes(self.performers.classes)
         if now >= self._next_status:
             self._next_status = now + STATUS_EVERY
-            # After a stop of this process it is not known who was silent, because packets wait.
+            # After a stop of this process packets wait, and silent performers cannot be told from others.
             paused = self.performers.end_paused(now) if now - self._looked < MAX_AGE else []
             for ended in (*paused, *self.performers.drop_silent(now)):
                 for sink in self.sinks:

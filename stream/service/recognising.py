@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 class Recognising(Protocol):
-    """What the service and the sinks ask for; `kinespace.stream.recognizer.Performers` is one, with words for each."""
+    """The recognisers, as the service and the sinks see them; `kinespace.stream.recognizer.Performers` says more."""
 
     @property
     def classes(self) -> tuple[str, ...]:
@@ -49,7 +49,7 @@ class Recognising(Protocol):
         """Seconds without a frame after which a performer is dropped."""
 
     def push_all(self, events: Sequence[Admitted], arrival: float) -> list[Recognition | None]:
-        """Take in what came together; give for each a recognition when one is due, else None."""
+        """Take in events that came together; give for each a recognition when one is due, else None."""
 
     def drop_silent(self, now: float) -> list[Event]:
         """Forget silent performers; give the ends of their motions."""
@@ -64,7 +64,7 @@ class Recognising(Protocol):
         """Give the ends of all motions going on."""
 
     def skeleton_of(self, name: str) -> Skeleton | None:
-        """Give the joints of a performer's frames; None for a stranger."""
+        """Give the joints of a performer's frames; None for an unknown performer."""
 
     def carried(self, name: str) -> Carried | None:
         """Say which joints carry the last answer to a performer; None where it is not known."""
@@ -72,7 +72,7 @@ class Recognising(Protocol):
 
 @runtime_checkable
 class Teachable(Recognising, Protocol):
-    """What teaching asks for, too."""
+    """Recognisers whose library can be exchanged, as teaching needs them."""
 
     @property
     def settings(self) -> Settings:
@@ -89,4 +89,4 @@ class Teachable(Recognising, Protocol):
         """Give a frame that was pushed in the order of the library's joints; None for one that was refused."""
 
     def exchange(self, library: MotionLibrary | WindowIndex, order: Sequence[str] = ()) -> list[Event]:
-        """Compare all performers with another library from now on; give the ends of motions whose class is gone."""
+        """Compare all performers with another library from now on; end the motions whose class it lacks."""

@@ -9,6 +9,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import fields
 from typing import TYPE_CHECKING, Any
 
 from kinespace.stream.osc.packet import Message, PacketError, decode_packet, encode_message
@@ -117,10 +118,15 @@ def decode_json(request: bytes) -> Command:
 
 
 def _in_order(told: Mapping[str, Any], names: Sequence[str]) -> list[object]:
-    given = [name for name in names if name in told]
-    if given != list(names[: len(given)]):
-        raise CommandError(f"{told['do']}: expected {', '.join(names)}, got {', '.join(given)}")
-    return [told[name] for name in given]
+    """Give the arguments in the order of OSC; one that is left out before another one has its default."""
+    given = [place for place, name in enumerate(names) if name in told]
+    if not given:
+        return []
+    make, _, needed = _ARGUMENTS[told["do"]]
+    if missing := [name for name in names[:needed] if name not in told]:
+        raise CommandError(f"{told['do']}: expected {', '.join(names)}, got no {missing[0]}")
+    defaults = [each.default for each in fields(make)]  # type: ignore[arg-type]  # a command, which is a dataclass
+    return [told.get(name, default) for name, default in zip(names, defaults, strict=True)][: given[-1] + 1]
 
 
 class Wekinator:

@@ -1,4 +1,4 @@
-"""Workers' answers as a source for the service: what workers and clusters have in common."""
+"""Workers' answers as a source for the service: the part that `Crew` and the gateway share."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 class AnswerSource(ABC):
-    """Keeps workers' answers until the service takes them; a subclass knows where they come from.
+    """Keeps workers' answers until the service takes them; a subclass reads them.
 
     Attributes
     ----------
@@ -70,8 +70,8 @@ class AnswerSource(ABC):
 
     @abstractmethod
     def tend(self, now: float) -> Sequence[Admitted]:
-        """Look after the workers; nothing comes of it."""
+        """Look after the workers; give no events."""
 
     @abstractmethod
     def close(self) -> None:
-        """End what gives the answers."""
+        """End the workers, or the connection to them."""

@@ -36,9 +36,9 @@ class Channel:
         self.end = end
         self.dropped = 0
         self._in = bytearray()
-        #: Messages that wait, each with its number of frames; 0 where it must not be dropped.
+        #: Messages that wait, each with its number of frames. A message with 0 frames is never dropped.
         self._out = deque[tuple[bytes, int]]()
-        #: Bytes of those that may be dropped.
+        #: Bytes of the waiting messages that may be dropped.
         self._waiting = 0
         #: The rest of a message that was sent in part.
         self._rest = b""
@@ -71,7 +71,7 @@ class Channel:
         return True
 
     def flush(self) -> None:
-        """Send what waits, as far as there is room; what a closed end does not take is forgotten."""
+        """Send the messages that wait, as far as there is room; forget them if the other end is closed."""
         try:
             while self._rest or self._out:
                 if not self._rest:
@@ -85,7 +85,7 @@ class Channel:
             self._rest, self._waiting = b"", 0
 
     def receive(self) -> list[bytes] | None:
-        """Give the messages that have come; None when the other end is closed and nothing more will come."""
+        """Give the messages that have come; None when the other end is closed and no more messages will come."""
         closed = False
         try:
             while more := self.end.recv(_READ):
@@ -102,7 +102,7 @@ class Channel:
         return None if closed and not messages else messages
 
     def _whole(self) -> list[bytes]:
-        """Take the whole messages out of what has come."""
+        """Take the whole messages out of the bytes that have come."""
         messages, place, view = [], 0, self._in
         while len(view) >= place + _LENGTH.size:
             (length,) = _LENGTH.unpack_from(view, place)

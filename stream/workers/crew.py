@@ -1,4 +1,4 @@
-"""Worker processes of one machine: frames go to them by their partitions; a killed or hung one is replaced.
+"""Worker processes of one machine: frames go to them by their partitions; a killed or hung worker is replaced.
 
 The performers of a worker that ended go to the other workers at once, with the frames of the last seconds, and come
 back when the new process is ready.
@@ -87,7 +87,7 @@ class _Process:
 
 
 class WorkerSource(AnswerSource):
-    """The answers of one worker, whichever process it has at the moment."""
+    """The answers of one worker, whose process may be replaced."""
 
     def __init__(self, crew: Crew, place: int) -> None:
         super().__init__()
@@ -96,7 +96,7 @@ class WorkerSource(AnswerSource):
         self.process: _Process | None = None
         self.starts = 0
         self.start_at = 0.0
-        #: Polled while there is no process: nothing ever comes.
+        #: The service polls these sockets while there is no process. No message ever comes by them.
         self._idle = socket.socketpair()
 
     def fileno(self) -> int:
@@ -151,7 +151,7 @@ class Crew(Spread):
     count
         How many.
     library, settings, most, silence, joints, classes
-        As `Performers` has them; an opened library is not opened again by every worker.
+        The same as for `Performers`; the workers do not open a library again that is opened already.
     clock
         Seconds, the service's own.
 
@@ -255,7 +255,7 @@ class Crew(Spread):
             self._tell(worker, FRAMES + encode_frames(each))
 
     def _stop_former(self, worker: str, partitions: Sequence[int]) -> None:
-        """Do nothing: a worker gets no more frames of these partitions, and what it still answers is not passed on."""
+        """Do nothing: the worker gets no more frames of these partitions, and its late answers are not passed on."""
 
     def read(self, source: WorkerSource, message: bytes, now: float) -> list[tuple[Recognition, float]]:
         """Read a worker's message; give its answers that are news."""
@@ -275,9 +275,9 @@ class Crew(Spread):
         return news
 
     def tend(self, source: WorkerSource, now: float) -> None:
-        """Send what waits; replace a worker that says nothing; start one that is due."""
+        """Send the messages that wait; replace a worker that does not report; start a worker whose time has come."""
         if now - self._looked > _STOPPED:
-            # This process was stopped: the workers had nobody to report to.
+            # This process was stopped and could not read the workers' reports.
             for each in self.sources:
                 if each.process:
                     each.process.heard = max(each.process.heard, now - MAX_SILENT / 2)
@@ -289,7 +289,7 @@ class Crew(Spread):
             return
         process.channel.flush()
         if now - process.heard > (MAX_SILENT if process.ready else MAX_START):
-            # What it wrote before it hung is read first.
+            # The worker may have written answers before it hung.
             source.read(now)
             if source.process is process and now - process.heard > MAX_SILENT:
                 self.replace(source, now, "hung and was killed")
@@ -307,7 +307,7 @@ class Crew(Spread):
         self._lose(process.name, self._ready)
 
     def exchange(self, library: MotionLibrary | WindowIndex, order: Sequence[str] = ()) -> list[Event]:
-        """Compare all performers with another library from now on; give the ends of motions whose class is gone."""
+        """Compare all performers with another library from now on; end the motions whose class it lacks."""
         self._books.append(tuple(order) or library_of(library).classes)
         self._library = child.packed(library, tuple(order), len(self._books) - 1)
         for source in self.sources:
@@ -316,7 +316,7 @@ class Crew(Spread):
         return self._ledger.end_others(self.classes)
 
     def end(self) -> list[Event]:
-        """Give the last events, and the ends of all motions going on, because nothing more will come."""
+        """Give the last events, and the ends of all motions going on, because no more frames will come."""
         question = next(questions)
         for worker in self._ready:
             self._tell(worker, ASK + encode_number(question))

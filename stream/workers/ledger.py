@@ -1,4 +1,4 @@
-"""What the receiving process keeps of each performer: enough for another worker to take over without a gap."""
+"""The receiving process's notes on each performer: enough for another worker to take over without a gap."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 #: Seconds after which the joints are sent again, so that they are among the frames of the last seconds.
 _JOINTS_EVERY = 1.0
-#: For each performer that there may be, performers whose joints are remembered.
+#: The ledger remembers the joints of so many times `most` performers.
 _MAX_REMEMBERED = 4
 #: Seconds after which a performer that was never answered makes room for another.
 _STEADY_SECONDS = 1.0
@@ -38,17 +38,17 @@ class _Performer:
     #: The numbers of the last frame sent and of the last frame answered.
     sent: int = 0
     answered: int = 0
-    #: When the last frame came that was answered, and its time on the sender's clock.
+    #: The arrival of the last answered frame, and its time on the sender's clock.
     answered_at: float = 0.0
     answered_time: float = 0.0
     #: The start of the motion that listeners believe to go on.
     going_on: Event | None = None
-    #: What the worker knew of the feed with its last answer.
+    #: The worker's knowledge of the feed at its last answer.
     long_ago: LongAgo | None = None
     #: When the joints were last sent.
     told_joints: float = 0.0
     anew: bool = True
-    #: What carried an answer, and whether the next one is to say it.
+    #: The joints that carried an answer, and whether the next answer must say them.
     carried: Carried | None = None
     asks: bool = False
     #: The frames of the last seconds, where the ledger keeps them.
@@ -56,12 +56,12 @@ class _Performer:
 
 
 class Ledger:
-    """Numbers frames, notes answers, and remembers.
+    """Numbers the frames, and notes the answers and the joints of each performer.
 
     Parameters
     ----------
     most, silence
-        As `Performers` has them.
+        The same as for `Performers`.
     keeps_frames
         Whether to keep the frames of the last seconds; not where the transport keeps them.
 
@@ -97,7 +97,7 @@ class Ledger:
         return self._joints.get(performer)
 
     def carried(self, name: str) -> Carried | None:
-        """Give what carried an answer, as it was asked for before; ask for it with the next frame."""
+        """Give the joints that carried an answer, if they were asked for before; ask for them with the next frame."""
         if (performer := self._performers.get(name)) is None:
             return None
         performer.asks = True
@@ -115,12 +115,12 @@ class Ledger:
             performer.told_joints = -1.0
 
     def change_sender(self, performer: str) -> None:
-        """Forget what another sender of a performer has sent."""
+        """Forget the joints and the frames that a performer's former sender has sent."""
         self._joints.pop(performer, None)
         self._forget(performer)
 
     def send(self, frame: Frame, now: float) -> tuple[int, SentFrame] | None:
-        """Give the partition of a frame that came now, and what is sent of it; None when there is no room."""
+        """Give the partition of a frame that came now, and the frame to send; None when there is no room."""
         performer = self._performers.get(frame.performer) or self._begin(frame.performer, now)
         if performer is None:
             self.no_room += 1
@@ -146,7 +146,7 @@ class Ledger:
         if len(self._performers) >= self.most:
             self._ended = self.drop_silent(now)
         if len(self._performers) >= self.most:
-            # A name without a body behind it is never answered.
+            # A made-up name gets no answer.
             others = self._performers.items()
             idle = (other for other, each in others if not each.answered and now - each.begun > _STEADY_SECONDS)
             if (other := next(idle, None)) is None:
@@ -161,7 +161,7 @@ class Ledger:
 
         Returns
         -------
-        None for an answer that is no news: of a performer who has left, or to a frame that was answered before.
+        None for an answer that is no news: its performer has left, or its frame was answered before.
         """
         performer = self._performers.get(answer.performer)
         if performer is None or not performer.answered < answer.seq <= performer.sent:
@@ -182,7 +182,7 @@ class Ledger:
         return tuple(told)
 
     def entries(self, partitions: Collection[int]) -> list[Entry]:
-        """Give what a worker must know of some partitions' performers."""
+        """Give the entries of some partitions' performers, for the worker that takes the partitions over."""
         return [
             Entry(
                 performer=name,
@@ -203,7 +203,7 @@ class Ledger:
         return [frame for each in taken for frame in each.recent if frame.at >= each.answered_at - HISTORY]
 
     def end_others(self, classes: Collection[str]) -> list[Event]:
-        """Give the ends of motions whose class is none of these."""
+        """Give the ends of the motions whose class is not among these."""
         others = [each for each in self._performers.values() if each.going_on and each.going_on.label not in classes]
         return [event for each in others if (event := _end(each))]
 
@@ -232,7 +232,7 @@ class Ledger:
         return gone
 
     def end(self) -> list[Event]:
-        """Give the ends of all motions going on, because nothing more will come."""
+        """Give the ends of all motions going on, because no more frames will come."""
         ended, self._ended = self._ended, []
         return [*ended, *(event for each in self._performers.values() if (event := _end(each)))]
 

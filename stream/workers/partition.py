@@ -1,8 +1,8 @@
 """Partitions: a fixed number of groups of performers, each of which belongs to one worker.
 
-Who owns a partition follows from the workers' names alone (rendezvous hashing: Thaler and Ravishankar 1998), so that
-everybody who knows the workers knows the owners, and few partitions move when a worker comes or goes. No worker owns
-more than its share, rounded up.
+The owner of a partition follows from the workers' names alone (rendezvous hashing: Thaler and Ravishankar 1998), so
+that each process that knows the workers knows the owners, and few partitions move when a worker comes or goes. No
+worker owns more than its share, rounded up.
 """
 
 from __future__ import annotations

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from multiprocessing.reduction import ForkingPickler
 from typing import TYPE_CHECKING, Any
 
-from kinespace.stream.recognizer import Performers, SentJoints, Settings
+from kinespace.stream.recognizer import Performers, Recognizer, SentJoints, Settings
 from kinespace.stream.service.background_opener import background_restricter, background_windows
 from kinespace.stream.workers.channel import Channel
 from kinespace.stream.workers.wire import (
@@ -43,16 +43,16 @@ REPORT_EVERY = 0.25
 
 @dataclass(frozen=True, slots=True)
 class Start:
-    """What a worker needs beside the library.
+    """The values that a worker needs beside the library.
 
     Attributes
     ----------
     settings
-        Of the recognisers.
+        The settings of the recognisers.
     assumed, naming
-        As `SentJoints` has them.
+        The same as for `SentJoints`.
     most, silence
-        As `Performers` has them.
+        The same as for `Performers`.
     """
 
     settings: Settings
@@ -61,7 +61,7 @@ class Start:
     most: int
     silence: float
 
-    def worker(self, library: Any, order: tuple[str, ...]) -> Worker:  # noqa: ANN401 - as `Performers` has it
+    def worker(self, library: Any, order: tuple[str, ...]) -> Worker:  # noqa: ANN401 - as for `Performers`
         """Make the worker."""
         joints = SentJoints(self.assumed, self.naming, background_restricter(self.settings))
         opener = background_windows()
@@ -90,16 +90,17 @@ def run(end: socket.socket, libraries: Connection, start: Start) -> None:
     end
         The socket on which frames come.
     libraries
-        Gives `packed` libraries; the first one before any frame.
+        Gives `packed` libraries; the first library comes before any frame.
     start
-        What else the worker needs.
+        The other values that the worker needs.
     """
     # Ctrl-C and a closed terminal reach every process; the parent closes the channel when it is done.
     for name in ("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK"):
         if hasattr(signal, name):
             signal.signal(getattr(signal, name), signal.SIG_IGN)
     opened: queue.SimpleQueue[Any] = queue.SimpleQueue()
-    threading.Thread(target=_read, args=(libraries, opened), name="kinespace libraries", daemon=True).start()
+    given = libraries, opened, start.settings
+    threading.Thread(target=_read, args=given, name="kinespace libraries", daemon=True).start()
     if (first := opened.get()) is None:
         return
     library, order, book = first
@@ -109,10 +110,13 @@ def run(end: socket.socket, libraries: Connection, start: Start) -> None:
     Loop(Channel(end), worker, opened).run()
 
 
-def _read(libraries: Connection, opened: queue.SimpleQueue[Any]) -> None:
+def _read(libraries: Connection, opened: queue.SimpleQueue[Any], settings: Settings) -> None:
     with suppress(EOFError, OSError):
         while True:
-            opened.put(ForkingPickler.loads(libraries.recv_bytes()))
+            library, order, book = ForkingPickler.loads(libraries.recv_bytes())
+            # A recogniser prepares what all recognisers share, some of which takes a second: no frame waits for it.
+            Recognizer(library, settings)
+            opened.put((library, order, book))
     opened.put(None)
 
 

@@ -1,10 +1,10 @@
-"""In the place of `Performers`: frames go out to workers, and their answers come back as events of a source."""
+"""`Spread` takes the place of `Performers`: it sends frames to workers, and a source brings their answers back."""
 
 from __future__ import annotations
 
 import itertools
 from abc import ABC, abstractmethod
-from dataclasses import fields, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, cast
 
 import msgspec
@@ -49,16 +49,16 @@ class Spread(ABC):
     Parameters
     ----------
     library, classes, settings, joints
-        The library and its classes, the settings of the recognisers, and what is known of senders' joints.
+        The library and its classes, the settings of the recognisers, and the joints that senders have.
     ledger
-        Keeps what is known of each performer.
+        Keeps the notes on each performer.
 
     Attributes
     ----------
     former
-        Answers that were not passed on: of a former owner, or of a performer who has left.
+        Answers that were not passed on, because they came from a former owner or their performer has left.
     unread
-        Messages of workers that could not be read.
+        Workers' messages that could not be read.
     unsent
         Frames that were dropped because no worker took them in time.
     """
@@ -74,7 +74,7 @@ class Spread(ABC):
         self._books = [tuple(classes)]
         #: The owner of each partition; empty without workers.
         self._owners: tuple[str, ...] = ()
-        #: Workers that still answer for partitions that another worker is taking over, and these moves by question.
+        #: The workers that still answer for partitions which another worker is taking over; these moves, by question.
         self._former: dict[int, str] = {}
         self._moves: dict[int, tuple[str, Sequence[int]]] = {}
         self._reports: dict[str, Report] = {}
@@ -102,7 +102,7 @@ class Spread(ABC):
         """Counts of what happened to all frames so far, as far as workers have reported it."""
         total, other_joints = replace(self._past), self._past_joints
         for report in self._reports.values():
-            _add(total, report.counts.recognizers)
+            total.add(report.counts.recognizers)
             other_joints += report.counts.other_joints
         return PerformerCounts(self._ledger.no_room, other_joints, self._ledger.dropped, total)
 
@@ -149,7 +149,7 @@ class Spread(ABC):
                 case NewSender():
                     self._ledger.change_sender(event.performer)
                 case _:
-                    # An answer: `take_back` has given it to the service as if it were a frame.
+                    # An answer, which `take_back` has given to the service as if it were a frame.
                     answers[place] = cast("Recognition", event)
         if frames:
             self._send(frames)
@@ -171,14 +171,14 @@ class Spread(ABC):
             self._tell(worker, SENSE + encode_share(share))
 
     def skeleton_of(self, name: str) -> Skeleton | None:
-        """Give the joints of a performer's frames, by our names where they are known; None for a stranger."""
+        """Give the joints of a performer's frames, by our names where we know them; None for an unknown performer."""
         if name not in self.names:
             return None
         own = self._skeleton if self._skeleton.parents else hdm05.SKELETON
         return own.linked(self._joints_of(name))
 
     def carried(self, name: str) -> Carried | None:
-        """Say which joints carried the last answer for which this was asked; ask for the next one."""
+        """Say which joints carried the last answer that was asked about; ask about the next answer."""
         return self._ledger.carried(name)
 
     def _joints_of(self, name: str) -> tuple[str, ...]:
@@ -187,7 +187,7 @@ class Spread(ABC):
         return self._joints.naming.met(announced, wanted).joints
 
     def ordered(self, frame: Frame) -> Frame | None:
-        """Give a frame in the order of the library's joints, as `Performers.ordered`; None where it has too few."""
+        """Give a frame in the order of the library's joints; None if it has too few joints."""
         wanted, joints = self._skeleton.joints, self._joints_of(frame.performer)
         if len(frame.positions) != len(joints) or len(set(joints).intersection(wanted)) < MIN_JOINTS:
             return None
@@ -208,11 +208,11 @@ class Spread(ABC):
         return self._ledger.take_gone()
 
     def end(self) -> list[Event]:
-        """Give the ends of all motions going on, because nothing more will come."""
+        """Give the ends of all motions going on, because no more frames will come."""
         return self._ledger.end()
 
     def take_back(self, worker: str, answers: Answers) -> list[tuple[Recognition, float]]:
-        """Give a worker's answers that are news, each with the arrival of its frame; keep its report."""
+        """Give a worker's new answers, each with the arrival of its frame; keep its report."""
         news = []
         for answer in answers.answered:
             try:
@@ -240,14 +240,14 @@ class Spread(ABC):
 
     @abstractmethod
     def _replay(self, worker: str, partitions: Sequence[int]) -> None:
-        """Send the last frames of partitions that a worker takes over, if the transport does not keep them."""
+        """Send a worker the last frames of the partitions that it takes over, if the transport does not keep them."""
 
     @abstractmethod
     def _stop_former(self, worker: str, partitions: Sequence[int]) -> None:
-        """Let a worker leave partitions to the one that has taken over, if it would not notice."""
+        """Let a worker leave partitions to their new owner, if it would not notice by itself."""
 
     def _assign(self, ready: Collection[str]) -> None:
-        """Give each partition to its owner among the workers that are ready; hand over what moves."""
+        """Give each partition to its owner among the workers that are ready; hand over the partitions that move."""
         before, self._owners = self._owners, owners(ready)
         moved: dict[tuple[str, bool], list[int]] = {}
         left: dict[str, list[int]] = {}
@@ -266,7 +266,7 @@ class Spread(ABC):
             self._hand_over(worker, partitions, mute=goes_on)
 
     def _hand_over(self, worker: str, partitions: list[int], *, mute: bool) -> None:
-        """Tell a worker what it takes over; `mute` it while the former worker goes on."""
+        """Tell a worker which performers it takes over; `mute` it while the former worker goes on."""
         entries = self._ledger.entries(partitions)
         if mute:
             entries = [msgspec.structs.replace(each, answered=MAX_SEQ) for each in entries]
@@ -278,7 +278,7 @@ class Spread(ABC):
             self._tell(worker, ASK + encode_number(question))
 
     def _cut(self, question: int) -> None:
-        """Let a worker that has caught up answer, and the former worker stop."""
+        """Let a worker answer once it has caught up, and let the former worker stop."""
         worker, partitions = self._moves.pop(question)
         left: dict[str, list[int]] = {}
         for partition in partitions:
@@ -290,9 +290,9 @@ class Spread(ABC):
             self._stop_former(former, each)
 
     def _lose(self, worker: str, ready: Collection[str]) -> None:
-        """Give the partitions of a worker that has ended to the others; keep its counts."""
+        """Give the partitions of an ended worker to the other workers; keep its counts."""
         if report := self._reports.pop(worker, None):
-            _add(self._past, report.counts.recognizers)
+            self._past.add(report.counts.recognizers)
             self._past_joints += report.counts.other_joints
             self._past_dropped += report.dropped
         for question, (taker, partitions) in [*self._moves.items()]:
@@ -307,8 +307,3 @@ questions = itertools.count(1)
 def together(frames: Sequence[SentFrame]) -> list[list[SentFrame]]:
     """Divide frames into messages."""
     return [list(frames[first : first + MAX_TOGETHER]) for first in range(0, len(frames), MAX_TOGETHER)]
-
-
-def _add(total: RecognizerCounts, counts: RecognizerCounts) -> None:
-    for each in fields(RecognizerCounts):
-        setattr(total, each.name, getattr(total, each.name) + getattr(counts, each.name))

@@ -23,9 +23,9 @@ from kinespace.stream.zeromq.single_part import Packed
 if TYPE_CHECKING:
     from kinespace.stream.frame import Frame
 
-#: The first byte of a message to a worker: frames; performers whom it takes over, their frames follow; performers whose
-#: former worker stops; a question, to which a report is the answer; another sensitivity. Over a network also:
-#: partitions that it leaves to another worker; its membership; that it is no member any more.
+#: The first byte of a message to a worker: frames; performers whom it takes over, whose frames follow; performers whose
+#: former worker stops; a question, which a report answers; another sensitivity. Over a network also:
+#: partitions that it leaves to another worker; its membership; the end of its membership.
 FRAMES, TAKE_OVER, UNMUTE, ASK, SENSE, LEAVE, WELCOME, REJOIN = b"F", b"T", b"U", b"A", b"S", b"L", b"W", b"J"
 #: Frames in a message, at most.
 MAX_TOGETHER = 256
@@ -42,9 +42,9 @@ class SentFrame(Packed, kw_only=True, omit_defaults=True):
     at
         When its packet came.
     anew
-        Whether the performer begins anew: what the worker knows of an earlier performer of this name is void.
+        Whether the performer begins anew: the worker forgets an earlier performer of this name.
     asks
-        Whether the next answer is to say what carries it.
+        Whether the next answer must say which joints carry it.
     """
 
     at: float = 0.0
@@ -53,7 +53,7 @@ class SentFrame(Packed, kw_only=True, omit_defaults=True):
 
 
 class Entry(msgspec.Struct, array_like=True, frozen=True):
-    """What a worker must know of a performer whom it takes over.
+    """A performer whom a worker takes over.
 
     Attributes
     ----------
@@ -62,15 +62,15 @@ class Entry(msgspec.Struct, array_like=True, frozen=True):
     answered
         The number of the last frame that was answered; answers up to it are not sent again.
     since
-        When the first frame came that is to be seen before.
+        The arrival of the first frame that the worker must see before it answers.
     going_on
         The start of the motion that listeners believe to go on.
     joints
         The joints that the sender announced.
     time
-        The time of the last frame that was answered, on the sender's clock.
+        The time of the last answered frame, on the sender's clock.
     long_ago
-        What the frames that are to be seen before need not show; None for nothing.
+        Knowledge of the feed that these frames need not show; None if there is none.
     """
 
     performer: _Name
@@ -114,7 +114,7 @@ class Answered(msgspec.Struct, array_like=True, frozen=True):
     carried: Carried | None = None
 
     def recognition(self, classes: tuple[str, ...]) -> Recognition:
-        """Give the recognition; FormatError where it does not fit the classes."""
+        """Give the recognition; FormatError if it does not fit the classes."""
         scores = np.frombuffer(self.scores, "<f8") if len(self.scores) == 8 * len(classes) else np.zeros(0)
         indices = [self.guess or 0, *(event.index for event in self.events)]
         if not len(scores) or not all(0 <= index < len(classes) for index in indices):
@@ -145,13 +145,13 @@ class Report(msgspec.Struct, array_like=True, frozen=True):
     Attributes
     ----------
     counts
-        What happened to its frames, those of warming up left out.
+        Counts of its frames, without the frames of warming up.
     refused, doubted, compared
-        As `Performers` has them.
+        The same as in `Performers`.
     performers
-        How many performers it follows.
+        The number of performers that it follows.
     last
-        The number of the last question that it had read.
+        The number of the last question that it has read.
     dropped
         Frames or messages that were lost on the way or dropped because the worker was busy.
     """
@@ -166,7 +166,7 @@ class Report(msgspec.Struct, array_like=True, frozen=True):
 
 
 class Answers(msgspec.Struct, array_like=True, frozen=True):
-    """What a worker sends back at once."""
+    """The answers and the report that a worker sends back in one message."""
 
     answered: list[Answered]
     report: Report | None = None
@@ -181,7 +181,7 @@ _read_answers = msgspec.msgpack.Decoder(Answers).decode
 
 
 def sent_frame(frame: Frame, seq: int, at: float, joints: tuple[str, ...] | None = None, *, anew: bool) -> SentFrame:
-    """Make what is sent of a frame; positions keep their precision."""
+    """Make the message of a frame; positions keep their precision."""
     positions = frame.positions
     dtype = "<f8" if positions.dtype.itemsize == 8 else "<f4"
     return SentFrame(
@@ -220,12 +220,12 @@ def _numbered(sent: SentFrame) -> NumberedFrame:
 
 
 def encode_handover(handover: Handover) -> bytes:
-    """Encode what a worker takes over."""
+    """Encode the partitions that a worker takes over."""
     return _encode(handover)
 
 
 def decode_handover(message: bytes) -> Handover:
-    """Decode what a worker takes over; FormatError for a message that is not ours."""
+    """Decode the partitions that a worker takes over; FormatError for a message that is not ours."""
     handover: Handover = _read(_read_handover, message)
     return handover
 
@@ -253,12 +253,12 @@ def decode_number(message: bytes) -> int:
 
 
 def announcement(entry: Entry) -> Announcement | None:
-    """Give the announcement of the joints of a performer who is taken over."""
+    """Give the joints of a performer who is taken over, as an announcement."""
     return Announcement(entry.performer, entry.joints) if entry.joints else None
 
 
 def answered(recognition: Recognition, seq: int, at: float, book: int, long_ago: LongAgo | None = None) -> Answered:
-    """Make what is sent of a recognition, and of what is known of the feed; its evidence stays behind."""
+    """Make the message of a recognition, without its evidence, and of the knowledge of the feed."""
     return Answered(
         recognition.performer,
         seq,
@@ -282,12 +282,12 @@ def answered(recognition: Recognition, seq: int, at: float, book: int, long_ago:
 
 
 def encode_answers(answers: Answers) -> bytes:
-    """Encode what a worker sends back at once."""
+    """Encode a worker's answers and report."""
     return _encode(answers)
 
 
 def decode_answers(message: bytes) -> Answers:
-    """Decode what a worker sent back; FormatError for a message that is not ours."""
+    """Decode a worker's answers and report; FormatError for a message that is not ours."""
     answers: Answers = _read(_read_answers, message)
     return answers
 

@@ -1,18 +1,19 @@
 """A worker: frames in, recognitions out, for the performers of its partitions. No socket, clock, thread or process.
 
-A performer whom it takes over comes with the frames of the last seconds. The recogniser sees them first, so that its
-windows and averages are where the former worker's were; answers that were sent already are muted.
+With a performer whom it takes over, a worker gets the frames of the last seconds. The recogniser sees them first, so
+that its windows and averages equal the former worker's; the worker does not repeat answers that were sent before.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import msgspec
 
 from kinespace.stream.frame import NewSender
 from kinespace.stream.recognition import EventKind
+from kinespace.stream.recognizer.decision import needed_lead
 from kinespace.stream.recognizer.event_detector import EventDetector
 from kinespace.stream.recognizer.recognizer import RecognizerCounts
 from kinespace.stream.workers.wire import Answered, Entry, Report, announcement, answered
@@ -32,12 +33,12 @@ if TYPE_CHECKING:
 #: Seconds of frames with which a performer is taken over. The longest window is two seconds; then the averages must
 #: forget the first, short windows (`kinespace bench scale` counts the events that differ).
 HISTORY = 2.5
-#: Seconds of frames that are kept: as many before the last answer of a worker that hung unnoticed for a while.
+#: Seconds of frames that are kept: a worker may have hung unnoticed for a while since its last answer.
 KEPT = HISTORY + 1.5
 
 
 class _Resumed(EventDetector):
-    """A detector that goes on where the former worker's was: with the motion that listeners believe to go on."""
+    """A detector that begins with the motion that listeners believe to go on."""
 
     def __init__(self, lead: float, going_on: Event | None) -> None:
         super().__init__(lead)
@@ -49,20 +50,20 @@ class _Resumed(EventDetector):
 class _TakenOver:
     """A performer until the new recogniser's events are those that listeners expect.
 
-    The first windows of the frames that it takes over are short, and may show it motions that nobody was told of.
+    The first windows of the frames that it takes over are short, and may show motions of which no listener was told.
 
     Attributes
     ----------
     answered, since
         The number of the last frame that the former worker answered; frames that came before `since` are passed over.
     told
-        The start of the motion that listeners were told of.
+        The start of the last motion that listeners were told of.
     long_ago
-        What the former recogniser knew of the feed; None once the new one knows it, too, or for nothing.
+        The former recogniser's knowledge of the feed; None if it had none, or once the new recogniser has it.
     found
         The start of the motion that the new recogniser follows.
     detector
-        Gives the events from the first answer on that is not muted.
+        Gives the events, from the first answer that is sent.
     """
 
     answered: int
@@ -105,13 +106,13 @@ class Worker:
         self.book = 0
         self._newest: dict[str, int] = {}
         self._taken_over: dict[str, _TakenOver] = {}
-        #: Performers whose next answer is to say what carries it.
+        #: Performers whose next answer must say which joints carry it.
         self._asked: set[str] = set()
-        #: Counts of warming up, which the former worker has counted.
+        #: Counts of the frames of warming up, which the former worker has counted, too.
         self._warmed = RecognizerCounts()
 
     def take_over(self, entries: Sequence[Entry], now: float) -> None:
-        """Begin with performers whose last frames, which come next, another worker has seen."""
+        """Begin with performers of another worker; their last frames come next."""
         for entry in entries:
             self._begin(entry.performer)
             if entry.answered:
@@ -123,7 +124,7 @@ class Worker:
                 self.performers.go_on(entry.performer, entry.long_ago.of_the_body, now)
 
     def unmute(self, entries: Sequence[Entry]) -> None:
-        """Answer from now on for performers who were taken over while their former worker went on."""
+        """Answer from now on for performers whose former worker has answered until now."""
         for entry in entries:
             if over := self._taken_over.get(entry.performer):
                 over.answered, over.told, over.long_ago = entry.answered, entry.going_on, entry.long_ago
@@ -183,10 +184,10 @@ class Worker:
         if over.agrees:
             del self._taken_over[recognition.performer]
             return recognition.events
-        return over.mend(recognition, self.performers.settings.lead)
+        return over.mend(recognition, needed_lead(self.performers.library, self.performers.settings))
 
     def exchange(self, library: MotionLibrary | WindowIndex, order: Sequence[str], book: int) -> None:
-        """Compare with another library from now on. The receiving process ends motions whose class is gone."""
+        """Compare with another library from now on. The receiving process ends the motions whose class it lacks."""
         self.performers.exchange(library, order)
         self.book = book
 
@@ -198,7 +199,5 @@ class Worker:
             self._newest.pop(name, None)
             self._taken_over.pop(name, None)
         counts = performers.counts
-        for each in fields(RecognizerCounts):
-            warmed = getattr(self._warmed, each.name)
-            setattr(counts.recognizers, each.name, getattr(counts.recognizers, each.name) - warmed)
+        counts.recognizers.add(self._warmed, -1)
         return Report(counts, performers.refused, performers.doubted, performers.compared, len(performers), last)

@@ -42,7 +42,7 @@ _read = msgspec.json.Decoder(BodyHeader).decode
 
 
 def encode_body(frame: Frame, skeleton: Skeleton | None = None, carried: Carried | None = None) -> list[bytes]:
-    """Encode a frame's positions, and perhaps its skeleton and what carries the decision."""
+    """Encode a frame's positions, and perhaps its skeleton and the joints that carry the decision."""
     header = BodyHeader(VERSION, float(frame.time), len(frame.positions))
     if skeleton and len(skeleton.joints) == header.joints:
         header.names, header.parents = skeleton.joints, skeleton.parents

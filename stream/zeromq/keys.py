@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 PUBLIC, SECRET = ".key", ".key_secret"
 #: Mode of the file with the secret key: only its owner reads and writes it.
 SECRET_MODE = 0o600
-#: The domain for which ZeroMQ asks the authenticator; a socket with a domain lets nobody in without an authenticator.
+#: The domain for which ZeroMQ asks the authenticator; a socket with a domain admits no peer without an authenticator.
 _DOMAIN = b"kinespace"
 #: Characters of a key in Z85.
 _KEY_LENGTH = 40

@@ -1,4 +1,4 @@
-"""The connections of a ZeroMQ socket, each with the bytes that it has sent and that nobody has read yet.
+"""The connections of a ZeroMQ socket, each with the bytes that it has sent and that are not read yet.
 
 libzmq bounds one part of a message. It keeps all parts of a message that is not finished, and every subscription, as
 long as the connection lasts, without limit. Its monitor tells the file number of each connection, and Linux tells how
@@ -74,7 +74,7 @@ class _Peer:
     received: int = 0
 
     def unread(self, now: float, allowance: Allowance) -> float:
-        """Give the bytes that came and were not read, apart from those allowed by time."""
+        """Give the bytes that came and were not read, without the bytes that are allowed by time."""
         return self.received - self.settled - self.read - (now - self.begun) * allowance.per_second
 
 

@@ -170,14 +170,14 @@ class ZmqSender:
     networks
         Where bound, networks whose listeners are let in; empty for all.
     asks
-        Count the messages to which nobody subscribes. For trusted listeners: their topics are kept.
+        Count the messages without a subscriber. For trusted listeners: their topics are kept.
 
     Attributes
     ----------
     failed
         Messages that ZeroMQ did not take.
     unheard
-        Messages to which nobody subscribed when they were sent, where it `asks`.
+        Messages that had no subscriber when they were sent, if it `asks`.
     """
 
     def __init__(
@@ -209,7 +209,7 @@ class ZmqSender:
             self._ask(parts[0])
 
     def _ask(self, topic: bytes) -> None:
-        """Note who subscribes to what by now, and whether anybody subscribes to a topic."""
+        """Note the subscriptions until now; say whether a topic has a subscriber."""
         with suppress(zmq.Again):
             while told := self.socket.recv(_NOW):
                 (self._topics.add if told[0] else self._topics.discard)(told[1:])

@@ -81,3 +81,21 @@ def test_a_frame_rate_is_positive(rate: float) -> None:
     """A clip without a positive, finite frame rate has no time."""
     with pytest.raises(ValueError, match="frame_rate: expected a positive number of frames per second, got"):
         Clip(STICK, np.zeros((2, 6, 3)), rate)
+
+
+def test_lists_of_numbers_are_positions() -> None:
+    """Lists and whole numbers become doubles; texts and ragged lists are refused."""
+    clip = Clip(STICK, [[[1, 2, 3]] * 6] * 2, 120)  # type: ignore[arg-type]
+    assert clip.positions.dtype == np.float64
+    assert clip.positions.tolist() == [[[1.0, 2.0, 3.0]] * 6] * 2
+    for wrong in ([["a"]], [[[1, 2, 3]], [[1]]], None):
+        with pytest.raises(ValueError, match="positions: expected numbers, got"):
+            Clip(STICK, wrong, 120)  # type: ignore[arg-type]
+
+
+def test_parameters_of_another_type_are_refused() -> None:
+    """A text is no frame rate, and a list of joints is no skeleton."""
+    with pytest.raises(ValueError, match="frame_rate: expected a positive number of frames per second, got '60'"):
+        Clip(STICK, np.zeros((2, 6, 3)), "60")  # type: ignore[arg-type]
+    with pytest.raises(ValueError, match="skeleton: expected a Skeleton, got tuple"):
+        Clip(STICK.joints, np.zeros((2, 6, 3)), 60.0)  # type: ignore[arg-type]

@@ -105,12 +105,21 @@ def test_another_skeleton_is_refused(other: Skeleton) -> None:
         pytest.param(JOINTS, (-1, 0, 1, 1, 5), "parents: expected joint indices or -1", id="parent too high"),
         pytest.param(JOINTS, (-2, 0, 1, 1, 1), "parents: expected joint indices or -1", id="parent too low"),
         pytest.param(JOINTS, (-1, 1, 1, 1, 1), "parents: expected joint indices or -1", id="own parent"),
+        pytest.param(JOINTS, (1, 0, 1, 1, 1), "parents: expected no joint above itself", id="two above each other"),
+        pytest.param(JOINTS, (-1, 4, 1, 2, 3), "parents: expected no joint above itself", id="a ring beside the root"),
+        pytest.param("abc", (), "joints: expected several names, got the text 'abc'", id="a text"),
     ],
 )
 def test_bad_skeletons_are_refused(joints: tuple[str, ...], parents: tuple[int, ...], message: str) -> None:
     """Joints and parents that cannot describe a body are refused, saying which and why."""
     with pytest.raises(ValueError, match=message):
         Skeleton(joints, parents)
+
+
+def test_a_skeleton_of_lists_is_that_of_tuples() -> None:
+    """Lists of joints and parents make the same skeleton, of any depth, which can be a key."""
+    chain = Skeleton([*JOINTS], [-1, 0, 1, 2, 3])  # type: ignore[arg-type]
+    assert {chain, Skeleton(JOINTS, (-1, 0, 1, 2, 3))} == {chain}
 
 
 def test_a_part_of_a_skeleton_hangs_together() -> None:

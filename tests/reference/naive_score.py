@@ -17,9 +17,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Moment:
-    """One frame of a take: its time, its segment (number, start, end and known class), and its answer."""
+    """One frame of a take: its time, how long it lasts, its segment (number, start, end, known class), its answer."""
 
     time: float
+    lasts: float
     segment: int
     start: float
     end: float
@@ -30,9 +31,15 @@ class Moment:
     score: float
 
 
-def share(of: Sequence[bool]) -> float | None:
-    """Give the share of true values, None for no values."""
-    return sum(of) / len(of) if of else None
+def share(of: Sequence[bool], lasts: Sequence[float] | None = None) -> float | None:
+    """Give the share of true values, each weighed by how long it lasts; None for no values."""
+    weights = lasts or [1.0] * len(of)
+    return sum(weight for each, weight in zip(of, weights, strict=True) if each) / sum(weights) if of else None
+
+
+def time_share(of: Callable[[Moment], bool], moments: Sequence[Moment]) -> float | None:
+    """Give the share of the time of some moments in which something holds."""
+    return share([of(m) for m in moments], [m.lasts for m in moments])
 
 
 def percentile(values: Sequence[float], percent: float) -> float | None:
@@ -67,9 +74,7 @@ def stream_score(takes: Sequence[Sequence[Moment]], window: float, lasting: floa
             seen += [found / (performed[0].end - performed[0].start) for found in delay]
             event_delays += [m.time - m.start for m in performed if m.event == m.truth][:1]
     seconds = sum(take[-1].time - take[0].time for take in takes)
-    unknown_seconds = sum(
-        sum(m.truth < 0 <= m.segment for m in take) / len(take) * (take[-1].time - take[0].time) for take in takes
-    )
+    unknown_seconds = sum(m.lasts for m in unknown)
 
     def begun(track: Callable[[Moment], int]) -> int:
         return sum(
@@ -79,21 +84,22 @@ def stream_score(takes: Sequence[Sequence[Moment]], window: float, lasting: floa
         )
 
     majorities = [
-        2 * sum(m.guess == m.truth for m in take if m.segment == number) > sum(m.segment == number for m in take)
+        2 * sum(m.lasts for m in take if m.segment == number and m.guess == m.truth)
+        > sum(m.lasts for m in take if m.segment == number) * (1 + 1e-9)
         for take in takes
         for number in sorted({m.segment for m in take if m.truth >= 0})
     ]
     return {
-        "frame_accuracy": share([m.guess == m.truth for m in known]),
-        "segment_accuracy": share([m.guess == m.truth for m in inside]),
-        "known_answered": share([m.published >= 0 for m in inside]),
+        "frame_accuracy": time_share(lambda m: m.guess == m.truth, known),
+        "segment_accuracy": time_share(lambda m: m.guess == m.truth, inside),
+        "known_answered": time_share(lambda m: m.published >= 0, inside),
         "segments_found": len(delays) / sought if sought else None,
         "median_delay_s": percentile(delays, 50),
         "p90_delay_s": percentile(delays, 90),
         "median_seen": percentile(seen, 50),
         "median_event_delay_s": percentile(event_delays, 50),
         "false_per_minute": begun(lambda m: m.published) / unknown_seconds * 60 if unknown else None,
-        "unknown_answered": share([m.published >= 0 for m in unknown]),
+        "unknown_answered": time_share(lambda m: m.published >= 0, unknown),
         "changes_per_minute": 60 * sum(_changes([m.event for m in take]) for take in takes) / seconds,
         "true_changes_per_minute": 60 * sum(_changes([m.truth for m in take]) for take in takes) / seconds,
         "auc_unknown": roc_area([m.score for m in inside], [m.score for m in unknown if m.time - window >= m.start]),

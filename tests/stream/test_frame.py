@@ -88,6 +88,48 @@ def test_positions_of_another_shape_are_refused(shape: tuple[int, ...]) -> None:
         Frame("p", 1.0, np.zeros(shape))
 
 
+@pytest.mark.parametrize("given", [_positions().tolist(), _positions().astype(np.float16), np.arange(12).reshape(4, 3)])
+def test_lists_and_other_numbers_become_doubles(given: object) -> None:
+    """Lists, half floats and whole numbers make the frame that doubles make, without a warning."""
+    frame = Frame("p", 1.0, given)  # type: ignore[arg-type]
+    assert frame.positions.dtype == np.float64
+    assert np.array_equal(frame.positions, np.asarray(given))
+
+
+@pytest.mark.parametrize(
+    "given",
+    [None, "abc", [[1.0, 2.0, 3.0], [1.0]], *(np.ones((4, 3), kind) for kind in (str, object, complex, bool))],
+    ids=repr,
+)
+def test_positions_that_are_no_numbers_are_refused(given: object) -> None:
+    """Texts, objects, complex numbers and ragged lists are refused."""
+    with pytest.raises(ValueError, match="positions: expected numbers, got"):
+        Frame("p", 1.0, given)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("time", ["0", None, [0.0]])
+@pytest.mark.parametrize("positions", [_positions(), _positions().tolist()], ids=["array", "list"])
+def test_a_time_of_another_type_is_refused(time: object, positions: np.ndarray) -> None:
+    """A text is no time."""
+    with pytest.raises(ValueError, match="time: expected finite seconds, got"):
+        Frame("p", time, positions)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("performer", [3, None, ["ann"]])
+def test_a_performer_that_is_no_text_is_refused(performer: object) -> None:
+    """A number or a list is no name."""
+    with pytest.raises(ValueError, match="performer: expected 1 to 64 characters, got"):
+        Frame(performer, 0.0, _positions())  # type: ignore[arg-type]
+    with pytest.raises(ValueError, match="performer: expected 1 to 64 characters, got"):
+        Announcement(performer, ("a", "b"))  # type: ignore[arg-type]
+
+
+def test_a_text_is_no_list_of_joints() -> None:
+    """A bare text is refused, because its letters would be taken for joints."""
+    with pytest.raises(ValueError, match="joints: expected several names, got the text 'abc'"):
+        Announcement("p", "abc")  # type: ignore[arg-type]
+
+
 @pytest.mark.parametrize("time", [np.nan, np.inf, -np.inf])
 def test_a_time_that_is_none_is_refused(time: float) -> None:
     """A frame's time is finite."""

@@ -12,8 +12,8 @@ from typing import Self
 
 #: Seconds for which the cable is out.
 _CUT = 5.0
-#: The network between two namespaces, and the host in it of each.
-_NETWORK, _HERE, _THERE = "10.213.77.{}", 1, 2
+#: The network between two namespaces, one for each process that runs, and the host in it of each namespace.
+_NETWORK, _HERE, _THERE = f"10.213.{os.getpid() % 256}.{{}}", 1, 2
 
 
 class Network:
@@ -22,12 +22,12 @@ class Network:
     Raises
     ------
     OSError
-        The system has no namespaces, or they are not for us.
+        The system has no namespaces, or does not allow them.
     """
 
     def __init__(self) -> None:
         self._name, self._ends = f"kinespace{os.getpid()}", (f"kin{os.getpid()}a", f"kin{os.getpid()}b")
-        #: What begins a command that is to run behind the cable, and our address.
+        #: The words that begin a command behind the cable, and our address.
         self.within = ("ip", "netns", "exec", self._name)
         self.hosts = (_NETWORK.format(_HERE),)
         #: When the cable was last plugged in.

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from kinespace.tools.bench.cases.sockets import Sockets
     from kinespace.tools.bench.cases.stages import Stages
 
-#: The cell of a table where nothing was measured.
+#: A table's cell without a measurement.
 _NOTHING = "-"
 #: The names of the alternatives in the standard figures.
 _PEERS = {"svd": "SVD of the window", "eigh": "np.cov + eigh", "dtw": "DTW"}
@@ -182,7 +182,7 @@ def _peers_table(peers: Peers) -> Table:
 
 
 def _growth_table(growth: Sequence[Growth]) -> Table:
-    table = _table("What it costs to grow, one core", ("of", "size", "cost of"), ("µs", "exponent"))
+    table = _table("The cost of growing, one core", ("of", "size", "cost of"), ("µs", "exponent"))
     for each in growth:
         last = each.labels[-1]
         for label, us in zip(each.labels, each.us, strict=True):

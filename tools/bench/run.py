@@ -41,7 +41,7 @@ class Effort:
     seconds
         Seconds of each latency run.
     person
-        The person whose motions the peers are compared on.
+        The person whose motions the peers recognise.
     frames
         Frames of the long run.
     minutes
@@ -53,9 +53,9 @@ class Effort:
     most
         The number of performers, at most.
     starts
-        How often the program is started.
+        Number of starts of the program.
     crowd
-        Performers on the bus where nothing happens; half as many where a worker is lost.
+        Performers on the bus; half as many when a worker is lost.
     """
 
     rounds: int = 9
@@ -89,19 +89,24 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         choices=[str(signature) for signature in LiveSignature],
         help="the signature of --json, growth and sockets (default: the recogniser's own)",
     )
-    parser.add_argument("--rounds", type=count, default=9, help="medians are of so many (default %(default)s)")
+    parser.add_argument(
+        "--rounds", type=count, default=9, help="rounds, of which medians are taken (default %(default)s)"
+    )
     parser.add_argument(
         "--seconds",
         type=positive,
         default=20.0,
-        help="of a run of sockets or scale (default %(default)s)",
+        help="seconds of a run of sockets or scale (default %(default)s)",
     )
-    parser.add_argument("--frames", type=count, default=soak.DAY, help="of soak (default: a day, %(default)s)")
+    parser.add_argument("--frames", type=count, default=soak.DAY, help="frames of soak (default: a day, %(default)s)")
     parser.add_argument(
-        "--minutes", type=not_negative, default=10.0, help="of soak over sockets, 0 for none (default %(default)s)"
+        "--minutes",
+        type=not_negative,
+        default=10.0,
+        help="minutes of soak over sockets, 0 for none (default %(default)s)",
     )
     parser.add_argument("--crowd", type=count, default=12, help="performers of scale (default %(default)s)")
-    parser.add_argument("--picture", type=Path, metavar="FILE", help="draw what was found")
+    parser.add_argument("--picture", type=Path, metavar="FILE", help="draw the results")
     add_json(parser)
 
 

@@ -18,8 +18,8 @@ HEADINGS = (
 #: The place of a table in a page: a comment that says which, the table, and a comment that ends it.
 _PLACE = re.compile(r"(<!-- chaos: (all|worst) -->\n).*?(<!-- end -->)", re.DOTALL)
 #: The rows of the short table, and its columns.
-_WORST, _SHORT = 6, (0, 1, 3, 4, 5)
-#: The goals: the answers' 99th percentile, seconds; megabytes beyond those before; seconds to recover; and the share of
+_WORST, _SHORT = 4, (0, 1, 3, 4, 5)
+#: The goals: the answers' 99th percentile, seconds; megabytes more than before; seconds to recover; and the share of
 #: the answers that may be missing.
 _P99, _MEGABYTES, _RECOVERED, _MISSING = 0.02, 50.0, 1.0, 0.01
 
@@ -47,7 +47,7 @@ def with_tables(page: str, outcomes: Sequence[Outcome], machine: str) -> str:
     page
         The page's text.
     outcomes
-        What the trials showed.
+        The results of the trials.
     machine
         Where they ran, in a line.
 

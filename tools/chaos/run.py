@@ -103,7 +103,7 @@ def _full_disk(live: Live, seconds: float) -> str:
 
 
 def _kill_a_recorder(live: Live, seconds: float) -> str:
-    """Record a feed beside the recogniser, kill the recorder (`kill -9`), and read what it wrote."""
+    """Record a feed beside the recogniser, kill the recorder (`kill -9`), and read its file."""
     recording, printed = live.folder / "killed.kinerec", live.folder / "recorder"
     command = [sys.executable, "-m", "kinespace", "record", str(recording), "--osc-in", "127.0.0.1:0"]
     with printed.open("wb") as output:
@@ -135,20 +135,22 @@ TRIALS: tuple[Trial, ...] = (
     Trial("30 Mbit/s, 110 right frames a datagram", [attacks.packed_frames]),
     Trial(f"30 Mbit/s, {osc.MAX_FRAMES} right frames a datagram", [attacks.full_datagrams]),
     Trial("20,000 right frames a second, one performer", [attacks.right_frames]),
-    Trial("his name from another port", [attacks.impostor]),
-    Trial("32 invented performers before he comes", [attacks.many_performers], first=True),
+    Trial("the performer's name from another port", [attacks.impostor]),
+    Trial("32 invented performers before the performer comes", [attacks.many_performers], first=True),
     Trial("ZeroMQ: 20,000 messages of garbage a second", [attacks.zmq_garbage], over="zmq"),
     Trial("ZeroMQ: 30 Mbit/s of empty lists in msgpack", [attacks.zmq_lists], over="zmq"),
     Trial("ZeroMQ: 30 Mbit/s of deep and long headers", [attacks.zmq_headers], over="zmq"),
     Trial("ZeroMQ: 20,000 parts a second", [attacks.zmq_parts], over="zmq"),
-    Trial("ZeroMQ: his name from another connection", [attacks.zmq_impostor], over="zmq"),
+    Trial("ZeroMQ: the performer's name from another connection", [attacks.zmq_impostor], over="zmq"),
     Trial("ZeroMQ: 20 subscriptions of 1 MB", [attacks.large_subscriptions], over="zmq"),
     Trial("ZeroMQ: 200,000 subscriptions", [attacks.many_subscriptions], over="zmq"),
     Trial("ZeroMQ: 400 MB of an unfinished message", [attacks.unfinished_message], over="zmq"),
-    Trial("ZeroMQ: 1,300 silent connections, then he", [attacks.silent_connections], over="zmq", first=True),
+    Trial(
+        "ZeroMQ: 1,300 silent connections before the performer's", [attacks.silent_connections], over="zmq", first=True
+    ),
     Trial("30 % lost, reordered, doubled, 50 ms late", fault=_network),
     Trial(
-        "his clock jumps by 1,000 s and back",
+        "the performer's clock jumps by 1,000 s and back",
         fault=_each(lambda cue: replace(cue, frame=replace(cue.frame, time=cue.frame.time + _CLOCK))),
     ),
     Trial("stopped (SIGSTOP) and continued", deed=_stop_and_go, lasts=2.0),
@@ -166,11 +168,13 @@ TRIALS: tuple[Trial, ...] = (
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the program's options."""
     parser.description = (
-        "Runs kinespace live and an innocent performer, lets one thing after the other go wrong, and prints what that "
-        "did to the performer's answers and to the program. Takes eight minutes and loads the machine."
+        "Runs kinespace live and an innocent performer, attacks them in one way after the other, and prints the "
+        "effect on the performer's answers and on the program. Takes eight minutes and loads the machine."
     )
-    parser.add_argument("--seconds", type=positive, default=5.0, help="of each attack (default %(default)s)")
-    parser.add_argument("--only", type=names, default=(), metavar="TEXT,...", help="trials with one of these in them")
+    parser.add_argument("--seconds", type=positive, default=5.0, help="seconds of each attack (default %(default)s)")
+    parser.add_argument(
+        "--only", type=names, default=(), metavar="TEXT,...", help="only trials whose names contain one of these"
+    )
     parser.add_argument(
         "--write",
         type=Path,

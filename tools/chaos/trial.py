@@ -43,7 +43,7 @@ _PATIENCE = 60.0
 _BACK_WITHIN = 50.0
 #: Seconds of answers that show that all is well again, and the share of them that must have come in time.
 _WELL, _WELL_SHARE, _WELL_LATENCY = 0.5, 0.9, 0.05
-#: The usual number of files that a process may open: the limit of the attacked recogniser, whatever ours is.
+#: The usual number of files that a process may open: the limit of the attacked recogniser.
 _USUAL_FILES = 1024
 
 
@@ -75,8 +75,8 @@ class Trial:
     fault
         The fault of the performer's feed; None for none.
     deed
-        An action on the recogniser's process, from our own process, for about the given seconds; gives what there is to
-        tell of it.
+        An action on the recogniser's process, from our own process, for about the given seconds; gives a
+        line about it for people.
     over
         The transport of the performer's frames: "osc" or "zmq".
     killed

@@ -1,4 +1,4 @@
-"""Addresses as the user types them, and what to say when one cannot be opened."""
+"""The addresses in the options of a program, and the message when one cannot be opened."""
 
 from __future__ import annotations
 
@@ -27,12 +27,12 @@ def host_and_port(text: str) -> tuple[str, int]:
 
 @contextmanager
 def opening(option: str) -> Iterator[None]:
-    """Say of an address that cannot be opened which option gives it, why it cannot, and what to do.
+    """Add to the error of an address that cannot be opened: its option, the reason, and a remedy.
 
     Parameters
     ----------
     option
-        As typed, like `--osc-in`. The errors inside name the address: `HOST:PORT: what the system says`.
+        The option, like `--osc-in`. The errors inside name the address: `HOST:PORT: the system's reason`.
 
     Raises
     ------
@@ -63,5 +63,5 @@ def _advice(number: int | None, place: str) -> str:
     if number in (errno.EADDRNOTAVAIL, errno.ENODEV):
         return f"this machine does not have the address {host}; 0.0.0.0:{port} listens on all that it has"
     if number == errno.EACCES:
-        return "the system does not allow this port; those from 1024 on are free to all"
+        return "the system does not allow this port; every user may open ports from 1024 on"
     return ""

@@ -1,4 +1,4 @@
-"""Arguments that several programs share: groups of options, and numbers and names as they are typed."""
+"""Arguments that several programs share: groups of options, and numbers and names in the command line."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from kinespace.library import MotionLibrary
-from kinespace.library.naming import AS_THEY_ARE, AUTO, Naming, conventions
+from kinespace.library.naming import AS_THEY_ARE, AUTO, ConventionError, Naming, conventions
 from kinespace.library.recordings import ActorIn, Reading
 from kinespace.stream.recognizer import LiveSignature, Settings
-from kinespace.stream.recognizer.settings import SENSITIVITY_LEARNED, SENSITIVITY_OWN
-from kinespace.tools.cli.choice import meant, one_of
+from kinespace.stream.recognizer.settings import SENSITIVITY_LEARNED, SENSITIVITY_ONE, SENSITIVITY_OWN
+from kinespace.tools.cli.choice import meant
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -32,7 +32,7 @@ def add_reading(parser: argparse.ArgumentParser) -> None:
     """Add the options for reading recordings."""
     parser.add_argument("--asf", type=Path, help="skeleton of AMC files (default: found by name)")
     parser.add_argument(
-        "--frame-rate", type=positive, metavar="HZ", help="of all recordings (default: each file's own)"
+        "--frame-rate", type=positive, metavar="HZ", help="frame rate of all recordings (default: each file's own)"
     )
     parser.add_argument(
         "--unit",
@@ -47,7 +47,7 @@ def add_reading(parser: argparse.ArgumentParser) -> None:
 
 def add_names(parser: argparse.ArgumentParser, whose: str) -> None:
     """Add the option for the convention of joint names."""
-    known = ", ".join(each.name for each in conventions())
+    known = ", ".join(sorted(each.name for each in conventions()))
     parser.add_argument(
         "--names",
         dest="naming",
@@ -167,10 +167,21 @@ def add_recorded_feed(parser: argparse.ArgumentParser) -> None:
 def add_changes(parser: argparse.ArgumentParser) -> None:
     """Add the options that leave motions out of a library and rename its classes."""
     parser.add_argument(
-        "--without", action="append", default=[], metavar="CLASS|PERSON", help="leave this class or person out"
+        "--without",
+        action="extend",
+        type=names,
+        default=[],
+        metavar="CLASS|PERSON,...",
+        help="leave these classes or persons out",
     )
     parser.add_argument(
-        "--rename", action="append", type=mapping, default=[], metavar="OLD=NEW", help="rename this class"
+        "--rename",
+        nargs="+",
+        action="extend",
+        type=mapping,
+        default=[],
+        metavar="OLD=NEW",
+        help="rename these classes",
     )
     parser.add_argument(
         "--nothing",
@@ -236,10 +247,13 @@ def reading_of(parsed: argparse.Namespace) -> Reading:
 def naming_of(parsed: argparse.Namespace) -> Naming:
     """Read the option for the convention of joint names."""
     text: str = parsed.naming
-    if not text.endswith(".toml"):
+    try:
+        return Naming.asked(text)
+    except ConventionError as error:
+        if text.endswith(".toml"):
+            raise
         known = (AUTO, AS_THEY_ARE, *(each.name for each in conventions()))
-        text = one_of("--names", text.casefold(), known, " or a .toml file")
-    return Naming.asked(text)
+        raise ValueError(f"--{error}{meant(text, known)}") from error
 
 
 def _raw(path: Path, feed: str | None) -> Sequence[Clip]:
@@ -262,7 +276,7 @@ def add_settings(parser: argparse.ArgumentParser) -> None:
         "--sensitivity",
         type=share,
         help=f"share of unknown motions that may be named, by the library's estimate (default: {SENSITIVITY_LEARNED} "
-        f"with the built-in library, {SENSITIVITY_OWN} with your own); windows only",
+        f"with the built-in library, {SENSITIVITY_OWN} with yours, {SENSITIVITY_ONE} if of one person); windows only",
     )
     parser.add_argument(
         "--window", type=positive, help="seconds that the paper's window looks back (default 0.5); paper only"

@@ -1,1 +1,1 @@
-"""What measures how well motions are named: protocols, timelines, scores, and the learning of `unknown`."""
+"""Measures how well motions are named: protocols, timelines, scores, and the learning of `unknown`."""

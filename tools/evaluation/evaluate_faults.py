@@ -112,11 +112,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_library(parser)
     add_subjects(parser)
     parser.add_argument(
-        "--protocol", choices=[str(protocol) for protocol in Protocol], default=str(Protocol.LIBRARY), help="as stream"
+        "--protocol",
+        choices=[str(protocol) for protocol in Protocol],
+        default=str(Protocol.LIBRARY),
+        help="as for stream",
     )
     add_map(parser)
     parser.add_argument(
-        "--fault", nargs="+", action="extend", choices=list(FAULTS), default=[], help="only these (default: all)"
+        "--fault", nargs="+", action="extend", choices=list(FAULTS), default=[], help="the faults (default: all)"
     )
     parser.add_argument("--rate", type=positive, default=60.0, help="frames per second (default %(default)s)")
     parser.add_argument("--seed", type=int, default=0, help="of noise, drops and order (default %(default)s)")

@@ -66,7 +66,7 @@ class NoiseScore:
     clips_right, clips_guessed
         The same shares of the motions' last answers; a motion without an answer counts as wrong.
     seconds, clips, persons
-        What the figures rest on; persons None when they are not known.
+        The basis of the figures; persons None when they are not known.
     intervals
         Ends of the 95 % interval of each share, by its name: bootstrap over motions.
     """
@@ -97,7 +97,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="MM",
         help="standard deviations on each coordinate (default: 0 10 20 30)",
     )
-    parser.add_argument("--groups", type=count, default=12, help="how many, at least two (default %(default)s)")
+    parser.add_argument("--groups", type=count, default=12, help="number of groups, at least two (default %(default)s)")
     parser.add_argument("--every", type=count, default=1, help="play every nth motion alone (default %(default)s)")
     parser.add_argument("--seed", type=int, default=0, help="of the noise (default %(default)s)")
     parser.add_argument("--skeleton", metavar="NAME", help="with the joints of this product alone, like kinectv2")

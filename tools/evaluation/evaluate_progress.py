@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     #: At each step of a played motion the phase and the speed, NaN where there was no answer.
     Told = tuple[NDArray[np.float64], NDArray[np.float64]]
 
-#: How motions are played, and some of what tells their phases.
+#: The ways in which motions are played, and some of the ways that tell their phases.
 AS_RECORDED, WARPED = "as recorded", "warped"
 CLOCK, NAMED, KNOWN = "clock, true start", "filter, named class", "filter, true class"
 #: Seconds from a motion's start that are not scored: no method can tell the phase yet.
@@ -66,7 +66,7 @@ class ProgressScore:
         `as recorded`, or `warped`: at a speed that swings between half and twice.
     method
         The method: a clock that runs from the true start or from the recogniser's first right answer for as long as the
-        class's mean motion lasts; online time warping; or the filter, given the class, or with the class as it is
+        class's mean motion lasts; online time warping; or the filter, given the class, or with the class that it
         named.
     phase_mean, phase_median
         Absolute error of the phase.
@@ -79,7 +79,7 @@ class ProgressScore:
     answered
         Share of the steps with a phase.
     steps, motions, persons
-        What the figures rest on.
+        The basis of the figures.
     """
 
     played: str

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import json
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kinespace.library import MotionLibrary
+from kinespace.library import MotionLibrary, SkeletonMismatchError
+from kinespace.library.motion_library import MIN_JOINTS
 from kinespace.library.windows.index import WindowIndex, usual_weighing
 from kinespace.library.windows.parts import Kind
 from kinespace.stream.frame import Frame
@@ -35,14 +36,14 @@ from kinespace.tools.evaluation.scoring.stream_tables import print_persons, prin
 from kinespace.tools.evaluation.scoring.timeline import Course, confusion, course_of
 from kinespace.tools.evaluation.takes import Sources, Take, read_takes, takes_of
 from kinespace.tools.feeding.joint_sets import joints_of
-from kinespace.tools.terminal.console import progress
+from kinespace.tools.terminal.console import progress, progress_console
 from kinespace.tools.terminal.output_path import require_place_for
 
 if TYPE_CHECKING:
     import argparse
     from collections.abc import Sequence
 
-    from kinespace.library import Clip, Reading
+    from kinespace.library import Clip, Reading, Skeleton
     from kinespace.library.recordings.formats.labels import Segment
 
 #: Seconds before a moment that must lie in a segment for the moment to count as inside it.
@@ -88,7 +89,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the program's options."""
     parser.description = (
         "Replays takes through the very recogniser that runs live, at full speed and without sockets, and compares "
-        "what was published at each moment with what was performed at that moment."
+        "the answer of each moment with the movement performed at that moment."
     )
     parser.add_argument(
         "takes",
@@ -116,8 +117,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--protocol",
         choices=[str(protocol) for protocol in Protocol],
         default=str(Protocol.LIBRARY),
-        help="recognise with the library; with what is cut from the other takes, or from the other persons' takes; or "
-        "with what is cut from one person's, for each person in turn",
+        help="recognise with the library; with motions cut from the other takes, or from the other persons' takes; or "
+        "with motions of one person, for each person in turn",
     )
     add_subjects(parser)
     add_map(parser)
@@ -126,11 +127,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--without-part",
         choices=[str(kind) for kind in Kind],
-        help="leave these parts of the signature out, to see what they are worth",
+        help="leave these parts of the signature out, to see their worth",
     )
-    parser.add_argument("--timeline", type=Path, metavar="FILE", help="draw what was performed and answered over time")
-    parser.add_argument("--page", type=Path, metavar="HTML", help="write takes, answers and bodies to scrub through")
-    parser.add_argument("--confusion", type=Path, metavar="FILE", help="draw what was answered to what")
+    parser.add_argument("--timeline", type=Path, metavar="FILE", help="draw labels and answers over time")
+    parser.add_argument("--page", type=Path, metavar="HTML", help="write a page that plays takes, answers and bodies")
+    parser.add_argument("--confusion", type=Path, metavar="FILE", help="draw the confusion matrix")
     add_json(parser)
 
 
@@ -184,7 +185,7 @@ def evaluate(
     settings
         The recogniser's settings.
     without
-        Parts of the signature that are left out, to measure what they are worth.
+        Parts of the signature that are left out, to measure their worth.
     drawn
         The pictures.
     as_json
@@ -192,15 +193,14 @@ def evaluate(
     """
     drawn.require_places()
     takes = read_takes(sources, reading) if sources else _motions(library, sources, protocol)
-    folds = folds_of(takes, protocol, lambda: _library(library, sources.skeleton))
+    given = _library(library, sources.skeleton) if protocol is Protocol.LIBRARY else None
+    joints = shared_joints([*(take.clip.skeleton for take in takes), *([given.skeleton] if given else [])])
+    takes = [replace(take, clip=take.clip.restricted_to(joints)) for take in takes]
+    folds = folds_of(takes, protocol, lambda: (given or MotionLibrary.builtin()).restricted_to(joints))
     classes = tuple(sorted({name for fold in folds for name in fold.library.classes}))
-    for fold in folds:
-        for take in fold.takes:
-            # A take of another body is refused before the work.
-            take.clip.as_of(fold.library.skeleton)
     _require_classes(takes, sources, classes)
     if drawn.confusion and not any(take.segments for take in takes):
-        raise ValueError("--confusion: expected takes of which is known what is performed when, got none")
+        raise ValueError("--confusion: expected takes with labels, got none")
     asked = [(fold, take) for fold in folds for take in fold.takes]
     courses = [
         _course(take, _compared(fold.library, without), classes, settings)
@@ -269,6 +269,28 @@ def _library(path: Path | None, skeleton: str | None) -> MotionLibrary:
     return whole.restricted_to(joints_of(skeleton)) if skeleton else whole
 
 
+def shared_joints(skeletons: Sequence[Skeleton]) -> tuple[str, ...]:
+    """Give the joints that all takes and the library have; say which joints are lost.
+
+    Raises
+    ------
+    SkeletonMismatchError
+        Too few are left.
+    """
+    bodies = dict.fromkeys(skeleton.joints for skeleton in skeletons)
+    every = tuple(dict.fromkeys(name for joints in bodies for name in joints))
+    shared = tuple(name for name in every if all(name in joints for joints in bodies))
+    if len(shared) < MIN_JOINTS:
+        raise SkeletonMismatchError(
+            f"joints: expected at least {MIN_JOINTS} that all takes and the library have, got {len(shared)}"
+        )
+    if len(shared) < len(every):
+        lost = ", ".join(name for name in every if name not in shared)
+        told = f"{len(shared)} joints that all takes and the library have; without {lost}"
+        progress_console.print(told, soft_wrap=True, markup=False, highlight=False)
+    return shared
+
+
 def _motions(library: Path | None, sources: Sources, protocol: Protocol) -> list[Take]:
     """Take the library's own motions, if the protocol leaves each out of the library that recognises it."""
     if protocol is Protocol.LIBRARY:
@@ -278,7 +300,7 @@ def _motions(library: Path | None, sources: Sources, protocol: Protocol) -> list
 
 
 def _require_classes(takes: Sequence[Take], sources: Sources, classes: Sequence[str]) -> None:
-    """Refuse names that are no class, because nobody would notice that no motion is known."""
+    """Refuse names that are no class: the figures would not show that no motion is known."""
     for class_name in sources.names.values():
         if class_name not in classes:
             raise ValueError(f"--map: expected one of {', '.join(classes)}, got {class_name!r}")
@@ -301,7 +323,7 @@ def _by_person(folds: Sequence[Fold], courses: Sequence[Course], classes: Sequen
 
 
 def _over_persons(persons: dict[str, StreamScore]) -> dict[str, dict[str, object]]:
-    """Give every person's figures, their mean and the worst of each; None where nobody has the figure."""
+    """Give every person's figures, their mean and the worst of each; None where no person has the figure."""
     figures = {person: score.figures() for person, score in persons.items()}
     mean, worst = dict[str, object](), dict[str, object]()
     for name in next(iter(figures.values())):

@@ -166,18 +166,23 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--clips", action="store_true", help="a recording without labels is one motion, of its folder")
     add_reading(parser)
     add_actor_in(parser)
+    parser.add_argument("--person", default="", help="the performer of all takes that do not name one")
     parser.add_argument(
-        "--person", default="", help="who performs in all takes, where nothing else says it (default: as they say)"
+        "--examples",
+        nargs="+",
+        type=above_zero,
+        default=[1, 2, 3],
+        metavar="N",
+        help="examples of each class (default: 1 2 3)",
     )
     parser.add_argument(
-        "--examples", nargs="+", type=above_zero, default=[1, 2, 3], metavar="N", help="of each class (default: 1 2 3)"
+        "--draws", type=above_zero, default=20, help="draws of each person's examples (default %(default)s)"
     )
-    parser.add_argument("--draws", type=above_zero, default=20, help="of each person's examples (default %(default)s)")
     parser.add_argument(
         "--teachers", nargs="+", default=[], metavar="PERSON", help="the persons who teach (default: all, in turn)"
     )
     parser.add_argument("--seed", type=int, default=0, help="of the draws (default %(default)s)")
-    parser.add_argument("--beside", action="store_true", help="teach beside the built-in library, which must give way")
+    parser.add_argument("--beside", action="store_true", help="teach beside the built-in library")
     add_settings(parser)
     add_json(parser)
 

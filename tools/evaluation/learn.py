@@ -1,4 +1,4 @@
-"""`kinespace learn`: teaches a library what is unknown, by takes of other people.
+"""`kinespace learn`: teaches a library unknown motion, by takes of other people.
 
 A library's own motions hardly show how unknown motion looks. Here takes without known motions, and takes that contain a
 known motion at some time, teach the weights of the evidence (`library.windows.rejection`). Figures come from subjects

@@ -1,4 +1,4 @@
-"""Takes to be recognised, and what is known of the motions in them."""
+"""Takes to be recognised, and the labels of the motions in them."""
 
 from __future__ import annotations
 
@@ -153,7 +153,7 @@ def read_takes(sources: Sources, reading: Reading) -> list[Take]:
             progress_console.print(line, soft_wrap=True, markup=False, highlight=False)
     if not takes:
         persons = ", ".join((*sources.persons, *(f"not {name}" for name in sources.without_persons)))
-        raise ValueError(f"--subjects: expected some whose takes are there, got {persons}")
+        raise ValueError(f"--subjects: expected persons with takes, got {persons}")
     if sources.skeleton:
         joints = joints_of(sources.skeleton)
         takes = [replace(take, clip=take.clip.restricted_to(joints)) for take in takes]

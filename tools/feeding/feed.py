@@ -178,10 +178,10 @@ def with_reordering(cues: Iterable[Cue], share: float, generator: np.random.Gene
         yield held
 
 
-def told_of_nobody(place: str, unheard: int) -> str:
+def told_unheard(place: str, unheard: int) -> str:
     """Say that packets for a place reached no program."""
     return (
-        f"nobody listens at {place}: {unheard} packets reached no program; start kinespace live first, or say where it "
+        f"no program listens at {place}: {unheard} packets were lost; start kinespace live first, or say where it "
         "listens"
     )
 
@@ -195,7 +195,7 @@ class FrameSender(Protocol):
 
     @property
     def unheard(self) -> int:
-        """Packets that are known to have reached nobody, where the sender asks."""
+        """Packets that reached no program, if the sender looks."""
 
     def announce(self, announcement: Announcement) -> None:
         """Send the names of the joints."""
@@ -260,7 +260,7 @@ class ZmqFrameSender:
 
     @property
     def unheard(self) -> int:
-        """Messages to which nobody subscribed."""
+        """Messages without a subscriber."""
         return self._sender.unheard
 
     def greet(self) -> None:

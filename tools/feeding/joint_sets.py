@@ -10,11 +10,13 @@ from kinespace.tools.programs.feeds import preset_named
 
 #: Joint sets that no preset has: the joints of Kinect 1's own tools.
 _FURTHER = {"kinect20": utkinect.SKELETON.joints}
+#: The names that conventions of joint names have for the sensors.
+_ALSO = {"kinect1": "kinect20", "kinect2": "kinectv2"}
 
 
 def names() -> tuple[str, ...]:
-    """Names of all sets."""
-    return (*builtin_names(), *_FURTHER)
+    """Names of all sets, sorted."""
+    return tuple(sorted((*builtin_names(), *_FURTHER, *_ALSO)))
 
 
 def joints_in_order(text: str) -> tuple[str, ...]:
@@ -64,4 +66,5 @@ def joints_of(name: str) -> tuple[str, ...]:
         There is no such set.
     """
     one_of("--skeleton", name, names())
+    name = _ALSO.get(name, name)
     return _FURTHER[name] if name in _FURTHER else builtin_preset(name).joints

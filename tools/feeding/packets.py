@@ -12,7 +12,7 @@ from kinespace.stream import osc, zeromq
 from kinespace.stream.inputs.recording.kinerec import RawFile
 from kinespace.stream.zeromq import Endpoint, Keyring
 from kinespace.tools.cli.address import host_and_port
-from kinespace.tools.feeding.feed import Pace, told_of_nobody
+from kinespace.tools.feeding.feed import Pace, told_unheard
 from kinespace.tools.terminal.console import console, progress
 
 if TYPE_CHECKING:
@@ -95,7 +95,7 @@ def replay(
         )
         for place, count in unheard.items():
             if count:
-                console.print(told_of_nobody(place, count), soft_wrap=True)
+                console.print(told_unheard(place, count), soft_wrap=True)
         if recording.damage():
             console.print(recording.damage(), soft_wrap=True)
     return 1 if every and every >= counts["sent"] else 0

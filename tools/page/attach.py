@@ -1,4 +1,4 @@
-"""What a recogniser opens for its own page: a place to hear it on this machine, and a control door."""
+"""The two ends that a recogniser opens for its own page: a publisher on this machine, and a control door."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def ends_for_page(
     keyring, keys
         The keys of all ZeroMQ, and their folder; None for none.
     recordings, osc_to, zmq_to
-        The folder of recordings that may be played, and where they go.
+        The folder of recordings that may be played, and the addresses to which they are played.
 
     Raises
     ------

@@ -33,7 +33,7 @@ _MAX_NOTICES = 32
 _MAX_NAME = 64
 
 #: The counters of a status, by the words that `live` has for them (`tools.terminal.live_table.counts`), and the path to
-#: each. Those behind the first eight are shown when they count something.
+#: each. After the first eight, the page shows only counters above 0.
 COUNTERS = (
     ("received", "inputs.received"),
     ("malformed", "inputs.malformed"),
@@ -155,7 +155,7 @@ class _Performer:
 
 
 class Board:
-    """What is known of the performers, the classes and the recogniser.
+    """The page's knowledge of the performers, the classes and the recogniser.
 
     Attributes
     ----------
@@ -176,7 +176,7 @@ class Board:
         self._checking = ""
 
     def take(self, parts: Sequence[bytes], now: float) -> None:
-        """Take in one message of the recogniser; what cannot be read is counted."""
+        """Take in one message of the recogniser; count a message that cannot be read."""
         kind = parts[0].partition(b"/")[0].decode(errors="replace") if parts else ""
         try:
             if kind == "body":
@@ -309,13 +309,13 @@ class Board:
             self._tell_here()
 
     def take_reply(self, control: dict[str, object]) -> None:
-        """Take in what the control door says of the classes, the settings and the recording."""
+        """Take in the control door's description of the classes, the settings and the recording."""
         if control != self._control.told:
             self.number += 1
             self._control = _Noted(control, self.number)
 
     def take_player(self, described: dict[str, object]) -> None:
-        """Take in which recordings there are, and what is played."""
+        """Take in the list of recordings, and the recording that is played."""
         if described != self._player.told:
             self.number += 1
             self._player = _Noted(described, self.number)

@@ -1,4 +1,4 @@
-"""What the page costs: `python -m kinespace.tools.page.cost` prints it, on Linux.
+"""The cost of the page: `python -m kinespace.tools.page.cost` prints it, on Linux.
 
 One performer at 60 frames a second is recognised in a process of its own while 0, 1 and 5 pages are open, in turns. The
 pages here draw nothing and say at once that they have drawn: a browser asks for less. One more page sleeps all the
@@ -9,12 +9,13 @@ from __future__ import annotations
 
 import asyncio
 import json
-import os
+import math
+import multiprocessing
 import sys
-import threading
-from contextlib import ExitStack, closing
+import time
+from contextlib import ExitStack, closing, suppress
 from dataclasses import dataclass
-from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from websockets.asyncio.client import connect
@@ -22,102 +23,179 @@ from websockets.exceptions import ConnectionClosed
 
 from kinespace.stream import Frame
 from kinespace.tools.bench import recorded
+from kinespace.tools.bench.memory import core_seconds, resident_mb
 from kinespace.tools.feeding.feed import Cue, Pace
 from kinespace.tools.loopback.answer_listener import Listener
 from kinespace.tools.loopback.service_process import BackgroundService
 from kinespace.tools.page.process import PagePlan, PageProcess
 
+if TYPE_CHECKING:
+    from multiprocessing.connection import Connection
+
+    from numpy.typing import NDArray
+
+    from kinespace.tools.feeding.feed import Packet
+
 _PAGES, _RATE = (0, 1, 5), 60.0
+#: Seconds of a turn that do not count: pages come and go.
+_SETTLING = 1.0
+#: How often turns are drawn with replacement for the interval of a difference.
+_DRAWS = 2000
 
 
-@dataclass(slots=True)
-class _Cost:
-    """One run: hops (p50, p99) in milliseconds, shares of a core, growth of the page's process in MB."""
+@dataclass(frozen=True, slots=True)
+class _Turn:
+    """Some seconds with some pages open.
+
+    Attributes
+    ----------
+    pages
+        The number of pages.
+    lags
+        Seconds from a frame to its answer, shape (answers,).
+    recogniser, server
+        Shares of a core.
+    messages
+        Messages to pages, a second.
+    memory
+        Megabytes of the page's process at the end.
+    """
 
     pages: int
-    hop: tuple[float, float]
+    lags: NDArray[np.float64]
     recogniser: float
     server: float
     messages: float
-    growth: float
+    memory: float
 
 
-def _processor(process: int) -> float:
-    """Give the processor's seconds of a process, as Linux tells."""
-    fields = Path(f"/proc/{process}/stat").read_text(encoding="ascii").rpartition(")")[2].split()
-    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+def _rounded(time: float) -> float:
+    return round(time, 3)
 
 
-def _memory(process: int) -> float:
-    return int(Path(f"/proc/{process}/statm").read_text(encoding="ascii").split()[1]) * os.sysconf("SC_PAGESIZE") / 1e6
+def _time_of(packet: Packet) -> float:
+    """Give the time in an answer; NaN for another packet."""
+    if isinstance(packet, bytes):
+        return math.nan
+    told = json.loads(packet[1]) if packet[0].startswith(b"class/") else {}
+    return _rounded(told.get("t", math.nan))
 
 
-async def _watch(address: str, pages: int, ended: threading.Event, counts: list[int]) -> None:
-    """Keep pages open that draw nothing, and one that sleeps."""
+async def _page(address: str, counts: list[int], *, awake: bool) -> None:
+    """Keep a page open that draws nothing, or one that sleeps."""
     host = address.removeprefix("http://").removesuffix("/")
-
-    async def page(*, awake: bool) -> None:
-        async with connect(f"ws://{host}/live", origin=f"http://{host}") as socket:  # type: ignore[arg-type]
-            while not ended.is_set():
-                try:
-                    message = await asyncio.wait_for(socket.recv(), 0.5)
-                except (TimeoutError, ConnectionClosed):
-                    continue
+    async with connect(f"ws://{host}/live", origin=f"http://{host}") as socket:  # type: ignore[arg-type]
+        with suppress(ConnectionClosed):
+            async for message in socket:
                 if awake and isinstance(message, bytes):
                     counts.append(len(message))
                     told = json.loads(message[4 : 4 + int.from_bytes(message[:4], "little")])
                     await socket.send(json.dumps({"ack": told["number"]}))
+                if not awake:
+                    await asyncio.Event().wait()
 
-    await asyncio.gather(page(awake=False), *(page(awake=True) for _ in range(pages)))
+
+async def _browse(wanted: Connection, address: str) -> None:
+    """Open as many pages as is asked; each time say how many messages came before. None ends it."""
+    counts = list[int]()
+    sleeping, pages = asyncio.create_task(_page(address, counts, awake=False)), list[asyncio.Task[None]]()
+    while (number := await asyncio.to_thread(wanted.recv)) is not None:
+        wanted.send(len(counts))
+        counts.clear()
+        while len(pages) > number:
+            pages.pop().cancel()
+        pages += [asyncio.create_task(_page(address, counts, awake=True)) for _ in range(number - len(pages))]
+    for each in (sleeping, *pages):
+        each.cancel()
 
 
-def measure(pages: int, seconds: float) -> _Cost:
-    """Play motions for so many seconds while so many pages are open."""
+def _browser(wanted: Connection, address: str) -> None:
+    asyncio.run(_browse(wanted, address))
+
+
+def measure(seconds: float, rounds: int) -> list[_Turn]:
+    """Play motions while 0, 1 and 5 pages are open by turns, so many seconds each and so many times."""
     positions = recorded.positions()
-    ended, counts = threading.Event(), list[int]()
+    context = multiprocessing.get_context("spawn")
+    ours, theirs = context.Pipe()
     with ExitStack() as opened:
-        service = opened.enter_context(BackgroundService("osc", watched=True))
+        service = opened.enter_context(BackgroundService("zmq", watched=True))
         shown = opened.enter_context(PageProcess(PagePlan(service.watched_at, "127.0.0.1:0")))
+        browser = context.Process(target=_browser, args=(theirs, shown.address), daemon=True)
+        browser.start()
+        opened.callback(browser.kill)
         sender, receiver = service.connect()
         opened.enter_context(closing(sender))
         listener = opened.enter_context(closing(Listener(receiver)))
-        watching = threading.Thread(target=lambda: asyncio.run(_watch(shown.address, pages, ended, counts)))
-        watching.start()
-        processes = service.process_id or 0, shown.process_id or 0
-        pace, before, memory = Pace(), [0.0, 0.0], 0.0
-        for index in range(round((seconds + 2) * _RATE)):
-            if index == round(2 * _RATE):
-                before, memory = [_processor(each) for each in processes], _memory(processes[1])
-                counts.clear()
-            frame = Frame("ann", 1.0 + index / _RATE, positions[2 * index % len(positions)])
-            packet = sender.encode(Cue(index / _RATE, frame, index))
-            listener.listen_until(pace.moment(index / _RATE))
-            sender.send(packet)
-        used = [(_processor(each) - begun) / seconds for each, begun in zip(processes, before, strict=True)]
-        growth = _memory(processes[1]) - memory
-        messages = len(counts) / seconds
-        ended.set()
-        watching.join()
-    assert service.status is not None  # noqa: S101 - told to mypy
-    hop = service.status.hop_p50 * 1000, service.status.hop_p99 * 1000
-    return _Cost(pages, hop, used[0], used[1], messages, growth)
+        pace, sent, turns = Pace(), dict[float, float](), list[_Turn]()
+        processes = service.process_id, shown.process_id
+
+        def play(length: float) -> NDArray[np.float64]:
+            lags = list[float]()
+            for _ in range(round(length * _RATE)):
+                index = len(sent)
+                frame = Frame("ann", 1.0 + index / _RATE, positions[2 * index % len(positions)])
+                packet = sender.encode(Cue(index / _RATE, frame, index))
+                for heard in listener.listen_until(pace.moment(index / _RATE)):
+                    lags += [heard.arrival - at for at in [sent.get(_time_of(heard.packet))] if at]
+                sent[_rounded(frame.time)] = time.perf_counter()
+                sender.send(packet)
+            return np.array(lags)
+
+        def used() -> list[float]:
+            return [core_seconds(each) or 0.0 for each in processes]
+
+        play(2 * _SETTLING)
+        for turn in range(rounds * len(_PAGES)):
+            # The order changes from round to round: a busy moment of the machine meets all alike.
+            pages = _PAGES[(turn + turn // len(_PAGES)) % len(_PAGES)]
+            ours.send(pages)
+            ours.recv()
+            play(_SETTLING)
+            before = used()
+            ours.send(pages)
+            ours.recv()
+            lags = play(seconds)
+            recogniser, server = ((now - then) / seconds for now, then in zip(used(), before, strict=True))
+            ours.send(pages)
+            memory = resident_mb(processes[1]) or 0.0
+            turns.append(_Turn(pages, lags, recogniser, server, ours.recv() / seconds, memory))
+        ours.send(None)
+    return turns
 
 
-def main(seconds: float = 20.0, rounds: int = 3) -> None:
-    """Measure in turns, and print the medians."""
-    runs = [measure(pages, seconds) for _ in range(rounds) for pages in _PAGES]
-    print(f"{rounds} rounds of {seconds:g} s; one performer at {_RATE:g} frames a second; a further page sleeps")
+def _percentile(turns: list[_Turn]) -> float:
+    return float(np.percentile(np.concatenate([turn.lags for turn in turns]), 99)) * 1000
+
+
+def _interval(turns: list[_Turn], others: list[_Turn]) -> tuple[float, float]:
+    """Give the 95 % interval of the difference of two p99, milliseconds (bootstrap over turns)."""
+    rng = np.random.default_rng(1)
+
+    def drawn(of: list[_Turn]) -> list[_Turn]:
+        return [of[each] for each in rng.integers(len(of), size=len(of))]
+
+    differences = [_percentile(drawn(turns)) - _percentile(drawn(others)) for _ in range(_DRAWS)]
+    return float(np.percentile(differences, 2.5)), float(np.percentile(differences, 97.5))
+
+
+def main(seconds: float = 8.0, rounds: int = 8) -> None:
+    """Measure in turns, and print what came of it."""
+    turns = measure(seconds, rounds)
+    print(f"{rounds} turns of {seconds:g} s each; one performer at {_RATE:g} frames a second; a further page sleeps")
+    none = [turn for turn in turns if turn.pages == 0]
     for pages in _PAGES:
-        of = [run for run in runs if run.pages == pages]
-        hop = np.median([run.hop for run in of], axis=0)
-        recogniser, server, messages, growth = np.median(
-            [(run.recogniser, run.server, run.messages, run.growth) for run in of], axis=0
-        )
+        of = [turn for turn in turns if turn.pages == pages]
+        middle = np.median(np.concatenate([turn.lags for turn in of])) * 1000
+        recogniser, server, messages = np.mean([(turn.recogniser, turn.server, turn.messages) for turn in of], axis=0)
+        low, high = _interval(of, none)
+        told = f" ({_percentile(of) - _percentile(none):+.2f}, 95 %: {low:+.2f} to {high:+.2f})" if pages else ""
         print(
-            f"{pages} pages: hop {hop[0]:.2f} ms (p50) {hop[1]:.2f} ms (p99), recogniser {recogniser:.1%} of a core, "
-            f"page's process {server:.1%}, {messages:.0f} messages/s, memory {growth:+.1f} MB"
+            f"{pages} pages: answer after {middle:.2f} ms (p50), {_percentile(of):.2f} ms (p99){told}; recogniser "
+            f"{recogniser:.1%} of a core, page's process {server:.1%}, {messages:.0f} messages/s, "
+            f"memory {of[-1].memory - of[0].memory:+.1f} MB"
         )
 
 
 if __name__ == "__main__":
-    main(float(sys.argv[1]) if len(sys.argv) > 1 else 20.0)
+    main(float(sys.argv[1]) if len(sys.argv) > 1 else 8.0)

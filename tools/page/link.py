@@ -1,4 +1,4 @@
-"""The page's link to a recogniser: a subscription to what it publishes, and requests to its control door."""
+"""The page's link to a recogniser: a subscription to its messages, and requests to its control door."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
     from kinespace.stream.zeromq import Endpoint, Keyring
 
-#: What a page always hears, and what only an open page needs.
+#: The messages that a page always hears, and the messages that only an open page needs.
 _TOPICS = (b"event/", b"class/", b"classes/", b"status/", b"teach/")
 _BODIES = b"body/"
 #: Messages taken in one turn, at most, so that a flood leaves turns for the pages.
@@ -38,12 +38,12 @@ _read = msgspec.json.Decoder(_Reply).decode
 
 
 class Subscription:
-    """What a recogniser publishes; it comes again by itself after the recogniser was away.
+    """A subscription to a recogniser's messages; it connects again by itself after the recogniser was away.
 
     Parameters
     ----------
     endpoint
-        Where the recogniser publishes.
+        The endpoint at which the recogniser publishes.
     keyring
         Keys of both ends; None for none.
     """
@@ -59,7 +59,7 @@ class Subscription:
         return int(self._socket.getsockopt(zmq.FD))
 
     def want_bodies(self, *, wanted: bool) -> None:
-        """Hear bodies, or do without while nobody looks."""
+        """Hear bodies, or stop hearing them while no page is open."""
         if wanted != self._bodies:
             self._bodies = wanted
             (self._socket.subscribe if wanted else self._socket.unsubscribe)(_BODIES)
@@ -105,7 +105,7 @@ class ControlDoor:
                     return told
             except (zmq.ZMQError, ValueError):
                 pass
-            # A REQ socket that got no reply asks nothing more.
+            # A REQ socket that got no reply cannot ask again.
             self._shut()
             return None
 

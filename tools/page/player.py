@@ -16,9 +16,9 @@ if TYPE_CHECKING:
 
     from kinespace.tools.page.requests import Play
 
-#: Seconds for which a file must have stayed as it is to be listed: one that grows is being recorded.
+#: Seconds without a change after which a file is listed: a file that grows is being recorded.
 _SETTLED = 3.0
-#: Recordings that are listed, at most: the newest.
+#: Maximum number of recordings that are listed, the newest first.
 _MAX_LISTED = 50
 
 
@@ -60,7 +60,7 @@ class Player:
         self._trouble = ""
 
     def described(self) -> dict[str, object]:
-        """Describe the recordings, with their seconds, and what is played; from any thread."""
+        """Describe the recordings, with their seconds, and the recording that is played; from any thread."""
         return {
             "recordings": self._listed(),
             "playing": self._name,
@@ -86,7 +86,7 @@ class Player:
         return self._lengths[key]
 
     def play(self, wanted: Play) -> str:
-        """Play from a second on, or stop there with speed 0; give why not, or nothing."""
+        """Play from a second on, or stop there with speed 0; give the reason why it cannot, or an empty text."""
         if wanted.recording not in {name for name, _ in self._listed()}:
             return "no such recording"
         self.stop()

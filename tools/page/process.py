@@ -104,7 +104,7 @@ class PageProcess:
     Parameters
     ----------
     plan
-        What to serve.
+        The addresses and folders of the page.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""An evaluation as one page: takes, what was performed and answered, and the bodies, drawn as the live page draws."""
+"""An evaluation as one page: takes, their labels and the answers, and the bodies, drawn as on the live page."""
 
 from __future__ import annotations
 

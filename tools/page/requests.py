@@ -1,4 +1,4 @@
-"""What browsers ask of the server, checked: their HTTP requests, and the messages of an open page. No sockets."""
+"""The browsers' requests, checked: HTTP requests, and the messages of an open page. No sockets."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _Count = Annotated[int, msgspec.Meta(ge=0, le=2**53)]
 
 
 class Wrong(msgspec.Struct, forbid_unknown_fields=True):
-    """A bar of the timeline was wrong: it was another class, or `nothing`."""
+    """Says that a bar of the timeline was wrong: the motion had another class, or was `nothing`."""
 
     performer: _Short
     bar: _Count
@@ -36,7 +36,7 @@ class Wrong(msgspec.Struct, forbid_unknown_fields=True):
 
 
 class Play(msgspec.Struct, forbid_unknown_fields=True):
-    """How a recording is played: which, from which second, how fast; speed 0 pauses."""
+    """Plays a recording from a second on, with a speed; speed 0 pauses."""
 
     recording: _Short
     at: Annotated[float, msgspec.Meta(ge=0, le=1e6)] = 0.0
@@ -44,7 +44,7 @@ class Play(msgspec.Struct, forbid_unknown_fields=True):
 
 
 class Message(msgspec.Struct, forbid_unknown_fields=True):
-    """A message of a page: what it has drawn, or one request.
+    """A message of a page: the number of its last drawing, or one request.
 
     Attributes
     ----------
@@ -95,12 +95,12 @@ class Reply:
 
 @dataclass(frozen=True, slots=True)
 class Gate:
-    """Who is let in.
+    """Decides which browsers are let in.
 
     Attributes
     ----------
     token
-        What a page must show to open its WebSocket; empty on an address that only this machine reaches.
+        The secret that a page must show to open its WebSocket; empty on an address that only this machine reaches.
     names
         Names of this machine, beside its addresses, under which a browser may ask for the page.
     """

@@ -1,7 +1,7 @@
 """The page's server: one port for the files and for the WebSockets of open pages.
 
-A page gets one message at a time. It says which it has drawn, and then gets what is newer than that: a slow or sleeping
-page makes nobody wait, and nothing is kept for it.
+A page gets one message at a time. When it says that it has drawn the message, it gets all newer entries in one. A slow
+or sleeping page delays no other page, and the server keeps no messages for it.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
 #: Open pages, at most.
 MAX_PAGES = 16
-#: Seconds between two messages to a page, at least; between two looks when nothing wakes us; and
+#: Seconds between two messages to a page, at least; between two looks without a message; and
 #: between two reports of how long drawing takes.
 _PACE, _LOOK, _REPORT = 1 / 35, 0.2, 1.0
 #: Latencies that are remembered of a page: some seconds.
@@ -46,7 +46,7 @@ _NO_REPLY = "the recogniser does not reply"
 
 
 class _Page:
-    """One open page: what it has seen, and how long it takes to draw."""
+    """One open page: the newest entry that it has seen, and the seconds that it takes to draw."""
 
     def __init__(self) -> None:
         self.ready, self.woken = asyncio.Event(), asyncio.Event()
@@ -88,11 +88,11 @@ class PageServer:
     Parameters
     ----------
     subscription
-        What the recogniser publishes.
+        The recogniser's messages.
     door
         The recogniser's control door; None: pages only look.
     gate
-        Who is let in.
+        Decides which browsers are let in.
     player
         Plays recordings; None: pages play nothing.
     """
@@ -154,7 +154,7 @@ class PageServer:
             self._asking = asyncio.create_task(self._ask({"do": "list"}))
 
     async def _list_recordings(self, *, at_once: bool = False) -> None:
-        """Tell every second which recordings there are, and what is played."""
+        """Tell the pages every second the list of recordings, and the recording that is played."""
         if self._player and self._pages and (at_once or self._clock() >= self._listed + _REPORT):
             self._listed = self._clock()
             self.board.take_player(await asyncio.to_thread(self._player.described))
@@ -201,7 +201,7 @@ class PageServer:
             await asyncio.gather(telling, return_exceptions=True)
 
     async def _tell(self, connection: ServerConnection, page: _Page) -> None:
-        """Send what is new whenever the page has drawn what it had."""
+        """Send the new entries whenever the page has drawn the last message."""
         with suppress(ConnectionClosed):
             while True:
                 await page.ready.wait()
@@ -216,13 +216,13 @@ class PageServer:
                 await asyncio.sleep(_PACE)
 
     async def _do(self, message: Message) -> dict[str, Any]:
-        """Carry out a page's request; give what it is told."""
+        """Carry out a page's request; give the reply."""
         if message.wrong is not None:
             return await self._correct(message.wrong)
         if message.ask is not None:
             return await self._ask(message.ask)
         if self._player is None or message.play is None:
-            return {"states": [_refused("there is nothing to play here")]}
+            return {"states": [_refused("this page has no recordings to play")]}
         why = await asyncio.to_thread(self._player.play, message.play)
         await self._list_recordings(at_once=True)
         return {"states": [_refused(why)] if why else []}
@@ -240,7 +240,7 @@ class PageServer:
         return reply
 
     async def _ask(self, command: dict[str, Any]) -> dict[str, Any]:
-        """Ask the control door; every page is told what has changed."""
+        """Ask the control door; tell every page the changes."""
         if self._door is None:
             return {"states": [_refused(_NO_DOOR)]}
         reply = await asyncio.to_thread(self._door.ask, command)

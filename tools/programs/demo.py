@@ -80,10 +80,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the program's options."""
     parser.description = (
         "Plays a recorded motion of every class of the built-in library over loopback into a recogniser in another "
-        "process, and shows what it answers. The recogniser's library holds none of the motions played. Exit status: "
+        "process, and shows its answers. The recogniser's library holds none of the motions played. Exit status: "
         "0 every motion named, 1 a motion not named, 2 could not be done."
     )
-    parser.add_argument("--seconds", type=positive, default=30.0, help="how long in all, at most (default %(default)s)")
+    parser.add_argument(
+        "--seconds", type=positive, default=30.0, help="maximum length of the demo (default %(default)s)"
+    )
     parser.add_argument("--transport", choices=("osc", "zmq"), default="osc")
     add_page(parser)
     parser.add_argument("--picture", type=Path, metavar="SVG", help="write the final table as a picture")

@@ -1,4 +1,4 @@
-"""`kinespace feeds`: lists the products whose messages are understood, and their settings."""
+"""`kinespace feeds`: lists the products whose messages kinespace understands, and their settings."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from rich.text import Text
 
-from kinespace.stream.feeds import Preset, builtin_names, builtin_preset, builtin_text, load_preset
+from kinespace.stream.feeds import Preset, PresetError, builtin_names, builtin_preset, load_preset
 from kinespace.tools.cli.choice import one_of
 from kinespace.tools.terminal.console import console
 
@@ -19,7 +19,9 @@ _ENDING = ".toml"
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the program's options."""
-    parser.add_argument("name", nargs="?", metavar="NAME", help="print this preset, to be copied and edited")
+    parser.add_argument(
+        "name", nargs="?", metavar="NAME", help="check this preset, or file, and print it, to be copied and edited"
+    )
 
 
 def run(options: argparse.Namespace) -> int:
@@ -28,12 +30,23 @@ def run(options: argparse.Namespace) -> int:
 
 
 def tell(name: str | None) -> int:
-    """List the presets, or print one as a file to be copied and edited."""
+    """List the presets, or check one and print it as a file to be copied and edited.
+
+    Raises
+    ------
+    PresetError
+        A preset is wrong; the others are listed before.
+    """
     if name is not None:
-        print(builtin_text(one_of("feeds", name, builtin_names())), end="")
+        print(preset_named(name).text, end="")
         return 0
+    broken = []
     for each in builtin_names():
-        preset = builtin_preset(each)
+        try:
+            preset = builtin_preset(each)
+        except PresetError as error:
+            broken.append(str(error))
+            continue
         console.print(Text.assemble((each, "bold"), f"  {described(preset)}"), soft_wrap=True)
         console.print(f"    {preset.sender}", soft_wrap=True)
     console.print(
@@ -41,6 +54,8 @@ def tell(name: str | None) -> int:
         "A sender on another machine: --osc-in 0.0.0.0:PORT. No packets: kinespace listen PORT.",
         soft_wrap=True,
     )
+    if broken:
+        raise PresetError("; ".join(broken))
     return 0
 
 

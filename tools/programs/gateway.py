@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the program's options."""
     live.add_shared_arguments(parser)
-    # Nobody teaches here: a library that `live` was taught is given by --library.
+    # A gateway does not teach: --library takes a library that `live` was taught.
     parser.set_defaults(teach=None, control=[], workers=0)
     parser.description = (
         "Receives and answers as kinespace live does, with the same options; kinespace work recognises, on any number "
@@ -37,10 +37,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def add_bus(parser: argparse.ArgumentParser) -> None:
     """Add the options of Zenoh."""
     parser.add_argument(
-        "--listen", action="append", default=[], metavar="ENDPOINT", help="let others reach this machine there"
+        "--listen", action="append", default=[], metavar="ENDPOINT", help="let other machines connect to this endpoint"
     )
     parser.add_argument(
-        "--connect", action="append", default=[], metavar="ENDPOINT", help="reach another machine, or a router, there"
+        "--connect",
+        action="append",
+        default=[],
+        metavar="ENDPOINT",
+        help="connect to another machine or a router there",
     )
     parser.add_argument(
         "--zenoh", type=Path, metavar="FILE", help="a configuration of Zenoh's own: TLS, access rules, scouting"
@@ -58,7 +62,7 @@ def run(options: argparse.Namespace) -> int:
         *,
         most: int,
         joints: SentJoints,
-        classes: Sequence[str] = (),  # noqa: ARG001 - a library's own, because nobody teaches
+        classes: Sequence[str] = (),  # noqa: ARG001 - a library's own, because a gateway does not teach
     ) -> Gateway:
         listen = options.listen or ([] if options.connect or options.zenoh else [LISTEN])
         session = open_session(listen, options.connect, options.zenoh)

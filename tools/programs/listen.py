@@ -1,4 +1,4 @@
-"""`kinespace listen`: shows the packets on a port, the feed they look like, and what recognition lacks."""
+"""`kinespace listen`: shows the packets on a port, the feed they look like, and the joints that recognition lacks."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="read the packets as this feed, and ask the sender for frames if the feed needs it",
     )
     add_sender(parser)
-    parser.add_argument("--seconds", type=positive, default=5.0, help="how long (default %(default)s)")
+    parser.add_argument("--seconds", type=positive, default=5.0, help="seconds to listen (default %(default)s)")
     add_json(parser)
 
 

@@ -30,16 +30,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--recordings", type=Path, metavar="DIR", help="let pages play the .kinerec in this folder")
     parser.add_argument(
-        "--osc", default=OSC_IN, metavar="HOST:PORT", help="where their datagrams go (default %(default)s)"
+        "--osc", default=OSC_IN, metavar="HOST:PORT", help="play recorded datagrams there (default %(default)s)"
     )
-    parser.add_argument("--zmq", metavar="ENDPOINT", help="where their ZeroMQ messages go")
+    parser.add_argument("--zmq", metavar="ENDPOINT", help="play recorded ZeroMQ messages there")
     host, port = host_and_port(PAGE)
     parser.add_argument(
         "--host",
         default=host,
         help="pages on other machines need the token that is printed (default %(default)s)",
     )
-    parser.add_argument("--port", type=int, default=port, help="where the page is (default %(default)s)")
+    parser.add_argument("--port", type=int, default=port, help="port of the page (default %(default)s)")
     add_keys(parser)
 
 

@@ -1,4 +1,4 @@
-"""What carries out commands that come in by a door: recordings alone, where nobody may teach."""
+"""`Commanded` carries out the commands of a door; `RecordingDesk` carries out recordings alone, without teaching."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 class Commanded(Protocol):
-    """Carries out commands; `tools.teaching.desk.Desk` is one, with words for each method."""
+    """Carries out commands, as `RecordingDesk` and `tools.teaching.desk.Desk` do."""
 
     def command(self, command: Command) -> Sequence[Notice]:
         """Carry out a command; give its notices."""
@@ -35,17 +35,17 @@ class RecordingDesk:
     Attributes
     ----------
     recording
-        Begins and ends recordings; None: nobody may record.
+        Begins and ends recordings; None without a folder for them.
     """
 
     def __init__(self) -> None:
         self.recording: RecordingSession | None = None
 
     def command(self, command: Command) -> list[Notice]:
-        """Begin or end a recording; give the notice of it."""
+        """Begin or end a recording; give its notice."""
         if isinstance(command, commands.Record):
             return [recorded(self.recording, on=command.on)]
-        return [self.refuse("nobody may teach: start live with --teach FILE")]
+        return [self.refuse("teaching is off: start live with --teach FILE")]
 
     def refuse(self, reason: str) -> State:
         """Give a notice that a command could not be carried out."""
@@ -65,7 +65,7 @@ class RecordingDesk:
 
 
 def recorded(session: RecordingSession | None, *, on: bool) -> State:
-    """Begin or end a recording; give the notice of it."""
+    """Begin or end a recording; give its notice."""
     if session is None:
         return State("", Step.REFUSED, 0.0, "there is no folder for recordings: start live with --recordings DIR")
     try:

@@ -24,6 +24,7 @@ from kinespace.library.windows.index import WindowIndex, opened
 from kinespace.stream.frame import Frame
 from kinespace.stream.recognition import EventKind
 from kinespace.stream.recognizer import Recognizer, Settings
+from kinespace.stream.service.yielding import yielding
 from kinespace.stream.teaching import Changed, State, Step, Teacher, commands
 from kinespace.stream.teaching.notices import Running, Saving, Sensed
 from kinespace.tools.teaching.commanded import describe_recording, recorded
@@ -59,7 +60,7 @@ class _Job:
     roster: Roster
     number: int = 0
     before: Remembered | None = None
-    #: Whether somebody asked for the file, and waits to be told that it is written.
+    #: Whether a command asked for the file, and waits for the notice that it is written.
     tells: bool = False
 
 
@@ -108,7 +109,7 @@ class Desk:
     sinks
         The sinks for notices, and for the classes when they change.
     recording
-        Begins and ends recordings; None: nobody may record.
+        Begins and ends recordings; None without a folder for them.
     """
 
     def __init__(
@@ -214,7 +215,7 @@ class Desk:
         return self._ends_told(self._performers.end())
 
     def _ends_told(self, ended: list[Event]) -> list[Event]:
-        """Leave out ends of motions whose start was not told, because there was no library."""
+        """Leave out all ends if no starts were told, because there was no library."""
         return ended if self._something else []
 
     def command(self, command: Command) -> list[Notice]:
@@ -300,7 +301,7 @@ class Desk:
 
     def _exchange(self, roster: Roster, index: WindowIndex | None) -> None:
         self._order = self._places.of(roster)
-        # Without a library nobody was told that a motion started.
+        # Without a library no start was told.
         told, self._something = self._something, index is not None
         if index is not None:
             for ended in self._performers.exchange(index, self._order):
@@ -313,23 +314,30 @@ class Desk:
         """Open, save, check and try, one change after the other, until the end."""
         unsaved: Roster | None = None
         while (job := self._jobs.get()) is not None:
-            try:
-                index = self._windows.index_of(job.roster)
-                if index is not None:
-                    # What recognisers need of it is computed here; between two frames there is no time for it.
-                    Recognizer(index, self.settings)
-            except (ValueError, MemoryError) as error:
-                self._results.put(_Failed(job.number, " ".join(str(error).split())))
-                continue
-            self._results.put(_Opened(job, index))
-            unsaved = job.roster
-            if job.tells or self._jobs.empty():
-                self._save(unsaved, tells=job.tells)
-                unsaved = None
+            # Frames go first; a trial pauses of its own accord.
+            with yielding():
+                index, unsaved = self._opened(job, unsaved)
+                check = checked(index, job.number) if job.number and index is not None else None
             if job.number and index is not None:
-                self._results.put(_Found(job.number, checked(index, job.number), self._starts(job, index)))
+                self._results.put(_Found(job.number, check, self._starts(job, index)))
         if unsaved is not None:
             self._save(unsaved)
+
+    def _opened(self, job: _Job, unsaved: Roster | None) -> tuple[WindowIndex | None, Roster | None]:
+        """Open a job's roster and save it, unless another waits; give its index, and the roster not saved yet."""
+        try:
+            index = self._windows.index_of(job.roster)
+            if index is not None:
+                # A first recogniser prepares the windows here; between two frames there is no time for this.
+                Recognizer(index, self.settings)
+        except (ValueError, MemoryError) as error:
+            self._results.put(_Failed(job.number, " ".join(str(error).split())))
+            return None, unsaved
+        self._results.put(_Opened(job, index))
+        if not (job.tells or self._jobs.empty()):
+            return index, job.roster
+        self._save(job.roster, tells=job.tells)
+        return index, None
 
     def _save(self, roster: Roster, *, tells: bool = False) -> None:
         try:
@@ -356,7 +364,7 @@ class Desk:
         starts = 0
         before = job.before.clip()
         for place, (moment, positions) in enumerate(zip(before.times.tolist(), before.positions, strict=True)):
-            # Whoever ends the program does not wait for a count.
+            # The end of the program does not wait for a count.
             if place % _FRAMES_AT_ONCE == 0 and self._ending.wait(_PAUSE):
                 break
             recognition = recognizer.push(Frame("before", moment, positions))
@@ -417,11 +425,11 @@ class Start:
     joints: tuple[str, ...] = ()
 
     def base(self, taught: MotionLibrary | None) -> WindowIndex | None:
-        """Open the windows in whose metrics examples are compared; None when examples learn their own metrics."""
+        """Open the windows whose metrics compare the examples; None when the examples learn their own metrics."""
         if self.library:
             return opened(self.library.restricted_to(taught.skeleton.joints) if taught else self.library)
         builtin = MotionLibrary.builtin()
-        # What the built-in motions taught makes opening quick; what strangers taught is left out.
+        # The numbers learned from the built-in motions make opening quick; those of other motions are left out.
         builtin = replace(builtin, learned=builtin.learned and builtin.learned.of_these_motions())
         joints = taught.skeleton.joints if taught else self.joints or builtin.skeleton.joints
         if not set(joints) <= set(builtin.skeleton.joints):
@@ -437,8 +445,8 @@ def open_desk(start: Start, performers: Callable[[WindowIndex, Sequence[str], Re
     start
         The beginning of teaching.
     performers
-        Makes the recognisers from an opened library, the order of its classes, and what restricts taught libraries to
-        a body's joints, at once, for one thread at a time.
+        Makes the recognisers from an opened library, the order of its classes, and a function that restricts taught
+        libraries to a body's joints, at once, for one thread at a time.
 
     Raises
     ------

@@ -33,7 +33,7 @@ WEKINATOR_PORT = 6448
 
 
 class Allowed:
-    """Who may teach: this machine, hosts in the given networks, and owners of known keys.
+    """The senders that may teach: this machine, hosts in the given networks, and owners of known keys.
 
     Parameters
     ----------
@@ -137,7 +137,7 @@ class WekinatorDoor:
         """Counts of packets."""
         return replace(self._counts, overrun=self._receiver.kernel_drops)
 
-    def take(self, arrival: float) -> Sequence[Admitted] | None:  # noqa: ARG002 - as a source has it
+    def take(self, arrival: float) -> Sequence[Admitted] | None:  # noqa: ARG002 - as in a source
         """Carry out the commands of one packet; None when no packet waits."""
         packet = self._receiver.receive()
         if packet is None:
@@ -206,7 +206,7 @@ class RequestDoor:
         """Counts of packets; a copy."""
         return replace(self._counts, broken=self._counts.broken + self._peers.shut)
 
-    def take(self, arrival: float) -> Sequence[Admitted] | None:  # noqa: ARG002 - as a source has it
+    def take(self, arrival: float) -> Sequence[Admitted] | None:  # noqa: ARG002 - as in a source
         """Carry out one request, and reply; None when none waits."""
         try:
             parts = self._socket.recv_multipart(zmq.NOBLOCK, copy=False)

@@ -134,7 +134,7 @@ class LiveTable(Sink):
         #: For each performer the last ended motions, with their lengths.
         self._over: dict[str, tuple[str, ...]] = {}
         self._status: Status | None = None
-        #: The line below the table while somebody may be taught.
+        #: The line below the table while `live` can be taught.
         self.hint = ""
         self._taught: list[str] = []
 

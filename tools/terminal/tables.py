@@ -31,6 +31,11 @@ def narrow_table(title: str, caption: str | None = None) -> Table:
     )
 
 
+def counted(count: int, noun: str, several: str = "") -> str:
+    """Write a number with its noun; `several` is the noun's plural where that is not an s more."""
+    return f"{count} {noun if count == 1 else several or noun + 's'}"
+
+
 def csv_text(text: str) -> str:
     """Give text as a cell of a CSV file; a formula, like `=1+1`, gets an apostrophe: no spreadsheet computes it."""
     return f"'{text}" if text.startswith(_COMPUTED) else text

@@ -556,7 +556,7 @@ def read_pieces(amc: Path, body: AcclaimSkeleton | None = None, *, frame_rate: f
     Parameters
     ----------
     amc, body, frame_rate
-        As `read_clip` has them.
+        The same as for `read_clip`.
 
     Yields
     ------

@@ -467,7 +467,7 @@ def read_pieces(
     Parameters
     ----------
     path, metres_per_unit, frame_rate, joints
-        As `read_clip` has them.
+        The same as for `read_clip`.
 
     Yields
     ------

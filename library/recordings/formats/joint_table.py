@@ -1,10 +1,10 @@
 """Tables of joint positions: CSV with three columns for each joint, and the `.npz` that `kinespace convert` writes.
 
-A CSV's first line names its columns: `<joint>_x`, `<joint>_y`, `<joint>_z` for each joint, in any order, and perhaps a
-column `time` (or `timestamp`, `time_s`, `timestamp_s`, `t`): seconds, or milliseconds if frames would otherwise lie a
-second or more apart. Other columns (a frame's number, visibilities) are ignored. Without times the frames follow each
-other evenly, 30 in a second unless another rate is given; FreeMoCap writes its `mediapipe_body_3d_xyz.csv` so. An empty
-field is a joint that was not seen.
+A CSV has commas, semicolons or tabs between; its first line names its columns: `<joint>_x`, `<joint>_y`, `<joint>_z`
+for each joint, in any order, and perhaps a column `time` (or `timestamp`, `time_s`, `timestamp_s`, `t`): seconds, or
+milliseconds if frames would otherwise lie a second or more apart. Other columns (a frame's number, visibilities) are
+ignored. Without times the frames follow each other evenly, 30 in a second unless another rate is given; FreeMoCap
+writes its `mediapipe_body_3d_xyz.csv` so. An empty field is a joint that was not seen.
 
 The `.npz` holds `time` (frames,), seconds; `positions` (frames, joints, 3), metres; `joints`; `parents`, empty when
 they are not known; and `performer`.
@@ -17,7 +17,7 @@ import math
 import re
 import zipfile
 from dataclasses import replace
-from typing import TYPE_CHECKING, NoReturn
+from typing import TYPE_CHECKING, NoReturn, TextIO
 
 import numpy as np
 
@@ -64,7 +64,7 @@ def is_joint_table(path: Path) -> bool:
         if path.suffix.lower() != ".csv":
             return False
         with path.open(newline="", encoding="utf-8-sig", errors="replace") as file:
-            return bool(_joints(next(csv.reader(file), [])))
+            return bool(_joints(next(csv.reader(file, delimiter=_mark_between(file)), [])))
     except (zipfile.BadZipFile, OSError, csv.Error):
         return False
 
@@ -166,12 +166,19 @@ def _joints(header: Sequence[str]) -> dict[str, dict[str, int]]:
     return whole
 
 
+def _mark_between(file: TextIO) -> str:
+    """Find the mark between the fields of a file just opened: the mark that its first line has most."""
+    head = file.readline()
+    file.seek(0)
+    return max(",;\t", key=head.count)
+
+
 def _read_csv(path: Path) -> tuple[list[str], NDArray[np.float64] | None, NDArray[np.float64]]:
     """Read joint names, times in seconds (or None), and positions in the file's unit, NaN for an empty field."""
     rows, times = list[list[float]](), list[float]()
     try:
         with path.open(newline="", encoding="utf-8-sig") as file:
-            lines = csv.reader(file)
+            lines = csv.reader(file, delimiter=_mark_between(file))
             header = next(lines, [])
             joints = _joints(header)
             if len(joints) < 2:
@@ -200,7 +207,7 @@ def _seconds(times: NDArray[np.float64]) -> NDArray[np.float64]:
 
 def _number(path: Path, line: int, text: str) -> float:
     try:
-        number = float(text) if text.strip() else math.nan
+        number = float(text.replace(",", ".")) if text.strip() else math.nan
     except ValueError:
         number = math.inf
     if math.isinf(number):

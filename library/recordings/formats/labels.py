@@ -21,6 +21,10 @@ if TYPE_CHECKING:
     from kinespace.library.clip import Clip
 
 _COLUMNS = ("start_s", "end_s", "label")
+#: Columns of a table in frames, which is refused with a hint: a table does not know the take's frame rate.
+_IN_FRAMES = {"start_frame", "end_frame"}
+#: How a file in UTF-16 begins, which spreadsheets and Windows' editor call Unicode.
+_UTF_16 = (b"\xff\xfe", b"\xfe\xff")
 #: Endings of the files that may lie beside a take.
 _ENDINGS = (".csv", ".tsv", ".txt")
 #: ELAN's headings of columns of times, and words that may come before them; annotations have other headings.
@@ -96,29 +100,34 @@ def read_labels(path: Path) -> tuple[Segment, ...]:
     try:
         with path.open(newline="", encoding="utf-8-sig") as file:
             segments = list(_segments(path, list(file)))
-    except (csv.Error, UnicodeDecodeError) as error:
+    except UnicodeDecodeError as error:
+        raise LabelError(f"{path}: expected a CSV in UTF-8, got another encoding: save the file as UTF-8") from error
+    except csv.Error as error:
         raise LabelError(f"{path}: expected a CSV in UTF-8 ({error})") from error
     if not segments:
         raise LabelError(f"{path}: no segment in it")
     by_performer = sorted(segments, key=lambda segment: (segment.performer, segment.start))
     for before, after in pairwise(by_performer):
         if before.performer == after.performer and after.start < before.end:
+            tiers = _tiers(path)
+            several = f"; tiers {', '.join(tiers)}: export one of them alone" if len(tiers) > 1 else ""
             raise LabelError(
-                f"{path}: {before.label!r} (to {before.end}) and {after.label!r} (from {after.start}) overlap"
+                f"{path}: {before.label!r} (to {before.end}) and {after.label!r} (from {after.start}) overlap{several}"
             )
     return tuple(sorted(segments, key=lambda segment: segment.start))
 
 
-def labels_beside(take: Path) -> Path | None:
-    """Find the file of labels that lies beside a take and has its name; None if there is none."""
-    for ending in _ENDINGS:
-        path = take.with_suffix(ending)
-        if path != take and path.is_file() and _holds_labels(path):
-            return path
-    return None
+def labels_beside(take: Path) -> list[Path]:
+    """Find the files of labels that lie beside a take and have its name; the first of them counts."""
+    paths = (take.with_suffix(ending) for ending in _ENDINGS)
+    return [path for path in paths if path != take and path.is_file() and _holds_labels(path)]
 
 
 def _holds_labels(path: Path) -> bool:
+    with path.open("rb") as file:
+        # Reading them then says what is wrong.
+        if file.read(2) in _UTF_16:
+            return True
     with path.open(encoding="utf-8-sig", errors="replace") as file:
         first = next((line for line in file.read(_LOOKED_AT).splitlines() if line.strip()), "")
     exported = _exported(first.split("\t"))
@@ -127,7 +136,8 @@ def _holds_labels(path: Path) -> bool:
 
 
 def _is_ours(head: str) -> bool:
-    return set(_COLUMNS) <= {name.strip().strip('"') for name in re.split("[,;\t]", head)}
+    columns = {name.strip().strip('"') for name in re.split("[,;\t]", head)}
+    return set(_COLUMNS) <= columns or columns >= _IN_FRAMES
 
 
 def _is_elans(head: str) -> bool:
@@ -148,6 +158,10 @@ def _segments(path: Path, lines: Sequence[str]) -> Iterator[Segment]:
 def _ours(path: Path, lines: Sequence[str], delimiter: str) -> Iterator[Segment]:
     rows = csv.DictReader(lines, delimiter=delimiter)
     missing = [name for name in _COLUMNS if name not in (rows.fieldnames or ())]
+    if missing and set(rows.fieldnames or ()) >= _IN_FRAMES:
+        raise LabelError(
+            f"{path}: expected start_s,end_s,label, got frame numbers: divide them by the take's frames per second"
+        )
     if missing:
         raise LabelError(f"{path}: expected the columns {', '.join(_COLUMNS)}, no {', '.join(missing)} in it")
     for row in rows:
@@ -181,6 +195,16 @@ def _elans(path: Path, lines: Sequence[str]) -> Iterator[Segment]:
                 yield _segment(path, rows.line_num, [_in_seconds(time, whole_ms=True) for time in times], label)
 
 
+def _tiers(path: Path) -> list[str]:
+    """Name the tiers of an export from ELAN; none in another file."""
+    rows = [line.split("\t") for line in path.read_text(encoding="utf-8-sig").splitlines() if "\t" in line]
+    if rows and not _is_elans("\t".join(rows[0])):
+        return list(dict.fromkeys(row[0] for row in rows if row[0] and _exported(row) and not _is_time(row[0])))
+    head, *rows = rows or [[]]
+    names = [name for name in head if name and not name.startswith((*_ELAN_TIMES, *_ELAN_BEFORE))]
+    return names if len(names) > 1 else list(dict.fromkeys(row[0] for row in rows if head[0] in {"", "Tier"}))
+
+
 def _without_headings(path: Path, lines: Sequence[str]) -> Iterator[Segment]:
     """Read Audacity's labels, or ELAN's annotations without headings."""
     for number, line in enumerate(lines, 1):
@@ -204,7 +228,7 @@ def _exported(cells: Sequence[str]) -> tuple[str, str, str] | None:
     """
     *before, label = cells
     times = list[str]()
-    while before and any(shape.fullmatch(before[-1]) for shape in (_CLOCK, _SECONDS, _WHOLE)):
+    while before and _is_time(before[-1]):
         times.insert(0, before.pop())
     if len(times) == 2:
         begin, end = (_in_seconds(time) for time in times)
@@ -214,6 +238,10 @@ def _exported(cells: Sequence[str]) -> tuple[str, str, str] | None:
         return None
     begin, end, lasts = (_in_seconds(times[place], whole_ms=True) for place in (0, formats, 2 * formats))
     return (begin, end, label) if abs(float(begin) + float(lasts) - float(end)) < _ROUNDED else None
+
+
+def _is_time(cell: str) -> bool:
+    return any(shape.fullmatch(cell) for shape in (_CLOCK, _SECONDS, _WHOLE))
 
 
 def _in_seconds(time: str, *, whole_ms: bool = False) -> str:
@@ -227,22 +255,31 @@ def _in_seconds(time: str, *, whole_ms: bool = False) -> str:
 
 
 def oddities(take: Clip, segments: Sequence[Segment]) -> list[str]:
-    """List notes for a person on segments before a take is cut by them, a line each."""
+    """List notes for a person on segments before a take is cut by them, a line each.
+
+    Raises
+    ------
+    LabelError
+        The segments are frame numbers: whole numbers up to the take's frames, and twice its seconds or more.
+    """
     if not segments:
         return []
-    last, lasts = max(segment.end for segment in segments), take.duration
+    last, lasts, seen = max(segment.end for segment in segments), take.duration, _first_seen(take)
     whole = all(time.is_integer() for segment in segments for time in (segment.start, segment.end))
-    beyond = [segment for segment in segments if segment.end > lasts + max(_SHORTEST, 1 / take.frame_rate)]
+    if whole and 2 * lasts < last <= take.frames + 1:
+        raise LabelError(
+            f"{take.name}: the labels end at {last:g}, the take at {lasts:.1f} s or frame {take.frames}: "
+            "frame numbers? Expected seconds: divide by the take's frames per second"
+        )
+    slack = max(_SHORTEST, 1 / take.frame_rate)
+    beyond = [segment for segment in segments if segment.end > lasts + slack or segment.start < seen - slack]
+    lost = sum(_frames_of(take, segment) is None for segment in beyond)
     tiny = [segment for segment in segments if segment.duration < _SHORTEST]
     told = list[str]()
-    if beyond and whole and last <= take.frames + 1:
+    if beyond:
         told.append(
-            f"the labels end at {last:g}, the take at {lasts:.1f} s or frame {take.frames}: "
-            "frame numbers? Seconds are expected"
-        )
-    elif beyond:
-        told.append(
-            f"{len(beyond)} of {len(segments)} labels end beyond the take's {lasts:.1f} s, the last at {last:g} s"
+            f"{len(beyond)} of {len(segments)} labels reach beyond the take ({seen:.1f} to {lasts:.1f} s): "
+            f"{len(beyond) - lost} shortened, {lost} left out"
         )
     if tiny:
         told.append(f"{len(tiny)} of {len(segments)} labels are shorter than {_SHORTEST:g} s, too short for any window")
@@ -257,23 +294,33 @@ def renamed(segments: Iterable[Segment], names: Mapping[str, str]) -> tuple[Segm
 def cut(take: Clip, segments: Sequence[Segment]) -> Iterator[Clip]:
     """Cut a take into one clip per segment; the label is its class, the take's name its take.
 
-    Frames beyond the take's end are left out, and so is a segment with fewer than two frames.
+    Frames beyond the take's end, and before somebody was seen, are left out, and so is a segment with fewer than two
+    frames.
 
     Raises
     ------
     LabelError
-        A segment holds a time in which nothing was seen.
+        A segment holds a later time in which nothing was seen.
     """
     for segment in segments:
         for begin, end in take.gaps:
-            if begin < segment.end and segment.start < end:
+            if 0 < begin < segment.end and segment.start < end:
                 raise LabelError(
                     f"{take.name}: {segment.label!r} from {segment.start:g} to {segment.end:g} s: the performer was "
                     f"not seen from {begin:.2f} to {end:.2f} s"
                 )
-        first, last = round(segment.start * take.frame_rate), round(segment.end * take.frame_rate)
-        positions = take.positions[first:last]
-        if len(positions) >= 2:
-            clip = take.moved_to(positions)
-            cut_out = replace(clip, rotations=take.rotations[first:last], class_name=segment.label, take=take.name)
+        if frames := _frames_of(take, segment):
+            clip = take.moved_to(take.positions[frames])
+            cut_out = replace(clip, rotations=take.rotations[frames], class_name=segment.label, take=take.name)
             yield replace(cut_out, gaps=())
+
+
+def _frames_of(take: Clip, segment: Segment) -> slice | None:
+    """Give a segment's frames in which somebody was seen; None for fewer than two."""
+    first, last = (round(time * take.frame_rate) for time in (max(segment.start, _first_seen(take)), segment.end))
+    return slice(first, last) if min(last, take.frames) - first >= 2 else None
+
+
+def _first_seen(take: Clip) -> float:
+    """Give the time at which somebody is seen first, seconds."""
+    return next((end for begin, end in take.gaps if begin == 0), 0.0)

@@ -1,7 +1,7 @@
 """UTKinect-Action3D's takes: joints as a depth camera saw them, frame by frame, and labels of the actions.
 
 `joints_s01_e02.txt` holds on each line a frame's number and 20 joints' x, y, z in metres. The camera skipped some
-frames and wrote some twice; a frame of zeros means that nobody was seen. `actionLabel.txt` beside the takes lists,
+frames and wrote some twice; in a frame of zeros the sensor saw no person. `actionLabel.txt` beside the takes lists,
 under each take's name (`s01_e02`), the numbers of the frames between which an action is performed.
 """
 
@@ -57,7 +57,7 @@ class UTKinectError(RecordingError):
 
 
 class Frames(NamedTuple):
-    """The frames in which somebody was seen, each once: numbers, (frames,), and positions, (frames, 20, 3), metres."""
+    """The frames with a person, each once: numbers, (frames,), and positions, (frames, 20, 3), metres."""
 
     numbers: NDArray[np.int64]
     positions: NDArray[np.float64]

@@ -1,4 +1,4 @@
-"""What carries a decision: the joint pairs, and the joints, that make up most of what the leading eigenvector sees."""
+"""The joint pairs and joints that carry a decision: most of the variance along the leading eigenvector is theirs."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _DIGITS = 4
 
 
 class Carried(NamedTuple):
-    """What joints and joint pairs give to the variance along a leading eigenvector.
+    """The shares of joints and joint pairs in the variance along a leading eigenvector.
 
     Attributes
     ----------
@@ -30,9 +30,9 @@ class Carried(NamedTuple):
 
 
 def contributions(rows: NDArray[np.floating], weights: NDArray[np.floating]) -> NDArray[np.float64]:
-    """Say what each distance gives to the variance of rows along weights.
+    """Give the share of each distance in the variance of rows along weights.
 
-    The variance along w is the sum over the distances of w times their covariance with what is seen along w. A distance
+    The variance along w is the sum over the distances of w times their covariance with the rows along w. A distance
     that works against the others gives less than nothing.
 
     Parameters
@@ -54,12 +54,12 @@ def contributions(rows: NDArray[np.floating], weights: NDArray[np.floating]) -> 
 def carried_by(
     given: NDArray[np.floating], pairs: NDArray[np.intp], order: NDArray[np.intp] | None, joints: int
 ) -> Carried | None:
-    """Sum up by joint what the pairs give; pairs that give less than nothing count as nothing.
+    """Sum the pairs' shares by joint; negative shares count as 0.
 
     Parameters
     ----------
     given
-        What each joint pair gives (`contributions`), shape (pairs,).
+        The share of each joint pair (`contributions`), shape (pairs,).
     pairs
         The joints of each pair in the library's skeleton, shape (pairs, 2).
     order

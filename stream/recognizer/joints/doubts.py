@@ -48,7 +48,7 @@ _ASKED_AGAIN = 0.5
 
 
 class LongAgo(NamedTuple):
-    """What a recogniser knows of its feed that the last seconds of the feed need not show.
+    """A recogniser's knowledge of its feed that the last seconds of the feed need not show.
 
     Attributes
     ----------
@@ -149,7 +149,7 @@ class Doubts:
 
     @property
     def long_ago(self) -> LongAgo | None:
-        """What another recogniser must know that goes on with the last seconds of this feed; None for nothing."""
+        """Facts for another recogniser that goes on with the last seconds of this feed; None for none."""
         jumps = (each if math.isfinite(each) else None for each in (self._last_jump, self._jumping_until))
         known = LongAgo(self._mirrored, self._factor, *jumps)
         return None if known == _NOTHING else known

@@ -57,7 +57,7 @@ opened_restricted = lru_cache(maxsize=MAX_RESTRICTED)(opened_anew)
 
 @dataclass(frozen=True, slots=True)
 class SentJoints:
-    """What is known of senders' joints.
+    """The joints that senders have, as far as we know them.
 
     Attributes
     ----------

@@ -200,7 +200,7 @@ class Plausibility:
         # If so many joints step by 1 m from the median, the squares of all steps about their mean add up to this at
         # least: the median is at most one standard deviation from the mean.
         self._least_squares = self._jumping / (1 + math.sqrt(self._jumping / joints)) ** 2
-        #: The frames looked at in the span before and in this span, and what they show (`extremes_of`).
+        #: The frames looked at in the span before and in this span, and their extremes (`extremes_of`).
         self._looks = np.empty((2 * _MAX_LOOKS, joints, 3))
         self._lengths, self._moved = np.empty((2, len(body.children))), np.empty(joints)
         self._every_joint = frozenset(range(joints))

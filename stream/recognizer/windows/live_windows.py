@@ -94,7 +94,7 @@ class _RowsAndPoints:
             self.push(window.times[some].tolist(), window.rows[some])
 
     def contributions(self, eigenvector: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Say what each joint pair gives to the variance along an eigenvector of the longest window in the basis."""
+        """Give each joint pair's share of the variance along an eigenvector of the longest window in the basis."""
         return contributions(self._window.rows, self._directions @ eigenvector)
 
 
@@ -136,7 +136,7 @@ class LiveWindows(_RowsAndPoints):
         self._lay_out()
 
     def _lay_out(self) -> None:
-        """Make room for what the compiled loops write, and put their arguments together, once for all hops."""
+        """Make room for the numbers that the compiled loops write, and collect their arguments, once for all hops."""
         pairs, directions = self._directions.shape
         found = min(EIGENVECTORS, directions)
         body, unwanted = self._body, np.empty(0)

@@ -458,7 +458,7 @@ def test_a_body_is_followed_as_numpy_follows_it(directions: int, cyclic: bool) -
 def _answers(signature: LiveSignature, every: int) -> list[Recognition]:
     library = _library(every)
     recognizer = Recognizer(library, Settings(signature=signature))
-    positions = np.concatenate([clip.positions for clip in library.motions[5::47]])
+    positions = np.concatenate([clip.positions for clip in library.motions[5::94]])
     frames = (Frame("p", index / 60, each) for index, each in enumerate(positions))
     return [answer for frame in frames if (answer := recognizer.push(frame))]
 

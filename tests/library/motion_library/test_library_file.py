@@ -35,6 +35,7 @@ LITTLE = 40_000_000
 
 @pytest.fixture(scope="module")
 def small_library() -> MotionLibrary:
+    """Give a library with a licence and learned arrays."""
     clips = [dataclasses.replace(clip, licence="CC0", attribution="nobody, somewhere") for clip in stick_clips()]
     return MotionLibrary.of_clips(clips, learned=Learned.of_arrays({"weights": np.arange(12.0).reshape(3, 4)}))
 
@@ -225,7 +226,7 @@ def test_readers_see_the_old_file_until_the_new_one_is_whole(
 
 def test_a_folder_that_is_not_there_is_an_os_error(small_library: MotionLibrary, tmp_path: Path) -> None:
     """Saving into a folder that does not exist, or over a folder, is the system's error and leaves nothing behind."""
-    with pytest.raises(FileNotFoundError):
+    with pytest.raises(FileNotFoundError, match=r"no such folder: '.*absent'"):
         small_library.save(tmp_path / "absent" / "library.npz")
     (tmp_path / "folder").mkdir()
     with pytest.raises(OSError, match="folder"):
@@ -619,6 +620,7 @@ HUGE = 120_000_000
 
 @pytest.fixture(scope="module")
 def huge() -> bytes:
+    """Give the bytes of an array larger than its file says."""
     return bytes(HUGE)
 
 

@@ -46,11 +46,13 @@ def _shuffled(clip: Clip, seed: int = 5, *, parents: bool = True) -> Clip:
 
 @pytest.fixture(scope="module")
 def builtin() -> MotionLibrary:
+    """Give the built-in library, read anew."""
     return MotionLibrary.builtin()
 
 
 @pytest.fixture
 def library() -> MotionLibrary:
+    """Give a library of a body of six joints."""
     return MotionLibrary.of_clips(stick_clips())
 
 
@@ -160,7 +162,7 @@ def test_joints_of_other_bodies_stand_in_the_first_clips_order() -> None:
         pytest.param(
             dataclasses.replace(stick_clip("wave"), class_name=""),
             ValueError,
-            "clip 'wave_0': expected a class name, got none",
+            "class_name: expected a class name for clip 'wave_0', got none",
             id="no class",
         ),
         pytest.param(
@@ -213,13 +215,23 @@ def test_no_clips_make_no_library() -> None:
         MotionLibrary(STICK, ())
 
 
+@pytest.mark.parametrize("given", [stick_clip("bow"), ["bow"], "bow"], ids=["a clip", "names", "a text"])
+def test_other_than_clips_is_refused(library: MotionLibrary, given: Sequence[Clip]) -> None:
+    """A clip alone, or names, make no library and add no motion; a class's name alone leaves out nothing."""
+    for made in (MotionLibrary.of_clips, library.with_motions):
+        with pytest.raises(ValueError, match="clips: expected several Clips, got"):
+            made(given)
+    with pytest.raises(ValueError, match="classes: expected several names, got the text 'bow'"):
+        library.without(classes="bow")
+
+
 def test_parts_that_do_not_fit_are_refused(library: MotionLibrary) -> None:
     """Motions of another skeleton, of too many frames per second or without class are refused."""
     with pytest.raises(SkeletonMismatchError, match="expected 6 joints"):
         MotionLibrary(Skeleton(STICK.joints[::-1]), library.motions)
     with pytest.raises(ValueError, match="expected 1 to 75 frames per second, got 120"):
         MotionLibrary(STICK, (stick_clip("bow"),))
-    with pytest.raises(ValueError, match="expected a class name"):
+    with pytest.raises(ValueError, match="class_name: expected"):
         MotionLibrary(STICK, (dataclasses.replace(library.motions[0], class_name=""),))
     mixed = MotionLibrary(STICK, library.motions[::-1])
     assert [motion.class_name for motion in mixed.motions] == [motion.class_name for motion in library.motions]
@@ -294,7 +306,7 @@ def test_classes_persons_and_motions_are_left_out(library: MotionLibrary) -> Non
         (lambda library: library.without(motions=[stick_clip("bow")]), "motions: expected some of this library's own"),
         (lambda library: library.without(actors=["aa", "bb"]), "motions: expected at least one, got none"),
         (lambda library: library.renamed({"hop": "jump"}), "classes: expected some of bow, jump, wave, got 'hop'"),
-        (lambda library: library.renamed({"bow": ""}), "expected a class name, got none"),
+        (lambda library: library.renamed({"bow": ""}), "expected a class name for clip"),
     ],
 )
 def test_changes_of_absent_classes_are_refused(

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
+from synthetic import stick_clip, stick_clips
 
 from kinespace.library import MotionLibrary
 from kinespace.library.teaching import examples
@@ -111,6 +112,38 @@ def test_disabled_classes_have_no_windows() -> None:
     index = windows.index_of(roster)
     assert index is not None
     assert {"squat1Reps", "my squat"}.isdisjoint(index.classes)
+
+
+def test_an_index_has_the_motions_of_its_roster_alone() -> None:
+    """What opens its library anew, for fewer joints, finds the same classes; after an undo, too."""
+    windows = TaughtWindows(_base(), beside=False)
+    first = _roster(("squat", "squat1Reps", 0))
+    before, more, undone = map(
+        windows.index_of, (first, _roster(("squat", "squat1Reps", 0), ("kick", "kickLFront1Reps", 0)), first)
+    )
+    assert before is not None
+    assert more is not None
+    assert undone is not None
+    assert more.classes == more.library.classes == ("kick", "squat")
+    assert undone.classes == undone.library.classes == ("squat",)
+    assert before.library.actors == ()
+    assert undone.library is not more.library
+
+
+@pytest.mark.parametrize("beside", [False, True])
+def test_the_first_example_finds_fewer_joints_opened(beside: bool) -> None:  # noqa: FBT001
+    """For a body of fewer joints the base is opened before the first example, and an undo opens nothing."""
+    base = WindowIndex.of(MotionLibrary.of_clips(stick_clips(actors=("aa", "bb", "cc"))))
+    windows, joints = TaughtWindows(base, beside=beside), base.library.skeleton.joints[:-1]
+    example = Example(1, "mine", stick_clip("wave", frames=120), 0.0, 1.0)
+    indices = [windows.index_of(roster) or base for roster in (Roster(), Roster((example,)), Roster())]
+    fewer = [windows.of_fewer(index.library, joints) for index in indices]
+    known = {*base.classes} if beside else set()
+    for index, classes in zip(fewer, (set(base.classes), known | {"mine"}, set(base.classes)), strict=True):
+        assert isinstance(index, WindowIndex)
+        assert index.library.skeleton.joints == joints
+        assert index.basis is fewer[0].basis  # type: ignore[union-attr]
+        assert set(index.classes) == classes
 
 
 def test_without_library_and_examples_there_is_no_index() -> None:

@@ -13,6 +13,7 @@ from kinespace.library.windows.comparison import ACROSS_LABORATORIES, WITHIN_LAB
 from kinespace.library.windows.cutting import CutWindows, window_ends
 from kinespace.library.windows.index import Blocks, WindowIndex, opened, teacher_of
 from kinespace.library.windows.parts import EIGENVECTORS, PARTS, Kind
+from kinespace.library.windows.rejection import learned_rejection
 from kinespace.tools.feeding.joint_sets import joints_of
 
 if TYPE_CHECKING:
@@ -181,7 +182,8 @@ def test_added_motions_use_the_learned_numbers(small_index: WindowIndex, asking:
     assert index.rejection is small_index.rejection
     assert _guess(index, taught) == "taught"
     kept = [place for place, motion in enumerate(index.library.motions) if motion.class_name != "taught"]
-    assert index.of_some(kept).motions.tolist() == [kept[each] for each in small_index.motions]
+    assert index.of_some(kept).motions.tolist() == small_index.motions.tolist()
+    assert index.of_some(kept).library.motions == small_index.library.motions
     numbers = _numbers(small_index, asking[1])[-1]
     assert np.allclose(index.of_some(kept).log_distances(numbers), small_index.log_distances(numbers))
 
@@ -230,7 +232,8 @@ def test_some_motions_and_the_others_are_all(small_index: WindowIndex) -> None:
     """Every window is of one of the two."""
     some = [0, 5, 17]
     own, others = small_index.of_some(some), small_index.without(some)
-    assert set(own.motions) == set(some)
+    assert own.library.motions == tuple(small_index.library.motions[place] for place in some)
+    assert set(own.motions) == {0, 1, 2}
     assert len(own) + len(others) == len(small_index)
 
 
@@ -354,6 +357,13 @@ def test_weighings(small_library: MotionLibrary, across: WindowIndex, small_inde
     asked = WindowIndex.of(small_library, weighing=ACROSS_LABORATORIES)
     assert [each.ndim for each in asked.vectors] == [3, 3, 2, 2, 2]
     assert asked.vectors[0].shape[1] == EIGENVECTORS
+
+
+def test_without_some_parts_the_own_motions_teach_rejection(across: WindowIndex) -> None:
+    """Numbers that strangers taught are for all groups; with fewer groups the library's own motions teach them."""
+    asked = WindowIndex.of(across.library, weighing=ACROSS_LABORATORIES.without(Kind.EIGEN))
+    assert np.array_equal(asked.rejection.weights, learned_rejection(asked).weights)
+    assert len(asked.rejection.typical) == 6
 
 
 def test_a_library_is_opened_once(small_library: MotionLibrary) -> None:

@@ -11,8 +11,6 @@ from kinespace.library.windows.index import measured_clips
 from kinespace.library.windows.paper import PaperIndex, opened_by_paper
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from kinespace.library import MotionLibrary
 
 SECONDS = 1.0
@@ -24,33 +22,26 @@ def paper(small_library: MotionLibrary) -> PaperIndex:
     return PaperIndex.of(small_library, SECONDS)
 
 
-@pytest.fixture(scope="module")
-def eigenvectors(small_library: MotionLibrary, paper: PaperIndex) -> Sequence[tuple[str, str, np.ndarray]]:
-    """Give class, person and leading eigenvector of each window, by definition."""
-    clips, ends, _ = measured_clips(small_library)
-    found = []
-    for clip, own in zip(clips, ends, strict=True):
-        for end in own:
-            _, rows = window(clip, end, SECONDS)
-            _, [leading] = naive_windows.leading(naive_windows.covariance(rows @ paper.basis.directions), 1)
-            found.append((clip.class_name, clip.actor, leading))
-    return found
-
-
 @pytest.mark.slow
-def test_eigenvectors_by_definition(paper: PaperIndex, eigenvectors: Sequence[tuple[str, str, np.ndarray]]) -> None:
+def test_eigenvectors_by_definition(small_library: MotionLibrary, paper: PaperIndex) -> None:
     """They are the leading ones of the covariance of distances, but for their signs."""
-    assert len(paper.eigenvectors) == len(eigenvectors)
-    products = [abs(ours @ twin) for ours, (_, _, twin) in zip(paper.eigenvectors, eigenvectors, strict=True)]
-    assert products == pytest.approx([1.0] * len(products), abs=1e-4)
+    clips, ends, _ = measured_clips(small_library)
+    products = []
+    for clip, end in ((clip, end) for clip, own in zip(clips, ends, strict=True) for end in own):
+        _, rows = window(clip, end, SECONDS)
+        _, [leading] = naive_windows.leading(naive_windows.covariance(rows @ paper.basis.directions), 1)
+        products.append(abs(paper.eigenvectors[len(products)] @ leading))
+    assert products == pytest.approx([1.0] * len(paper.eigenvectors), abs=1e-4)
 
 
-def test_scores_by_brute_force(paper: PaperIndex, eigenvectors: Sequence[tuple[str, str, np.ndarray]]) -> None:
+def test_scores_by_brute_force(small_library: MotionLibrary, paper: PaperIndex) -> None:
     """Each class has the mean of its two best people's best |inner products|."""
-    classes, people, vectors = zip(*eigenvectors, strict=True)
+    clips, ends, _ = measured_clips(small_library)
+    owners = [clip for clip, own in zip(clips, ends, strict=True) for _ in own]
+    vectors = paper.eigenvectors
     for asking in (0, 40, len(vectors) - 1):
         negative = [-abs(float(vectors[asking] @ vector)) for vector in vectors]
-        twin = naive_windows.nearest(negative, classes, people)
+        twin = naive_windows.nearest(negative, [clip.class_name for clip in owners], [clip.actor for clip in owners])
         assert tuple(twin) == paper.classes
         assert paper.scores(vectors[asking]) == pytest.approx([-each for each in twin.values()], abs=1e-4)
         assert np.array_equal(paper.scores(-vectors[asking]), paper.scores(vectors[asking]))

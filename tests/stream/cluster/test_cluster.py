@@ -219,7 +219,7 @@ def test_a_library_that_is_not_the_one_is_refused(on: Bus) -> None:
     gateway._file = b"something else"  # noqa: SLF001 - as a broken gateway would send it
     node = on.node()
     on.until(lambda: node.counts["refused"] == 1)
-    assert "is not library" in on.told[0]
+    assert "the library that came is not" in on.told[0]
 
 
 def test_two_gateways_for_one_performer(on: Bus, feed: Sequence[Sequence[Frame]]) -> None:
@@ -236,7 +236,7 @@ def test_two_gateways_for_one_performer(on: Bus, feed: Sequence[Sequence[Frame]]
         on.turn()
     on.until(lambda: node.counts["conflicts"] == 30)
     assert two.name not in on.heard or not on.heard[two.name]
-    assert f"two gateways have performer ann: {one.name}, {two.name}; only the first is answered" in on.told
+    assert f"two gateways have performer ann: {one.name}, {two.name}; only the first gets answers" in on.told
 
 
 def test_a_stranger_on_the_keys_is_not_believed(on: Bus, feed: Sequence[Sequence[Frame]]) -> None:
@@ -264,7 +264,7 @@ def test_a_stranger_on_the_keys_is_not_believed(on: Bus, feed: Sequence[Sequence
     finally:
         stranger.close()
     assert not on.heard.get(gateway.name)
-    assert f"somebody else publishes on the keys of gateway {gateway.name}; this is not believed" in on.told
+    assert f"another program publishes on the keys of gateway {gateway.name}; its frames are ignored" in on.told
 
 
 def test_a_gateway_that_is_gone_is_left(on: Bus) -> None:
@@ -285,7 +285,7 @@ def test_a_worker_that_says_nothing_is_left_out_and_comes_back(on: Bus, feed: Se
     on.until(lambda: on.has_workers(gateway, 1))
     on.nodes.clear()
     on.until(lambda: on.has_workers(gateway, 0))
-    assert f"worker {node.name} says nothing" in " ".join(gateway.notes)
+    assert f"worker {node.name} does not report" in " ".join(gateway.notes)
     on.nodes.append(node)
     on.until(lambda: on.has_workers(gateway, 1))
     for frames in feed[:60]:
@@ -331,3 +331,5 @@ def test_an_unreachable_address_is_reported_in_one_line(monkeypatch: pytest.Monk
     broken.write_text("{ nonsense", encoding="utf-8")
     with pytest.raises(ValueError, match="not a configuration of Zenoh"):
         open_session([], [], broken)
+    with pytest.raises(ValueError, match="nonsense: expected endpoints like tcp/"):
+        open_session(["nonsense"], [], None)

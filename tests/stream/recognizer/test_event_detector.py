@@ -109,6 +109,14 @@ def test_a_doubtful_lead_is_believed_later_and_more_lead_later_still() -> None:
     assert all(before < after for before, after in pairwise(times))
 
 
+def test_another_library_may_ask_for_another_lead() -> None:
+    """After an exchange starts come when the new lead has added up."""
+    detector = EventDetector(3.0)
+    assert detector.exchange({0: 0}, 10.0, 6.0) is None
+    (event,) = _pushed(detector, [_recognition(10 + k * HOP) for k in range(60)])
+    assert event.time - 10 == pytest.approx(6.0 / 30, abs=HOP + 1e-9)
+
+
 def test_without_a_lead_to_wait_for_every_change_is_an_event() -> None:
     """With a lead of 0 each change of the named class is an event at its hop."""
     course = [_recognition(k * HOP, _led_by(k % 2)) for k in range(5)]

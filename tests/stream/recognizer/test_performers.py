@@ -25,6 +25,7 @@ POSE = stick_clip("bow").positions[0]
 
 @pytest.fixture(scope="module")
 def library(sticks: MotionLibrary) -> MotionLibrary:
+    """Give the library of these tests."""
     return sticks
 
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import fields
+from dataclasses import fields, replace
+from functools import partial
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
@@ -17,7 +18,7 @@ from kinespace.library.skeleton import Skeleton
 from kinespace.library.windows.index import opened
 from kinespace.stream.frame import MAX_DISTANCE, Frame
 from kinespace.stream.recognition import Outcome, Recognition
-from kinespace.stream.recognizer import LiveSignature, Recognizer, RecognizerCounts, Settings
+from kinespace.stream.recognizer import LiveSignature, Performers, Recognizer, RecognizerCounts, Settings
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -29,6 +30,7 @@ RATES = [30, 60, 120, 240]
 
 @pytest.fixture(scope="module")
 def library(sticks: MotionLibrary) -> MotionLibrary:
+    """Give the library of these tests."""
     return sticks
 
 
@@ -310,6 +312,70 @@ def test_without_reset_the_same_feed_is_a_sender_that_starts_anew(library: Motio
     assert recognizer.counts.restarts == 1
 
 
+def test_it_follows_one_performer(library: MotionLibrary) -> None:
+    """Frames of two performers are not taken for one body: the second is refused until a reset, and changes nothing."""
+    recognizer, frames = Recognizer(library), _frames("bow")
+    answers = _pushed(recognizer, frames[:150])
+    with pytest.raises(ValueError, match="performer: expected 'p' until `reset`, got 'q'"):
+        recognizer.push(replace(frames[150], performer="q"))
+    answers += _pushed(recognizer, frames[150:])
+    _assert_same(answers, _pushed(Recognizer(library), frames))
+    recognizer.reset()
+    others = _pushed(recognizer, [replace(frame, performer="q") for frame in frames])
+    assert {answer.performer for answer in others} == {"q"}
+
+
+def test_every_change_is_for_one_thread_at_a_time(library: MotionLibrary) -> None:
+    """A call during another call is refused, whatever it changes; afterwards the recogniser is usable."""
+    recognizer, frames = Recognizer(library), _frames("bow")
+
+    class Meanwhile(float):
+        """A time; when the recogniser computes with it, other threads come."""
+
+        def __sub__(self, other: float) -> float:
+            for change in (recognizer.reset, recognizer.end, partial(recognizer.set_sensitivity, 0.1)):
+                with pytest.raises(RuntimeError, match="used by one thread at a time"):
+                    change()
+            return float(self) - other
+
+    answers = _pushed(
+        recognizer, [*frames[:100], replace(frames[100], time=Meanwhile(frames[100].time)), *frames[101:]]
+    )
+    _assert_same(answers, _pushed(Recognizer(library), frames))
+
+
+# --- its classes -------------------------------------------------------------------------------------------------
+
+
+def test_classes_are_the_order_of_the_answers(library: MotionLibrary) -> None:
+    """All of the library's classes, in any order, and more that are never named, also when nothing is known."""
+    order = ("nope", *library.classes[::-1])
+    answers = _pushed(Recognizer(library, classes=order), _frames("bow"))
+    assert {answer.classes for answer in answers} == {order}
+    assert {answer.label for answer in answers} == {"bow"}
+    assert {answer.scores[0] for answer in answers} == {0.0}
+
+
+@pytest.mark.parametrize("classes", [["nope"], ["bow"], "bow", [*STICK_CLASSES, "bow"]], ids=str)
+def test_classes_that_are_not_all_are_refused(library: MotionLibrary, classes: Sequence[str]) -> None:
+    """A class of the library that is left out would be named as another: it is refused at once, and in an exchange."""
+    for made in (Recognizer, Performers):
+        with pytest.raises(ValueError, match="classes: expected all of the library's"):
+            made(library, classes=classes)
+        with pytest.raises(ValueError, match="classes: expected all of the library's"):
+            made(library).exchange(library, classes)
+
+
+@pytest.mark.parametrize("given", ["mine.npz", None, {}])
+def test_other_than_a_library_and_settings_is_refused(library: MotionLibrary, given: object) -> None:
+    """A path, nothing or a dictionary is neither a library nor settings."""
+    with pytest.raises(ValueError, match="library: expected a MotionLibrary or its windows, got"):
+        Recognizer(given)  # type: ignore[arg-type]
+    if given is not None:
+        with pytest.raises(ValueError, match="settings: expected Settings, got"):
+            Recognizer(library, given)  # type: ignore[arg-type]
+
+
 # --- senseless frames --------------------------------------------------------------------------------------------
 
 
@@ -378,7 +444,7 @@ def test_nothing_that_is_a_frame_stops_it(
 def test_all_joints_in_one_point_are_no_body(any_index: WindowIndex, place: float, signature: LiveSignature) -> None:
     """All joints at the origin, as some trackers send without a body, are no motion; a body that comes is named."""
     shape = (len(any_index.library.skeleton.joints), 3)
-    nobody = [Frame("p", index / 120, np.full(shape, place)) for index in range(360)]
+    nobody = [Frame("p", index / 30, np.full(shape, place)) for index in range(90)]
     recognizer = Recognizer(any_index, Settings(signature=signature))
     answers = _pushed(recognizer, nobody)
     assert {answer.outcome for answer in answers} <= {Outcome.STILL, Outcome.IMPLAUSIBLE}

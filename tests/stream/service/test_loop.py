@@ -45,6 +45,7 @@ PATIENCE = 20.0
 
 @pytest.fixture(scope="module")
 def library(sticks: MotionLibrary) -> MotionLibrary:
+    """Give the library of these tests."""
     return sticks
 
 
@@ -150,6 +151,7 @@ class Bench:
 
 @pytest.fixture
 def source() -> Iterator[FakeSource]:
+    """Open a source that gives what a test puts into it."""
     source = FakeSource()
     yield source
     source.close()
@@ -157,6 +159,7 @@ def source() -> Iterator[FakeSource]:
 
 @pytest.fixture
 def bench(library: MotionLibrary, source: FakeSource) -> Bench:
+    """Give a service with one source."""
     return Bench(Performers(library), source)
 
 

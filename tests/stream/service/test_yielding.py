@@ -6,24 +6,24 @@ import sys
 
 import pytest
 
-from kinespace.stream.service.yielding import ALONE, PIECE, REST, yielding
+from kinespace.stream.service.yielding import BUSY, PIECE, REST, yielding
 
 
 class FakeCore:
-    """A core whose time goes on by a step at each look; a share of each step is the thread's own."""
+    """A core whose time goes on by half a piece at each look; other threads use a share of it."""
 
     def __init__(self, share: float) -> None:
         self.now, self.used, self.share = 0.0, 0.0, share
         self.rests: list[float] = []
 
     def clock(self) -> float:
-        """Give the time; it goes on by half a piece."""
+        """Give the time."""
         self.now += PIECE / 2
         self.used += self.share * PIECE / 2
         return self.now
 
-    def own(self) -> float:
-        """Give the thread's own seconds."""
+    def others(self) -> float:
+        """Give the other threads' seconds."""
         return self.used
 
 
@@ -31,12 +31,12 @@ def _called() -> None:
     """Be a function that is called."""
 
 
-@pytest.mark.parametrize(("share", "rests"), [(1.0, False), (ALONE + 0.1, False), (ALONE - 0.1, True), (0.0, True)])
+@pytest.mark.parametrize(("share", "rests"), [(0.0, False), (BUSY - 0.1, False), (BUSY + 0.1, True), (1.0, True)])
 def test_a_thread_rests_only_while_others_are_busy(share: float, *, rests: bool) -> None:
-    """A thread that had a piece of time for itself goes on; a thread that had to wait in it rests after it."""
+    """A thread goes on while the others are idle, and rests after a piece of time in which they were not."""
     core = FakeCore(share)
     before = sys.getprofile()
-    with yielding(core.clock, core.own, core.rests.append):
+    with yielding(core.clock, core.others, core.rests.append):
         for _ in range(20):
             _called()
     assert bool(core.rests) is rests

@@ -36,6 +36,7 @@ def test_commands_over_osc(packet: bytes, command: commands.Command) -> None:
     ("request_", "command"),
     [
         ({"do": "teach", "performer": "ann", "class": "wave"}, commands.Teach("ann", "wave")),
+        ({"do": "teach", "class": "wave", "performer": "", "countdown": 0}, commands.Teach("", "wave", 1, 0.0)),
         ({"do": "forget", "class": "wave"}, commands.Forget("wave")),
         ({"do": "enable", "class": "wave", "on": True}, commands.Enable("wave", on=True)),
         ({"do": "redo"}, commands.Redo()),
@@ -93,6 +94,12 @@ def test_bad_commands_are_one_line(packet: bytes, told: str) -> None:
     with pytest.raises(CommandError, match=told) as raised:
         wire.decode(packet)
     assert "\n" not in str(raised.value)
+
+
+def test_a_request_without_what_it_needs_says_what() -> None:
+    """A request in JSON that lacks an argument names it."""
+    with pytest.raises(CommandError, match="teach: expected performer, class"):
+        wire.decode_json(b'{"do": "teach", "class": "wave"}')
 
 
 @given(st.binary(max_size=80))

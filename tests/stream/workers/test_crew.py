@@ -6,6 +6,7 @@ import time
 from collections import Counter
 from contextlib import closing
 from itertools import pairwise
+from types import SimpleNamespace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -84,8 +85,9 @@ def stage(sticks: MotionLibrary, monkeypatch: pytest.MonkeyPatch) -> Iterator[Ca
     """Make stages whose workers are in this process."""
     monkeypatch.setattr(crew_module, "_Process", FakeProcess)
     monkeypatch.setattr(FakeProcess, "all", [])
-    # The fakes report when they work.
-    monkeypatch.setattr(crew_module.time, "sleep", lambda _: [each.work() for each in FakeProcess.all])
+    # The fakes report when they work. Python's own `time` stays: threads of other tests may sleep.
+    stepping = SimpleNamespace(sleep=lambda _: [each.work() for each in FakeProcess.all])
+    monkeypatch.setattr(crew_module, "time", stepping)
     made: list[Stage] = []
 
     def make(count: int = 2, most: int = 32) -> Stage:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import time
 from typing import TYPE_CHECKING
 
@@ -12,7 +13,7 @@ import zmq
 from golden import LAYOUTS, Moment, message
 from hypothesis import given
 from hypothesis import strategies as st
-from programs import LOOPBACK, PATIENCE, ghost_cues
+from programs import LOOPBACK, PATIENCE, ROOT, ghost_cues
 
 from kinespace.library.naming.hdm05 import SKELETON
 from kinespace.stream import osc, zeromq
@@ -41,6 +42,19 @@ def test_a_sent_frame_is_read_back(performer: str, moment: float, seq: int, join
     assert (numbered.frame.performer, numbered.frame.time, numbered.seq) == (performer, moment, seq)
     assert np.array_equal(numbered.frame.positions, POSITIONS.astype(np.float32))
     assert numbered.announcement == (None if joints is None else Announcement(performer, tuple(joints)))
+
+
+def test_the_page_lists_every_key() -> None:
+    """The table of the messages has the map's keys, and says which may be absent."""
+    page = (ROOT / ".github/docs/messages.md").read_text(encoding="utf-8")
+    table = page.partition("The map's keys:")[2].partition("\n#")[0]
+    rows = re.findall(r"^\| `(\w+)` \| (.*?) \|", table, re.MULTILINE)
+    assert {key for key, _ in rows} == set(single_part.Packed.__struct_fields__)
+    needed = {key: GOOD[key] for key, kind in rows if "absent" not in kind}
+    assert single_part.decode(msgpack.packb(needed), 77.0).frame.time == 77.0
+    for key in needed:
+        with pytest.raises(FormatError, match=key):
+            single_part.decode(msgpack.packb({name: value for name, value in needed.items() if name != key}), 77.0)
 
 
 @pytest.mark.parametrize(

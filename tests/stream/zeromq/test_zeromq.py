@@ -717,6 +717,7 @@ class Wire:
 
 @pytest.fixture
 def wire() -> Iterator[Wire]:
+    """Close every socket that a test opens."""
     wire = Wire()
     yield wire
     wire.close()

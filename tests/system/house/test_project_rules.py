@@ -10,13 +10,9 @@ import sys
 from collections import Counter
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 from programs import ROOT
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
 
 PACKAGES = ("library", "stream", "tools")
 #: The imports of a package: itself and these.
@@ -94,22 +90,6 @@ def called(path: Path) -> set[str]:
     return {call.id for call in calls if isinstance(call, ast.Name)}
 
 
-def public_definitions(path: Path) -> Iterator[tuple[str, ast.AST]]:
-    """Give every public class, function and method of a source, and the module itself."""
-    tree = parsed(path)
-    yield path.stem, tree
-    waiting: list[tuple[str, ast.AST]] = [(path.stem, tree)]
-    while waiting:
-        place, node = waiting.pop()
-        for child in ast.iter_child_nodes(node):
-            if isinstance(child, (ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef)):
-                if child.name.startswith("_"):
-                    continue
-                yield f"{place}.{child.name}", child
-                if isinstance(child, ast.ClassDef):
-                    waiting.append((f"{place}.{child.name}", child))
-
-
 def project_files() -> list[Path]:
     """List the files that are, or are about to be, part of the project."""
     git = shutil.which("git")
@@ -178,24 +158,6 @@ def test_the_core_is_loaded_without_transports() -> None:
     command = [sys.executable, "-c", code]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True, timeout=60)
     assert done.stdout == "[]\n"
-
-
-def test_everything_public_is_described() -> None:
-    """Every public module, class, function and method has a docstring."""
-    named = [(name_of(path), *each) for path in SOURCES for each in public_definitions(path)]
-    assert [each[:2] for each in named if not ast.get_docstring(each[2])] == []  # type: ignore[arg-type]
-
-
-def test_every_test_states_its_property() -> None:
-    """Every test function has a docstring, whose first line is a whole sentence."""
-    silent = []
-    for path in sorted((ROOT / "tests").rglob("test_*.py")):
-        for name, node in public_definitions(path):
-            if name.rpartition(".")[2].startswith("test_") and isinstance(node, ast.FunctionDef):
-                sentence = (ast.get_docstring(node) or "").split("\n\n")[0]
-                if not sentence or sentence[0].islower() or sentence[-1] not in ".?!":
-                    silent.append(name)
-    assert silent == []
 
 
 def test_no_source_says_where_it_was_written() -> None:

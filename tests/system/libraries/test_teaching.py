@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import time
-from contextlib import closing
+from contextlib import closing, contextmanager
 from itertools import groupby
 from typing import TYPE_CHECKING, Self
 
@@ -19,11 +19,13 @@ from kinespace.stream.osc.frames import encode_frame
 from kinespace.stream.osc.packet import encode_message
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
     from pathlib import Path
 
     import numpy as np
-    from liblotools import Dumped, LibloTools
+    from liblotools import Dump, Dumped, LibloTools
     from numpy.typing import NDArray
+    from programs import Program
 
 pytestmark = pytest.mark.slow
 
@@ -88,19 +90,27 @@ def _classes(heard: list[Dumped]) -> list[tuple[object, ...]]:
     return [message.values for message in heard if message.address == "/motion/classes"]
 
 
-@pytest.mark.timeout(400)
-def test_three_gestures_are_taught_and_recognised(tmp_path: Path, liblo_tools: LibloTools) -> None:
-    """From nothing: three gestures by oscsend, each shown once; other takes of them start the right events."""
-    port, file = free_udp_port(), tmp_path / "mine.npz"
+@contextmanager
+def taught_live(file: Path, liblo_tools: LibloTools, *options: str) -> Iterator[tuple[int, Dump, Program, Dancer]]:
+    """Start a recogniser that can be taught: give its port, the answers, the program and a performer."""
+    port = free_udp_port()
     with (
         liblo_tools.dumping() as dump,
         started(
-            *("live", "--library", "none", "--teach", file, "--plain"),
+            *("live", *options, "--teach", file, "--plain"),
             *("--osc-in", f"{LOOPBACK}:{port}", "--osc-out", f"{LOOPBACK}:{dump.port}"),
         ) as live,
         Dancer(port) as dancer,
     ):
         live.expect("listening on")
+        yield port, dump, live, dancer
+
+
+@pytest.mark.timeout(400)
+def test_three_gestures_are_taught_and_recognised(tmp_path: Path, liblo_tools: LibloTools) -> None:
+    """From nothing: three gestures by oscsend, each shown once; other takes of them start the right events."""
+    file = tmp_path / "mine.npz"
+    with taught_live(file, liblo_tools, "--library", "none") as (port, dump, live, dancer):
         for count, (name, class_name) in enumerate(GESTURES.items(), start=1):
             dancer.stand()
             liblo_tools.send(port, "/motion/teach", "ssif", "ann", name, 1, 0)
@@ -125,16 +135,8 @@ def test_three_gestures_are_taught_and_recognised(tmp_path: Path, liblo_tools: L
 @pytest.mark.timeout(400)
 def test_impossible_commands_are_refused_and_nothing_is_lost(tmp_path: Path, liblo_tools: LibloTools) -> None:
     """Names, numbers and performers that cannot be, two at once, still throughout: a refusal each; then it works."""
-    port, file = free_udp_port(), tmp_path / "mine.npz"
-    with (
-        liblo_tools.dumping() as dump,
-        started(
-            *("live", "--teach", file, "--plain"),
-            *("--osc-in", f"{LOOPBACK}:{port}", "--osc-out", f"{LOOPBACK}:{dump.port}"),
-        ) as live,
-        Dancer(port) as dancer,
-    ):
-        live.expect("listening on")
+    file = tmp_path / "mine.npz"
+    with taught_live(file, liblo_tools) as (port, dump, live, dancer):
         refused = 0
 
         def is_refused(types: str, *values: object, address: str = "/motion/teach") -> str:

@@ -33,6 +33,7 @@ START, END = EventKind.START, EventKind.END
 
 @pytest.fixture(scope="module")
 def library(sticks: MotionLibrary) -> MotionLibrary:
+    """Give the library of these tests."""
     return sticks
 
 
@@ -235,6 +236,7 @@ class Stage:
 
 @pytest.fixture
 def stage(library: MotionLibrary) -> Iterator[Stage]:
+    """Open a service with a clock of its own."""
     stage = Stage(library)
     yield stage
     stage.service.close()

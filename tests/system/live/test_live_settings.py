@@ -114,9 +114,35 @@ def test_a_sensitivity_is_a_share() -> None:
 def test_thresholds_are_not_negative(name: str, value: float) -> None:
     """A negative or endless threshold, hop or patience is refused, by its name; 0 is not."""
     signature = LiveSignature.PAPER if name == "smallest_gap" else LiveSignature.WINDOWS
-    with pytest.raises(ValueError, match=f"{name}: expected a number not below 0"):
+    with pytest.raises(ValueError, match=f"{name}: expected a (number not below 0|whole number)"):
         Settings(signature=signature, **{name: value})
     Settings(signature=signature, **{name: 0})
+
+
+def test_a_signature_may_be_named() -> None:
+    """A signature's text is the signature; another text is refused."""
+    assert Settings(signature="paper").signature is LiveSignature.PAPER  # type: ignore[arg-type]
+    with pytest.raises(ValueError, match="signature: expected windows or paper, got 'papier'"):
+        Settings(signature="papier")  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "expected"),
+    [
+        ("progress", "no", "True or False"),
+        ("plausibility", 0, "True or False"),
+        ("patience", 1.5, "a whole number"),
+        ("hop", 1e9, "at most 60 seconds"),
+        ("hop", "1", "a number"),
+        ("lead", True, "a number"),
+        ("longest_gap", None, "a number"),
+        ("window", "1", "a number"),
+    ],
+)
+def test_settings_of_another_type_are_refused(name: str, value: object, expected: str) -> None:
+    """Texts, numbers and truths are not taken for one another."""
+    with pytest.raises(ValueError, match=f"{name}: expected {expected}, got {value!r}"):
+        Settings(**{name: value})  # type: ignore[arg-type]
 
 
 def test_more_sensitive_names_more(builtin_index: WindowIndex, some_clips: tuple[Clip, ...]) -> None:

@@ -47,6 +47,7 @@ SENSITIVITY = 0.1
 
 @pytest.fixture(scope="module")
 def twin(small_index: WindowIndex) -> Twin:
+    """Give the slow twin of the small library's index."""
     return Twin(small_index)
 
 

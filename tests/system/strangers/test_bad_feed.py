@@ -168,11 +168,13 @@ both_transports = pytest.mark.parametrize("transport", sorted(LINES))
 
 @pytest.fixture(scope="module")
 def library(small_library: MotionLibrary) -> MotionLibrary:
+    """Give the library of these tests."""
     return small_library
 
 
 @pytest.fixture
 def line(library: MotionLibrary, transport: str) -> Iterator[Line]:
+    """Open a feed to a service by one transport."""
     with ExitStack() as opened:
         yield LINES[transport](library, opened)
 

@@ -53,7 +53,7 @@ def one_line(capsys: pytest.CaptureFixture[str], *arguments: object) -> str:
     assert main([str(argument) for argument in arguments]) == 2
     out, err = capsys.readouterr()
     sent = r"(sending \d+ recordings?\n)?(\d+ frames sent, 0 refused by the system\n"
-    sent += r"(the feed stood still for .*\n)?(nobody listens at .*\n)?)?"
+    sent += r"(the feed stood still for .*\n)?(no program listens at .*\n)?)?"
     assert re.fullmatch(sent if arguments[0] == "replay" else "", out)
     assert err.startswith("kinespace: ")
     assert err.endswith("\n")
@@ -332,12 +332,37 @@ def test_a_library_cannot_be_written_where_there_is_no_folder(
 
 
 @pytest.mark.parametrize(
-    "arguments",
-    [("info", "nowhere.npz"), ("replay", "nowhere"), ("live", "--osc-in", "nowhere"), ("latency", "--seconds", "0.1")],
+    ("options", "said"),
+    [
+        (("--feed", "kinect"), "--feed: expected one of captury, "),
+        (("--feed", "nowhere.toml"), "nowhere.toml: No such file or directory"),
+        (("--osc-in", f"{LOOPBACK}:0", "--out", "unity"), "--out: expected one of native, touchdesigner, max, "),
+        (
+            ("--osc-in", f"{LOOPBACK}:0", "--out", "max=there"),
+            "--out: expected HOST:PORT, the port from 0 to 65535, got",
+        ),
+        (
+            ("--zmq-in", f"tcp://{LOOPBACK}:*", "--out", "max=sender"),
+            "--out: expected an OSC feed to reply to, got none",
+        ),
+        (("--osc-in", "nowhere"), "--osc-in: expected HOST:PORT, "),
+    ],
 )
-def test_a_real_command_shows_no_traceback(arguments: tuple[str, ...]) -> None:
+def test_live_refuses_impossible_options(
+    options: tuple[str, ...], said: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A preset, output or address that does not exist ends the program with one line, and no socket stays open."""
+    assert one_line(capsys, "live", *options).startswith(said)
+
+
+def test_latency_refuses_too_few_seconds(capsys: pytest.CaptureFixture[str]) -> None:
+    """A run that is shorter than a window is refused with one line."""
+    assert "seconds" in one_line(capsys, "latency", "--seconds", 0.1)
+
+
+def test_a_real_command_shows_no_traceback() -> None:
     """As a process of its own, a command that cannot do its work ends with 2 and one line, not a traceback."""
-    status, output, errors = finished(*arguments)
+    status, output, errors = finished("replay", "nowhere")
     assert (status, output) == (2, "")
     assert errors.startswith("kinespace: ")
     assert errors.count("\n") == 1

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-from programs import finished
 from test_bench_report import KEYS
 
 from kinespace.stream.recognizer import LiveSignature
@@ -19,13 +18,29 @@ from kinespace.tools.cli.main import main
 if TYPE_CHECKING:
     from pathlib import Path
 
+    from numpy.typing import NDArray
+
 pytestmark = pytest.mark.slow
 
 
-def test_one_part_prints_exactly_the_standard_figures() -> None:
-    """As a command of its own, one part gives one JSON object: all names, its own figures, null for the others."""
-    status, output, errors = finished("bench", "stages", "--rounds", 1, "--json")
-    assert (status, errors) == (0, "")
+@pytest.fixture(scope="module")
+def measured(played: NDArray[np.float32]) -> dict[str, stages.Stages]:
+    """Measure the stages once."""
+    return stages.measure(played, signatures=list(LiveSignature), rounds=1)
+
+
+@pytest.fixture
+def _measured_once(measured: dict[str, stages.Stages], monkeypatch: pytest.MonkeyPatch) -> None:
+    """Give the measured stages to the program."""
+    monkeypatch.setattr(stages, "measure", lambda *_, **__: measured)
+
+
+@pytest.mark.usefixtures("_measured_once")
+def test_one_part_prints_exactly_the_standard_figures(capsys: pytest.CaptureFixture[str]) -> None:
+    """One part gives one JSON object: all names, its own figures, null for the others."""
+    assert main(["bench", "stages", "--rounds", "1", "--json"]) == 0
+    output, errors = capsys.readouterr()
+    assert errors == ""
     assert output.count("\n") == 1
     figures = json.loads(output)
     assert sorted(figures) == sorted(KEYS)
@@ -62,6 +77,7 @@ def test_parts_are_measured_as_asked(parts: tuple[run.Part, ...], monkeypatch: p
             assert options["signature"] is LiveSignature.PAPER
 
 
+@pytest.mark.usefixtures("_measured_once")
 def test_the_table_names_the_machine(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Without --json tables are printed, then the machine; the picture asked for is drawn."""
     path = tmp_path / "bench.png"

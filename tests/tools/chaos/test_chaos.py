@@ -147,7 +147,7 @@ def test_a_page_gets_the_tables_that_its_comments_ask_for() -> None:
         "| silent | 0 / 150 | - | 90 / 91 / 91 | never |",
         "| large | 150 / 150 | 4.0 | 90 / 200 / 190 | 0.0 |",
     ]
-    assert len([line for line in lines if line.startswith("| ")]) == 8
+    assert len([line for line in lines if line.startswith("| ")]) == 6
     assert (lines[:2], lines[-2:]) == (["before", "<!-- chaos: worst -->"], ["<!-- end -->", "after"])
     assert "The worst of 11 attacks and faults (`make chaos`; 2 cores)." in lines
     assert with_tables(written, outcomes, "2 cores") == written

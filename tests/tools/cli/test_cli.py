@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from importlib import import_module
 from importlib.metadata import entry_points, version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -73,6 +74,14 @@ def test_the_command_tells_its_version() -> None:
     command = Path(sys.executable).with_name("kinespace")
     done = subprocess.run([command, "--version"], capture_output=True, text=True, check=False, timeout=60)
     assert (done.returncode, done.stdout, done.stderr) == (0, f"kinespace {version('kinespace')}\n", "")
+
+
+def test_the_package_tells_its_version() -> None:
+    """`kinespace.__version__` is the distribution's version; there is no other attribute that was not defined."""
+    package = import_module("kinespace")
+    assert package.__version__ == version("kinespace")
+    with pytest.raises(AttributeError, match="has no attribute 'nope'"):
+        _ = package.nope
 
 
 def test_the_module_is_the_command() -> None:
@@ -344,7 +353,7 @@ def test_settings_without_effect_are_refused(
         ("live --feed rokokko", "got 'rokokko', perhaps rokoko is meant"),
         ("live --joints xsans", "kinespace: --joints: expected one of kinectv2, "),
         ("live --joints xsans", "got 'xsans', perhaps xsens is meant"),
-        ("live --names mixamoo", "kinespace: --names: expected one of auto, "),
+        ("live --names mixamoo", "kinespace: --names: expected one of acclaim-bvh, "),
         ("live --names mixamoo", "got 'mixamoo', perhaps mixamo is meant"),
         ("live --osc-in :0 --out max,puredat", "got 'puredat', perhaps puredata is meant"),
         ("live --osc-in :0 --osc-out here", "kinespace: --osc-out: expected HOST:PORT, "),

@@ -83,7 +83,7 @@ def test_takes_are_chosen_by_person(folder: Path, persons: list[str], without: l
 
 def test_persons_of_whom_there_is_nothing_are_refused(folder: Path) -> None:
     """Where no take is left the persons asked for are said."""
-    with pytest.raises(ValueError, match="--subjects: expected some whose takes are there, got zoe, not ann"):
+    with pytest.raises(ValueError, match="--subjects: expected persons with takes, got zoe, not ann"):
         read_takes(Sources([folder], persons=["zoe"], without_persons=["ann"]), BY_NAME)
 
 

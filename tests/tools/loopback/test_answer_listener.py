@@ -35,6 +35,7 @@ RECOGNITION = Recognition(
 
 @pytest.fixture
 def opened() -> Iterator[ExitStack]:
+    """Give a stack that closes what a test opens."""
     with ExitStack() as stack:
         yield stack
 

@@ -16,8 +16,10 @@ from golden import LAYOUTS, Moment, bundle, message
 from programs import LOOPBACK, finished, free_udp_port, ghost_cues
 
 from kinespace.library.naming.hdm05 import SKELETON
-from kinespace.stream.feeds import builtin_names, builtin_preset
+from kinespace.stream.feeds import PresetError, builtin_names, builtin_preset
 from kinespace.stream.feeds.detection import MAX_KINDS, Survey, shortened
+from kinespace.tools.cli.main import main
+from kinespace.tools.programs.feeds import tell
 from kinespace.tools.programs.listen import advice
 
 if TYPE_CHECKING:
@@ -212,16 +214,29 @@ def test_a_taken_port_is_one_line() -> None:
     assert f"{LOOPBACK}:{port}" in errors
 
 
-def test_feeds_are_listed_and_printed() -> None:
+def test_feeds_are_listed_and_printed(capsys: pytest.CaptureFixture[str]) -> None:
     """Every preset has its port and its sender's settings; one of them is printed as its file."""
-    status, output, _ = finished("feeds")
-    assert status == 0
+    assert main(["feeds"]) == 0
+    output = capsys.readouterr().out
     for preset in PRESETS:
         assert f"\n{preset.name}  port {preset.port}, " in f"\n{output}"
         assert preset.sender in output
-    status, output, _ = finished("feeds", "vmc")
-    assert (status, "/VMC/Ext/Bone/Pos" in output) == (0, True)
-    assert finished("feeds", "kinect")[0] == 2
+    assert main(["feeds", "vmc"]) == 0
+    assert "/VMC/Ext/Bone/Pos" in capsys.readouterr().out
+    assert main(["feeds", "kinect"]) == 2
+
+
+def test_a_broken_preset_hides_no_other(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The right presets are listed, and the mistake is told, also when the broken one or its file is asked for."""
+    (tmp_path / "vmc.toml").write_text(builtin_preset("vmc").text, encoding="utf-8")
+    (tmp_path / "tiny.toml").write_text("port = 'seven'", encoding="utf-8")
+    monkeypatch.setattr("kinespace.stream.feeds.preset._presets", lambda: tmp_path)
+    for asked in (None, "tiny", str(tmp_path / "tiny.toml")):
+        with pytest.raises(PresetError, match=r"tiny\.toml.*port"):
+            tell(asked)
+        assert capsys.readouterr().out.startswith("vmc  port ") is (asked is None)
 
 
 def test_rates_need_time() -> None:

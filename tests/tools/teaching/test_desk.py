@@ -65,6 +65,7 @@ def library() -> MotionLibrary:
 
 @pytest.fixture
 def desk(tmp_path: Path, library: MotionLibrary) -> Iterator[Desk]:
+    """Open a desk whose library is kept in a file."""
     opened = open_desk(Start(tmp_path / "mine.npz", library), _performers)
     opened.sinks = [Heard()]
     yield opened

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from kinespace.library.skeleton import Skeleton
     from kinespace.stream.frame import Frame
 
-#: Seconds of feed whose leading eigenvectors are compared.
+#: Seconds of the feed whose leading eigenvectors are compared.
 WINDOW = 0.5
 #: Seconds between two windows of a motion.
 _EVERY = 0.25

@@ -77,9 +77,9 @@ class Crowd:
         Memory of the recogniser's process during the run, sampled from its start to its end.
     core_share
         The share of one core that the recogniser's process used while frames were sent; other programs on the machine
-        hardly change it. None where the system does not tell.
+        hardly change it. None if the system does not say.
     status
-        The recogniser's counters at the end; None when nothing was recognised.
+        The recogniser's counters at the end; None if it recognised nothing.
     """
 
     performers: int
@@ -121,7 +121,7 @@ def play(
     positions
         The positions of each performer, shape (frames, joints, 3), metres.
     settings
-        Of the recogniser.
+        The settings of the recogniser.
     empty
         Recognise nothing: answer the same frames with a fixed answer.
     """
@@ -264,7 +264,7 @@ def most_performers(
     Parameters
     ----------
     transport, positions, settings, empty
-        As `play` has them.
+        The same as for `play`.
     most
         The number of performers, at most.
 

@@ -1,4 +1,4 @@
-"""`kinespace bench scale`: what workers add, what they hold, and what their deaths cost.
+"""`kinespace bench scale`: the delay that workers add, the performers that they hold, and the cost of losing one.
 
 Gateway and sender are this process; the workers are `kinespace work`, in processes of their own on this machine. How
 many performers a core holds follows from the time for which the processes used a core, so that the crowd can be small
@@ -55,7 +55,7 @@ _LOOPBACK = "127.0.0.1"
 _MAX_START, _LINGER = 60.0, 3.0
 #: Performers over OSC while the gateway is started again.
 _SEEN = 4
-#: Frames of feed that are looked at after a takeover, and between two takeovers, without a cluster.
+#: Frames of feed after a takeover, and between two takeovers, without a cluster.
 _AFTER, _EVERY = 360, 80
 #: How many times as many performers show what a core holds: so many that a worker seldom sleeps between frames.
 BUSIER = 3
@@ -70,7 +70,7 @@ class Run:
     Attributes
     ----------
     what
-        What happened in its middle.
+        The event in its middle.
     lags
         Seconds from the hand-over of a frame to its answer, of all answers, shape (answers,).
     gap
@@ -79,12 +79,12 @@ class Run:
     expected, answered
         Answers of one process, and answers that came.
     lost_events, false_events
-        Events of one process that did not come, and events that came beside these.
+        Events of one process that did not come, and events that one process did not send.
     loop_us
-        Microseconds of a core that a frame took in this process: to be recognised or, with workers, to be sent to them
-        and to be answered, in all threads.
+        Microseconds of a core for each frame in this process, in all threads: to recognise it or, with workers, to
+        send it and to receive its answer.
     core_us
-        The same in all workers; None where there are none, or where the system does not tell.
+        The same in all workers; None without workers, or if the system does not say.
     """
 
     what: str
@@ -113,7 +113,7 @@ class Scale:
     alone, workers
         One process, and two workers of `live --workers 2`.
     runs
-        A gateway and two workers, or three when something happens, by what happens.
+        A gateway and two workers, or three if something happens, by the event.
     at_once
         One process and `live --workers 2`, with frames that come all at once, as frames do that wait for a full core:
         the processor time of recognition alone.
@@ -126,7 +126,7 @@ class Scale:
         Seconds from the end of a cut of the network until the worker behind it works again; NaN where no network could
         be made.
     takeovers
-        How many takeovers were tried without a cluster, and after how many another event came than without one.
+        The number of takeovers that were tried without a cluster, and the number after which the events differed.
     """
 
     crowd: int
@@ -212,7 +212,7 @@ def _counted(answers: Sequence[Recognition]) -> Counter[tuple[str, str, str]]:
 
 
 class Troupe:
-    """Performers' recognisers and where their answers come back: here those of this process, which has no workers."""
+    """Performers' recognisers and the sources of their answers; this class recognises without workers."""
 
     def __init__(self, performers: Recognising, sources: Sequence[AnswerSource] = ()) -> None:
         self.performers, self.sources = performers, sources
@@ -237,7 +237,7 @@ class Troupe:
         return ()
 
     def core_seconds(self) -> float | None:
-        """Give the seconds of a core that the workers have used; None where there are none, or nobody tells."""
+        """Give the core seconds that the workers have used; None without workers, or if the system does not say."""
         used = [core_seconds(number) for number in self.process_ids]
         return None if None in used or not used else float(sum(each or 0.0 for each in used))
 
@@ -300,7 +300,7 @@ class Cluster(Troupe):
 
     def cut(self) -> None:
         """Cut the network to the worker behind it for some seconds."""
-        assert self.network  # noqa: S101 - told to mypy
+        assert self.network  # noqa: S101 - for mypy
         self.network.cut()
 
     @property
@@ -334,7 +334,7 @@ def _free_port(kind: int) -> int:
         return port
 
 
-#: What can happen in the middle of a run.
+#: The events in the middle of a run.
 HAPPENINGS: dict[str, Callable[[Cluster], None]] = {
     "nothing": lambda _: None,
     "kill": lambda cluster: cluster.workers[0].kill(),
@@ -375,12 +375,13 @@ def over_osc(positions: NDArray[np.float32], performers: int, seconds: float) ->
 
 def network_cut(feed: Feed) -> tuple[Run, float] | None:
     """Cut the network to one of three workers; give the run, and the seconds until the worker was back."""
-    try:
-        with Network() as network:
-            run = play(feed, "cut", network)
-            return run, time.monotonic() - network.plugged
-    except OSError:
-        return None
+    with ExitStack() as stack:
+        try:
+            network = stack.enter_context(Network())
+        except OSError:
+            return None
+        run = play(feed, "cut", network)
+        return run, time.monotonic() - network.plugged
 
 
 @dataclass(slots=True)

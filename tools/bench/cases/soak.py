@@ -103,7 +103,7 @@ def measure(positions: NDArray[np.float32], *, signature: LiveSignature, frames:
     minutes
         The minutes over UDP; 0 for none.
     """
-    # In a process of its own, whose memory holds nothing of other parts.
+    # A process of its own, because the other parts of the bench have filled the memory of this one.
     settings = Settings(signature=signature, plausibility=False)
     with ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as process:
         day = process.submit(pushed, positions, settings, frames).result()

@@ -1,11 +1,11 @@
 """The spread: how much each distance varies, and a metric that weighs differences by how much people differ.
 
 The standard deviations of the distances are the square roots of the covariance's diagonal. Their logarithms, relative
-to the body's size and centred, say which joints move against which, and by what factor more than others; they have no
-sign, and a motion done larger changes all of them alike. Two people who perform the same class differ more in some of
-these numbers than in others. The metric learns this from motions of known classes: it divides by the scatter within
-classes (within-class covariance normalisation, Hatch, Kajarekar and Stolcke 2006), shrunk towards equal scatter
-everywhere (Ledoit and Wolf 2004), since there are fewer motions than distances.
+to the body's size and centred, say which joints move against each other, and by which factor more than others; they
+have no sign, and a motion done larger changes all of them alike. Two people who perform the same class differ more in
+some of these numbers than in others. The metric learns this from motions of known classes: it divides by the scatter
+within classes (within-class covariance normalisation, Hatch, Kajarekar and Stolcke 2006), shrunk towards equal
+scatter everywhere (Ledoit and Wolf 2004), since there are fewer motions than distances.
 """
 
 from __future__ import annotations

@@ -11,7 +11,7 @@ import numpy as np
 from kinespace.stream.frame import Frame
 from kinespace.stream.recognition import Event, EventKind, Outcome, Recognition
 from kinespace.stream.recognizer import Recognizer
-from kinespace.stream.recognizer.decision import FIRST_HOP, Decision
+from kinespace.stream.recognizer.decision import FIRST_HOP, Decision, needed_lead
 from kinespace.stream.recognizer.event_detector import EventDetector
 
 if TYPE_CHECKING:
@@ -108,7 +108,7 @@ def starts_heard(hops: Sequence[Hop], index: WindowIndex, settings: Settings) ->
         The recogniser's settings.
     """
     decision = Decision(index, stillness=settings.stillness, sensitivity=settings.sensitivity)
-    detector = EventDetector(settings.lead)
+    detector = EventDetector(needed_lead(index.library, settings))
     starts, last = list[Event](), math.nan
     for hop in hops:
         elapsed = FIRST_HOP if math.isnan(last) else hop.time - last

@@ -41,7 +41,7 @@ class ClassScore:
 
 @dataclass(frozen=True, slots=True)
 class Basis:
-    """What figures rest on: seconds, segments (or takes), and persons; None when the persons are not known.
+    """The basis of figures: seconds, segments (or takes), and persons; None when the persons are not known.
 
     A segment that several libraries were asked about counts once.
     """
@@ -88,7 +88,7 @@ class StreamScore:
     takes_found
         For takes that only say which classes they contain: the share of these classes named at some time in the take.
     known, unknown, containing
-        What the figures of known motions, of unknown motions, and `takes_found` rest on (segments are takes for the
+        The basis of the figures of known motions, of unknown motions, and of `takes_found` (segments are takes for the
         last).
     intervals
         Lower and upper end of the 95 % interval of each figure, by name (`tools.evaluation.scoring.bootstrap`);
@@ -143,7 +143,7 @@ def score_courses(
     known = _Counting([each for each in stretches if each.known])
     unknown = _Counting([each for each in stretches if not each.known])
     figures: dict[str, Figure] = {
-        "frame_accuracy": known.ratio(lambda each: each.right, lambda each: each.frames),
+        "frame_accuracy": known.ratio(lambda each: each.right, lambda each: each.seconds),
         "segment_accuracy": known.ratio(lambda each: each.right_inside, lambda each: each.inside),
         "known_answered": known.ratio(lambda each: each.named_inside, lambda each: each.inside),
         "segments_found": known.ratio(lambda each: each.delay is not None, lambda _: 1),
@@ -152,7 +152,7 @@ def score_courses(
         "median_seen": known.percentile(lambda each: each.seen, 50),
         "median_event_delay_s": known.percentile(lambda each: each.event_delay, 50),
         "false_per_minute": unknown.ratio(lambda each: each.begun, lambda each: each.seconds, 60),
-        "unknown_answered": unknown.ratio(lambda each: each.named, lambda each: each.frames),
+        "unknown_answered": unknown.ratio(lambda each: each.named, lambda each: each.seconds),
         "changes_per_minute": _changes_per_minute(courses, lambda each: each.event),
         "true_changes_per_minute": _changes_per_minute(courses, lambda each: each.truth),
         "auc_unknown": RocArea(known.scores(), unknown.scores()),
@@ -235,7 +235,7 @@ def _by_class(stretches: Sequence[Stretch], classes: Sequence[str]) -> dict[str,
     return {
         classes[index]: ClassScore(
             seconds=sum({each.key: each.seconds for each in performed[index]}.values()),
-            right=_share(performed[index], lambda each: each.right, lambda each: each.frames),
+            right=_share(performed[index], lambda each: each.right, lambda each: each.seconds),
             right_inside=_share(performed[index], lambda each: each.right_inside, lambda each: each.inside),
         )
         for index in range(len(classes))
@@ -243,5 +243,8 @@ def _by_class(stretches: Sequence[Stretch], classes: Sequence[str]) -> dict[str,
     }
 
 
-def _share(stretches: Sequence[Stretch], counted: Callable[[Stretch], int], among: Callable[[Stretch], int]) -> float:
-    return sum(map(counted, stretches)) / max(sum(map(among, stretches)), 1)
+def _share(
+    stretches: Sequence[Stretch], counted: Callable[[Stretch], float], among: Callable[[Stretch], float]
+) -> float:
+    whole = sum(map(among, stretches))
+    return sum(map(counted, stretches)) / whole if whole else 0.0

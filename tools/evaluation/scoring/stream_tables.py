@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from rich.table import Table
 
 from kinespace.tools.terminal.console import console
-from kinespace.tools.terminal.tables import add_names, narrow_table
+from kinespace.tools.terminal.tables import add_names, counted, narrow_table
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -62,8 +62,8 @@ _SHOWN_OF_PERSONS = ("frame_accuracy", "segment_accuracy", "segment_majority", "
 
 
 def print_score(score: StreamScore) -> None:
-    """Print the figures with their intervals and what they rest on, and each class's result."""
-    table = narrow_table("Answers against what was performed at that moment")
+    """Print the figures with their intervals and their basis, and each class's result."""
+    table = narrow_table("Answers against the motion performed at that moment")
     table.add_column("")
     table.add_column("", justify="right")
     table.add_column("95 %", justify="right")
@@ -112,12 +112,8 @@ def interval(ends: Interval | None, write: Callable[[float], str]) -> str:
 
 
 def _rests_on(basis: Basis, unit: str) -> str:
-    persons = "persons not told" if basis.persons is None else _counted(basis.persons, "person")
-    return f"{basis.seconds:.0f} s, {_counted(basis.segments, unit)}, {persons}"
-
-
-def _counted(count: int, noun: str) -> str:
-    return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
+    persons = "persons not told" if basis.persons is None else counted(basis.persons, "person")
+    return f"{basis.seconds:.0f} s, {counted(basis.segments, unit)}, {persons}"
 
 
 def _add_rows(table: Table, score: StreamScore, rows: _Rows) -> None:

@@ -33,11 +33,11 @@ class Stretch:
     truth
         Index of the class performed, NONE when the recogniser's library does not know the class.
     seconds
-        Its length, as far as the take has frames.
-    frames, right, named
-        The numbers of its frames, of frames whose best guess was the class performed, and of frames with a named class.
+        The time of its frames: each lasts until the next frame, the last of them until the segment's end at most.
+    right, named
+        The time of the frames whose best guess was the class performed, and of the frames with a named class.
     inside, right_inside, named_inside
-        The same for the frames whose last second lies wholly in the segment.
+        The time of the frames whose last second lies wholly in the segment, and of such among them.
     begun, started
         The numbers of named classes and of start events that begin in it.
     delay, seen
@@ -52,12 +52,11 @@ class Stretch:
     person: str
     truth: int
     seconds: float
-    frames: int
-    right: int
-    named: int
-    inside: int
-    right_inside: int
-    named_inside: int
+    right: float
+    named: float
+    inside: float
+    right_inside: float
+    named_inside: float
     begun: int
     started: int
     delay: float | None
@@ -67,13 +66,14 @@ class Stretch:
 
     @property
     def known(self) -> bool:
-        """Whether the recogniser's library knows what is performed."""
+        """Whether the recogniser's library knows the motion performed."""
         return self.truth != NONE
 
     @property
     def mostly_right(self) -> bool:
         """Whether the guess was right for more than half of it."""
-        return 2 * self.right > self.frames
+        # Not by rounding: frames of one rate may fill exactly half.
+        return 2 * self.right > self.seconds * (1 + 1e-9)
 
 
 def stretches_of(courses: Sequence[Course], window: float) -> Iterator[Stretch]:
@@ -87,14 +87,14 @@ def stretches_of(courses: Sequence[Course], window: float) -> Iterator[Stretch]:
         Seconds before a moment that must lie inside the segment.
     """
     for course in courses:
-        frame = course.seconds / max(len(course.times), 1)
-        begun, started = _begun(course.published), _begun(course.event)
+        begun, started, every = _begun(course.published), _begun(course.event), course.lasts
         for index, segment in enumerate(course.segments):
             frames = np.flatnonzero(course.segment == index)
             if not frames.size:
                 continue
             truth, times = int(course.truth[frames[0]]), course.times[frames]
             right, named = course.guess[frames] == truth, course.published[frames] != NONE
+            lasts = every[frames]
             inside = times - window >= segment.start
             scores = course.score[frames][inside]
             known = truth != NONE
@@ -105,13 +105,12 @@ def stretches_of(courses: Sequence[Course], window: float) -> Iterator[Stretch]:
                 key=(course.name, index),
                 person=course.person,
                 truth=truth,
-                seconds=frame * len(frames),
-                frames=len(frames),
-                right=int(right.sum()),
-                named=int(named.sum()),
-                inside=int(inside.sum()),
-                right_inside=int((right & inside).sum()),
-                named_inside=int((named & inside).sum()),
+                seconds=float(lasts.sum()),
+                right=float(lasts @ right),
+                named=float(lasts @ named),
+                inside=float(lasts @ inside),
+                right_inside=float(lasts @ (right & inside)),
+                named_inside=float(lasts @ (named & inside)),
                 begun=int(begun[frames].sum()),
                 started=int(started[frames].sum()),
                 delay=delay,

@@ -38,7 +38,7 @@ class Course:
     segments
         The segments performed, with the library's class names where it knows them.
     truth
-        Index of the class performed; NONE where the library does not know it or nobody labelled it.
+        Index of the class performed; NONE where the library does not know it or no label says it.
     labelled
         Whether the moment is labelled, shape (frames,).
     segment
@@ -74,6 +74,14 @@ class Course:
     def seconds(self) -> float:
         """Seconds from the first frame to the last."""
         return float(self.times[-1] - self.times[0]) if len(self.times) > 1 else 0.0
+
+    @property
+    def lasts(self) -> NDArray[np.float64]:
+        """Seconds for which each frame counts: until the next frame, but not beyond its segment's end, (frames,)."""
+        last = self.times[-1:] + self.seconds / max(len(self.times) - 1, 1)
+        ends = np.array([*(each.end for each in self.segments), np.inf])
+        until: NDArray[np.float64] = np.minimum(np.append(self.times[1:], last), ends[self.segment])
+        return until - self.times
 
 
 def course_of(
@@ -150,6 +158,7 @@ def confusion(courses: Sequence[Course], classes: Sequence[str]) -> tuple[list[s
     shares = np.zeros((len(labels), len(classes) + 1))
     for each in courses:
         rows = np.array([labels.index(segment.label) for segment in each.segments], dtype=np.intp)
-        np.add.at(shares, (rows[each.segment[each.labelled]], each.published[each.labelled]), 1.0)
-    shares /= np.maximum(shares.sum(axis=1, keepdims=True), 1.0)
-    return labels, [*classes, "none"], shares
+        told = each.labelled
+        np.add.at(shares, (rows[each.segment[told]], each.published[told]), each.lasts[told])
+    whole = shares.sum(axis=1, keepdims=True)
+    return labels, [*classes, "none"], shares / np.where(whole > 0, whole, 1.0)

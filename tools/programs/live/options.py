@@ -130,5 +130,5 @@ class Watched:
         self.recordings.mkdir(parents=True, exist_ok=True)
 
     def session(self, sources: Sequence[Source], preset: Preset | None) -> RecordingSession | None:
-        """Give what begins and ends recordings; None where nobody may record."""
+        """Give the session that begins and ends recordings; None without a folder for them."""
         return RecordingSession(self.recordings, sources, preset) if self.recordings else None

@@ -36,7 +36,7 @@ _NO_LIBRARY = Path("none")
 
 
 class Making(Protocol):
-    """Makes the recognisers of a service, in this process or elsewhere; parameters as `Performers` has them."""
+    """Makes the recognisers of a service, in this process or elsewhere; parameters as for `Performers`."""
 
     def __call__(
         self,
@@ -140,7 +140,9 @@ def fitted(motions: MotionLibrary, whose: str, joints: Sequence[str]) -> MotionL
                 console.print(f"{whose}: the library has no joint {name!r}{told}", soft_wrap=True)
         further = [name for name in joints if name not in motions.skeleton.joints]
         if further:
-            console.print(f"{whose}: not compared, for the library has none: {', '.join(further)}", soft_wrap=True)
+            console.print(
+                f"{whose}: not compared, because the library lacks them: {', '.join(further)}", soft_wrap=True
+            )
         console.print(
             f"{whose}: {len(shared.skeleton.joints)} of the library's {len(motions.skeleton.joints)} joints",
             soft_wrap=True,
@@ -156,7 +158,7 @@ def _desk(
     make: Callable[..., Recognising],
 ) -> Desk:
     """Open the taught library."""
-    assert teaching.file is not None  # noqa: S101 - told to mypy
+    assert teaching.file is not None  # noqa: S101 - for mypy
 
     def performers(index: WindowIndex, classes: Sequence[str], restrict: Restricter) -> Teachable:
         covers = set(index.library.skeleton.joints) <= set(sent.assumed)

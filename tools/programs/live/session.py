@@ -110,7 +110,7 @@ def recognise(
         if desk:
             desk.sinks = service.sinks
         commanded.recording = watched.session(sources, preset)
-        # Before anybody can know that the program runs.
+        # Before the program says that it runs.
         stop_on_signals(service.stop)
         _announce([*sources, *doors], sinks)
         if page:

@@ -9,8 +9,17 @@ from typing import TYPE_CHECKING
 
 from kinespace.library import NOTHING, Clip, MotionLibrary, find_recordings
 from kinespace.library.naming import hdm05
-from kinespace.library.recordings import RecordingReader, is_recording, labelled, performed, segments_beside
-from kinespace.library.recordings.formats.labels import LabelError, cut, oddities, read_labels
+from kinespace.library.recordings import (
+    RecordingError,
+    RecordingReader,
+    instead_of_recording,
+    is_recording,
+    labelled,
+    performed,
+    segments_beside,
+)
+from kinespace.library.recordings.formats import utkinect
+from kinespace.library.recordings.formats.labels import LabelError, cut, labels_beside, oddities, read_labels
 from kinespace.tools.cli.arguments import (
     BUILT_IN,
     add_actor_in,
@@ -25,16 +34,19 @@ from kinespace.tools.cli.arguments import (
 from kinespace.tools.terminal.console import console, progress
 from kinespace.tools.terminal.named_joints import NameTeller
 from kinespace.tools.terminal.output_path import require_place_for
+from kinespace.tools.terminal.tables import counted
 
 if TYPE_CHECKING:
     import argparse
-    from collections.abc import Iterable, Iterator, Mapping, Sequence
+    from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 
     from kinespace.library import Reading
     from kinespace.library.recordings.formats.labels import Segment
 
 #: Seconds: a longer recording hardly is one motion; HDM05's longest cut clip has eight.
 _MAX_SECONDS = 15.0
+#: Damaged files that are named, at most.
+_MAX_NAMED = 10
 #: Seconds of the shortest window by which motions are compared.
 _MIN_WINDOW = 0.25
 
@@ -62,6 +74,10 @@ class Changes:
                 raise ValueError(
                     f"--without: expected a class or a person ({', '.join((*sorted(classes), *actors))}), got {name!r}"
                 )
+        for name in self.names:
+            if name not in classes - set(self.without):
+                stays = " that stays" if name in classes else ""
+                raise ValueError(f"--rename: expected a class ({', '.join(sorted(classes))}){stays}, got {name!r}")
         left = library.without(
             classes=[name for name in self.without if name in classes],
             actors=[name for name in self.without if name in actors],
@@ -164,22 +180,20 @@ def build(
     libraries = [library_at(file) for file in files]
     read = _Recordings(reading, terms)
     clips = list(read.motions(places, labels)) if places else []
+    unknown = _Recordings(reading, terms)
     if nothing:
-        clips += (replace(clip, class_name=NOTHING) for clip in _Recordings(reading, terms).motions(nothing))
+        clips += (replace(clip, class_name=NOTHING) for clip in unknown.motions(nothing))
     if not (clips or libraries):
         told = f" ({'; '.join(read.told)})" if read.told else ""
         raise ValueError(f"labels: expected segments with two frames or more of their takes, got none{told}")
-    if clips:
-        libraries.append(MotionLibrary.of_clips(clips))
+    libraries += by_body(clips)
     merged = changes.made_in(reduce(MotionLibrary.merged_with, libraries))
     if not merged.classes:
         raise ValueError(f"motions: expected some of a class beside {NOTHING!r}, got none")
     merged.save(output)
-    console.print(
-        f"{output}: {len(merged)} motions, {len(merged.classes)} classes, {output.stat().st_size / 1e6:.2f} MB",
-        soft_wrap=True,
-    )
-    for line in (*read.told, *_unshared(libraries, merged), *_short(merged), *_long(read.uncut)):
+    made = f"{counted(len(merged), 'motion')}, {counted(len(merged.classes), 'class', 'classes')}"
+    console.print(f"{output}: {made}, {output.stat().st_size / 1e6:.2f} MB", soft_wrap=True)
+    for line in (*read.told, *unknown.told, *_unshared(libraries, merged), *_short(merged), *_long(read.uncut)):
         console.print(line, soft_wrap=True)
     return 0
 
@@ -209,13 +223,25 @@ class _Recordings:
         given = list(map(read_labels, labels)) if labels else list(map(segments_beside, paths))
         tell, found = NameTeller(), sum(each is not None for each in given)
         if found and not labels:
-            self.told.append(f"{found} of {len(paths)} recordings are cut by the labels that lie beside them")
+            self.told.append(f"{found} of {counted(len(paths), 'recording')} cut by the labels beside")
+        beside = {} if labels else {path: labels_beside(path) for path in paths}
+        for path, (first, *others) in ((path, files) for path, files in beside.items() if len(files) > 1):
+            self.told.append(f"{path.name}: cut by {first.name}, not by {', '.join(each.name for each in others)}")
+        self.told += _passed_over(places, {*paths, *labels, *(each for files in beside.values() for each in files)})
+        damaged = list[str]()
         with RecordingReader(self._reading) as reader:
             for path, segments in zip(progress(paths, "Reading", len(paths)), given, strict=True):
-                clips = [self._terms.put_on(tell(clip), path) for clip in reader.clips(path)]
+                try:
+                    clips = [self._terms.put_on(tell(clip), path) for clip in reader.clips(path)]
+                except RecordingError as error:
+                    damaged.append(str(error))
+                    continue
                 self._filled += sum(clip.filled for clip in clips)
                 self._read += sum(clip.frames * len(clip.skeleton.joints) for clip in clips)
                 yield from self._motions_of(clips, path, segments)
+        if damaged:
+            more = f"; and {len(damaged) - _MAX_NAMED} more" if len(damaged) > _MAX_NAMED else ""
+            raise RecordingError("; ".join(damaged[:_MAX_NAMED]) + more)
         if self._filled:
             self.told.append(
                 f"{self._filled} of {self._read} joint positions were missing and were filled with straight lines"
@@ -239,8 +265,35 @@ class _Recordings:
                 raise LabelError(f"{path}: labels: expected a performer of {', '.join(sorted(performers))}, got {told}")
         for take in takes:
             own = [each for each in segments if not (take.actor and each.performer) or each.performer == take.actor]
+            if others := sorted({each.performer for each in segments if each not in own} - performers):
+                lost = sum(each.performer in others for each in segments)
+                self.told.append(
+                    f"{path.name}: {counted(lost, 'label')} of {', '.join(others)} left out: "
+                    f"{take.actor} is in the recording"
+                )
             self.told += oddities(take, own)
             yield from cut(take, own)
+
+
+def by_body(clips: Sequence[Clip]) -> list[MotionLibrary]:
+    """Make a library of the clips of each set of joints; merged they meet over the joints that all of them have."""
+    bodies = dict[frozenset[str], list[Clip]]()
+    for clip in clips:
+        bodies.setdefault(frozenset(clip.skeleton.joints), []).append(clip)
+    return [MotionLibrary.of_clips(each) for each in bodies.values()]
+
+
+def _passed_over(places: Sequence[Path], used: Collection[Path]) -> Iterator[str]:
+    """List the files in folders that are neither recordings, nor skeletons, nor labels of a recording."""
+    known = (utkinect.LABELS, ".asf")
+    files = [path for place in places if place.is_dir() for path in sorted(place.rglob("*")) if path.is_file()]
+    told = [
+        f"{path.name} ({instead_of_recording(path)})"
+        for path in files
+        if path not in used and not path.name.startswith(".") and not path.name.lower().endswith(known)
+    ]
+    if told:
+        yield f"{counted(len(told), 'file')} passed over: {_listed(told)}"
 
 
 def _unshared(libraries: Sequence[MotionLibrary], merged: MotionLibrary) -> Iterator[str]:
@@ -256,7 +309,7 @@ def _short(library: MotionLibrary) -> Iterator[str]:
     short = [motion for motion in library.motions if motion.duration < _MIN_WINDOW]
     if short:
         yield (
-            f"{len(short)} of {len(library)} motions are shorter than {_MIN_WINDOW:g} s, too short for any "
+            f"{len(short)} of {counted(len(library), 'motion')} shorter than {_MIN_WINDOW:g} s, too short for any "
             f"window, and kept for playback alone: {_listed(motion.name for motion in short)}"
         )
 
@@ -267,7 +320,7 @@ def _long(clips: Sequence[Clip]) -> Iterator[str]:
     if long:
         longest = max(long, key=lambda clip: clip.duration)
         yield (
-            f"{len(long)} of {len(clips)} recordings are longer than {_MAX_SECONDS:g} s, {longest.name} "
+            f"{len(long)} of {counted(len(clips), 'recording')} longer than {_MAX_SECONDS:g} s, {longest.name} "
             f"({longest.duration:.0f} s) the longest; each is taken as one motion; --labels cuts takes into motions"
         )
 

@@ -31,9 +31,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "stillness of half a second stay one row, to be divided by hand."
     )
     parser.add_argument("source", type=Path, metavar="FILE", help="a .kinerec or a motion file")
-    parser.add_argument("-o", "--output", type=Path, metavar="CSV", help="default: beside the recording, with its name")
     parser.add_argument(
-        "--stillness", type=positive, default=STILLNESS, help="movement, relative to the body, at rest (0.01)"
+        "-o",
+        "--output",
+        type=Path,
+        metavar="CSV",
+        help="the labels to write (default: beside the recording, with its name)",
+    )
+    parser.add_argument(
+        "--stillness",
+        type=positive,
+        default=STILLNESS,
+        help="movement, relative to the body, that counts as rest (0.01)",
     )
     add_overwrite(parser)
     add_recorded_feed(parser)
@@ -91,7 +100,7 @@ def propose(source: Path, output: Path | None, *, reading: Reading, stillness: f
     long = [each for each, _ in found if each.duration > _MAX_SECONDS]
     if long:
         console.print(
-            f"{len(long)} of them last longer than {_MAX_SECONDS:g} s, because nobody stood still in between: divide "
+            f"{len(long)} of them last longer than {_MAX_SECONDS:g} s, because the performer never stood still: divide "
             f"these rows where the motions change, or cut at quieter moments by --stillness above {stillness:g}",
             soft_wrap=True,
         )

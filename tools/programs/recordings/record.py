@@ -34,10 +34,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "Keeps every packet with its arrival time and sender until Ctrl-C. A crash costs the last second at most. "
         "kinespace replay sends the file again bit for bit; kinespace live --record records while it recognises."
     )
-    parser.add_argument("output", type=Path, metavar="FILE", help="to make, like tonight.kinerec")
+    parser.add_argument("output", type=Path, metavar="FILE", help="the recording to make, like tonight.kinerec")
     add_inputs(parser)
     add_keys(parser)
-    parser.add_argument("--seconds", type=positive, help="how long (default: until Ctrl-C)")
+    parser.add_argument("--seconds", type=positive, help="seconds to record (default: until Ctrl-C)")
     add_overwrite(parser)
 
 

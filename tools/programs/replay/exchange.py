@@ -10,7 +10,7 @@ from rich.markup import escape
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
 from kinespace.stream import osc
-from kinespace.tools.feeding.feed import ANNOUNCE_EVERY, Pace, told_of_nobody
+from kinespace.tools.feeding.feed import ANNOUNCE_EVERY, Pace, told_unheard
 from kinespace.tools.loopback.answer_listener import answer_in
 from kinespace.tools.programs.replay.score import Score
 from kinespace.tools.terminal.console import console, printable, progress_console
@@ -123,7 +123,7 @@ class Exchange:
         if self._stood_still > _NOTICED:
             console.print(f"the feed stood still for {self._stood_still:.1f} s: a recording took longer to be read")
         if self._sender.unheard:
-            console.print(told_of_nobody(self._place, self._sender.unheard), soft_wrap=True)
+            console.print(told_unheard(self._place, self._sender.unheard), soft_wrap=True)
         if self._listener and not score.heard:
             console.print(self._silence(), soft_wrap=True)
         elif self._listener:

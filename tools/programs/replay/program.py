@@ -31,8 +31,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "Sends recordings as live packets on an absolute schedule. With --listen it hears the answers and prints the "
         "share that was right; a clip's class is in its name (HDM05) or is its folder's name. If a file of labels "
         "with a take's name lies beside the take, the class is the label of the moment. Exit status: 0 sent (and, with "
-        "--listen, answered), 1 if it is known that nobody heard the frames, or with --listen and without any answer, "
-        "2 could not be done."
+        "--listen, answered), 1 no program heard the frames, or no answer came to --listen, 2 could not be done."
     )
     parser.add_argument(
         "clips",
@@ -51,14 +50,20 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_page(parser)
     add_keys(parser)
     parser.add_argument("--performer", default="replay", help="name of the performer (default %(default)s)")
-    parser.add_argument("--speed", type=positive, default=1.0, help="times as fast as recorded (default %(default)s)")
+    parser.add_argument("--speed", type=positive, default=1.0, help="play so many times as fast (default %(default)s)")
     parser.add_argument("--pause", type=not_negative, default=1.0, help="seconds between clips (default %(default)s)")
-    parser.add_argument("--from", type=not_negative, default=0.0, dest="begin", metavar="S", help="begin there")
-    parser.add_argument("--to", type=positive, dest="end", metavar="S", help="end there, seconds of each recording")
+    parser.add_argument(
+        "--from", type=not_negative, default=0.0, dest="begin", metavar="S", help="begin each recording at this second"
+    )
+    parser.add_argument("--to", type=positive, dest="end", metavar="S", help="end each recording at this second")
     parser.add_argument("--loop", action="store_true", help="begin again after the last clip, until Ctrl-C")
     parser.add_argument("--drop", type=share, default=0.0, metavar="SHARE", help="lose this share of frames")
-    parser.add_argument("--jitter-ms", type=not_negative, default=0.0, metavar="MS", help="delay frames by up to this")
-    parser.add_argument("--reorder", type=share, default=0.0, metavar="SHARE", help="swap this share with the next")
+    parser.add_argument(
+        "--jitter-ms", type=not_negative, default=0.0, metavar="MS", help="delay frames by at most this"
+    )
+    parser.add_argument(
+        "--reorder", type=share, default=0.0, metavar="SHARE", help="swap this share of frames with the next frame"
+    )
     parser.add_argument("--seed", type=int, default=0, help="seed of the faults (default %(default)s)")
     add_json(parser)
 

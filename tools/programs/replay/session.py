@@ -64,7 +64,7 @@ def play(
 
     Returns
     -------
-    The exit status: 1 when nobody heard the frames, or when listening and no answers came, else 0.
+    The exit status: 1 when no program heard the frames, or when listening and no answers came, else 0.
 
     Raises
     ------

@@ -35,6 +35,15 @@ def test_times_positions_and_names_are_read(tmp_path: Path) -> None:
     np.testing.assert_allclose(clip.positions[3], [[0.5, 3 / 25, 2], [3 / 50, 0, 1]])
 
 
+def test_semicolons_and_decimal_commas_are_read(tmp_path: Path) -> None:
+    """A table as spreadsheets write it where the comma is decimal is the same table."""
+    commas, semicolons = tmp_path / "a.csv", tmp_path / "b.csv"
+    commas.write_text("time,a_x,a_y,a_z,b_x,b_y,b_z\n0,0,1.5,0,1,2,3\n0.1,0,1.25,0,1,2,3\n")
+    semicolons.write_text(commas.read_text().replace(",", ";").replace(".", ","))
+    assert is_joint_table(semicolons)
+    assert np.array_equal(read_clip(semicolons).positions, read_clip(commas).positions)
+
+
 def test_uneven_times_are_put_on_an_even_grid(tmp_path: Path) -> None:
     """Positions that grow with time grow with it on the grid too, whenever the frames came."""
     jitter = np.random.default_rng(1).uniform(-0.004, 0.004, 60)

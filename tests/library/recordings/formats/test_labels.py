@@ -139,7 +139,7 @@ def test_exports_of_other_programs_are_read(tmp_path: Path, text: str) -> None:
     path = _file(tmp_path, text)
     wanted = (Segment(0.0, 1.0, "jump"),) if "jump" in text else TWO
     assert read_labels(path) == wanted
-    assert labels_beside(path.with_suffix(".amc")) == path
+    assert labels_beside(path.with_suffix(".amc")) == [path]
 
 
 @pytest.mark.parametrize(
@@ -164,12 +164,12 @@ def test_other_files_beside_a_take_are_not_taken_for_labels(tmp_path: Path) -> N
     take.write_text("time,root_x,root_y,root_z\n0,1,2,3\n")
     (tmp_path / "take.txt").write_text("filmed on Monday\n")
     (tmp_path / "take.tsv").write_text("0.0\t1.5\t2.5\n")
-    assert labels_beside(tmp_path / "take.amc") is None
-    assert labels_beside(take) is None
+    assert labels_beside(tmp_path / "take.amc") == []
+    assert labels_beside(take) == []
     (tmp_path / "take.txt").write_text("0.0\t1.5\twave\n")
-    assert labels_beside(take) == tmp_path / "take.txt"
+    assert labels_beside(take) == [tmp_path / "take.txt"]
     take.write_text(HEADER)
-    assert labels_beside(tmp_path / "take.bvh") == take
+    assert labels_beside(tmp_path / "take.bvh") == [take, tmp_path / "take.txt"]
 
 
 def test_odd_labels_cause_a_remark() -> None:
@@ -177,12 +177,10 @@ def test_odd_labels_cause_a_remark() -> None:
     take = _take(frames=100)
     assert oddities(take, [Segment(0.0, 1.0, "bow"), Segment(1.0, 2.0, "wave")]) == []
     assert oddities(take, []) == []
-    (frames,) = oddities(take, [Segment(0.0, 50.0, "bow"), Segment(50.0, 100.0, "wave")])
-    assert (
-        frames == "evening: the labels end at 100, the take at 2.0 s or frame 100: frame numbers? Seconds are expected"
-    )
+    with pytest.raises(LabelError, match=r"evening: the labels end at 100, the take at 2\.0 s or frame 100: frame n"):
+        oddities(take, [Segment(0.0, 50.0, "bow"), Segment(50.0, 100.0, "wave")])
     beyond, tiny = oddities(take, [Segment(0.0, 0.2, "bow"), Segment(1.5, 2.5, "wave"), Segment(7.0, 8.5, "bow")])
-    assert beyond == "evening: 2 of 3 labels end beyond the take's 2.0 s, the last at 8.5 s"
+    assert beyond == "evening: 2 of 3 labels reach beyond the take (0.0 to 2.0 s): 1 shortened, 1 left out"
     assert tiny == "evening: 1 of 3 labels are shorter than 0.25 s, too short for any window"
 
 
@@ -224,6 +222,24 @@ def test_a_line_that_makes_no_sense_is_named(tmp_path: Path, line: str, said: st
         pytest.param(HEADER + "0,9,bow\n1,2,bow\n", "'bow' (to 9.0) and 'bow' (from 1.0) overlap", id="one in another"),
         pytest.param(HEADER + "0,1,bow\n0,1,bow\n", "'bow' (to 1.0) and 'bow' (from 0.0) overlap", id="twice"),
         pytest.param((HEADER + "0,1,Übung\n").encode("latin-1"), "expected a CSV in UTF-8", id="Latin-1"),
+        pytest.param(
+            HEADER.encode("utf-16"), "expected a CSV in UTF-8, got another encoding: save the file as", id="UTF-16"
+        ),
+        pytest.param(
+            "start_frame,end_frame,label\n0,468,a\n",
+            "expected start_s,end_s,label, got frame numbers: divide them by the take's frames per second",
+            id="frames",
+        ),
+        pytest.param(
+            "Hands\t\t0\t3900\t3900\twave\nFeet\t\t100\t3000\t2900\tstep\n",
+            "'wave' (to 3.9) and 'step' (from 0.1) overlap; tiers Hands, Feet: export one of them alone",
+            id="tiers",
+        ),
+        pytest.param(
+            "Begin Time - msec\tEnd Time - msec\tHands\tFeet\n0\t3900\twave\t\n100\t3000\t\tstep\n",
+            "'wave' (to 3.9) and 'step' (from 0.1) overlap; tiers Hands, Feet: export one of them alone",
+            id="tiers in columns",
+        ),
         pytest.param(b"PK\x03\x04\xff\xfe\x00", "expected a CSV in UTF-8", id="binary"),
         pytest.param(HEADER + "0,1," + "a" * 200_000 + "\n", "expected a CSV in UTF-8", id="endless cell"),
     ],
@@ -281,6 +297,19 @@ def test_segments_end_with_the_take() -> None:
     segments = [Segment(1.0, 9.0, "bow"), Segment(1.98, 9.0, "jump"), Segment(2.0, 3.0, "wave"), Segment(7, 8, "wave")]
     (clip,) = cut(_take(), segments)
     assert (clip.class_name, clip.frames) == ("bow", 50)
+
+
+def test_segments_begin_where_somebody_is_seen() -> None:
+    """A segment that begins before anybody is seen is cut short too, with the same remark; a later gap is refused."""
+    take = dataclasses.replace(_take(), gaps=((0.0, 1.0),))
+    segments = [Segment(0.0, 0.5, "jump"), Segment(0.5, 1.5, "bow")]
+    (clip,) = cut(take, segments)
+    assert (clip.class_name, clip.frames, clip.gaps) == ("bow", 25, ())
+    assert np.array_equal(clip.positions, take.positions[50:75])
+    (told,) = oddities(take, segments)
+    assert told == "evening: 2 of 2 labels reach beyond the take (1.0 to 2.0 s): 1 shortened, 1 left out"
+    with pytest.raises(LabelError, match=r"not seen from 1\.20 to 1\.60 s"):
+        list(cut(dataclasses.replace(take, gaps=((1.2, 1.6),)), segments))
 
 
 def test_a_segment_shorter_than_two_frames_is_left_out() -> None:

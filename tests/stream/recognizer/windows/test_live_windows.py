@@ -41,11 +41,13 @@ def clip(some_clips: tuple[Clip, ...]) -> Clip:
 
 @pytest.fixture(scope="module")
 def rows(clip: Clip) -> np.ndarray:
+    """Give a clip's distance rows."""
     return distance_rows(clip.positions, clip.skeleton)
 
 
 @pytest.fixture
 def windows(small_index: WindowIndex) -> LiveWindows:
+    """Give live windows in the small library's basis."""
     return LiveWindows(small_index.body, small_index.basis)
 
 

@@ -76,6 +76,7 @@ def some_motions(motions: tuple[Clip, ...]) -> tuple[Clip, ...]:
 
 @pytest.fixture(scope="module")
 def labels(motions: tuple[Clip, ...]) -> Labels:
+    """Give the motions' labels."""
     return Labels.of_clips(motions)
 
 
@@ -93,6 +94,7 @@ def recorded_axes(hdm05_clips: tuple[Clip, ...]) -> Axes:
 
 @pytest.fixture(scope="module")
 def turned_motions(motions: tuple[Clip, ...]) -> list[Clip]:
+    """Give each motion in a heading drawn at random."""
     generator = np.random.default_rng(2012)
     return [turned(motion, generator) for motion in motions]
 
@@ -161,11 +163,13 @@ def test_turning_every_clip_spoils_positions(turned_motions: list[Clip], axes: A
 
 @pytest.fixture(scope="module")
 def spreads(motions: tuple[Clip, ...]) -> np.ndarray:
+    """Give the motions' spreads."""
     return motion_spreads(motions)
 
 
 @pytest.fixture(scope="module")
 def spread_scores(spreads: np.ndarray, labels: Labels) -> dict[Protocol, np.ndarray]:
+    """Give the scores by spreads for each protocol."""
     return {protocol: compare_spreads(spreads, labels, protocol) for protocol in Protocol}
 
 

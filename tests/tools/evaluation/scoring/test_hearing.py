@@ -29,6 +29,7 @@ FEW = replace(
 
 @pytest.fixture(scope="module")
 def everything() -> WindowIndex:
+    """Give the windows of the few motions."""
     return WindowIndex.of(FEW)
 
 

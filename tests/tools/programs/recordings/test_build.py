@@ -10,9 +10,10 @@ from programs import finished
 from recorded import JOINTS, SWINGS, TWO_ARMS, two_arms_frames, write_take, write_takes
 from synthetic import amc_text, stick_clips
 
-from kinespace.library import NOTHING, MotionLibrary, read_recordings
+from kinespace.library import NOTHING, MotionLibrary, Skeleton, read_recordings
 from kinespace.library.naming import hdm05
 from kinespace.tools.cli.main import main
+from kinespace.tools.programs.recordings.build import by_body
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -110,14 +111,45 @@ def test_labels_beside_recordings_cut_them(tmp_path: Path, capsys: pytest.Captur
     assert main(["build", str(cut), str(whole), "-o", str(output)]) == 0
     assert [motion.class_name for motion in MotionLibrary.load(output).motions] == ["bendLeft", "down", "up"]
     printed = capsys.readouterr().out
-    assert "1 of 2 recordings are cut by the labels that lie beside them" in printed
-    assert "1 of 3 labels end beyond the take's 1.5 s, the last at 9 s" in printed
+    assert "1 of 2 recordings cut by the labels beside" in printed
+    assert "1 of 3 labels reach beyond the take (0.0 to 1.5 s): 0 shortened, 1 left out" in printed
     cut.with_suffix(".txt").write_text("0.0\t90\tup\n90\t180\tdown\n")
     cut.with_suffix(".csv").write_text("start_s,end_s,label\n20,180,up\n")
     assert main(["build", str(cut), "-o", str(tmp_path / "none.npz")]) == 2
     error = capsys.readouterr().err
-    assert "expected segments with two frames or more" in error
     assert "the labels end at 180, the take at 1.5 s or frame 180: frame numbers?" in error
+    cut.with_suffix(".csv").write_text("start_s,end_s,label\n20.5,180,up\n")
+    assert main(["build", str(cut), "-o", str(tmp_path / "none.npz")]) == 2
+    assert "expected segments with two frames or more" in capsys.readouterr().err
+
+
+def test_nothing_is_lost_in_silence(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Files that are passed over, a second file of labels and labels of somebody else are told."""
+    (tmp_path / "cut").mkdir()
+    take = write_take(tmp_path / "cut", "bd", "bendLeft", 1)
+    take.with_suffix(".csv").write_text("start_s,end_s,label,performer\n0,0.75,up,bd\n0.75,1.5,down,zoe\n")
+    take.with_suffix(".txt").write_text("0.0\t0.75\tup\n")
+    (tmp_path / "cut" / "notes.csv").write_text("day;weather\n")
+    assert build(tmp_path / "cut", "-o", tmp_path / "library.npz") == 0
+    name, printed = take.stem, capsys.readouterr().out.splitlines()
+    assert printed[0].startswith(f"{tmp_path / 'library.npz'}: 1 motion, 1 class, ")
+    assert printed[1:] == [
+        "1 of 1 recording cut by the labels beside",
+        f"{name}.amc: cut by {name}.csv, not by {name}.txt",
+        "1 file passed over: notes.csv (a .csv without joints' positions: columns like time, head_x, head_y, head_z)",
+        f"{name}.amc: 1 label of zoe left out: bd is in the recording",
+    ]
+
+
+def test_all_damaged_recordings_are_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A folder with damaged files ends with one line that names ten of them, and how many more there are."""
+    for number in range(12):
+        (tmp_path / f"{number:02}.bvh").write_text("HIERARCHY\n")
+    assert build(tmp_path, "-o", tmp_path / "library.npz") == 2
+    told = capsys.readouterr().err
+    assert told.count("\n") == 1
+    assert [f"{number:02}.bvh" in told for number in range(12)] == [True] * 10 + [False] * 2
+    assert told.endswith("; and 2 more\n")
 
 
 def test_the_path_names_the_person_of_a_cut_take(tmp_path: Path) -> None:
@@ -151,7 +183,7 @@ def test_motions_too_short_for_a_window_are_named_and_kept(tmp_path: Path, capsy
     path = write_take(tmp_path / "cut", "bd", "bendRight", 1, frames=28)
     assert build(tmp_path / "cut", "-o", tmp_path / "mine.npz") == 0
     assert [motion.frames for motion in MotionLibrary.load(tmp_path / "mine.npz").motions] == [15, 14]
-    told = "1 of 2 motions are shorter than 0.25 s, too short for any window, and kept for playback alone: "
+    told = "1 of 2 motions shorter than 0.25 s, too short for any window, and kept for playback alone: "
     assert capsys.readouterr().out.splitlines()[1:] == [told + path.stem]
 
 
@@ -160,9 +192,7 @@ def test_long_takes_without_labels_cause_a_remark(tmp_path: Path, capsys: pytest
     write_take(tmp_path, "bd", "bendLeft", 1)
     path = write_take(tmp_path, "bd", "bendRight", 1, frames=120 * 16)
     assert build(tmp_path, "-o", tmp_path / "mine.npz") == 0
-    told = (
-        f"1 of 2 recordings are longer than 15 s, {path.stem} (16 s) the longest; each is taken as one motion; --labels"
-    )
+    told = f"1 of 2 recordings longer than 15 s, {path.stem} (16 s) the longest; each is taken as one motion; --labels"
     (line,) = [line for line in capsys.readouterr().out.splitlines() if "--labels" in line]
     assert line.startswith(told)
     labels = tmp_path / "labels.csv"
@@ -222,11 +252,14 @@ def test_classes_and_persons_are_left_out_and_classes_renamed(tmp_path: Path) ->
     ("options", "error"),
     [
         (("--without", "zz"), "--without: expected a class or a person (bow, jump, wave, aa, bb), got 'zz'"),
-        (("--without", "aa", "--without", "bb"), "motions: expected at least one, got none"),
-        (("--rename", "zz=bow"), "classes: expected some of bow, jump, wave, got 'zz'"),
-        (("--without", "bow", "--rename", "bow=bend"), "classes: expected some of jump, wave, got 'bow'"),
+        (("--without", "aa,bb"), "motions: expected at least one, got none"),
+        (("--rename", "zz=bow"), "--rename: expected a class (bow, jump, wave), got 'zz'"),
         (
-            ("--rename", "bow=nothing", "--rename", "jump=nothing", "--rename", "wave=nothing"),
+            ("--without", "bow", "--rename", "bow=bend"),
+            "--rename: expected a class (bow, jump, wave) that stays, got 'bow'",
+        ),
+        (
+            ("--rename", "bow=nothing", "jump=nothing", "--rename", "wave=nothing"),
             "motions: expected some of a class beside 'nothing', got none",
         ),
     ],
@@ -277,6 +310,16 @@ def test_bodies_are_merged_over_the_joints_they_share(tmp_path: Path, capsys: py
     assert set(both.classes) == {*whole.classes, "grab"}
     told = "28 joints that all sources have; without root, lhipjoint, rhipjoint"
     assert told in capsys.readouterr().out.splitlines()
+
+
+def test_recordings_of_two_skeletons_meet_over_shared_joints() -> None:
+    """Clips of each set of joints make a library of their own, whatever the order of the joints; merged they meet."""
+    one, *others = stick_clips(takes=1)
+    turned = one.as_of(Skeleton(one.skeleton.joints[::-1]))
+    fewer = [each.restricted_to(each.skeleton.joints[:5]) for each in others]
+    whole, rest = by_body([one, *fewer, turned])
+    assert (len(whole), len(rest), len(rest.skeleton.joints)) == (2, len(fewer), 5)
+    assert len(whole.merged_with(rest).skeleton.joints) == 5
 
 
 def test_bodies_that_share_too_little_cannot_be_merged(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -466,7 +466,7 @@ def test_a_feeds_recording_holds_its_preset(tmp_path: Path, capsys: pytest.Captu
     assert "performer 1: 10 frames" in capsys.readouterr().out
     path, _ = an_osceleton(tmp_path / "b.kinerec", told="osc here feed mine")
     assert main(["info", str(path)]) == 2
-    assert "--feed: expected one of captury, " in capsys.readouterr().err
+    assert "feed: expected a .toml file or one of captury, " in capsys.readouterr().err
 
 
 def test_live_records_the_preset_in_use(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -355,7 +355,7 @@ def test_frames_that_nobody_hears_are_counted(transport: str, take: Path, capsys
     assert replay(take, *to, "--speed", SPEED) == 1
     _, sent, unheard = capsys.readouterr().out.splitlines()
     assert sent == "180 frames sent, 0 refused by the system"
-    assert re.match(rf"nobody listens at {re.escape(to[1])}: 18\d packets reached no program; start", unheard)
+    assert re.match(rf"no program listens at {re.escape(to[1])}: 18\d packets were lost; start", unheard)
 
 
 def test_no_faults_change_nothing() -> None:

@@ -3,6 +3,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 MADE := $(VENV)/.made
+RUNS := $(VENV)/.runs
 
 # The matrices are small: threads of the linear algebra would only take the cores from each other.
 export OPENBLAS_NUM_THREADS := 1
@@ -14,19 +15,29 @@ export PYTHONDONTWRITEBYTECODE :=
 
 setup: $(MADE)
 
-$(MADE): pyproject.toml library/kernels/compiled.c library/kernels/loops.h
+SOURCES := pyproject.toml library/kernels/compiled.c library/kernels/loops.h
+# Two of setuptools' keys are still called experimental, as often as they are read.
+INSTALL := PYTHONWARNINGS=ignore $(BIN)/python -m pip install --quiet --disable-pip-version-check --editable
+
+$(VENV)/pyvenv.cfg:
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { echo "kinespace needs Python 3.11 or newer: make PYTHON=python3.12 ..."; exit 2; }
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --upgrade pip
-	@# Two of setuptools' keys are still called experimental, as often as they are read.
-	PYTHONWARNINGS=ignore $(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev]'
+
+# The programs alone: quicker than what the tests need, too.
+$(RUNS): $(SOURCES) | $(VENV)/pyvenv.cfg
+	$(INSTALL) .
 	@touch $@
+
+$(MADE): $(SOURCES) | $(VENV)/pyvenv.cfg
+	$(INSTALL) '.[dev]'
+	@touch $(RUNS) $@
 
 # Seven minutes of attacks and faults, and their effect on a performer; `make test` runs a short form.
 chaos: setup
 	$(BIN)/kinespace chaos
 
-demo: setup
+demo: $(RUNS)
 	@$(BIN)/kinespace demo
 
 # mypy runs beside the tests, because many of them wait for real time.

@@ -127,7 +127,7 @@ COUNTED = (*_OF_INPUT, "answers", "frames", "restarts", "unsent")
 def summary_counts(output: str) -> dict[str, int]:
     """Read the counts out of the last lines of `kinespace live`."""
     found = re.search(", ".join(rf"{name} (\d+)" for name in _OF_INPUT), output)
-    told = re.search(r"(\d+) answers of (\d+) frames, (\d+) windows started anew, (\d+) answers not sent", output)
+    told = re.search(r"(\d+) answers of (\d+) frames[^,]*, (\d+) windows started anew, (\d+) answers not sent", output)
     assert found
     assert told
     counts = zip(COUNTED, (*found.groups(), *told.groups()), strict=True)

@@ -38,9 +38,13 @@ def opening(option: str) -> Iterator[None]:
     ------
     OSError
         Anything inside raised it.
+    ValueError
+        As above; for text that is no address the message begins with the option.
     """
     try:
         yield
+    except ValueError as error:
+        raise ValueError(re.sub("^address: ", f"{option}: ", str(error))) from error
     except OSError as error:
         place = re.split(r": |$", error.strerror or str(error), maxsplit=1)[0]
         if advice := _advice(error.errno, place):

@@ -8,10 +8,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from kinespace.library import MotionLibrary
-from kinespace.library.naming import AS_THEY_ARE, AUTO, Naming, conventions
+from kinespace.library.naming import AS_THEY_ARE, AUTO, ConventionError, Naming, conventions
 from kinespace.library.recordings import ActorIn, Reading
 from kinespace.stream.recognizer import LiveSignature, Settings
 from kinespace.stream.recognizer.settings import SENSITIVITY_LEARNED, SENSITIVITY_ONE, SENSITIVITY_OWN
+from kinespace.tools.cli.choice import meant
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -58,7 +59,11 @@ def add_names(parser: argparse.ArgumentParser, whose: str) -> None:
 
 def add_inputs(parser: argparse.ArgumentParser) -> None:
     """Add the options for the addresses that packets come in on."""
-    parser.add_argument("--osc-in", metavar="HOST:PORT", help=f"listen for OSC here (default {OSC_IN})")
+    parser.add_argument(
+        "--osc-in",
+        metavar="[HOST:]PORT",
+        help=f"listen for OSC here (default {OSC_IN}, or the port of --feed, unless --zmq-in is given)",
+    )
     parser.add_argument("--zmq-in", metavar="ENDPOINT", help="subscribe to ZeroMQ, like tcp://127.0.0.1:9320")
 
 
@@ -102,6 +107,24 @@ def library_at(path: Path | None) -> MotionLibrary:
         It cannot be opened.
     """
     return MotionLibrary.builtin() if path in (None, BUILT_IN) else MotionLibrary.load(path)
+
+
+def class_at(place: Path) -> str:
+    """Give the class of the built-in library whose name is typed in place of a file; empty where there is a file.
+
+    Raises
+    ------
+    ValueError
+        There is no file, folder or class of that name.
+    """
+    if place.exists():
+        return ""
+    name, classes = str(place), MotionLibrary.builtin().classes
+    if name not in classes:
+        near = meant(name, classes)
+        listed = "" if near or place.suffix else ", nor a class of the built-in library (`kinespace info` lists them)"
+        raise ValueError(f"{place}: no such file or folder{near or listed}")
+    return name
 
 
 def add_labels(parser: argparse.ArgumentParser, told: str) -> None:
@@ -215,10 +238,22 @@ def reading_of(parsed: argparse.Namespace) -> Reading:
         frame_rate=parsed.frame_rate,
         unit=parsed.unit,
         joints=parsed.joints,
-        naming=Naming.asked(parsed.naming),
+        naming=naming_of(parsed),
         actor_in=ActorIn(getattr(parsed, "actor_in", ActorIn.NOWHERE)),
         raw=partial(_raw, feed=getattr(parsed, "feed", None)),
     )
+
+
+def naming_of(parsed: argparse.Namespace) -> Naming:
+    """Read the option for the convention of joint names."""
+    text: str = parsed.naming
+    try:
+        return Naming.asked(text)
+    except ConventionError as error:
+        if text.endswith(".toml"):
+            raise
+        known = (AUTO, AS_THEY_ARE, *(each.name for each in conventions()))
+        raise ValueError(f"--{error}{meant(text, known)}") from error
 
 
 def _raw(path: Path, feed: str | None) -> Sequence[Clip]:
@@ -258,8 +293,16 @@ def add_settings(parser: argparse.ArgumentParser) -> None:
 
 def settings_of(parsed: argparse.Namespace) -> Settings:
     """Make settings from the arguments; an option that does not belong to the signature is refused."""
+    signature = LiveSignature(parsed.signature)
+    for option, given, belongs_to in (
+        ("--window", parsed.window is not None, LiveSignature.PAPER),
+        ("--sensitivity", parsed.sensitivity is not None, LiveSignature.WINDOWS),
+        ("--progress", parsed.progress, LiveSignature.WINDOWS),
+    ):
+        if given and signature is not belongs_to:
+            raise ValueError(f"{option}: expected --signature {belongs_to} with it, got {signature}")
     return Settings(
-        signature=LiveSignature(parsed.signature),
+        signature=signature,
         window=parsed.window,
         hop=parsed.hop,
         sensitivity=parsed.sensitivity,

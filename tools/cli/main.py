@@ -7,14 +7,15 @@ returns the exit status. Only the module of the program that is asked for is imp
 from __future__ import annotations
 
 import argparse
+import re
 import sys
 from importlib import import_module
 from importlib.metadata import PackageNotFoundError, version
 from io import TextIOWrapper
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NoReturn
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Iterable, Mapping, Sequence
 
     #: Module, below `kinespace.tools`, and line of help of each program, by name.
     Programs = Mapping[str, tuple[str, str]]
@@ -105,7 +106,31 @@ def _size(text: str) -> int:
     return memory.size_of(text)
 
 
-class _ProgramParser(argparse.ArgumentParser):
+class _Parser(argparse.ArgumentParser):
+    """A parser that tells a mistake in one line, with the name that was perhaps meant."""
+
+    def error(self, message: str) -> NoReturn:
+        """End with status 2 and the mistake."""
+        if choice := re.search(r"invalid choice: '(.*)' \(choose from (.*)\)", message):
+            message += _meant(choice[1], re.findall(r"[^\s',]+", choice[2]))
+        self.exit(2, f"{self.prog}: error: {message}; {self.prog} --help lists all options\n")
+
+    def parse_known_args(self, *arguments: Any, **options: Any) -> Any:  # noqa: ANN401 - argparse's own has four overloads
+        """Parse as argparse does, and refuse the first argument that is unknown."""
+        parsed, unknown = super().parse_known_args(*arguments, **options)
+        if unknown:
+            name = unknown[0].partition("=")[0]
+            self.error(f"unknown argument {name}{_meant(name, self._option_string_actions)}")
+        return parsed, unknown
+
+
+def _meant(name: str, known: Iterable[str]) -> str:
+    from kinespace.tools.cli.choice import meant  # noqa: PLC0415 - `--version` needs none
+
+    return meant(name, known)
+
+
+class _ProgramParser(_Parser):
     """The parser of one program, which imports the program when its arguments are parsed.
 
     Attributes
@@ -116,8 +141,8 @@ class _ProgramParser(argparse.ArgumentParser):
 
     module = ""
 
-    def parse_known_args(self, *arguments: Any, **options: Any) -> Any:  # noqa: ANN401 - argparse's own has four overloads
-        """Parse as argparse does, once the program has said which arguments it takes."""
+    def parse_known_args(self, *arguments: Any, **options: Any) -> Any:  # noqa: ANN401 - as above
+        """Parse as its base does, once the program has said which arguments it takes."""
         self.fill()
         return super().parse_known_args(*arguments, **options)
 
@@ -136,7 +161,7 @@ def whole_parser() -> argparse.ArgumentParser:
 
 
 def _parser(*, filled: bool = False) -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
+    parser = _Parser(
         prog="kinespace",
         description="Names the movement a performer is doing, live, from joint positions arriving by OSC or ZeroMQ.",
     )

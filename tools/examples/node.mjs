@@ -17,7 +17,12 @@ server.on("message", ([address, ...told]) => hear(address, told));
 // Label, class and scores come together in a bundle.
 server.on("bundle", (bundle) => bundle.elements.forEach(([address, ...told]) => hear(address, told)));
 
+const silence = setTimeout(() => {
+  console.log(`nothing heard yet: does kinespace live --osc-in ${listens} --osc-out ${answers} run?`);
+}, 5000);
+
 function hear(address, told) {
+  clearTimeout(silence);
   if (address === "/motion/node/label" && told[0] !== last) {
     last = told[0];
     console.log(`node: ${last}`);

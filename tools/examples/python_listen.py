@@ -1,5 +1,6 @@
 """Print kinespace's answers, with python-osc. First start, elsewhere: kinespace live."""
 
+import select
 import sys
 
 from pythonosc.dispatcher import Dispatcher
@@ -27,4 +28,7 @@ def event(address: str, kind: str, name: str, *_: float) -> None:
 dispatcher = Dispatcher()
 dispatcher.map("/motion/*/label", label)
 dispatcher.map("/motion/*/event", event)
-BlockingOSCUDPServer(("127.0.0.1", PORT), dispatcher).serve_forever()
+server = BlockingOSCUDPServer(("127.0.0.1", PORT), dispatcher)
+if not select.select([server.socket], [], [], 5)[0]:
+    print(f"nothing heard yet: does somebody send frames, to kinespace live --osc-out {PORT}?", flush=True)
+server.serve_forever()

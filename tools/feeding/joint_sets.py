@@ -5,6 +5,7 @@ from __future__ import annotations
 from kinespace.library.naming import spelling
 from kinespace.library.recordings.formats import utkinect
 from kinespace.stream.feeds import builtin_names, builtin_preset
+from kinespace.tools.cli.choice import one_of
 from kinespace.tools.programs.feeds import preset_named
 
 #: Joint sets that no preset has: the joints of Kinect 1's own tools.
@@ -40,11 +41,14 @@ def joints_in_order(text: str) -> tuple[str, ...]:
     if "," in text:
         joints = tuple(name.strip() for name in text.split(","))
     else:
+        ordered = [each for each in builtin_names() if builtin_preset(each).order]
+        if text not in builtin_names() and not text.endswith(".toml"):
+            one_of("--joints", text, ordered, ", a .toml file or names with commas between")
         preset = preset_named(text)
         if not preset.order:
-            ordered = ", ".join(each for each in builtin_names() if builtin_preset(each).order)
             raise ValueError(
-                f"--joints: expected a preset with an order of joints ({ordered}), got {text}, whose messages name them"
+                f"--joints: expected a preset with an order of joints ({', '.join(ordered)}), got {text}, whose "
+                "messages name them"
             )
         ours = {spelling(name): target for name, target in preset.joint_map.items()}
         joints = tuple(ours.get(spelling(name)) or name for name in preset.order)
@@ -61,7 +65,6 @@ def joints_of(name: str) -> tuple[str, ...]:
     ValueError
         There is no such set.
     """
-    if name not in names():
-        raise ValueError(f"--skeleton: expected one of {', '.join(names())}, got {name!r}")
+    one_of("--skeleton", name, names())
     name = _ALSO.get(name, name)
     return _FURTHER[name] if name in _FURTHER else builtin_preset(name).joints

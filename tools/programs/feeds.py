@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from rich.text import Text
 
 from kinespace.stream.feeds import Preset, PresetError, builtin_names, builtin_preset, load_preset
+from kinespace.tools.cli.choice import one_of
 from kinespace.tools.terminal.console import console
 
 if TYPE_CHECKING:
@@ -68,9 +69,11 @@ def preset_named(text: str) -> Preset:
 
     Raises
     ------
-    PresetError
-        There is none of that name, or something in the file is wrong.
+    ValueError
+        There is none of that name, or something in the file is wrong; the message begins with `--feed` or the file.
     OSError
         The file cannot be read.
     """
-    return load_preset(Path(text)) if text.casefold().endswith(_ENDING) else builtin_preset(text)
+    if text.casefold().endswith(_ENDING):
+        return load_preset(Path(text))
+    return builtin_preset(one_of("--feed", text, builtin_names(), f" or a {_ENDING} file"))

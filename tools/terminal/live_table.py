@@ -69,33 +69,41 @@ class _Widths(NamedTuple):
 
 
 class PlainLines(Sink):
-    """A sink that prints a line whenever a performer's label changes."""
+    """A sink that prints a line whenever a performer's label changes; times count from the performer's first answer."""
 
     def __init__(self) -> None:
         self._labels: dict[str, str] = {}
+        #: The times of each performer's first and last answer.
+        self._spans: dict[str, tuple[float, float]] = {}
         self._notes: set[str] = set()
         #: The notes on performers at the last status.
         self._said: list[str] = []
 
     def publish(self, recognition: Recognition) -> None:
         """Print the recognition if its label is new."""
+        began = self._spans.get(recognition.performer, (recognition.time,))[0]
+        self._spans[recognition.performer] = began, recognition.time
         if self._labels.get(recognition.performer) != recognition.label:
             self._labels[recognition.performer] = recognition.label
             console.print(
-                f"{recognition.time:10.3f} s  {printable(recognition.performer)}  {recognition.label}  "
+                f"{recognition.time - began:10.3f} s  {printable(recognition.performer)}  {recognition.label}  "
                 f"score {recognition.score:.3f}  margin {recognition.margin:.3f}",
                 soft_wrap=True,
             )
 
     def publish_event(self, event: Event) -> None:
-        """Print the event."""
+        """Print the event at the time of the performer's last answer, and its own time if that was earlier."""
+        began, last = self._spans.get(event.performer, (event.time, event.time))
+        at = "" if event.time >= last else f" at {event.time - began:.3f} s"
         console.print(
-            f"{event.time:10.3f} s  {printable(event.performer)}  {event.kind}: {event.label}", soft_wrap=True
+            f"{max(event.time, last) - began:10.3f} s  {printable(event.performer)}  {event.kind}: {event.label}{at}",
+            soft_wrap=True,
         )
 
     def publish_status(self, status: Status) -> None:
         """Forget performers that have left, so that their return is printed."""
         self._labels = {name: label for name, label in self._labels.items() if name in status.performers}
+        self._spans = {name: span for name, span in self._spans.items() if name in status.performers}
         said = said_of(status)
         for line in said:
             if line not in self._said:
@@ -239,12 +247,14 @@ def counts(status: Status) -> str:
     )
 
 
-def summary(status: Status) -> str:
-    """Sum up a service when it ends."""
+def summary(status: Status, hop: float) -> str:
+    """Sum up a service when it ends; `hop`: seconds between two answers to a performer, at least."""
     recognizers = status.outcomes.recognizers
+    most = f" (--hop: at most {1 / hop:.3g} answers a second)" if hop else ""
     return (
         f"{counts(status)}\n"
-        f"{recognizers.hops} answers of {recognizers.frames} frames, {recognizers.restarts} windows started anew, "
+        f"{recognizers.hops} answers of {recognizers.frames} frames{most}, "
+        f"{recognizers.restarts} windows started anew, "
         f"{status.unsent} answers not sent, {f'{status.stale} too old to be sent, ' if status.stale else ''}"
         f"hop {status.hop_p50 * 1000:.2f} ms (p50) {status.hop_p99 * 1000:.2f} ms (p99)"
         + "".join(f"\n{refused_frames(name, why)}" for name, why in status.refused.items())

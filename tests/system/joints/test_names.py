@@ -184,4 +184,4 @@ def test_names_can_be_left_as_they_are(tmp_path: Path, motions: MotionLibrary) -
 def test_an_unknown_convention_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """A mistyped convention ends the program with the list of conventions."""
     assert main(["build", str(tmp_path), "--names", "klingon", "-o", str(tmp_path / "a.npz")]) == 2
-    assert "names: expected one of acclaim-bvh, arkit" in capsys.readouterr().err
+    assert "--names: expected one of acclaim-bvh, arkit" in capsys.readouterr().err

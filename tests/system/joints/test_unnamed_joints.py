@@ -134,7 +134,7 @@ def test_joints_are_given_by_name_or_by_preset(tmp_path: Path) -> None:
         ("a,,b", "--joints: expected distinct names"),
         ("a,b,a", "--joints: expected distinct names"),
         ("vmc", "got vmc, whose messages name them"),
-        ("head", "feed: expected a .toml file or one of"),
+        ("head", "--joints: expected one of kinectv2, "),
     ],
 )
 def test_joints_that_make_no_sense_are_refused(text: str, message: str) -> None:

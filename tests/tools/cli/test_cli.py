@@ -154,13 +154,14 @@ def test_every_program_has_help(program: str, capsys: pytest.CaptureFixture[str]
     ],
 )
 def test_wrong_arguments_end_with_2(arguments: str, asked: list[Call], capsys: pytest.CaptureFixture[str]) -> None:
-    """A wrong program, option or value ends with 2 and a last line on standard error; no program runs."""
+    """A wrong program, option or value ends with 2 and one line on standard error; no program runs."""
     with pytest.raises(SystemExit) as ended:
         main(arguments.split())
     assert ended.value.code == 2
     out, err = capsys.readouterr()
     assert out == ""
-    assert ": error: " in err.splitlines()[-1]
+    (line,) = err.splitlines()
+    assert ": error: " in line
     assert asked == []
 
 
@@ -251,7 +252,7 @@ def test_wrong_arguments_end_with_2(arguments: str, asked: list[Call], capsys: p
             ),
         ),
         (
-            "live --feed my.toml --sender 10.0.0.2 --out vrchat --out max=10.0.0.3:7401",
+            "live --feed my.toml --sender 10.0.0.2 --out vrchat,puredata --out max=10.0.0.3:7401",
             (
                 "recognise",
                 (live.Addresses(),),
@@ -260,10 +261,14 @@ def test_wrong_arguments_end_with_2(arguments: str, asked: list[Call], capsys: p
                     "settings": Settings(),
                     "most": 32,
                     "plain": False,
-                    "feed": live.Feed("my.toml", "10.0.0.2", ("vrchat", "max=10.0.0.3:7401")),
+                    "feed": live.Feed("my.toml", "10.0.0.2", ("vrchat", "puredata", "max=10.0.0.3:7401")),
                 },
             ),
         ),
+        ("live --osc-out 9400", ("recognise", (live.Addresses(osc_in=OSC_IN, osc_out="9400"),), {})),
+        ("live --zmq-out t://h:2", ("recognise", (live.Addresses(osc_in=OSC_IN, zmq_out="t://h:2"),), {})),
+        ("live --zmq-in t://h:1", ("recognise", (live.Addresses(zmq_in="t://h:1", osc_out=OSC_OUT),), {})),
+        ("live --out max", ("recognise", (live.Addresses(osc_in=OSC_IN),), {"feed": live.Feed(outs=("max",))})),
         (
             "live --signature windows --sensitivity 0.3",
             (
@@ -321,9 +326,10 @@ def test_every_option_reaches_its_program(arguments: str, expected: Call, asked:
 @pytest.mark.parametrize(
     ("options", "told"),
     [
-        ("--window 0.5", "window: expected none with the signature windows, got 0.5"),
-        ("--signature windows --window 0.5", "window: expected none with the signature windows, got 0.5"),
-        ("--signature paper --sensitivity 0.1", "sensitivity: expected none with the signature paper, got 0.1"),
+        ("--window 0.5", "--window: expected --signature paper with it, got windows"),
+        ("--signature windows --window 0.5", "--window: expected --signature paper with it, got windows"),
+        ("--signature paper --sensitivity 0.1", "--sensitivity: expected --signature windows with it, got paper"),
+        ("--signature paper --progress", "--progress: expected --signature windows with it, got paper"),
     ],
 )
 @pytest.mark.parametrize("program", ["live", "latency"])
@@ -334,6 +340,40 @@ def test_settings_without_effect_are_refused(
     assert main([program, *options.split()]) == 2
     assert capsys.readouterr().err == f"kinespace: {told}\n"
     assert asked == []
+
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        ("lvie", ", perhaps live or listen is meant;"),
+        ("live --libary none", "kinespace live: error: unknown argument --libary, perhaps --library is meant;"),
+        ("live --libary=none", "kinespace live: error: unknown argument --libary, perhaps --library is meant;"),
+        ("live --signature papr", ", perhaps paper is meant;"),
+        ("live --feed rokokko", "kinespace: --feed: expected one of captury, "),
+        ("live --feed rokokko", "got 'rokokko', perhaps rokoko is meant"),
+        ("live --joints xsans", "kinespace: --joints: expected one of kinectv2, "),
+        ("live --joints xsans", "got 'xsans', perhaps xsens is meant"),
+        ("live --names mixamoo", "kinespace: --names: expected one of acclaim-bvh, "),
+        ("live --names mixamoo", "got 'mixamoo', perhaps mixamo is meant"),
+        ("live --osc-in :0 --out max,puredat", "got 'puredat', perhaps puredata is meant"),
+        ("live --osc-in :0 --osc-out here", "kinespace: --osc-out: expected HOST:PORT, "),
+        ("feeds rokokko", "got 'rokokko', perhaps rokoko is meant"),
+        ("replay squat", "kinespace: squat: no such file or folder, perhaps squat1Reps is meant"),
+        ("info Squat", "kinespace: Squat: no such file or folder, perhaps squat1Reps is meant"),
+        ("replay tango", "kinespace: tango: no such file or folder, nor a class of the built-in library"),
+    ],
+)
+def test_a_mistyped_name_is_told_with_its_neighbours(
+    arguments: str, told: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """One line names what was typed and the names near it."""
+    try:
+        status = main(arguments.split())
+    except SystemExit as ended:
+        status = ended.code  # type: ignore[assignment]  # argparse gives a number
+    assert status == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert told in line
 
 
 def test_json_of_latency_needs_one_transport(asked: list[Call], capsys: pytest.CaptureFixture[str]) -> None:

@@ -19,10 +19,12 @@ from kinespace.tools.terminal.live_table import LiveTable, PlainLines, counts, s
 CLASSES = ("bow", "jump", "wave")
 
 
-def recognition(performer: str, best: str, *, score: float = 0.9, outcome: Outcome = Outcome.NAMED) -> Recognition:
+def recognition(
+    performer: str, best: str, *, score: float = 0.9, outcome: Outcome = Outcome.NAMED, time: float = 12.5
+) -> Recognition:
     """Make an answer in which one class leads."""
     scores = np.array([score if name == best else 0.25 for name in CLASSES])
-    return Recognition(performer, 12.5, outcome, CLASSES, scores, movement=0.1, share=0.9, gap=0.8)
+    return Recognition(performer, time, outcome, CLASSES, scores, movement=0.1, share=0.9, gap=0.8)
 
 
 def status(*performers: str) -> Status:
@@ -57,7 +59,7 @@ def test_plain_lines_come_on_change_only(capsys: pytest.CaptureFixture[str]) -> 
     lines.publish(recognition("me", "bow", outcome=Outcome.STILL))
     printed = capsys.readouterr().out.splitlines()
     assert [line.split()[3] for line in printed] == ["bow", "wave", "bow", "still"]
-    assert printed[0].split() == ["12.500", "s", "me", "bow", "score", "0.900", "margin", "0.650"]
+    assert printed[0].split() == ["0.000", "s", "me", "bow", "score", "0.900", "margin", "0.650"]
 
 
 def test_plain_lines_keep_performers_apart(capsys: pytest.CaptureFixture[str]) -> None:
@@ -67,6 +69,20 @@ def test_plain_lines_keep_performers_apart(capsys: pytest.CaptureFixture[str]) -
         lines.publish(recognition("me", "bow"))
         lines.publish(recognition("you", "wave"))
     assert len(capsys.readouterr().out.splitlines()) == 2
+
+
+def test_plain_lines_count_from_the_first_answer(capsys: pytest.CaptureFixture[str]) -> None:
+    """Times begin at 0 with a performer's first answer and never go back; an earlier moment is told beside."""
+    lines = PlainLines()
+    lines.publish(recognition("me", "bow", time=61774.0))
+    lines.publish_event(Event("me", EventKind.START, "bow", 0, 0.9, 61774.0))
+    lines.publish(recognition("me", "wave", time=61776.5))
+    lines.publish_event(Event("me", EventKind.END, "bow", 0, 0.9, 61776.25))
+    lines.publish(recognition("you", "bow", time=5.0))
+    told = [line.split(maxsplit=2) for line in capsys.readouterr().out.splitlines()]
+    assert [time for time, _, _ in told] == ["0.000", "0.000", "2.500", "2.500", "0.000"]
+    assert told[1][2] == "me  start: bow"
+    assert told[3][2] == "me  end: bow at 2.250 s"
 
 
 def test_a_performer_who_comes_back_is_printed_again(capsys: pytest.CaptureFixture[str]) -> None:
@@ -261,8 +277,9 @@ def test_the_counts_name_every_loss() -> None:
 
 def test_the_summary_adds_answers_and_times() -> None:
     """The summary holds the counts, the answers, the new beginnings, the unsent and the hop times in milliseconds."""
-    first, second = summary(status()).splitlines()
+    first, second = summary(status(), 1 / 30).splitlines()
     assert first == counts(status())
     assert second == (
-        "20 answers of 80 frames, 9 windows started anew, 10 answers not sent, hop 1.20 ms (p50) 3.40 ms (p99)"
+        "20 answers of 80 frames (--hop: at most 30 answers a second), "
+        "9 windows started anew, 10 answers not sent, hop 1.20 ms (p50) 3.40 ms (p99)"
     )

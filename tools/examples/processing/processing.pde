@@ -13,7 +13,7 @@ void setup() {
   size(640, 240);
   frameRate(30);
   textAlign(CENTER, CENTER);
-  textSize(32);
+  textSize(24);
   // A line for each frame: x y z in metres of HDM05's 31 joints. Joints of other names or in another order: send
   // /motion/skeleton with "processing" and the names at the start and every second.
   frames = loadStrings(sketchPath("../squat.txt"));
@@ -30,7 +30,8 @@ void draw() {
   osc.send(frame, kinespace);
 
   background(20);
-  text(label, width / 2, height / 2);
+  boolean silent = label.isEmpty() && frameCount > 150;
+  text(silent ? "nothing heard yet: does kinespace live run?" : label, width / 2, height / 2);
 }
 
 void oscEvent(OscMessage message) {

@@ -14,6 +14,7 @@ from kinespace.stream.inputs.recording import RawWriter, Recorder, source_name
 from kinespace.stream.outputs import LAYOUTS, LayoutSink, NativeLayout, ReplySink, Sink, ZmqSink
 from kinespace.stream.zeromq import Endpoint
 from kinespace.tools.cli.address import host_and_port, opening
+from kinespace.tools.cli.choice import one_of
 from kinespace.tools.teaching.door import WEKINATOR_PORT, Allowed, RequestDoor, TaughtDecoder, WekinatorDoor
 
 if TYPE_CHECKING:
@@ -47,8 +48,6 @@ def open_ends(
     """Open the addresses and the recording; after a failure the open addresses are closed again."""
     if preset and not (addresses.osc_in or addresses.zmq_in):
         addresses = replace(addresses, osc_in=f"127.0.0.1:{preset.port}")
-    if not (addresses.osc_in or addresses.zmq_in):
-        raise ValueError("live: expected --osc-in or --zmq-in, got neither")
     receivers: list[_AnyReceiver] = []
     sinks: list[Sink] = []
     with ExitStack() as opened:
@@ -62,7 +61,8 @@ def open_ends(
                 receivers.append(zeromq.ZmqReceiver(endpoint, networks=networks, keyring=keyring))
             opened.callback(receivers[-1].close)
         if addresses.osc_out:
-            sinks.append(LayoutSink(NativeLayout(), osc.OscSender(*host_and_port(addresses.osc_out))))
+            with opening("--osc-out"):
+                sinks.append(LayoutSink(NativeLayout(), osc.OscSender(*host_and_port(addresses.osc_out))))
             opened.callback(sinks[-1].close)
         if addresses.zmq_out:
             endpoint = Endpoint.parse(addresses.zmq_out, bind=True)
@@ -72,7 +72,8 @@ def open_ends(
                 sinks.append(ZmqSink(zeromq.ZmqSender(endpoint, keyring, listeners), named=known))
             opened.callback(sinks[-1].close)
         for out in feed.outs:
-            sinks.append(_layout_sink(out, receivers, admission))
+            with opening("--out"):
+                sinks.append(_layout_sink(out, receivers, admission))
             opened.callback(sinks[-1].close)
         _require_no_loop(receivers, sinks)
         # Last, because it may take another file's place.
@@ -95,9 +96,7 @@ def _source(
 def _layout_sink(text: str, receivers: Sequence[_AnyReceiver], admission: Admission) -> Sink:
     """Open NAME, NAME=HOST:PORT or NAME=sender:PORT."""
     name, _, target = text.partition("=")
-    if name not in LAYOUTS:
-        raise ValueError(f"--out: expected one of {', '.join(LAYOUTS)}, got {name!r}")
-    layout = LAYOUTS[name]()
+    layout = LAYOUTS[one_of("--out", name, LAYOUTS)]()
     if target.partition(":")[0] != "sender":
         host, port = host_and_port(target) if target else ("127.0.0.1", layout.port)
         return LayoutSink(layout, osc.OscSender(host, port))

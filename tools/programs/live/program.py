@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from kinespace.library import MotionLibrary
-from kinespace.library.naming import Naming
 from kinespace.stream.outputs import LAYOUTS
 from kinespace.stream.recognizer import LiveSignature
 from kinespace.stream.zeromq import Keyring
@@ -24,6 +23,7 @@ from kinespace.tools.cli.arguments import (
     add_settings,
     count,
     names,
+    naming_of,
     settings_of,
 )
 from kinespace.tools.programs.live.options import Addresses, Feed, Guard, Teaching, Watched
@@ -66,7 +66,11 @@ def add_shared_arguments(parser: argparse.ArgumentParser) -> None:
         f"{OSC_OUT}. A ZeroMQ endpoint is bound; put > before it to connect instead."
     )
     add_inputs(parser)
-    parser.add_argument("--osc-out", metavar="HOST:PORT", help="send OSC answers there")
+    parser.add_argument(
+        "--osc-out",
+        metavar="[HOST:]PORT",
+        help=f"send OSC answers there (default {OSC_OUT}, unless --zmq-out or --out is given)",
+    )
     parser.add_argument("--zmq-out", metavar="ENDPOINT", help="publish ZeroMQ answers")
     parser.add_argument(
         "--feed", metavar="NAME", help="read the feed of this product, see kinespace feeds; or FILE.toml"
@@ -74,10 +78,11 @@ def add_shared_arguments(parser: argparse.ArgumentParser) -> None:
     add_sender(parser)
     parser.add_argument(
         "--out",
-        action="append",
+        type=names,
+        action="extend",
         default=[],
-        metavar="NAME[=HOST:PORT]",
-        help="answer in the layouts of these programs, several at once: "
+        metavar="NAME[=HOST:PORT],...",
+        help=f"answer in the layouts of these programs instead of to {OSC_OUT} (native: as well as): "
         + ", ".join(LAYOUTS)
         + "; sender:PORT replies",
     )
@@ -116,9 +121,8 @@ def add_shared_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace, where: Where | None = None) -> int:
     """Run the program with these options; return the exit status. Performers are recognised `where` it is said."""
-    none_given = not any((options.osc_in, options.osc_out, options.zmq_in, options.zmq_out))
+    usual_in = not (options.osc_in or options.zmq_in or options.feed)
     usual_out = not (options.osc_out or options.zmq_out or options.out)
-    usual_in = none_given and not options.feed
     addresses = Addresses(
         osc_in=OSC_IN if usual_in else options.osc_in,
         osc_out=OSC_OUT if usual_out else options.osc_out,
@@ -135,7 +139,7 @@ def run(options: argparse.Namespace, where: Where | None = None) -> int:
             plain=options.plain,
             record=options.record,
             overwrite=options.overwrite,
-            feed=Feed(options.feed, options.sender, tuple(options.out), options.joints, Naming.asked(options.naming)),
+            feed=Feed(options.feed, options.sender, tuple(options.out), options.joints, naming_of(options)),
             guard=Guard(options.allow, options.allow_from, options.merge, keyring),
             teaching=Teaching(options.teach, tuple(options.control)),
             watched=Watched(options.page, options.bodies, options.recordings, options.keys),

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from difflib import get_close_matches
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
@@ -13,6 +12,7 @@ from kinespace.stream.recognizer import Performers, Recognizer, SentJoints
 from kinespace.stream.service.background_opener import background_restricter, background_windows
 from kinespace.stream.service.recognising import Teachable
 from kinespace.tools.cli.arguments import library_at
+from kinespace.tools.cli.choice import meant
 from kinespace.tools.feeding.joint_sets import joints_in_order
 from kinespace.tools.teaching.desk import Start, open_desk
 from kinespace.tools.terminal.console import console
@@ -135,9 +135,9 @@ def fitted(motions: MotionLibrary, whose: str, joints: Sequence[str]) -> MotionL
     shared = motions.restricted_to(joints)
     if shared is not motions:
         for name in joints:
-            near = [] if name in motions.skeleton.joints else get_close_matches(name, motions.skeleton.joints, n=1)
-            if near and near[0] not in joints:
-                console.print(f"{whose}: the library has no joint {name!r}, perhaps {near[0]} is meant", soft_wrap=True)
+            told = "" if name in motions.skeleton.joints else meant(name, [*{*motions.skeleton.joints} - {*joints}])
+            if told:
+                console.print(f"{whose}: the library has no joint {name!r}{told}", soft_wrap=True)
         further = [name for name in joints if name not in motions.skeleton.joints]
         if further:
             console.print(

@@ -126,7 +126,7 @@ def recognise(
                 service.run()
         commanded.close()
         status = service.status()
-    console.print(summary(status), soft_wrap=True)
+    console.print(summary(status, settings.hop), soft_wrap=True)
     for source in feeds:
         console.print(frames_made(source), soft_wrap=True, markup=False)
     if kept:

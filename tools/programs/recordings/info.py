@@ -23,6 +23,7 @@ from kinespace.tools.cli.arguments import (
     add_json,
     add_reading,
     add_recorded_feed,
+    class_at,
     library_at,
     reading_of,
 )
@@ -53,8 +54,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "file",
         nargs="?",
         type=Path,
-        metavar="FILE",
-        help=f"a library, a recording or a folder of recordings (default: {BUILT_IN})",
+        metavar="FILE|CLASS",
+        help=f"a library, a recording, a folder of them, or a class of the built-in library (default: {BUILT_IN})",
     )
     parser.add_argument("--clips", action="store_true", help="list every motion or recording too")
     add_json(parser)
@@ -270,15 +271,17 @@ def _show_recordings(told: Mapping[str, Any]) -> None:
 
 
 def _library(file: Path | None, *, clips: bool) -> dict[str, Any]:
-    """Sum up a library's motions; give its joints, licence and attribution."""
-    library = library_at(file)
-    motions = [_Motion.of(clip, f"{clip.class_name} {clip.actor} {clip.take}".strip()) for clip in library.motions]
+    """Sum up a library's motions, or a class of the built-in one; give its joints, licence and attribution."""
+    chosen = class_at(file) if file and file != BUILT_IN and not file.suffix else ""
+    library = library_at(None if chosen else file)
+    kept = [clip for clip in library.motions if chosen in ("", clip.class_name)]
+    motions = [_Motion.of(clip, f"{clip.class_name} {clip.actor} {clip.take}".strip()) for clip in kept]
     indices = {name: index for index, name in enumerate(library.classes)}
     told = {"library": str(file or BUILT_IN), **_summed_up(motions)}
     told["classes"] = [{**row, "index": indices.get(row["class"])} for row in told["classes"]]
     told |= {
         "joints": list(library.skeleton.joints),
-        "sources": list(dict.fromkeys(each.source for each in library.motions if each.source)),
+        "sources": list(dict.fromkeys(each.source for each in kept if each.source)),
         "arithmetic": compiled.kind(),
         "licence": library.licence,
         "attribution": library.attribution,

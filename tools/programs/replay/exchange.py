@@ -132,7 +132,7 @@ class Exchange:
 
 def shown(cues: Iterable[Cue], recordings: int | None) -> Iterator[Cue]:
     """Pass cues through and show on a terminal which recording is sent, and of how many (None: endless)."""
-    columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
+    columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(), TextColumn("elapsed"))
     with Progress(*columns, console=progress_console, transient=True, disable=not progress_console.is_terminal) as bar:
         task, shown = bar.add_task("Sending", total=recordings), -1
         for cue in cues:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from kinespace.library import Clip, MotionLibrary, Reading, find_recordings
 from kinespace.library.recordings import RecordingReader, labelled, segments_beside
-from kinespace.tools.cli.arguments import BUILT_IN
+from kinespace.tools.cli.arguments import BUILT_IN, class_at
 from kinespace.tools.feeding.feed import Piece
 from kinespace.tools.terminal.named_joints import NameTeller
 
@@ -33,8 +33,21 @@ def recordings_in(places: Sequence[Path], reading: Reading) -> list[Path | Clip]
 
 def _in_place(place: Path) -> Sequence[Path | Clip]:
     """Give the motions of the built-in library, or of its class of that name, if no path has that name."""
-    motions = () if place.exists() else MotionLibrary.builtin().motions
-    return [each for each in motions if place == BUILT_IN or each.class_name == str(place)] or find_recordings([place])
+    if place == BUILT_IN and not place.exists():
+        return MotionLibrary.builtin().motions
+    name = class_at(place)
+    return [each for each in MotionLibrary.builtin().motions if each.class_name == name] or find_recordings([place])
+
+
+def announced(recordings: Sequence[Path | Clip], course: Course) -> str:
+    """Say how much is about to be sent; the seconds only of motions, because files are read while they are sent."""
+    clips = [each for each in recordings if isinstance(each, Clip)]
+    what = f"{len(recordings)} {'motion' if clips else 'recording'}{'s' if len(recordings) > 1 else ''}"
+    if len(clips) < len(recordings):
+        return f"sending {what}"
+    lasting = [min(each.duration, course.end or each.duration) - course.begin for each in clips]
+    seconds = (sum(lasting) + course.pause * (len(clips) - 1)) / course.speed
+    return f"sending {what}, {seconds:.0f} s{', again and again' if course.loop else ''}"
 
 
 def pieces_of(recordings: Sequence[Path | Clip], reading: Reading, course: Course) -> Iterator[Piece]:

@@ -18,8 +18,8 @@ from kinespace.tools.feeding.prefetch import ReadAhead
 from kinespace.tools.loopback.answer_listener import Listener
 from kinespace.tools.programs.replay.exchange import Exchange, shown
 from kinespace.tools.programs.replay.options import Faults
-from kinespace.tools.programs.replay.recordings import pieces_of, recordings_in
-from kinespace.tools.terminal.console import progress_console
+from kinespace.tools.programs.replay.recordings import announced, pieces_of, recordings_in
+from kinespace.tools.terminal.console import console, progress_console
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -102,6 +102,8 @@ def play(
         with suppress(KeyboardInterrupt):
             if zmq_to:
                 time.sleep(_MEETING)
+            if not as_json:
+                console.print(announced(recordings, course))
             exchange.play(shown(faults.applied(played), None if course.loop else len(recordings)), pieces)
         unheard = exchange.was_unheard
     return 1 if unheard or (listener and not exchange.answered) else 0

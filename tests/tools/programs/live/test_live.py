@@ -252,12 +252,6 @@ def test_our_own_addresses_are_known() -> None:
     assert not osc.is_ours("192.0.2.1")
 
 
-def test_an_output_alone_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
-    """With an output and no input, the error names what is missing."""
-    assert main(["live", "--osc-out", f"{LOOPBACK}:9"]) == 2
-    assert capsys.readouterr().err == "kinespace: live: expected --osc-in or --zmq-in, got neither\n"
-
-
 def test_a_message_too_large_costs_that_message_alone() -> None:
     """A publisher's message that is too large is reported, and its further frames are recognised."""
     cues = ghost_cues("squat1Reps", 1.0)

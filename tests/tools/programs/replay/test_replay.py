@@ -8,6 +8,7 @@ import threading
 import time
 from contextlib import contextmanager
 from io import StringIO
+from pathlib import Path
 from types import SimpleNamespace
 from typing import TYPE_CHECKING
 
@@ -31,12 +32,11 @@ from kinespace.tools.cli.main import main
 from kinespace.tools.feeding.feed import Cue, clip_cues, piece_cues
 from kinespace.tools.programs.replay import exchange
 from kinespace.tools.programs.replay.options import Course, Faults
-from kinespace.tools.programs.replay.recordings import pieces_of
+from kinespace.tools.programs.replay.recordings import announced, pieces_of
 from kinespace.tools.programs.replay.score import Score
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
-    from pathlib import Path
 
     from kinespace.library import Clip
 
@@ -110,7 +110,7 @@ def test_a_clip_is_sent_as_live_packets(stage: osc.OscReceiver, take: Path, caps
     assert [frame.performer for frame in frames] == ["me"] * clip.frames
     np.testing.assert_allclose([frame.time for frame in frames], 1.0 + clip.times, rtol=1e-12)
     np.testing.assert_array_equal([frame.positions for frame in frames], clip.positions.astype(np.float32))
-    assert capsys.readouterr().out == "180 frames sent, 0 refused by the system\n"
+    assert capsys.readouterr().out == "sending 1 recording\n180 frames sent, 0 refused by the system\n"
 
 
 def test_labels_beside_a_take_give_the_right_class_of_each_moment(take: Path) -> None:
@@ -297,6 +297,18 @@ def test_a_class_of_the_built_in_library_can_be_named(
     assert len(frames_in(heard(stage))) == 180
 
 
+def test_it_says_before_how_much_it_sends(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The seconds are those of the feed, with its pauses, speed and part of each motion."""
+    motions = small_library(monkeypatch).motions
+    cues = list(clip_cues(motions, "me", speed=0.5))
+    # The last frame lasts, too.
+    assert announced(motions, Course("me", speed=0.5)) == f"sending 3 motions, {cues[-1].due + 2 / 60:.0f} s"
+    assert announced(motions[:1], Course("me", begin=0.1, end=0.2, speed=0.05, loop=True)) == (
+        "sending 1 motion, 2 s, again and again"
+    )
+    assert announced([Path("a"), Path("b")], Course("me")) == "sending 2 recordings"
+
+
 @pytest.mark.parametrize(
     ("arguments", "told"),
     [
@@ -341,7 +353,7 @@ def test_frames_that_nobody_hears_are_counted(transport: str, take: Path, capsys
     port = free_udp_port()
     to = {"osc": ("--osc", f"{LOOPBACK}:{port}"), "zmq": ("--zmq", f"@tcp://{LOOPBACK}:*")}[transport]
     assert replay(take, *to, "--speed", SPEED) == 1
-    sent, unheard = capsys.readouterr().out.splitlines()
+    _, sent, unheard = capsys.readouterr().out.splitlines()
     assert sent == "180 frames sent, 0 refused by the system"
     assert re.match(rf"no program listens at {re.escape(to[1])}: 18\d packets were lost; start", unheard)
 

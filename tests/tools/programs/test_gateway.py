@@ -65,7 +65,7 @@ def test_what_a_gateway_cannot_do_is_said(capsys: pytest.CaptureFixture[str], tm
         with pytest.raises(SystemExit) as ended:
             main(["gateway", *options])
         assert ended.value.code == 2
-        assert f"unrecognized arguments: {options[0]}" in capsys.readouterr().err
+        assert f"unknown argument {options[0]}" in capsys.readouterr().err
     assert main(["gateway", "--names", str(tmp_path / "mine.toml")]) == 2
     assert capsys.readouterr().err.startswith("kinespace: --names: expected")
 

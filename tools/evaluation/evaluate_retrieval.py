@@ -55,6 +55,11 @@ class _Way(NamedTuple):
     space: Space
     signature: SignatureKind
 
+    @property
+    def title(self) -> str:
+        """What a picture says of it."""
+        return f"{self.space}, {'spread' if self.signature is SignatureKind.SPREAD else 'leading eigenvector'}"
+
 
 @dataclass(frozen=True, slots=True)
 class Splits:
@@ -339,16 +344,15 @@ def _require_place_for_confusions(picture: Path) -> None:
 
 
 def _write_confusions(picture: Path, clips: Sequence[Clip], protocol: Protocol) -> None:
-    """Draw and write the confusion matrices of the paper's spaces, whatever else is asked for."""
+    """Draw and write the confusion matrices of all spaces and signatures, whatever else is asked for."""
     from kinespace.tools.terminal import pictures  # noqa: PLC0415 - matplotlib is an extra, and slow to load
 
-    labels = Labels.of_clips(clips)
-    results = {space: retrieve(compare(motion_axes(clips, space)), labels, protocol) for space in _spaces(clips)}
-    pictures.draw_confusions(picture, results, protocol)
+    results = {way: _outcome(clips, way, [protocol]).retrievals[protocol] for way in _ways(clips, None, None)}
+    pictures.draw_confusions(picture, {way.title: result for way, result in results.items()}, protocol)
     with picture.with_suffix(".csv").open("w", newline="", encoding="utf-8") as file:
         rows = csv.writer(file)
-        rows.writerow(["space", "performed", "found", "share"])
-        for space, result in results.items():
+        rows.writerow(["space", "signature", "performed", "found", "share"])
+        for way, result in results.items():
             for performed, shares in zip(result.classes, result.confusion, strict=True):
                 for found, share in zip(result.classes, shares, strict=True):
-                    rows.writerow([space, csv_text(performed), csv_text(found), f"{share:.4f}"])
+                    rows.writerow([*way, csv_text(performed), csv_text(found), f"{share:.4f}"])

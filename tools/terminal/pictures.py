@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from numpy.typing import NDArray
 
-    from kinespace.tools.evaluation.retrieval.experiment import Protocol, Retrieval, Space
+    from kinespace.tools.evaluation.retrieval.experiment import Protocol, Retrieval
     from kinespace.tools.evaluation.scoring.timeline import Course
 
 
@@ -81,15 +81,15 @@ def draw_phases(
     figure.savefig(path, dpi=110)
 
 
-def draw_confusions(path: Path, results: Mapping[Space, Retrieval], protocol: Protocol) -> None:
-    """Draw one confusion matrix per space side by side, as the paper's figure 2.
+def draw_confusions(path: Path, results: Mapping[str, Retrieval], protocol: Protocol) -> None:
+    """Draw confusion matrices side by side, as the paper's figure 2.
 
     Parameters
     ----------
     path
         The picture's file; its ending sets the format (.png, .svg, .pdf).
     results
-        The outcome in each space.
+        The outcomes, by their titles.
     protocol
         The protocol, for the title.
 
@@ -104,9 +104,9 @@ def draw_confusions(path: Path, results: Mapping[Space, Retrieval], protocol: Pr
     figure = Figure(figsize=(1.5 + 4.2 * count, 5.6), layout="constrained")
     figure.suptitle(f"Nearest neighbour, {protocol}")
     panels = figure.subplots(1, count, squeeze=False)[0]
-    for panel, (space, result) in zip(panels, results.items(), strict=True):
+    for panel, (title, result) in zip(panels, results.items(), strict=True):
         image = panel.imshow(result.confusion, cmap="magma_r", vmin=0, vmax=1)
-        panel.set_title(f"{space}: {result.nearest:.1%} of {result.motions}")
+        panel.set_title(f"{title}\n{result.nearest:.1%} of {result.motions}")
         ticks = np.arange(len(result.classes))
         panel.set_xticks(ticks, result.classes, rotation=90)
         panel.set_yticks(ticks, result.classes if panel is panels[0] else [""] * len(ticks))

@@ -531,6 +531,7 @@ NO_LIBRARY = "not a motion library"
         pytest.param(_said("joints", to=[1, 2, 3, 4, 5, 6]), "joints: expected a list", id="numbered joints"),
         pytest.param(_said("joints", to="abcdef"), "joints: expected a list", id="joints a word"),
         pytest.param(_said("parents", to=[0] * 6), "parents: expected joint indices", id="its own parent"),
+        pytest.param(_said("parents", to=[1, 2, 0, -1, 3, 3]), "parents: expected no joint above itself", id="a ring"),
         pytest.param(_said("parents", to=[-1, 0, 10**400, 0, 0, 0]), "parents: expected", id="endless parent"),
         pytest.param(_said("parents", to=[-1, 0]), "parents: expected one per joint", id="parents missing"),
         pytest.param(_first("frames", 10**400), "frames: expected 2 to 100000000", id="400 digits"),

@@ -68,7 +68,8 @@ def test_a_feed_is_recognised_and_several_hear_it() -> None:
         assert "kickLFront1Reps" in labels
         assert {type(value) for values in numbers for value in values} <= {int, float}
         assert [label for label, _ in passed_on][: len(labels)] == labels[: len(passed_on)]
-        made = re.search(r"feed vmc: (\d+) frames made \((\d+) by end\), 0 refused", program.output)
+        # On a busy machine a frame may end by its timeout.
+        made = re.search(r"feed vmc: (\d+) frames made \(\d+ by end.*\), 0 refused", program.output)
         assert made, program.output
         assert int(made[1]) >= 70
         assert "malformed 0" in program.output

@@ -167,7 +167,7 @@ def test_turning_the_clips_leaves_distances_alone(
 
 
 def test_the_confusions_are_drawn_and_written(cut: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """One picture and one CSV beside it hold the three spaces; the shares of each performed class add up to one."""
+    """A picture and a CSV hold three spaces, and distances by the spread; shares of each class performed add up."""
     picture = tmp_path / "confusion.png"
     assert evaluate(cut, "--picture", picture, "--space", "distances", "--json") == 0
     assert json.loads(capsys.readouterr().out)["space"] == "distances"
@@ -175,16 +175,17 @@ def test_the_confusions_are_drawn_and_written(cut: Path, tmp_path: Path, capsys:
     assert picture.stat().st_size > 10_000
     with picture.with_suffix(".csv").open(newline="", encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
-    assert len(rows) == 3 * len(SWINGS) ** 2
-    shares: dict[tuple[str, str], float] = defaultdict(float)
+    assert len(rows) == 4 * len(SWINGS) ** 2
+    shares: dict[tuple[str, ...], float] = defaultdict(float)
     right: dict[str, list[float]] = defaultdict(list)
     for row in rows:
-        shares[row["space"], row["performed"]] += float(row["share"])
+        shares[row["space"], row["signature"], row["performed"]] += float(row["share"])
         if row["performed"] == row["found"]:
-            right[row["space"]].append(float(row["share"]))
-    assert set(shares) == {(space.value, class_name) for space in Space for class_name in SWINGS}
+            right[row["space"] + row["signature"]].append(float(row["share"]))
+    ways = {*((space, "eigenvector") for space in Space), (Space.DISTANCES, "spread")}
+    assert set(shares) == {(*way, class_name) for way in ways for class_name in SWINGS}
     assert list(shares.values()) == pytest.approx([1.0] * len(shares), abs=1e-3)
-    assert right["distances"] == [1.0, 1.0, 1.0]
+    assert right["distanceseigenvector"] == right["distancesspread"] == [1.0, 1.0, 1.0]
 
 
 def test_the_csv_is_the_confusion_matrix(cut: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -201,7 +202,7 @@ def test_the_csv_is_the_confusion_matrix(cut: Path, tmp_path: Path, monkeypatch:
         for i, performed in enumerate(outcome.classes)
         for j, found in enumerate(outcome.classes)
     ]
-    assert rows == one_space * 3
+    assert rows == one_space * 4
 
 
 def test_a_picture_of_no_kind_writes_nothing(cut: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

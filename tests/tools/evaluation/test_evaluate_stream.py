@@ -345,7 +345,7 @@ def test_tables_of_takes(folder: Path, library: Path, capsys: pytest.CaptureFixt
     assert "\nknown motions" not in printed
     drawn = ("--confusion", folder / "drawn.svg")
     found = (*("--takes", table), *("--library", library), *("--subjects", "1"))
-    assert "--confusion: expected takes of which is known" in _refused(capsys, *found, *drawn)
+    assert "--confusion: expected takes with labels" in _refused(capsys, *found, *drawn)
     assert not drawn[1].exists()
 
 

@@ -314,6 +314,9 @@ class Stage {
 const GUTTER = 96; // points for the performers' names
 const SMALL = "12px system-ui, sans-serif";
 
+/** Points left of the bars that rows' names take. */
+const gutterOf = (rows, width) => rows.some((row) => row.name) && width > 500 ? GUTTER : 0;
+
 /**
  * Draw rows of bars over time. Each row has a `name`, `lanes` ({height, bars: [{begin, end, label, colour, mark}]}) and
  * perhaps a `line` ([[second, 0 to 1]]); ticks are counted from `origin`. Gives the bars' places, for a pointer:
@@ -321,7 +324,7 @@ const SMALL = "12px system-ui, sans-serif";
  */
 function drawTimeline(canvas, rows, { from, to, at, theme, origin, tick, told }) {
   const { context, width, height } = fitted(canvas);
-  const gutter = rows.some((row) => row.name) && width > 500 ? GUTTER : 0;
+  const gutter = gutterOf(rows, width);
   const place = (second) => gutter + (second - from) / (to - from) * (width - gutter);
   const hits = [];
   context.font = SMALL;
@@ -341,7 +344,7 @@ function drawTimeline(canvas, rows, { from, to, at, theme, origin, tick, told })
   for (const row of rows) {
     context.textAlign = "left";
     context.fillStyle = theme.soft;
-    if (gutter) context.fillText(shortened(context, row.name, gutter - 8), 0, top + row.lanes[0].height / 2);
+    if (gutter) context.fillText(shortened(context, row.name, gutter - 8), 0, top + (row.lanes[0]?.height ?? 24) / 2);
     context.save();
     context.beginPath();
     context.rect(gutter, 0, width - gutter, height);

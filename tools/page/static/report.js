@@ -54,10 +54,12 @@ function draw() {
   };
   const answered = (spans, marked) => spans.map((span) => ({ begin: span[0], end: span[1], label: classes[span[2]],
     colour: colourOf(span[2]), mark: marked ? right(span) : "" }));
-  const rows = [{ name: "", line: take.scores, lanes: [
-    { height: 24, bars: take.performed.map(([begin, end, label]) => ({ begin, end, label, colour: colourOfClass(label) })) },
-    { height: 24, bars: answered(take.events, true) }, { height: 9, bars: answered(take.named, false) },
-    { height: 7, bars: answered(take.guesses, false) }] }];
+  const performedBars = take.performed.map(([begin, end, label]) => ({ begin, end, label, colour: colourOfClass(label) }));
+  const rows = [["performed", 24, performedBars], ["events", 24, answered(take.events, true)],
+    ["named now", 9, answered(take.named, false)], ["guess", 9, answered(take.guesses, false)]]
+    .map(([name, height, bars]) => ({ name, lanes: [{ height, bars }] }));
+  rows.push({ name: "score", lanes: [], line: take.scores });
+  report.gutter = gutterOf(rows, timeline.clientWidth);
   timeline.style.height = `${heightOf(rows)}px`;
   report.hits = drawTimeline(timeline, rows, { from: 0, to: Math.max(take.seconds, 0.1), at: report.at, theme, origin: 0,
     tick: [1, 2, 5, 10, 20, 60, 120, 300].find((each) => take.seconds / each < 14) ?? 600, told: (second) => `${second} s` });
@@ -82,7 +84,10 @@ byId("take").append(...takes.map(({ name, person }, index) => new Option([name, 
 byId("take").addEventListener("change", ({ target }) => choose(Number(target.value)));
 byId("play").addEventListener("click", () => play(!report.playing));
 byId("scrub").addEventListener("input", ({ target }) => { play(false); go(Number(target.value)); });
-byId("timeline").addEventListener("click", (event) => go(event.offsetX / byId("timeline").clientWidth * report.take.seconds));
+byId("timeline").addEventListener("click", ({ offsetX }) => {
+  const { gutter, take } = report;
+  go(Math.max(offsetX - gutter, 0) / (byId("timeline").clientWidth - gutter) * take.seconds);
+});
 document.addEventListener("keydown", (event) => {
   if (event.target.closest("input, select, button, canvas")) return;
   if (event.key === " ") { event.preventDefault(); play(!report.playing); }

@@ -115,8 +115,8 @@ class Exchange:
                 "failed": self._sender.failed,
                 "unheard": self._sender.unheard,
                 "answers": score.answers.total(),
+                "unlabelled": score.unlabelled,
             }
-            figures |= {"unlabelled": score.unlabelled} if score.unlabelled else {}
             print(json.dumps({**figures, "right": None if share is None else round(share, 4)}))
             return
         console.print(f"{self._sent} frames sent, {self._sender.failed} refused by the system")

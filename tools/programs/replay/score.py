@@ -49,7 +49,7 @@ class Score:
     def table(self) -> Table:
         """Draw the shares by class, and of all answers."""
         table = Table(title="Answers while each class was performed", title_justify="left")
-        add_names(table, "performed", self.answers, beside=_BESIDE_CLASSES)
+        add_names(table, "performed", [*self.answers, "unlabelled"], beside=_BESIDE_CLASSES)
         table.add_column("answers", justify="right")
         table.add_column("right", justify="right")
         for performed, answers in sorted(self.answers.items()):

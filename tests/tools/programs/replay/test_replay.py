@@ -44,7 +44,7 @@ pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("wide")]
 
 #: Fast enough for a short test, slow enough for a busy machine.
 SPEED = 8.0
-KEYS = {"sent", "failed", "unheard", "answers", "right"}
+KEYS = {"sent", "failed", "unheard", "answers", "unlabelled", "right"}
 
 
 @pytest.fixture
@@ -342,7 +342,7 @@ def test_faults_follow_the_options(stage: osc.OscReceiver, take: Path, capsys: p
     assert 100 < len(times) < 180
     assert times != sorted(times)
     described = json.loads(capsys.readouterr().out)
-    assert described == {"sent": len(times), "failed": 0, "unheard": 0, "answers": 0, "right": None}
+    assert described == {"sent": len(times), "failed": 0, "unheard": 0, "answers": 0, "unlabelled": 0, "right": None}
     replay(take, "--osc", target(stage), *order, "--seed", 6)
     assert [frame.time for frame in frames_in(heard(stage))] != times
 
@@ -533,5 +533,5 @@ def test_the_command_replays(stage: osc.OscReceiver, take: Path) -> None:
     """As a command of its own, replay sends the clip and prints exactly one JSON object."""
     status, output, errors = finished("replay", take, "--osc", target(stage), "--speed", SPEED, "--json")
     assert (status, errors) == (0, "")
-    assert json.loads(output) == {"sent": 180, "failed": 0, "unheard": 0, "answers": 0, "right": None}
+    assert json.loads(output) == {"sent": 180, "failed": 0, "unheard": 0, "answers": 0, "unlabelled": 0, "right": None}
     assert len(frames_in(heard(stage))) == 180

@@ -485,7 +485,7 @@ def test_settings_reach_the_recogniser(folder: Path, library: Path, capsys: pyte
         for options in ((), (*BY_EIGENVECTOR, "--window", "1.5"), (*BY_EIGENVECTOR, "--window", "0.15"))
     ]
     assert len({json.dumps(score, sort_keys=True) for score in scores}) == 3
-    assert "window: expected none" in _refused(capsys, take, "--library", library, "--window", "1.5")
+    assert "--window: expected --signature paper" in _refused(capsys, take, "--library", library, "--window", "1.5")
 
 
 # --- pictures ----------------------------------------------------------------------------------------------------

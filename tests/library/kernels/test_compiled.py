@@ -324,6 +324,7 @@ def test_a_window_is_read_as_numpy_reads_it(loops: compiled.Loops) -> None:
     assert not vectors[1].any()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("begin", [0.0, 1.0, np.nan, np.inf])
 def test_one_window_after_another_is_read_as_each_alone(loops: compiled.Loops, begin: float) -> None:
     """From hop to hop, and from one motion to the next, the loops find what they find of each window alone."""

@@ -64,6 +64,7 @@ def test_the_built_in_file_keeps_its_metrics(builtin: MotionLibrary, weighing: W
         )
 
 
+@pytest.mark.slow
 def test_a_file_keeps_the_numbers(keeping: MotionLibrary, tmp_path: Path) -> None:
     """Written and read again, a library opens with the numbers in its file."""
     keeping.save(tmp_path / "kept.npz")

@@ -195,6 +195,7 @@ def test_another_version_or_library_or_map_is_refused(
     assert on.has_workers(gateway, 0)
 
 
+@pytest.mark.slow
 def test_a_question_that_is_lost_is_asked_again(on: Bus, monkeypatch: pytest.MonkeyPatch) -> None:
     """A worker whose first questions for charter and library nobody answers works all the same."""
     monkeypatch.setattr(node_module, "_ASK_AGAIN", 0.0)
@@ -278,6 +279,7 @@ def test_a_gateway_that_is_gone_is_left(on: Bus) -> None:
     assert node.counts["refused"] == 0
 
 
+@pytest.mark.slow
 def test_a_worker_that_says_nothing_is_left_out_and_comes_back(on: Bus, feed: Sequence[Sequence[Frame]]) -> None:
     """A worker whose reports stop is no member; when it goes on it begins anew, and answers."""
     gateway = on.gateway()

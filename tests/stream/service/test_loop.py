@@ -427,6 +427,7 @@ def test_over_osc_frames_go_in_and_answers_come_out(library: MotionLibrary, open
     }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("frames_bound", [True, False])
 @pytest.mark.parametrize("answers_bound", [True, False])
 def test_over_zeromq_frames_go_in_and_answers_come_out(

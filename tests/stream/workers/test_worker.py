@@ -59,6 +59,7 @@ def jumping(positions: NDArray[np.float64], _: MotionLibrary) -> NDArray[np.floa
     return changed
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("change", [exchanged, in_millimetres, jumping])
 def test_a_takeover_changes_no_answer(
     change: Callable[[NDArray[np.float64], MotionLibrary], NDArray[np.float64]], builtin: MotionLibrary

@@ -835,6 +835,7 @@ def test_a_message_too_large_does_not_get_in(wire: Wire) -> None:
     assert {parts[1] for parts in _delivered(sender, receiver)} == {b"small"}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("bind", [True, False], ids=["bound", "connected"])
 def test_a_message_too_large_is_counted_and_the_sender_comes_back(wire: Wire, *, bind: bool) -> None:
     """Either end may have connected: the break is counted once each time, and later messages are heard again."""
@@ -856,6 +857,7 @@ def test_a_message_too_large_is_counted_and_the_sender_comes_back(wire: Wire, *,
         assert receiver.broken() == times
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("bind", [True, False], ids=["bound", "connected"])
 def test_a_sender_that_leaves_is_not_counted(wire: Wire, *, bind: bool) -> None:
     """A sender that ends, and begins again seconds later, is not counted as broken, and is heard again."""

@@ -188,6 +188,7 @@ def test_commands_go_to_the_door_and_all_pages_learn_of_it() -> None:
     run(test())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("rubbish", "code"), [("{", 1008), ('{"ask": 1}', 1008), (b"\x00", 1008), ("x" * (MAX_MESSAGE + 1), 1009)]
 )

@@ -146,11 +146,13 @@ def test_two_nearest_figures_are_the_reference(recorded_axes: Axes, hdm05_clips:
         assert found.two_nearest == pytest.approx(two_nearest, abs=ONE_POINT), space
 
 
+@pytest.mark.slow
 def test_turning_every_clip_leaves_distances_alone(turned_motions: list[Clip], axes: Axes, labels: Labels) -> None:
     """Every clip facing and standing anywhere, the figures of the distances do not move at all."""
     assert _figures(motion_axes(turned_motions, Space.DISTANCES), labels) == _figures(axes[Space.DISTANCES], labels)
 
 
+@pytest.mark.slow
 def test_turning_every_clip_spoils_positions(turned_motions: list[Clip], axes: Axes, labels: Labels) -> None:
     """Every clip facing anywhere, positions leave-one-out fall from 95 % to below 90 %."""
     before = retrieve(compare(axes[Space.POSITIONS]), labels, Protocol.LEAVE_ONE_OUT).nearest
@@ -271,6 +273,7 @@ def test_scores_are_absolute_inner_products(axes: Axes) -> None:
     np.testing.assert_allclose(compare(flipped), scores, atol=1e-15)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("protocol", list(Protocol))
 @pytest.mark.parametrize("space", IN_LIBRARY)
 def test_confusion_rows_are_shares(axes: Axes, labels: Labels, space: Space, protocol: Protocol) -> None:

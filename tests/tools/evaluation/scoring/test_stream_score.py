@@ -386,6 +386,7 @@ def _moments(course: Course) -> list[Moment]:
     ]
 
 
+@pytest.mark.slow
 @given(
     seed=st.integers(0, 2**32 - 1),
     takes=st.integers(1, 3),

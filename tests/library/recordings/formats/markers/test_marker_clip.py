@@ -325,6 +325,7 @@ def test_a_c3d_that_breaks_its_reader_breaks_nothing_else(tmp_path: Path) -> Non
         list(read_recordings([bad]))
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not hasattr(signal, "SIGSTOP"), reason="this system cannot hold a process")
 def test_a_c3d_that_is_never_done_is_given_up(
     tmp_path: Path, process: C3dProcess, monkeypatch: pytest.MonkeyPatch
@@ -342,6 +343,7 @@ def test_a_c3d_that_is_never_done_is_given_up(
     assert c3d.read_clip(path, process=process).frames == 120
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform != "linux", reason="memory is limited on Linux only")
 def test_a_c3d_that_takes_all_memory_is_given_up(
     tmp_path: Path, process: C3dProcess, monkeypatch: pytest.MonkeyPatch

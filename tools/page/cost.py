@@ -30,11 +30,12 @@ from kinespace.tools.loopback.service_process import BackgroundService
 from kinespace.tools.page.process import PagePlan, PageProcess
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
     from multiprocessing.connection import Connection
 
     from numpy.typing import NDArray
 
-    from kinespace.tools.feeding.feed import Packet
+    from kinespace.tools.feeding.feed import FrameSender, Packet
 
 _PAGES, _RATE = (0, 1, 5), 60.0
 #: Seconds of a turn that do not count: pages come and go.
@@ -113,9 +114,52 @@ def _browser(wanted: Connection, address: str) -> None:
     asyncio.run(_browse(wanted, address))
 
 
+class _Feed:
+    """The performer: frames go out on schedule, and each answer is timed."""
+
+    def __init__(self, sender: FrameSender, listener: Listener) -> None:
+        self._sender, self._listener = sender, listener
+        self._positions, self._pace = recorded.positions(), Pace()
+        #: When each frame was sent, by the time in it.
+        self._sent: dict[float, float] = {}
+
+    def play(self, seconds: float) -> NDArray[np.float64]:
+        """Send frames for so many seconds; give the seconds from each frame to its answer."""
+        lags = list[float]()
+        for _ in range(round(seconds * _RATE)):
+            index = len(self._sent)
+            frame = Frame("ann", 1.0 + index / _RATE, self._positions[2 * index % len(self._positions)])
+            packet = self._sender.encode(Cue(index / _RATE, frame, index))
+            for heard in self._listener.listen_until(self._pace.moment(index / _RATE)):
+                lags += [heard.arrival - at for at in [self._sent.get(_time_of(heard.packet))] if at]
+            self._sent[_rounded(frame.time)] = time.perf_counter()
+            self._sender.send(packet)
+        return np.array(lags)
+
+
+def _turn(feed: _Feed, pages: int, browser: Connection, processes: Sequence[int | None], seconds: float) -> _Turn:
+    """Play for so many seconds while so many pages are open; the recogniser's and the page's process are measured."""
+
+    def opened() -> int:
+        """Have so many pages open; give the number of messages since the last call."""
+        browser.send(pages)
+        messages: int = browser.recv()
+        return messages
+
+    def used() -> list[float]:
+        return [core_seconds(each) or 0.0 for each in processes]
+
+    opened()
+    feed.play(_SETTLING)
+    opened()
+    before = used()
+    lags = feed.play(seconds)
+    recogniser, server = ((now - then) / seconds for now, then in zip(used(), before, strict=True))
+    return _Turn(pages, lags, recogniser, server, opened() / seconds, resident_mb(processes[1]) or 0.0)
+
+
 def measure(seconds: float, rounds: int) -> list[_Turn]:
     """Play motions while 0, 1 and 5 pages are open by turns, so many seconds each and so many times."""
-    positions = recorded.positions()
     context = multiprocessing.get_context("spawn")
     ours, theirs = context.Pipe()
     with ExitStack() as opened:
@@ -126,40 +170,11 @@ def measure(seconds: float, rounds: int) -> list[_Turn]:
         opened.callback(browser.kill)
         sender, receiver = service.connect()
         opened.enter_context(closing(sender))
-        listener = opened.enter_context(closing(Listener(receiver)))
-        pace, sent, turns = Pace(), dict[float, float](), list[_Turn]()
-        processes = service.process_id, shown.process_id
-
-        def play(length: float) -> NDArray[np.float64]:
-            lags = list[float]()
-            for _ in range(round(length * _RATE)):
-                index = len(sent)
-                frame = Frame("ann", 1.0 + index / _RATE, positions[2 * index % len(positions)])
-                packet = sender.encode(Cue(index / _RATE, frame, index))
-                for heard in listener.listen_until(pace.moment(index / _RATE)):
-                    lags += [heard.arrival - at for at in [sent.get(_time_of(heard.packet))] if at]
-                sent[_rounded(frame.time)] = time.perf_counter()
-                sender.send(packet)
-            return np.array(lags)
-
-        def used() -> list[float]:
-            return [core_seconds(each) or 0.0 for each in processes]
-
-        play(2 * _SETTLING)
-        for turn in range(rounds * len(_PAGES)):
-            # The order changes from round to round: a busy moment of the machine meets all alike.
-            pages = _PAGES[(turn + turn // len(_PAGES)) % len(_PAGES)]
-            ours.send(pages)
-            ours.recv()
-            play(_SETTLING)
-            before = used()
-            ours.send(pages)
-            ours.recv()
-            lags = play(seconds)
-            recogniser, server = ((now - then) / seconds for now, then in zip(used(), before, strict=True))
-            ours.send(pages)
-            memory = resident_mb(processes[1]) or 0.0
-            turns.append(_Turn(pages, lags, recogniser, server, ours.recv() / seconds, memory))
+        feed = _Feed(sender, opened.enter_context(closing(Listener(receiver))))
+        feed.play(2 * _SETTLING)
+        # The order changes from round to round: a busy moment of the machine meets all alike.
+        order = [_PAGES[(turn + turn // len(_PAGES)) % len(_PAGES)] for turn in range(rounds * len(_PAGES))]
+        turns = [_turn(feed, pages, ours, (service.process_id, shown.process_id), seconds) for pages in order]
         ours.send(None)
     return turns
 

@@ -29,6 +29,14 @@ def test_a_feed_is_recognised_by_one_process_as_expected(played: NDArray[np.floa
     assert run.core_us is None
 
 
+def test_one_process_over_osc_tells_its_processor_time(played: NDArray[np.float32]) -> None:
+    """What a core holds over OSC is told by the process's own time: more than a frame's recognition, less than all."""
+    run = scale.over_osc(played, 2, 2.0)
+    assert run.answered > run.expected // 2
+    assert run.core_us is None or 10 < run.core_us < 1e6 / 240
+    assert math.isnan(run.loop_us)
+
+
 def test_takeovers_are_compared_with_an_uninterrupted_feed(
     played: NDArray[np.float32], monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -24,7 +24,6 @@ from kinespace.library.windows.index import WindowIndex, opened
 from kinespace.stream.frame import Frame
 from kinespace.stream.recognition import EventKind
 from kinespace.stream.recognizer import Recognizer, Settings
-from kinespace.stream.service.yielding import yielding
 from kinespace.stream.teaching import Changed, State, Step, Teacher, commands
 from kinespace.stream.teaching.notices import Running, Saving, Sensed
 from kinespace.tools.teaching.commanded import describe_recording, recorded
@@ -314,12 +313,9 @@ class Desk:
         """Open, save, check and try, one change after the other, until the end."""
         unsaved: Roster | None = None
         while (job := self._jobs.get()) is not None:
-            # Frames go first; a trial pauses of its own accord.
-            with yielding():
-                index, unsaved = self._opened(job, unsaved)
-                check = checked(index, job.number) if job.number and index is not None else None
+            index, unsaved = self._opened(job, unsaved)
             if job.number and index is not None:
-                self._results.put(_Found(job.number, check, self._starts(job, index)))
+                self._results.put(_Found(job.number, checked(index, job.number), self._starts(job, index)))
         if unsaved is not None:
             self._save(unsaved)
 

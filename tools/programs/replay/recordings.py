@@ -12,6 +12,7 @@ from kinespace.library.recordings import RecordingReader, labelled, segments_bes
 from kinespace.tools.cli.arguments import BUILT_IN, class_at
 from kinespace.tools.feeding.feed import Piece
 from kinespace.tools.terminal.named_joints import NameTeller
+from kinespace.tools.terminal.tables import counted
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
@@ -35,14 +36,15 @@ def _in_place(place: Path) -> Sequence[Path | Clip]:
     """Give the motions of the built-in library, or of its class of that name, if no path has that name."""
     if place == BUILT_IN and not place.exists():
         return MotionLibrary.builtin().motions
-    name = class_at(place)
-    return [each for each in MotionLibrary.builtin().motions if each.class_name == name] or find_recordings([place])
+    if name := class_at(place):
+        return [each for each in MotionLibrary.builtin().motions if each.class_name == name]
+    return find_recordings([place])
 
 
 def announced(recordings: Sequence[Path | Clip], course: Course) -> str:
     """Say how much is about to be sent; the seconds only of motions, because files are read while they are sent."""
     clips = [each for each in recordings if isinstance(each, Clip)]
-    what = f"{len(recordings)} {'motion' if clips else 'recording'}{'s' if len(recordings) > 1 else ''}"
+    what = counted(len(recordings), "motion" if clips else "recording")
     if len(clips) < len(recordings):
         return f"sending {what}"
     lasting = [min(each.duration, course.end or each.duration) - course.begin for each in clips]

@@ -50,10 +50,10 @@
 #define PASSES 6
 #define BOUNDS (SECTIONS * EIGENVECTORS)
 /* Vectors that are iterated together, of which EIGENVECTORS are wanted; products after which, and at most, the residuals are
- * looked at; and the residual that is none, when the trace is 1. */
+ * looked at, both odd; and the residual that is none, when the trace is 1. */
 #define BLOCK 8
-#define ITERATIONS 6
-#define MAX_ITERATIONS 9
+#define ITERATIONS 7
+#define MAX_ITERATIONS 11
 #define NO_RESIDUAL 1e-9
 /* Bins of phases that count as the same. */
 #define MAX_BINS 64

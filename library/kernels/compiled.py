@@ -149,7 +149,7 @@ class Loops(Protocol):
         sums, clock, places
             As `RollingMoments` and its span keep them.
         sizing, segments, paths
-            The same as in `Body`, but paths (segments, width).
+            The same as in `Body`.
         floor, level
             `NOISE_FLOOR` and `LEVEL_REMOVED`.
         spread, posture, trend

@@ -26,7 +26,7 @@ class Body:
     segments
         Index of each segment among the pairs, shape (segments,); none without known parents.
     paths
-        The segments between the joints of each pair, as flags, shape (pairs, segments), 0 or 1.
+        The segments between the joints of each pair, as flags, shape (segments, pairs), 0 or 1.
     """
 
     sizing: NDArray[np.float64] = field(repr=False)
@@ -45,14 +45,15 @@ class Body:
         """
         pairs = len(skeleton.pairs)
         if not skeleton.parents:
-            return cls(np.full(pairs, 1 / pairs), np.empty(0, dtype=np.intp), np.zeros((pairs, 0)))
+            return cls(np.full(pairs, 1 / pairs), np.empty(0, dtype=np.intp), np.zeros((0, pairs)))
         places = {(int(a), int(b)): index for index, (a, b) in enumerate(skeleton.pairs)}
         children = [joint for joint, parent in enumerate(skeleton.parents) if parent >= 0]
         segments = [places[min(j, skeleton.parents[j]), max(j, skeleton.parents[j])] for j in children]
         above = _segments_above(skeleton.parents, children)
         first, second = skeleton.pairs.T
         sizing = np.bincount(segments, minlength=pairs) / len(segments)
-        return cls(sizing, np.array(segments, dtype=np.intp), (above[first] ^ above[second]).astype(np.float64))
+        paths = (above.take(first, axis=1) ^ above.take(second, axis=1)).astype(np.float64)
+        return cls(sizing, np.array(segments, dtype=np.intp), paths)
 
     def size(self, rows: NDArray[np.floating]) -> NDArray[np.float64]:
         """Mean length of the segments in distance rows (..., pairs), metres: shape (...)."""
@@ -63,18 +64,18 @@ class Body:
         """Length of the segments between the joints of each pair, in rows (..., pairs), metres: shape (..., pairs)."""
         if not len(self.segments):
             return np.broadcast_to(self.size(rows)[..., None], rows.shape)
-        lengths: NDArray[np.float64] = rows[..., self.segments] @ self.paths.T
+        lengths: NDArray[np.float64] = rows.take(self.segments, axis=-1) @ self.paths
         return lengths
 
 
 def _segments_above(parents: tuple[int, ...], children: list[int]) -> NDArray[np.bool_]:
-    """Find the segments between each joint and the root, as flags, shape (joints, segments)."""
-    above = np.zeros((len(parents), len(children)), dtype=bool)
+    """Find the segments between each joint and the root, as flags, shape (segments, joints)."""
+    above = np.zeros((len(children), len(parents)), dtype=bool)
     place = {joint: index for index, joint in enumerate(children)}
     for joint in range(len(parents)):
         step = joint
-        while parents[step] >= 0 and not above[joint, place[step]]:
-            above[joint, place[step]] = True
+        while parents[step] >= 0 and not above[place[step], joint]:
+            above[place[step], joint] = True
             step = parents[step]
         if parents[step] >= 0 or len(children) != len(parents) - 1:
             raise ValueError(f"skeleton: expected parents that make one tree, got {parents}")

@@ -123,8 +123,7 @@ class LiveWindows(_RowsAndPoints):
         self._set_basis(basis)
 
     def _set_body(self, body: Body, parts: Sequence[Part]) -> None:
-        self._body, self._paths = body, np.ascontiguousarray(body.paths.T)
-        self._read_parts = tuple(parts)
+        self._body, self._read_parts = body, tuple(parts)
 
     def _set_basis(self, basis: Basis) -> None:
         self._directions = basis.directions
@@ -154,7 +153,7 @@ class LiveWindows(_RowsAndPoints):
                 moments.span.places,
                 body.sizing,
                 body.segments,
-                self._paths,
+                body.paths,
                 NOISE_FLOOR,
                 LEVEL_REMOVED,
                 numbers.get(Part(Kind.SPREAD, seconds), np.empty(pairs)),

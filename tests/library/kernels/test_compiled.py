@@ -234,8 +234,8 @@ def test_parts_equal_numpys_parts(loops: compiled.Loops, every: int, parents: bo
         expected = [read(moments, body)[0] for read in (spread, posture, trend)]
         sums, clock = _sums(rows, times, rows[0], times[-1])
         parts, alone = np.full((2, 3, rows.shape[1]), np.nan)
-        paths, places = np.ascontiguousarray(body.paths.T), np.array([7, 7 + len(rows)])
-        arrays = sums, clock, places, body.sizing, body.segments, paths, NOISE_FLOOR, LEVEL_REMOVED
+        places = np.array([7, 7 + len(rows)])
+        arrays = sums, clock, places, body.sizing, body.segments, body.paths, NOISE_FLOOR, LEVEL_REMOVED
         moved, size = loops.read_parts(*arrays, *parts)
         for ours, theirs in zip(parts, expected, strict=True):
             np.testing.assert_allclose(ours, theirs, rtol=1e-9, atol=1e-7)
@@ -253,10 +253,9 @@ def _trend(rows: np.ndarray, times: np.ndarray) -> np.ndarray:
 def test_a_body_in_one_point_has_numbers(loops: compiled.Loops) -> None:
     """For a body in one point that never moved no division by zero takes place."""
     body = Body.of(BUILTIN.skeleton)
-    parts, paths = np.full((3, len(PAIRS)), np.nan), np.ascontiguousarray(body.paths.T)
-    sums, clock = np.zeros((4, len(PAIRS))), np.zeros(3)
+    parts, sums, clock = np.full((3, len(PAIRS)), np.nan), np.zeros((4, len(PAIRS))), np.zeros(3)
     constants = NOISE_FLOOR, LEVEL_REMOVED
-    read = loops.read_parts(sums, clock, np.array([0, 1]), body.sizing, body.segments, paths, *constants, *parts)
+    read = loops.read_parts(sums, clock, np.array([0, 1]), body.sizing, body.segments, body.paths, *constants, *parts)
     assert read == (0.0, 0.0)
     still = Moments(*np.zeros((3, 1, len(PAIRS))))
     np.testing.assert_allclose(parts[0], spread(still, body)[0], rtol=1e-12)

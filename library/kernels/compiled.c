@@ -573,18 +573,18 @@ static PyObject *follow_products(PyObject *module, PyObject *const *arguments, P
 }
 
 /* RollingMoments.read, library.windows.parts.spread, posture, trend and movement:
- * read_parts(sums, clock, places, sizing, segments, paths, floor, level, spread, posture, trend) -> (movement, the body's size);
- * posture and trend may be empty: not wanted */
+ * read_parts(sums, clock, places, sizing, segments, above, ends, floor, level, spread, posture, trend) -> (movement, the body's
+ * size); posture and trend may be empty: not wanted */
 static PyObject *read_parts(PyObject *module, PyObject *const *arguments, Py_ssize_t given) {
     static const Wanted wanted[] = {{"sums", "d", "4w", 0},         {"clock", "d", "3", 0},         {"places", INDEX, "2", 0},
-                                    {"sizing", "d", "w", 0},        {"segments", INDEX, "s", 0},    {"paths", "d", "sw", 0},
-                                    {"floor", "d", "", 0},          {"level", "d", "", 0},          {"spread", "d", "w", WRITTEN},
-                                    {"posture", "d", "p", WRITTEN}, {"trend", "d", "t", WRITTEN}};
+                                    {"sizing", "d", "w", 0},        {"segments", INDEX, "s", 0},    {"above", "d", "sj", 0},
+                                    {"ends", "B", "3w", 0},         {"floor", "d", "", 0},          {"level", "d", "", 0},
+                                    {"spread", "d", "w", WRITTEN},  {"posture", "d", "p", WRITTEN}, {"trend", "d", "t", WRITTEN}};
     Taken taken;
     PyObject *result = NULL;
     (void)module;
     if (TAKE(&taken, wanted) == 0 && expect_most("sums", PY_SSIZE_T_MAX, taken.length['w']) == 0 &&
-        expect_most("segments", MAX_JOINTS, taken.length['s'] + 1) == 0 &&
+        (taken.length['s'] == 0 || expect_most("joints", MAX_JOINTS, taken.length['j']) == 0) &&
         expect_indices("segments", &taken.held[4], taken.length['w']) == 0 &&
         (taken.length['p'] == 0 || expect("posture", taken.length['w'], taken.length['p']) == 0) &&
         (taken.length['t'] == 0 || expect("trend", taken.length['w'], taken.length['t']) == 0)) {
@@ -592,9 +592,9 @@ static PyObject *read_parts(PyObject *module, PyObject *const *arguments, Py_ssi
         const Py_ssize_t *places = held[2].buf;
         double movement;
         const double size = loops.parts(held[0].buf, taken.length['w'], held[1].buf, (double)places[1] - (double)places[0], held[3].buf,
-                                        held[4].buf, held[5].buf, taken.length['s'], taken.number[6], taken.number[7], held[8].buf,
-                                        taken.length['p'] > 0 ? held[9].buf : NULL, taken.length['t'] > 0 ? held[10].buf : NULL,
-                                        &movement);
+                                        held[4].buf, taken.length['s'], held[5].buf, taken.length['j'], held[6].buf,
+                                        taken.number[7], taken.number[8], held[9].buf, taken.length['p'] > 0 ? held[10].buf : NULL,
+                                        taken.length['t'] > 0 ? held[11].buf : NULL, &movement);
         result = Py_BuildValue("dd", movement, size);
     }
     let_go(&taken);

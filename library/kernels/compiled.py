@@ -134,7 +134,8 @@ class Loops(Protocol):
         places: Indices,
         sizing: Numbers,
         segments: Indices,
-        paths: Numbers,
+        above: Numbers,
+        ends: NDArray[np.uint8 | np.uint16],
         floor: float,
         level: float,
         spread: Numbers,
@@ -148,7 +149,7 @@ class Loops(Protocol):
         ----------
         sums, clock, places
             As `RollingMoments` and its span keep them.
-        sizing, segments, paths
+        sizing, segments, above, ends
             The same as in `Body`.
         floor, level
             `NOISE_FLOOR` and `LEVEL_REMOVED`.

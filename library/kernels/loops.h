@@ -158,12 +158,33 @@ LOOP static void KIND(add_products)(const double *restrict reference, double *re
 
 HELPER double KIND(positive)(double number) { return number > 0.0 ? number : 0.0; }
 
+/* Mean distances relative to the segments between their joints, to posture (width): to the body's size where there are none. */
+LOOP static void KIND(postures)(const double *restrict reference, const double *restrict sum, Py_ssize_t width,
+                                double per_row, double size, const Py_ssize_t *restrict segments, Py_ssize_t between,
+                                const double *restrict above, Py_ssize_t joints, const uint8_t *restrict ends,
+                                double *restrict posture) {
+    /* As many as there are bytes, so that no end is out of range. */
+    double heights[MAX_JOINTS] = {0.0};
+    for (Py_ssize_t s = 0; s < between; s++) {
+        const double length = reference[segments[s]] + sum[segments[s]] * per_row;
+        for (Py_ssize_t j = 0; j < joints; j++) {
+            heights[j] += length * above[s * joints + j];
+        }
+    }
+    for (Py_ssize_t i = 0; i < width; i++) {
+        const double twice = 2 * heights[ends[2 * width + i]];
+        const double length = between ? heights[ends[i]] + heights[ends[width + i]] - twice : size;
+        const double mean = reference[i] + sum[i] * per_row;
+        posture[i] = length > 0.0 ? mean / length : 0.0;
+    }
+}
+
 /* Spread of a window of `count` rows with these sums, and posture and trend if they are wanted, all (width); gives the body's
  * size, and its movement. */
 LOOP static double KIND(parts)(const double *restrict sums, Py_ssize_t width, const double *restrict clock, double count,
-                               const double *restrict sizing, const Py_ssize_t *restrict segments,
-                               const double *restrict paths, Py_ssize_t between, double floor, double level,
-                              double *restrict spread, double *restrict posture, double *restrict trend,
+                              const double *restrict sizing, const Py_ssize_t *restrict segments, Py_ssize_t between,
+                              const double *restrict above, Py_ssize_t joints, const uint8_t *restrict ends, double floor,
+                              double level, double *restrict spread, double *restrict posture, double *restrict trend,
                               double *restrict moved_by) {
     const double *restrict reference = sums, *restrict sum = sums + width, *restrict along = sums + 2 * width;
     const double *restrict squares = sums + 3 * width;
@@ -188,13 +209,15 @@ LOOP static double KIND(parts)(const double *restrict sums, Py_ssize_t width, co
     for (Py_ssize_t i = 0; i < width; i++) {
         spread[i] = spread[i] * per_size + floor;
     }
-    for (Py_ssize_t begin = 0; begin < width; begin += BYTES / 8) {
-        const Py_ssize_t some = width - begin < BYTES / 8 ? width - begin : BYTES / 8;
-        KIND(Doubles) numbers = {0.0};
-        memcpy(&numbers, spread + begin, sizeof(double) * (size_t)some);
-        numbers = KIND(logs)(numbers);
-        memcpy(spread + begin, &numbers, sizeof(double) * (size_t)some);
+    Py_ssize_t begin = 0;
+    for (; begin <= width - BYTES / 8; begin += BYTES / 8) {
+        KIND(Doubles) *numbers = (KIND(Doubles) *)(spread + begin);
+        *numbers = KIND(logs)(*numbers);
     }
+    KIND(Doubles) left = {0.0};
+    memcpy(&left, spread + begin, sizeof(double) * (size_t)(width - begin));
+    left = KIND(logs)(left);
+    memcpy(spread + begin, &left, sizeof(double) * (size_t)(width - begin));
 #pragma omp simd reduction(+ : total)
     for (Py_ssize_t i = 0; i < width; i++) {
         total += spread[i];
@@ -203,25 +226,8 @@ LOOP static double KIND(parts)(const double *restrict sums, Py_ssize_t width, co
     for (Py_ssize_t i = 0; i < width; i++) {
         spread[i] -= removed;
     }
-    double lengths[LANE];
-    double means_of[MAX_JOINTS];
-    for (Py_ssize_t s = 0; s < between; s++) {
-        means_of[s] = reference[segments[s]] + sum[segments[s]] * per_row;
-    }
-    for (Py_ssize_t begin = 0; posture != NULL && begin < width; begin += LANE) {
-        const Py_ssize_t some = width - begin < LANE ? width - begin : LANE;
-        for (Py_ssize_t i = 0; i < LANE; i++) {
-            lengths[i] = between ? 0.0 : size;
-        }
-        for (Py_ssize_t s = 0; s < between; s++) {
-            for (Py_ssize_t i = 0; i < some; i++) {
-                lengths[i] += means_of[s] * paths[s * width + begin + i];
-            }
-        }
-        for (Py_ssize_t i = 0; i < some; i++) {
-            const double mean = reference[begin + i] + sum[begin + i] * per_row;
-            posture[begin + i] = lengths[i] > 0.0 ? mean / lengths[i] : 0.0;
-        }
+    if (posture != NULL) {
+        KIND(postures)(reference, sum, width, per_row, size, segments, between, above, joints, ends, posture);
     }
     *moved_by = means > 0.0 ? sqrt(variances / means) : 0.0;
     return size;

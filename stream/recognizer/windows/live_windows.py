@@ -153,7 +153,8 @@ class LiveWindows(_RowsAndPoints):
                 moments.span.places,
                 body.sizing,
                 body.segments,
-                body.paths,
+                body.above,
+                body.ends,
                 NOISE_FLOOR,
                 LEVEL_REMOVED,
                 numbers.get(Part(Kind.SPREAD, seconds), np.empty(pairs)),
@@ -205,7 +206,8 @@ class LiveWindows(_RowsAndPoints):
         """Read the signature of the windows that end with the newest row; needs a row. Valid until the next call."""
         self._settle()
         loops = compiled.loops
-        if loops and self._directions.shape[1] <= loops.MAX_DIRECTIONS:
+        directions, joints = self._directions.shape[1], self._body.above.shape[1]
+        if loops and directions <= loops.MAX_DIRECTIONS and joints <= loops.MAX_JOINTS:
             return self._read_compiled(loops)
         covariances = np.array([each.read() for each in self._covariances])
         pairs = eigenpairs_of(covariances)

@@ -234,8 +234,8 @@ def test_parts_equal_numpys_parts(loops: compiled.Loops, every: int, parents: bo
         expected = [read(moments, body)[0] for read in (spread, posture, trend)]
         sums, clock = _sums(rows, times, rows[0], times[-1])
         parts, alone = np.full((2, 3, rows.shape[1]), np.nan)
-        places = np.array([7, 7 + len(rows)])
-        arrays = sums, clock, places, body.sizing, body.segments, body.paths, NOISE_FLOOR, LEVEL_REMOVED
+        of_body = body.sizing, body.segments, body.above, body.ends
+        arrays = sums, clock, np.array([7, 7 + len(rows)]), *of_body, NOISE_FLOOR, LEVEL_REMOVED
         moved, size = loops.read_parts(*arrays, *parts)
         for ours, theirs in zip(parts, expected, strict=True):
             np.testing.assert_allclose(ours, theirs, rtol=1e-9, atol=1e-7)
@@ -254,8 +254,8 @@ def test_a_body_in_one_point_has_numbers(loops: compiled.Loops) -> None:
     """For a body in one point that never moved no division by zero takes place."""
     body = Body.of(BUILTIN.skeleton)
     parts, sums, clock = np.full((3, len(PAIRS)), np.nan), np.zeros((4, len(PAIRS))), np.zeros(3)
-    constants = NOISE_FLOOR, LEVEL_REMOVED
-    read = loops.read_parts(sums, clock, np.array([0, 1]), body.sizing, body.segments, body.paths, *constants, *parts)
+    of_body, constants = (body.sizing, body.segments, body.above, body.ends), (NOISE_FLOOR, LEVEL_REMOVED)
+    read = loops.read_parts(sums, clock, np.array([0, 1]), *of_body, *constants, *parts)
     assert read == (0.0, 0.0)
     still = Moments(*np.zeros((3, 1, len(PAIRS))))
     np.testing.assert_allclose(parts[0], spread(still, body)[0], rtol=1e-12)
@@ -574,13 +574,14 @@ def _parts(loops: compiled.Loops, **other: np.ndarray) -> object:
         "clock": np.zeros(3),
         "sizing": np.ones(5),
         "segments": _ONE,
-        "paths": np.ones((1, 5)),
+        "above": np.ones((1, 4)),
+        "ends": np.full((3, 5), 255, np.uint8),
         "spread": np.zeros(5),
         "posture": np.zeros(5),
         "trend": np.zeros(0),
     }
-    sums, clock, sizing, segments, paths, *parts = (usual | other).values()
-    return loops.read_parts(sums, clock, np.array([0, 2]), sizing, segments, paths, 0.1, 0.5, *cast("Any", parts))
+    sums, clock, sizing, segments, above, ends, *parts = cast("Any", (usual | other).values())
+    return loops.read_parts(sums, clock, np.array([0, 2]), sizing, segments, above, ends, 0.1, 0.5, *parts)
 
 
 def _sums_followed(loops: compiled.Loops, **other: object) -> object:
@@ -687,7 +688,9 @@ _REFUSED: dict[str, tuple[Callable[[compiled.Loops], object], str]] = {
         lambda loops: _parts(loops, segments=np.array([5])),
         "segments: expected indices below 5, got 5",
     ),
-    "parts: paths": (lambda loops: _parts(loops, paths=np.ones((2, 5))), "paths: expected 1, got 2"),
+    "parts: above": (lambda loops: _parts(loops, above=np.ones((2, 4))), "above: expected 1, got 2"),
+    "parts: joints": (lambda loops: _parts(loops, above=np.ones((1, 257))), "joints: expected 1 to 256, got 257"),
+    "parts: ends": (lambda loops: _parts(loops, ends=np.zeros((3, 4), np.uint8)), "ends: expected 5, got 4"),
     "parts: spread": (lambda loops: _parts(loops, spread=np.zeros(0)), "spread: expected 5, got 0"),
     "parts: posture": (lambda loops: _parts(loops, posture=np.zeros(6)), "posture: expected 5, got 6"),
     "parts: trend": (lambda loops: _parts(loops, trend=np.zeros(4)), "trend: expected 5, got 4"),
@@ -855,10 +858,10 @@ def test_too_few_arguments_are_refused(loops: compiled.Loops, function: str) -> 
 def test_the_error_names_the_first_of_two_bad_numbers(loops: compiled.Loops) -> None:
     """An argument that is no number raises TypeError before the loop asks for the next one, which may be a fraction."""
     none, fraction = cast("Any", "2"), cast("Any", Fraction(1, 2))
-    arrays = np.ones((4, 5)), np.zeros(3)
+    arrays, ends = (np.ones((4, 5)), np.zeros(3)), np.zeros((3, 5), np.uint8)
     with pytest.raises(TypeError, match="must be real number, not str"):
         loops.read_parts(
-            *arrays, np.array([0, 1]), np.ones(5), _ONE, np.ones((1, 5)), none, fraction, *np.zeros((3, 5))
+            *arrays, np.array([0, 1]), np.ones(5), _ONE, np.ones((1, 2)), ends, none, fraction, *np.zeros((3, 5))
         )
 
 

@@ -10,13 +10,13 @@ from __future__ import annotations
 import importlib
 import os
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Protocol, cast
+from typing import TYPE_CHECKING, Any, Protocol, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Callable, Iterator
 
 Numbers = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -59,6 +59,18 @@ class Table(Protocol):
 
     def scores(self, eigenvector: Numbers, scores: Numbers, /) -> None:
         """Write each class's best |inner product| with a leading eigenvector (directions,) to scores (classes,)."""
+
+
+class Bound(Protocol):
+    """A function of the loops with its arguments, whose arrays are checked once.
+
+    Attributes
+    ----------
+    run
+        Calls the function; numbers stand for the last of its arguments.
+    """
+
+    run: Callable[..., Any]
 
 
 class Loops(Protocol):
@@ -181,6 +193,11 @@ class Loops(Protocol):
             Takes eigenvectors over to the next call, which finds those of a similar covariance sooner: (width, 8), at
             first 0.
         """
+
+    def Bound(  # noqa: N802 - a class of the C module
+        self, name: str, /, *arguments: Numbers | Indices | NDArray[np.uint8 | np.uint16] | float
+    ) -> Bound:
+        """Bind the arguments of `follow`, `follow_products`, `read_parts` or `read_eigen`."""
 
     def eigenpairs(self, covariances: Numbers, values: Numbers, vectors: Numbers, /) -> bool:
         """Write the largest eigenvalues of each matrix, (n, k), and their eigenvectors, (n, k, size): four at most.
@@ -306,7 +323,7 @@ loops: Loops | None = _built()
 
 @contextmanager
 def left_aside() -> Iterator[None]:
-    """Disable the compiled loops inside this block. A recogniser created inside the block must be used inside it."""
+    """Disable the compiled loops inside this block. A recogniser is created and used inside it, or outside."""
     global loops  # noqa: PLW0603 - one for the process, as modules are
     before, loops = loops, None
     try:

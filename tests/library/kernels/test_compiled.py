@@ -855,6 +855,42 @@ def test_too_few_arguments_are_refused(loops: compiled.Loops, function: str) -> 
         getattr(loops, function)(np.zeros(3))
 
 
+def test_a_bound_call_is_the_call_with_its_arguments(loops: compiled.Loops) -> None:
+    """It reads and writes its arrays, though nothing else keeps them, with new numbers in the last places."""
+    bound, direct = np.zeros((2, 4, 5))
+    run = loops.Bound("follow", *_of_sums(bound), 12.0, 100, 0, 0).run
+    for end in (12, 14, 30):
+        assert run(end, 0) is (end == 12)
+    arrays = _of_sums(direct)
+    for end in (12, 14, 30):
+        loops.follow(*arrays, 12.0, 100, end, 0)
+    assert np.array_equal(bound, direct)
+    assert bound.any()
+
+
+def _of_sums(sums: np.ndarray) -> tuple[np.ndarray, ...]:
+    return ROWS.copy(), np.arange(30.0), np.zeros(2, np.intp), np.zeros(2), sums, np.zeros(3)
+
+
+def test_a_call_that_cannot_be_bound_is_refused(loops: compiled.Loops) -> None:
+    """What does not fit raises when it is bound, or when it is called with more than numbers can stand for."""
+    arrays, nothing = _of_sums(np.zeros((4, 5))), cast("Any", None)
+    for name, given, error, told in (
+        ("steps", arrays, ValueError, "name: expected a function of every hop, got steps"),
+        ("follow", arrays, TypeError, "expected 10 arguments, got 6"),
+        ("follow", (*arrays[:4], np.zeros((3, 5)), arrays[5], 1.0, 9, 0, 0), ValueError, "sums: expected 4, got 3"),
+        (nothing, arrays, TypeError, "argument type"),
+    ):
+        with pytest.raises(error, match=told):
+            loops.Bound(name, *given)
+    run = loops.Bound("follow", *arrays, 12.0, 100, 0, 0).run
+    for numbers, told in (((1.0,) * 5, "numbers only"), ((1.0,) * 11, "numbers only"), ((1.0, "2"), "real number")):
+        with pytest.raises(TypeError, match=told):
+            run(*numbers)
+    with pytest.raises(ValueError, match="end: expected 0 to 30"):
+        run(31, 0)
+
+
 def test_the_error_names_the_first_of_two_bad_numbers(loops: compiled.Loops) -> None:
     """An argument that is no number raises TypeError before the loop asks for the next one, which may be a fraction."""
     none, fraction = cast("Any", "2"), cast("Any", Fraction(1, 2))

@@ -554,7 +554,6 @@ static PyObject *follow_run(Taken *taken) {
     }
     return result;
 }
-CALL(follow)
 
 /* stream.recognizer.windows.rolling.RollingCovariance: follow_products(points, times, places, drift, reference, sum, products,
  * seconds, most, end, moved) -> whether the sums were computed afresh */
@@ -575,7 +574,6 @@ static PyObject *follow_products_run(Taken *taken) {
     }
     return result;
 }
-CALL(follow_products)
 
 /* RollingMoments.read, library.windows.parts.spread, posture, trend and movement:
  * read_parts(sums, clock, places, sizing, segments, above, ends, floor, level, spread, posture, trend) -> (movement, the body's
@@ -603,7 +601,6 @@ static PyObject *read_parts_run(Taken *taken) {
     }
     return result;
 }
-CALL(read_parts)
 
 static int expect_eigenpairs(Py_ssize_t size, Py_ssize_t most) {
     return expect_most("directions", MAX_DIRECTIONS, size) == 0 &&
@@ -663,7 +660,6 @@ static PyObject *read_eigen_run(Taken *taken) {
     }
     return result;
 }
-CALL(read_eigen)
 
 /* stream.recognizer.progress._Filter.step: follow_phase(course, indices, starts, vectors, lengths, expected, constants, live,
  * belief, after, room, told). The rows of `course` are phases, beginning, rounds and alike; those of `indices` bins and
@@ -1153,10 +1149,6 @@ static PyType_Spec bound_type = {
 
 static PyMethodDef methods[] = {
     {"measure_distances", FUNCTION(measure_distances)},
-    {"follow", FUNCTION(follow)},
-    {"follow_products", FUNCTION(follow_products)},
-    {"read_parts", FUNCTION(read_parts)},
-    {"read_eigen", FUNCTION(read_eigen)},
     {"eigenpairs", FUNCTION(eigenpairs)},
     {"follow_phase", FUNCTION(follow_phase)},
     {"moving", FUNCTION(moving)},

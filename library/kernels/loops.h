@@ -158,27 +158,6 @@ LOOP static void KIND(add_products)(const double *restrict reference, double *re
 
 HELPER double KIND(positive)(double number) { return number > 0.0 ? number : 0.0; }
 
-/* Mean distances relative to the segments between their joints, to posture (width): to the body's size where there are none. */
-LOOP static void KIND(postures)(const double *restrict reference, const double *restrict sum, Py_ssize_t width,
-                                double per_row, double size, const Py_ssize_t *restrict segments, Py_ssize_t between,
-                                const double *restrict above, Py_ssize_t joints, const uint8_t *restrict ends,
-                                double *restrict posture) {
-    /* As many as there are bytes, so that no end is out of range. */
-    double heights[MAX_JOINTS] = {0.0};
-    for (Py_ssize_t s = 0; s < between; s++) {
-        const double length = reference[segments[s]] + sum[segments[s]] * per_row;
-        for (Py_ssize_t j = 0; j < joints; j++) {
-            heights[j] += length * above[s * joints + j];
-        }
-    }
-    for (Py_ssize_t i = 0; i < width; i++) {
-        const double twice = 2 * heights[ends[2 * width + i]];
-        const double length = between ? heights[ends[i]] + heights[ends[width + i]] - twice : size;
-        const double mean = reference[i] + sum[i] * per_row;
-        posture[i] = length > 0.0 ? mean / length : 0.0;
-    }
-}
-
 /* Spread of a window of `count` rows with these sums, and posture and trend if they are wanted, all (width); gives the body's
  * size, and its movement. */
 LOOP static double KIND(parts)(const double *restrict sums, Py_ssize_t width, const double *restrict clock, double count,
@@ -226,8 +205,18 @@ LOOP static double KIND(parts)(const double *restrict sums, Py_ssize_t width, co
     for (Py_ssize_t i = 0; i < width; i++) {
         spread[i] -= removed;
     }
-    if (posture != NULL) {
-        KIND(postures)(reference, sum, width, per_row, size, segments, between, above, joints, ends, posture);
+    /* As many as there are bytes, so that no end is out of range. */
+    double heights[MAX_JOINTS] = {0.0};
+    for (Py_ssize_t s = 0; posture != NULL && s < between; s++) {
+        const double length = reference[segments[s]] + sum[segments[s]] * per_row;
+        for (Py_ssize_t j = 0; j < joints; j++) {
+            heights[j] += length * above[s * joints + j];
+        }
+    }
+    for (Py_ssize_t i = 0; posture != NULL && i < width; i++) {
+        const double mean = reference[i] + sum[i] * per_row, down = 2 * heights[ends[2 * width + i]];
+        const double length = between ? heights[ends[i]] + heights[ends[width + i]] - down : size;
+        posture[i] = length > 0.0 ? mean / length : 0.0;
     }
     *moved_by = means > 0.0 ? sqrt(variances / means) : 0.0;
     return size;

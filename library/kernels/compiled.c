@@ -576,8 +576,8 @@ static PyObject *follow_products_run(Taken *taken) {
 }
 
 /* RollingMoments.read, library.windows.parts.spread, posture, trend and movement:
- * read_parts(sums, clock, places, sizing, segments, above, ends, floor, level, spread, posture, trend) -> (movement, the body's
- * size); posture and trend may be empty: not wanted */
+ * read_parts(sums, clock, places, sizing, segments, above, ends, floor, level, spread, posture, trend) -> movement; posture and
+ * trend may be empty: not wanted */
 static const Wanted read_parts_wanted[] = {
     {"sums", "d", "4w", 0},         {"clock", "d", "3", 0},         {"places", INDEX, "2", 0},
     {"sizing", "d", "w", 0},        {"segments", INDEX, "s", 0},    {"above", "d", "sj", 0},
@@ -592,12 +592,10 @@ static PyObject *read_parts_run(Taken *taken) {
         (taken->length['t'] == 0 || expect("trend", taken->length['w'], taken->length['t']) == 0)) {
         Py_buffer *held = taken->held;
         const Py_ssize_t *places = held[2].buf;
-        double movement;
-        const double size = loops.parts(held[0].buf, taken->length['w'], held[1].buf, (double)places[1] - (double)places[0], held[3].buf,
-                                        held[4].buf, taken->length['s'], held[5].buf, taken->length['j'], held[6].buf,
-                                        taken->number[7], taken->number[8], held[9].buf, taken->length['p'] > 0 ? held[10].buf : NULL,
-                                        taken->length['t'] > 0 ? held[11].buf : NULL, &movement);
-        result = Py_BuildValue("dd", movement, size);
+        result = PyFloat_FromDouble(loops.parts(
+            held[0].buf, taken->length['w'], held[1].buf, (double)places[1] - (double)places[0], held[3].buf, held[4].buf,
+            taken->length['s'], held[5].buf, taken->length['j'], held[6].buf, taken->number[7], taken->number[8], held[9].buf,
+            taken->length['p'] > 0 ? held[10].buf : NULL, taken->length['t'] > 0 ? held[11].buf : NULL));
     }
     return result;
 }
@@ -615,22 +613,23 @@ static const Wanted eigenpairs_wanted[] = {
 static PyObject *eigenpairs_run(Taken *taken) {
     PyObject *result = NULL;
     if (expect_eigenpairs(taken->length['n'], taken->length['k']) == 0) {
-    const int size = (int)taken->length['n'], count = (int)taken->length['k'];
-    const double *covariances = taken->held[0].buf;
-    double *values = taken->held[1].buf, *vectors = taken->held[2].buf;
-    int found = 1;
-    for (Py_ssize_t c = 0; c < taken->length['c'] && found; c++) {
-    found = loops.eigenpairs(covariances + c * size * size, size, count, values + c * count, vectors + c * count * size);
-    }
-    result = PyBool_FromLong(found);
+        const int size = (int)taken->length['n'], count = (int)taken->length['k'];
+        const double *covariances = taken->held[0].buf;
+        double *values = taken->held[1].buf, *vectors = taken->held[2].buf;
+        int found = 1;
+        for (Py_ssize_t c = 0; c < taken->length['c'] && found; c++) {
+            found = loops.eigenpairs(covariances + c * size * size, size, count, values + c * count, vectors + c * count * size);
+        }
+        result = PyBool_FromLong(found);
     }
     return result;
-    }
-    CALL(eigenpairs)
-    
-    /* RollingCovariance.read, library.windows.cutting.eigenpairs_of and library.windows.parts.eigen:
-    * read_eigen(sum, products, places, drift, values, vectors, scaled, block) -> the covariance's trace */
-    static const Wanted read_eigen_wanted[] = {{"sum", "d", "n", 0},           {"products", "d", "nn", 0},     {"places", INDEX, "2", 0},
+}
+CALL(eigenpairs)
+
+/* RollingCovariance.read, library.windows.cutting.eigenpairs_of and library.windows.parts.eigen:
+ * read_eigen(sum, products, places, drift, values, vectors, scaled, block) -> the covariance's trace */
+static const Wanted read_eigen_wanted[] = {
+    {"sum", "d", "n", 0},           {"products", "d", "nn", 0},     {"places", INDEX, "2", 0},
     {"drift", "d", "2", 0},         {"values", "d", "k", WRITTEN},  {"vectors", "d", "kn", WRITTEN},
     {"scaled", "d", "kn", WRITTEN}, {"block", "d", "n8", WRITTEN}};
 static PyObject *read_eigen_run(Taken *taken) {
@@ -752,11 +751,11 @@ static const Wanted steps_wanted[] = {
 static PyObject *steps_run(Taken *taken) {
     Py_buffer *held = taken->held;
     return PyFloat_FromDouble(loops.steps(held[0].buf, taken->length['f'], taken->length['j'], held[1].buf, held[2].buf));
-    }
-    CALL(steps)
-    
-    /* stream.recognizer.joints.plausibility.extremes_of: extremes(looks, ends, lengths, moved) */
-    static const Wanted extremes_wanted[] = {
+}
+CALL(steps)
+
+/* stream.recognizer.joints.plausibility.extremes_of: extremes(looks, ends, lengths, moved) */
+static const Wanted extremes_wanted[] = {
     {"looks", "d", "fj3", 0}, {"ends", INDEX, "s2", 0}, {"lengths", "d", "2s", WRITTEN}, {"moved", "d", "j", WRITTEN}};
 static PyObject *extremes_run(Taken *taken) {
     PyObject *result = NULL;

@@ -106,8 +106,8 @@ class Loops(Protocol):
             Does the same for the sums of `RollingCovariance`.
         read_parts(sums, clock, places, sizing, segments, above, ends, floor, level, spread, posture, trend)
             Writes spread, posture and trend, (width,); the last two are empty where they are not wanted. Gives the
-            window's movement, and the size of the body. Names are as in `RollingMoments` and `Body`; floor and level
-            are `NOISE_FLOOR` and `LEVEL_REMOVED`.
+            window's movement. Names are as in `RollingMoments` and `Body`; floor and level are `NOISE_FLOOR` and
+            `LEVEL_REMOVED`.
         read_eigen(total, products, places, drift, values, vectors, scaled, block)
             Writes the leading eigenpairs of a covariance, (k,) and (k, width), four at most, and the part `eigen`, (k,
             width); gives the covariance's trace. The block, (width, 8), at first 0, takes eigenvectors over to the next

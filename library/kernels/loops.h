@@ -158,13 +158,12 @@ LOOP static void KIND(add_products)(const double *restrict reference, double *re
 
 HELPER double KIND(positive)(double number) { return number > 0.0 ? number : 0.0; }
 
-/* Spread of a window of `count` rows with these sums, and posture and trend if they are wanted, all (width); gives the body's
- * size, and its movement. */
+/* Spread of a window of `count` rows with these sums, and posture and trend if they are wanted, all (width); gives its
+ * movement. */
 LOOP static double KIND(parts)(const double *restrict sums, Py_ssize_t width, const double *restrict clock, double count,
                               const double *restrict sizing, const Py_ssize_t *restrict segments, Py_ssize_t between,
                               const double *restrict above, Py_ssize_t joints, const uint8_t *restrict ends, double floor,
-                              double level, double *restrict spread, double *restrict posture, double *restrict trend,
-                              double *restrict moved_by) {
+                              double level, double *restrict spread, double *restrict posture, double *restrict trend) {
     const double *restrict reference = sums, *restrict sum = sums + width, *restrict along = sums + 2 * width;
     const double *restrict squares = sums + 3 * width;
     const double per_row = 1.0 / count, middle = clock[1] * per_row, swing = clock[2] * per_row - middle * middle;
@@ -218,8 +217,7 @@ LOOP static double KIND(parts)(const double *restrict sums, Py_ssize_t width, co
         const double length = between ? heights[ends[i]] + heights[ends[width + i]] - down : size;
         posture[i] = length > 0.0 ? mean / length : 0.0;
     }
-    *moved_by = means > 0.0 ? sqrt(variances / means) : 0.0;
-    return size;
+    return means > 0.0 ? sqrt(variances / means) : 0.0;
 }
 
 /* Inner product of two vectors, so many registers wide. */

@@ -140,7 +140,7 @@ class LiveWindows(_RowsAndPoints):
         pairs, directions = self._directions.shape
         found = min(EIGENVECTORS, directions)
         self._blocks = np.zeros((len(BASIS_LENGTHS), directions, _BLOCK))
-        self._reads: tuple[tuple[Callable[[], tuple[float, float]], ...], tuple[Callable[[], float], ...]] | None = None
+        self._reads: tuple[tuple[Callable[[], float], ...], ...] = ()
         if loops is None or directions > loops.MAX_DIRECTIONS or body.above.shape[1] > loops.MAX_JOINTS:
             return
         self._numbers: dict[Part, NDArray[np.float64]] = {
@@ -200,11 +200,8 @@ class LiveWindows(_RowsAndPoints):
         """Read the signature of the windows that end with the newest row; needs a row. Valid until the next call."""
         self._settle()
         if self._reads:
-            moved = total = 0.0
-            for read_parts in self._reads[0]:
-                moved, _ = read_parts()
-            for read_eigen in self._reads[1]:
-                total = read_eigen()
+            *_, moved = [read() for read in self._reads[0]]
+            *_, total = [read() for read in self._reads[1]]
             return LiveSignature(self._numbers, moved, *Leading.of(total, self._values, self._leading[0]))
         covariances = np.array([each.read() for each in self._covariances])
         pairs = eigenpairs_of(covariances)

@@ -228,7 +228,7 @@ def _call(loops: compiled.Loops, name: str, *arguments: Any) -> Any:  # noqa: AN
 @BODIES
 @pytest.mark.parametrize("parents", [True, False], ids=["segments", "no segments"])
 def test_parts_equal_numpys_parts(loops: compiled.Loops, every: int, parents: bool) -> None:  # noqa: FBT001 - a parameter
-    """Spread, posture, trend, movement and size of real windows equal the values that numpy reads off the moments."""
+    """Spread, posture, trend and movement of real windows equal the values that numpy reads off the moments."""
     library = _library(every)
     for clip in library.motions[::29]:
         body = Body.of(clip.skeleton if parents else type(clip.skeleton)(clip.skeleton.joints))
@@ -240,13 +240,12 @@ def test_parts_equal_numpys_parts(loops: compiled.Loops, every: int, parents: bo
         parts, alone = np.full((2, 3, rows.shape[1]), np.nan)
         of_body = body.sizing, body.segments, body.above, body.ends
         arrays = sums, clock, np.array([7, 7 + len(rows)]), *of_body, NOISE_FLOOR, LEVEL_REMOVED
-        moved, size = _call(loops, "read_parts", *arrays, *parts)
+        moved = _call(loops, "read_parts", *arrays, *parts)
         for ours, theirs in zip(parts, expected, strict=True):
             np.testing.assert_allclose(ours, theirs, rtol=1e-9, atol=1e-7)
-        assert _call(loops, "read_parts", *arrays, alone[0], alone[1, :0], alone[2, :0]) == (moved, size)
+        assert _call(loops, "read_parts", *arrays, alone[0], alone[1, :0], alone[2, :0]) == moved
         assert np.array_equal(alone[0], parts[0])
         assert moved == pytest.approx(float(movement(moments)[0]), rel=1e-9)
-        assert size == pytest.approx(float(body.size(moments.mean)[0]), rel=1e-9)
 
 
 def _trend(rows: np.ndarray, times: np.ndarray) -> np.ndarray:
@@ -260,7 +259,7 @@ def test_a_body_in_one_point_has_numbers(loops: compiled.Loops) -> None:
     parts, sums, clock = np.full((3, len(PAIRS)), np.nan), np.zeros((4, len(PAIRS))), np.zeros(3)
     of_body, constants = (body.sizing, body.segments, body.above, body.ends), (NOISE_FLOOR, LEVEL_REMOVED)
     read = _call(loops, "read_parts", sums, clock, np.array([0, 1]), *of_body, *constants, *parts)
-    assert read == (0.0, 0.0)
+    assert read == 0.0
     still = Moments(*np.zeros((3, 1, len(PAIRS))))
     np.testing.assert_allclose(parts[0], spread(still, body)[0], rtol=1e-12)
     assert not parts[1:].any()

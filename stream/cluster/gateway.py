@@ -4,28 +4,20 @@ from __future__ import annotations
 
 import time
 import uuid
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 from urllib.parse import unquote
 
 from kinespace.stream.cluster import charter as chartered
 from kinespace.stream.cluster.bus import Inbox
 from kinespace.stream.cluster.charter import Charter, decode_back, encode_charter, key
+from kinespace.stream.inputs.source import TENDING
 from kinespace.stream.outputs.sink import Sink
 from kinespace.stream.workers.answer_source import AnswerSource
 from kinespace.stream.workers.ledger import Ledger
 from kinespace.stream.workers.partition import PARTITIONS
-from kinespace.stream.workers.spread import Spread
-from kinespace.stream.workers.wire import (
-    LEAVE,
-    REJOIN,
-    WELCOME,
-    Handover,
-    encode_frames,
-    encode_handover,
-    encode_number,
-)
-from kinespace.stream.workers.worker import KEPT
+from kinespace.stream.workers.spread import Spread, together
+from kinespace.stream.workers.wire import FRAMES, REJOIN, WELCOME, encode_frames, encode_number
 from kinespace.stream.zeromq import answers
 from kinespace.stream.zeromq.frames import FormatError
 
@@ -42,8 +34,9 @@ if TYPE_CHECKING:
 MAX_SILENT = 0.8
 #: Seconds between two looks at the workers, above which this process itself was stopped for a while.
 _STOPPED = 0.4
-#: Messages of one partition that are kept for a new worker: the last seconds of at least four performers.
-_KEPT = round(KEPT * 120 * 4)
+#: Seconds between two messages of frames to a worker, at least: waking costs a worker more than a frame does. The
+#: frames of a few performers come more seldom and never wait.
+_MIN_APART = 0.0005
 
 
 @dataclass(slots=True)
@@ -51,6 +44,10 @@ class _Member:
     number: int
     heard: float
     ready: bool = False
+    #: Frames that wait for the next message, when the last message was sent, and how many messages were sent.
+    held: list[SentFrame] = field(default_factory=list)
+    told: float = 0.0
+    messages: int = 0
 
 
 class Gateway(Spread):
@@ -89,7 +86,7 @@ class Gateway(Spread):
         silence: float = 5.0,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
-        ledger = Ledger(most=most, silence=silence, keeps_frames=False)
+        ledger = Ledger(most=most, silence=silence)
         super().__init__(library, library.classes, settings, joints, ledger)
         self.name = uuid.uuid4().hex[:12]
         self.strangers = 0
@@ -113,7 +110,6 @@ class Gateway(Spread):
         self._there: set[str] = set()
         self._numbers = 0
         self._lost, self._last_lost = 0, ""
-        self._publishers: dict[int, Any] = {}
         self._declared: list[Any] = []
         self.source = GatewaySource(self)
         self._declare()
@@ -121,6 +117,7 @@ class Gateway(Spread):
     def _declare(self) -> None:
         import zenoh  # noqa: PLC0415 - an extra
 
+        self._zenoh: Any = zenoh
         own, put = self._session, self.inbox.put
         self._declared += [
             own.declare_queryable(key(self.name, "charter"), lambda query: self._reply(query, self._encoded_charter)),
@@ -136,6 +133,7 @@ class Gateway(Spread):
             ),
             own.liveliness().declare_token(key("gateway", self.name)),
         ]
+        self._identity = self._declared[0].id
 
     @property
     def _encoded_charter(self) -> bytes:
@@ -158,34 +156,33 @@ class Gateway(Spread):
         former = [f"{self.former} answers of former owners or to frames answered before"] if self.former else []
         return [f"workers of gateway {self.name}: {len(self._ready)}", *super().notes, *lost, *strange, *former]
 
-    def _send(self, frames: dict[int, list[SentFrame]]) -> None:
-        for partition, each in frames.items():
-            publisher = self._publishers.get(partition) or self._publish(partition)
-            publisher.put(encode_frames(each))
-            self.unsent += 0 if self._owners else len(each)
+    def _give(self, worker: str, frames: list[SentFrame]) -> None:
+        member = self._members[worker]
+        member.held += frames
+        if self._clock() - member.told >= _MIN_APART:
+            self._flush(worker, member)
 
-    def _publish(self, partition: int) -> Any:  # noqa: ANN401 - Zenoh's
-        from zenoh import ext  # noqa: PLC0415 - an extra
-
-        publisher = self._publishers[partition] = ext.declare_advanced_publisher(
-            self._session,
-            key(self.name, "frame", partition),
-            cache=ext.CacheConfig(max_samples=_KEPT),
-            publisher_detection=True,
-            sample_miss_detection=ext.MissDetectionConfig(heartbeat=None, sporadic_heartbeat=None),
-        )
-        return publisher
+    def _flush(self, worker: str, member: _Member) -> None:
+        """Send the frames that wait; Zenoh drops them if the way to the worker is full."""
+        frames, member.held, member.told = member.held, [], self._clock()
+        for each in together(frames):
+            member.messages += 1
+            self._put(worker, FRAMES + encode_frames(each), member.messages)
 
     def _tell(self, worker: str, message: bytes) -> None:
-        import zenoh  # noqa: PLC0415 - an extra
+        if member := self._members.get(worker):
+            self._flush(worker, member)
+        self._put(worker, message, 0)
 
-        self._session.put(key(self.name, "to", worker), message, congestion_control=zenoh.CongestionControl.BLOCK)
-
-    def _replay(self, worker: str, partitions: Sequence[int]) -> None:
-        """Do nothing: the worker asks Zenoh's caches for the last frames."""
-
-    def _stop_former(self, worker: str, partitions: Sequence[int]) -> None:
-        self._tell(worker, LEAVE + encode_handover(Handover(list(partitions), [], 0)))
+    def _put(self, worker: str, message: bytes, number: int) -> None:
+        """Send a message; one with a number may be dropped, and the worker counts the numbers that it misses."""
+        congestion = self._zenoh.CongestionControl
+        self._session.put(
+            key(self.name, "to", worker),
+            message,
+            congestion_control=congestion.DROP if number else congestion.BLOCK,
+            source_info=self._zenoh.SourceInfo(self._identity, number),
+        )
 
     def _seen(self, token: str, is_there: bool) -> None:  # noqa: FBT001 - a sample's kind
         """Note that a worker has come or has gone."""
@@ -234,8 +231,16 @@ class Gateway(Spread):
             member = self._members[worker] = _Member(self._numbers, self._clock())
         self._tell(worker, WELCOME + encode_number(member.number))
 
+    @property
+    def holds_frames(self) -> bool:
+        """Whether frames wait for others, to travel with them."""
+        return any(member.held for member in self._members.values())
+
     def tend(self, now: float) -> None:
-        """Drop the workers that do not report."""
+        """Send the frames that have waited long enough; drop the workers that do not report."""
+        for name, member in self._members.items():
+            if member.held and now - member.told >= _MIN_APART:
+                self._flush(name, member)
         if now - self._looked > _STOPPED:
             for member in self._members.values():
                 member.heard = max(member.heard, now - MAX_SILENT / 2)
@@ -260,6 +265,11 @@ class GatewaySource(AnswerSource):
     def __init__(self, gateway: Gateway) -> None:
         super().__init__()
         self._gateway = gateway
+
+    @property
+    def tended_within(self) -> float:
+        """Seconds within which frames must be sent that wait for others, or the workers must be looked after."""
+        return _MIN_APART if self._gateway.holds_frames else TENDING
 
     @property
     def pollable(self) -> object:

@@ -16,7 +16,6 @@ from kinespace.stream.recognition import Event, Outcome, Progress, Recognition
 from kinespace.stream.recognizer.joints.carried import Carried  # noqa: TC001 - msgspec reads annotations
 from kinespace.stream.recognizer.joints.doubts import LongAgo  # noqa: TC001 - msgspec reads annotations
 from kinespace.stream.recognizer.performers import PerformerCounts  # noqa: TC001 - msgspec reads annotations
-from kinespace.stream.workers.partition import PARTITIONS
 from kinespace.stream.zeromq.frames import MAX_SEQ, VERSION, FormatError, NumberedFrame, numbered
 from kinespace.stream.zeromq.single_part import Packed
 
@@ -24,9 +23,9 @@ if TYPE_CHECKING:
     from kinespace.stream.frame import Frame
 
 #: The first byte of a message to a worker: frames; performers whom it takes over, whose frames follow; performers whose
-#: former worker stops; a question, which a report answers; another sensitivity. Over a network also:
-#: partitions that it leaves to another worker; its membership; the end of its membership.
-FRAMES, TAKE_OVER, UNMUTE, ASK, SENSE, LEAVE, WELCOME, REJOIN = b"F", b"T", b"U", b"A", b"S", b"L", b"W", b"J"
+#: former worker stops; a question, which a report answers; another sensitivity. Over a network also its membership, and
+#: the end of its membership.
+FRAMES, TAKE_OVER, UNMUTE, ASK, SENSE, WELCOME, REJOIN = b"F", b"T", b"U", b"A", b"S", b"W", b"J"
 #: Frames in a message, at most.
 MAX_TOGETHER = 256
 _Seq = Annotated[int, msgspec.Meta(ge=0, le=MAX_SEQ)]
@@ -34,7 +33,7 @@ _Name = Annotated[str, msgspec.Meta(min_length=1, max_length=MAX_PERFORMER_LENGT
 _Index = Annotated[int, msgspec.Meta(ge=-1)]
 
 
-class SentFrame(Packed, kw_only=True, omit_defaults=True):
+class SentFrame(Packed, kw_only=True, omit_defaults=True, gc=False):
     """A frame on its way to a worker.
 
     Attributes
@@ -80,14 +79,6 @@ class Entry(msgspec.Struct, array_like=True, frozen=True):
     joints: tuple[str, ...] | None
     time: float = 0.0
     long_ago: LongAgo | None = None
-
-
-class Handover(msgspec.Struct, array_like=True, frozen=True):
-    """Partitions that a worker takes over, their performers, and the number of the last frame sent before."""
-
-    partitions: list[Annotated[int, msgspec.Meta(ge=0, lt=PARTITIONS)]]
-    entries: list[Entry]
-    sent: int
 
 
 class Answered(msgspec.Struct, array_like=True, frozen=True):
@@ -174,7 +165,7 @@ class Answers(msgspec.Struct, array_like=True, frozen=True):
 
 _encode = msgspec.msgpack.Encoder().encode
 _read_frames = msgspec.msgpack.Decoder(Annotated[list[SentFrame], msgspec.Meta(max_length=MAX_TOGETHER)]).decode
-_read_handover = msgspec.msgpack.Decoder(Handover).decode
+_read_entries = msgspec.msgpack.Decoder(list[Entry]).decode
 _read_number = msgspec.msgpack.Decoder(int).decode
 _read_share = msgspec.msgpack.Decoder(Annotated[float, msgspec.Meta(ge=0, le=1)]).decode
 _read_answers = msgspec.msgpack.Decoder(Answers).decode
@@ -219,15 +210,15 @@ def _numbered(sent: SentFrame) -> NumberedFrame:
     return numbered(sent.performer, sent, sent.data, 0.0)
 
 
-def encode_handover(handover: Handover) -> bytes:
-    """Encode the partitions that a worker takes over."""
-    return _encode(handover)
+def encode_entries(entries: list[Entry]) -> bytes:
+    """Encode the performers whom a worker takes over."""
+    return _encode(entries)
 
 
-def decode_handover(message: bytes) -> Handover:
-    """Decode the partitions that a worker takes over; FormatError for a message that is not ours."""
-    handover: Handover = _read(_read_handover, message)
-    return handover
+def decode_entries(message: bytes) -> list[Entry]:
+    """Decode the performers whom a worker takes over; FormatError for a message that is not ours."""
+    entries: list[Entry] = _read(_read_entries, message)
+    return entries
 
 
 def encode_number(number: int) -> bytes:

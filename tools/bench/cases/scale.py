@@ -221,6 +221,7 @@ class Troupe:
         """Wait for answers, at most so many seconds; give them, and how long each took."""
         pollables: list[Any] = [source.pollable for source in self.sources]
         if pollables:
+            longest = min(longest, *(source.tended_within for source in self.sources))
             select.select(pollables, [], [], longest)
         else:
             time.sleep(longest)
@@ -487,7 +488,7 @@ def gateway_gap(positions: NDArray[np.float32]) -> float:
 def takeovers(positions: NDArray[np.float32], seconds: float) -> tuple[int, int]:
     """Let another worker take a performer over at many moments; give how many, and after how many an event differs."""
     index = opened(MotionLibrary.builtin())
-    former, ledger = Worker(Performers(index)), Ledger(most=1, silence=math.inf, keeps_frames=True)
+    former, ledger = Worker(Performers(index)), Ledger(most=1, silence=math.inf)
     history = round(seconds * FRAME_RATE)
     frames: list[SentFrame] = []
     events: list[list[Event]] = []

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 import uuid
 from dataclasses import dataclass, field
@@ -46,7 +47,7 @@ class _Member:
     ready: bool = False
     #: Frames that wait for the next message, when the last message was sent, and how many messages were sent.
     held: list[SentFrame] = field(default_factory=list)
-    told: float = 0.0
+    told: float = -math.inf
     messages: int = 0
 
 
@@ -170,7 +171,7 @@ class Gateway(Spread):
             self._put(worker, FRAMES + encode_frames(each), member.messages)
 
     def _tell(self, worker: str, message: bytes) -> None:
-        if member := self._members.get(worker):
+        if (member := self._members.get(worker)) and member.held:
             self._flush(worker, member)
         self._put(worker, message, 0)
 

@@ -6,21 +6,18 @@ frames travel together as a list. Times named `at` are seconds on the receiving 
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import msgspec
 import numpy as np
 
-from kinespace.stream.frame import MAX_PERFORMER_LENGTH, Announcement
+from kinespace.stream.frame import MAX_PERFORMER_LENGTH, Announcement, Frame
 from kinespace.stream.recognition import Event, Outcome, Progress, Recognition
 from kinespace.stream.recognizer.joints.carried import Carried  # noqa: TC001 - msgspec reads annotations
 from kinespace.stream.recognizer.joints.doubts import LongAgo  # noqa: TC001 - msgspec reads annotations
 from kinespace.stream.recognizer.performers import PerformerCounts  # noqa: TC001 - msgspec reads annotations
-from kinespace.stream.zeromq.frames import MAX_SEQ, VERSION, FormatError, NumberedFrame, numbered
+from kinespace.stream.zeromq.frames import MAX_SEQ, VERSION, FormatError, NumberedFrame, positions_of
 from kinespace.stream.zeromq.single_part import Packed
-
-if TYPE_CHECKING:
-    from kinespace.stream.frame import Frame
 
 #: The first byte of a message to a worker: frames; performers whom it takes over, whose frames follow; performers whose
 #: former worker stops; a question, which a report answers; another sensitivity. Over a network also its membership, and
@@ -28,6 +25,8 @@ if TYPE_CHECKING:
 FRAMES, TAKE_OVER, UNMUTE, ASK, SENSE, WELCOME, REJOIN = b"F", b"T", b"U", b"A", b"S", b"W", b"J"
 #: Frames in a message, at most.
 MAX_TOGETHER = 256
+#: Seconds of a sender's clock, at most: more are a mistake.
+MAX_SECONDS = 1e300
 _Seq = Annotated[int, msgspec.Meta(ge=0, le=MAX_SEQ)]
 _Name = Annotated[str, msgspec.Meta(min_length=1, max_length=MAX_PERFORMER_LENGTH)]
 _Index = Annotated[int, msgspec.Meta(ge=-1)]
@@ -46,6 +45,8 @@ class SentFrame(Packed, kw_only=True, omit_defaults=True, gc=False):
         Whether the next answer must say which joints carry it.
     """
 
+    performer: _Name
+    t: Annotated[float, msgspec.Meta(ge=-MAX_SECONDS, le=MAX_SECONDS)] = 0.0
     at: float = 0.0
     anew: bool = False
     asks: bool = False
@@ -196,18 +197,16 @@ def encode_frames(frames: list[SentFrame]) -> bytes:
 
 def decode_frames(message: bytes) -> list[tuple[SentFrame, NumberedFrame]]:
     """Decode frames; FormatError for a message that is not ours."""
-    frames = _read(_read_frames, message)
-    try:
-        return [(each, _numbered(each)) for each in frames]
-    except ValueError as error:
-        raise FormatError(str(error)) from error
+    return [(each, _numbered(each)) for each in _read(_read_frames, message)]
 
 
 def _numbered(sent: SentFrame) -> NumberedFrame:
-    if sent.seq is None:
-        raise FormatError("seq: expected a number, got none")
-    # The receiving process has converted the time: 0 means 0.
-    return numbered(sent.performer, sent, sent.data, 0.0)
+    if sent.seq is None or sent.v != VERSION:
+        raise FormatError(f"v, seq: expected version {VERSION} and a number, got {sent.v}, {sent.seq}")
+    # The receiving process has checked the frame and converted its time.
+    frame = Frame.unchecked(sent.performer, sent.t, positions_of(sent, sent.data))
+    announcement = None if sent.joints is None else Announcement(sent.performer, tuple(sent.joints))
+    return NumberedFrame(frame, sent.seq, announcement)
 
 
 def encode_entries(entries: list[Entry]) -> bytes:

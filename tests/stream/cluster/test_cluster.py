@@ -15,14 +15,16 @@ from synthetic import STICK_CLASSES, stick_clip
 from kinespace.library.windows.index import opened
 from kinespace.stream.cluster import bus
 from kinespace.stream.cluster import charter as chartered
+from kinespace.stream.cluster import gateway as gateway_module
 from kinespace.stream.cluster import node as node_module
 from kinespace.stream.cluster.bus import open_session
 from kinespace.stream.cluster.charter import Back, encode, key
 from kinespace.stream.cluster.gateway import Gateway
 from kinespace.stream.cluster.node import Node
 from kinespace.stream.frame import Frame
+from kinespace.stream.inputs.source import TENDING
 from kinespace.stream.recognizer import Performers, SentJoints, Settings
-from kinespace.stream.workers.wire import FRAMES, Answers, encode_frames, sent_frame
+from kinespace.stream.workers.wire import ASK, FRAMES, Answers, decode_frames, encode_frames, encode_number, sent_frame
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
@@ -314,6 +316,34 @@ def test_answers_are_published_for_anybody(on: Bus, feed: Sequence[Sequence[Fram
     assert heard[0][1]["performer"] == "ann"
     subscriber.undeclare()
     listening.close()
+
+
+def test_frames_of_a_moment_travel_together(
+    on: Bus, feed: Sequence[Sequence[Frame]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The first frame goes at once, the next ones together, after a while or before an order; lost ones are counted."""
+    monkeypatch.setattr(gateway_module, "_MIN_APART", 1000.0)
+    gateway, node = on.gateway(), on.node()
+    on.until(lambda: on.has_workers(gateway, 1))
+    sent = list[tuple[int, int]]()
+    put = Gateway._put  # noqa: SLF001 - it sends all
+
+    def note(self: Gateway, worker: str, message: bytes, number: int) -> None:
+        sent.append((number, len(decode_frames(message[1:])) if number else 0))
+        if number != 2:
+            put(self, worker, message, number)
+
+    monkeypatch.setattr(Gateway, "_put", note)
+    source = gateway.source
+    for moment in range(4):
+        gateway.push_all(feed[moment], 0.0)
+    assert (sent, source.tended_within) == ([(1, 3)], 1000.0)
+    gateway._tell(node.name, ASK + encode_number(5))  # noqa: SLF001 - any order
+    assert (sent[1:], source.tended_within) == ([(2, 9), (0, 0)], TENDING)
+    gateway.push_all(feed[4], 0.0)
+    gateway.tend(time.monotonic() + 2000.0)
+    assert sent[3:] == [(3, 3)]
+    on.until(lambda: node.counts["dropped"] == 1)
 
 
 def test_an_unreachable_address_is_reported_in_one_line(monkeypatch: pytest.MonkeyPatch, tmp_path: Any) -> None:  # noqa: ANN401

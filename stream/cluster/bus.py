@@ -16,8 +16,12 @@ if TYPE_CHECKING:
 
 #: Where a gateway listens by default.
 LISTEN = "tcp/127.0.0.1:7447"
-#: Milliseconds after which a silent process counts as gone; Zenoh's own default is ten seconds.
-_LEASE, _ZENOHS_LEASE = 1000, 10_000
+#: Zenoh's own defaults that ours take the place of: milliseconds after which a silent process counts as gone;
+#: microseconds after which a connection that takes no message is closed, and for which our loop waits till then.
+_QUICKER = {
+    "transport/link/tx/lease": (10_000, 1000),
+    "transport/link/tx/queue/congestion_control/block/wait_before_close": (5_000_000, 1_000_000),
+}
 #: Milliseconds in which a connection must be there.
 _MAX_CONNECTING = 5000
 
@@ -50,11 +54,11 @@ def open_session(listen: Sequence[str], connect: Sequence[str], file: Path | Non
         config = zenoh.Config.from_file(str(file)) if file else zenoh.Config()
     except zenoh.ZError as error:
         raise ValueError(f"{file}: not a configuration of Zenoh: {error}") from error
-    told: dict[str, object] = {"timestamping/enabled": True}
+    told: dict[str, object] = {
+        name: ours for name, (theirs, ours) in _QUICKER.items() if config.get_json(name) == str(theirs)
+    }
     if not file:
         told |= {"mode": "peer", "scouting/multicast/enabled": False, "listen/endpoints": list(listen)}
-    if config.get_json("transport/link/tx/lease") == str(_ZENOHS_LEASE):
-        told["transport/link/tx/lease"] = _LEASE
     if listen:
         told["listen/endpoints"] = list(listen)
     if connect:

@@ -247,8 +247,8 @@ class Gateway(Spread):
                 member.heard = max(member.heard, now - MAX_SILENT / 2)
         self._looked = now
         for worker in [name for name, member in self._members.items() if now - member.heard > MAX_SILENT]:
+            # Once it reports again it is told to begin anew; now the way to it may be closed, and a message would wait.
             self._drop(worker, "does not report")
-            self._tell(worker, REJOIN)
 
     def sink(self) -> Sink:
         """Make a sink that publishes the answers in JSON."""

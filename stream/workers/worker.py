@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 HISTORY = 2.5
 #: Seconds of frames with which the recogniser of a performer who is taken over compares windows before it answers: the
 #: windows before are shorter than the former worker's, and would only mislead its averages.
-_COMPARED = 0.5
+_COMPARED = 1.0
 #: Seconds of frames that are kept: a worker may have hung unnoticed for a while since its last answer.
 KEPT = HISTORY + 1.5
 

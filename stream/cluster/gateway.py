@@ -35,9 +35,11 @@ if TYPE_CHECKING:
 MAX_SILENT = 0.8
 #: Seconds between two looks at the workers, above which this process itself was stopped for a while.
 _STOPPED = 0.4
-#: Seconds between two messages of frames to a worker, at least: waking costs a worker more than a frame does. The
-#: frames of a few performers come more seldom and never wait.
-_MIN_APART = 0.0005
+#: Seconds between two messages of frames to a worker, at least, where its frames come closer together than `_SPARSE` on
+#: average: being woken costs a worker as much as a frame. The frames of fewer performers never wait.
+_MIN_APART, _SPARSE = 0.001, 0.00075
+#: The weight of the newest frames in that average.
+_NEW = 0.05
 
 
 @dataclass(slots=True)
@@ -49,6 +51,21 @@ class _Member:
     held: list[SentFrame] = field(default_factory=list)
     told: float = -math.inf
     messages: int = 0
+    #: When the last frames came, and the average time between two frames, seconds.
+    came: float = -math.inf
+    spacing: float = 2 * _SPARSE
+
+    def take(self, frames: list[SentFrame], now: float) -> bool:
+        """Keep frames for the next message; say whether it is due."""
+        apart = min(now - self.came, 2 * _SPARSE) / len(frames)
+        self.spacing += _NEW * (apart - self.spacing)
+        self.came = now
+        self.held += frames
+        return self.spacing > _SPARSE or self.is_due(now)
+
+    def is_due(self, now: float) -> bool:
+        """Say whether the last message was sent long enough ago."""
+        return now - self.told >= _MIN_APART
 
 
 class Gateway(Spread):
@@ -159,8 +176,7 @@ class Gateway(Spread):
 
     def _give(self, worker: str, frames: list[SentFrame]) -> None:
         member = self._members[worker]
-        member.held += frames
-        if self._clock() - member.told >= _MIN_APART:
+        if member.take(frames, self._clock()):
             self._flush(worker, member)
 
     def _flush(self, worker: str, member: _Member) -> None:
@@ -240,7 +256,7 @@ class Gateway(Spread):
     def tend(self, now: float) -> None:
         """Send the frames that have waited long enough; drop the workers that do not report."""
         for name, member in self._members.items():
-            if member.held and now - member.told >= _MIN_APART:
+            if member.held and member.is_due(now):
                 self._flush(name, member)
         if now - self._looked > _STOPPED:
             for member in self._members.values():

@@ -326,8 +326,9 @@ def test_answers_are_published_for_anybody(on: Bus, feed: Sequence[Sequence[Fram
 def test_frames_of_a_moment_travel_together(
     on: Bus, feed: Sequence[Sequence[Frame]], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The first frame goes at once, the next ones together, after a while or before an order; lost ones are counted."""
+    """The first frames go at once, the next ones together, after a while or before an order; lost ones are counted."""
     monkeypatch.setattr(gateway_module, "_MIN_APART", 1000.0)
+    monkeypatch.setattr(gateway_module, "_SPARSE", 1000.0)
     gateway, node = on.gateway(), on.node()
     on.until(lambda: on.has_workers(gateway, 1))
     sent = list[tuple[int, int]]()
@@ -349,6 +350,23 @@ def test_frames_of_a_moment_travel_together(
     gateway.tend(time.monotonic() + 2000.0)
     assert sent[3:] == [(3, 3)]
     on.until(lambda: node.counts["dropped"] == 1)
+
+
+def test_frames_wait_for_others_only_where_many_come() -> None:
+    """Frames that come seldom are due at once, after a pause too; among many they wait for a millisecond."""
+    frame = [sent_frame(Frame("ann", 1.0, np.ones((3, 3))), 1, 0.0, anew=True)]
+
+    def waiting(apart: float, seconds: float) -> float:
+        member, due = gateway_module._Member(1, 0.0), list[bool]()  # noqa: SLF001 - its rule
+        for k in range(round(seconds / apart)):
+            due.append(member.take(frame, 5.0 + k * apart))
+            if due[-1]:
+                member.held, member.told = [], 5.0 + k * apart
+        return due[-100:].count(False) / 100
+
+    assert waiting(0.0014, 1.0) == 0.0
+    assert waiting(0.0004, 1.0) == pytest.approx(2 / 3, abs=0.02)
+    assert waiting(0.0001, 1.0) == pytest.approx(0.9, abs=0.02)
 
 
 def test_an_unreachable_address_is_reported_in_one_line(monkeypatch: pytest.MonkeyPatch, tmp_path: Any) -> None:  # noqa: ANN401

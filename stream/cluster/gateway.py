@@ -47,6 +47,9 @@ class _Member:
     number: int
     heard: float
     ready: bool = False
+    #: Whether it wants to end, and whether it was told that it may.
+    leaves: bool = False
+    let_go: bool = False
     #: Frames that wait for the next message, when the last message was sent, and how many messages were sent.
     held: list[SentFrame] = field(default_factory=list)
     told: float = -math.inf
@@ -164,7 +167,7 @@ class Gateway(Spread):
 
     @property
     def _ready(self) -> list[str]:
-        return [name for name, member in self._members.items() if member.ready]
+        return [name for name, member in self._members.items() if member.ready and not member.leaves]
 
     @property
     def notes(self) -> list[str]:
@@ -239,6 +242,17 @@ class Gateway(Spread):
             if not member.ready:
                 member.ready = True
                 self._assign(self._ready)
+            if back.answers.report and back.answers.report.leaves and not member.leaves:
+                member.leaves = True
+                self._assign(self._ready, [worker])
+            self._let_go()
+
+    def _let_go(self) -> None:
+        """Let the workers end whose performers are with others."""
+        for name, member in self._members.items():
+            if member.leaves and not member.let_go and name not in self._former.values():
+                member.let_go = True
+                self._tell(name, REJOIN)
 
     def _welcome(self, worker: str, member: _Member | None) -> None:
         """Give a new worker a number; forget an earlier membership."""

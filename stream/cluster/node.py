@@ -45,6 +45,8 @@ if TYPE_CHECKING:
 _MAX_AGE, _MAX_WARMING = 1.0, 4.0
 #: Maximum seconds for which an answer waits for further answers, to travel with them.
 _MAX_TOGETHER = 0.002
+#: Seconds within which a worker that leaves hands its performers over.
+_MAX_LEAVING = 1.0
 #: Seconds after which a gateway that has not sent its charter, or its library, is asked again.
 _ASK_AGAIN, _FETCH_AGAIN = 1.0, 20.0
 #: Seconds without a frame after which a performer may come from another gateway.
@@ -131,9 +133,23 @@ class Node:
         self._stopped = True
 
     def run(self) -> None:
-        """Work until stopped."""
+        """Work until stopped, and then until other workers have the performers."""
         while not self._stopped:
             self.step(max(self._next_report - self.clock(), 0.0))
+        self.leave()
+        until = self.clock() + _MAX_LEAVING
+        while not self.has_left and self.clock() < until:
+            self.step(max(min(self._next_report, until) - self.clock(), 0.0))
+
+    def leave(self) -> None:
+        """Ask the gateways to give the performers to other workers."""
+        for post in self._posts.values():
+            post.leave_in_order()
+
+    @property
+    def has_left(self) -> bool:
+        """Whether no gateway needs this worker any more, once it was asked to leave."""
+        return all(post.has_left for post in self._posts.values())
 
     def step(self, longest: float) -> None:
         """Wait at most so many seconds for messages, and deal with them; report when it is time."""
@@ -163,7 +179,7 @@ class Node:
         if not is_there:
             self._asked.pop(gateway, None)
             if post := self._posts.pop(gateway, None):
-                post.leave()
+                post.close()
                 self.tell(f"gateway {gateway} is gone")
             return
         if gateway not in self._posts:
@@ -260,6 +276,7 @@ class Post:
         self._node, self._gateway, self._charter, self._library = node, gateway, charter, library
         self._member = 0
         self._last = 0
+        self._leaves, self.has_left = False, False
         #: The number of the last message of frames.
         self._number = 0
         #: Answers that wait for further answers, and when the first of them was made.
@@ -280,7 +297,12 @@ class Post:
         #: Messages that were dropped before this membership.
         self._dropped = self._node.dropped
 
-    def leave(self) -> None:
+    def leave_in_order(self) -> None:
+        """Go on until the gateway says that other workers have the performers."""
+        self._leaves, self.has_left = True, not self._member
+        self.report()
+
+    def close(self) -> None:
         """Stop working for the gateway."""
         self._subscriber.undeclare()
 
@@ -317,7 +339,11 @@ class Post:
             self._node.unread += 1
 
     def _rejoin(self) -> None:
-        """Begin anew: the gateway has given our performers to others."""
+        """Begin anew: the gateway has given our performers to others. A worker that leaves is done."""
+        if self._leaves:
+            self.send_answers()
+            self.has_left = True
+            return
         self._member, self._answers = 0, []
         self._begin()
 
@@ -348,7 +374,8 @@ class Post:
         self.send_answers()
         now = self._node.clock()
         report = self._worker.report(now, self._last)
-        self._send(Answers([], msgspec.structs.replace(report, dropped=self._node.dropped - self._dropped)))
+        dropped = self._node.dropped - self._dropped
+        self._send(Answers([], msgspec.structs.replace(report, dropped=dropped, leaves=self._leaves)))
 
     def _send(self, answers: Answers) -> None:
         import zenoh  # noqa: PLC0415 - an extra

@@ -251,12 +251,15 @@ class Spread(ABC):
     def _tell(self, worker: str, message: bytes) -> None:
         """Send a message that must arrive."""
 
-    def _assign(self, ready: Collection[str]) -> None:
-        """Give each partition to its owner among the workers that are ready; hand over the partitions that move."""
+    def _assign(self, ready: Collection[str], leaving: Collection[str] = ()) -> None:
+        """Give each partition to its owner among the workers that are ready; hand over the partitions that move.
+
+        The former owner goes on until then if it is ready, too, or leaving.
+        """
         before, self._owners = self._owners, owners(ready)
         moved: dict[tuple[str, bool], list[int]] = {}
         for partition, new in enumerate(self._owners):
-            old = before[partition] if before and before[partition] in ready else None
+            old = before[partition] if before and before[partition] in {*ready, *leaving} else None
             if before and before[partition] == new:
                 continue
             moved.setdefault((new, bool(old and self.names)), []).append(partition)

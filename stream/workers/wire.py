@@ -146,6 +146,8 @@ class Report(msgspec.Struct, array_like=True, frozen=True):
         The number of the last question that it has read.
     dropped
         Frames or messages that were lost on the way or dropped because the worker was busy.
+    leaves
+        Whether the worker wants to end: it goes on until its performers are with others.
     """
 
     counts: PerformerCounts
@@ -155,6 +157,7 @@ class Report(msgspec.Struct, array_like=True, frozen=True):
     performers: int = 0
     last: int = 0
     dropped: int = 0
+    leaves: bool = False
 
 
 class Answers(msgspec.Struct, array_like=True, frozen=True):

@@ -369,6 +369,28 @@ def test_frames_wait_for_others_only_where_many_come() -> None:
     assert waiting(0.0001, 1.0) == pytest.approx(0.9, abs=0.02)
 
 
+@pytest.mark.slow
+def test_a_worker_leaves_in_good_order(on: Bus, feed: Sequence[Sequence[Frame]]) -> None:
+    """While it leaves it answers until the other worker does: no answer is missing. The last one is let go, too."""
+    performers, frames = Performers(opened(on.library)), feed[:90]
+    expected = {(each.performer, each.time) for now in frames for each in performers.push_all(now, now[0].time) if each}
+    gateway, first, _ = on.gateway(), on.node(), on.node()
+    on.until(lambda: on.has_workers(gateway, 2))
+    for k, now in enumerate(frames):
+        gateway.push_all(now, time.monotonic())
+        on.turn()
+        if k == 60:
+            first.leave()
+            assert not first.has_left
+    on.until(lambda: first.has_left)
+    on.leave(first)
+    heard = on.heard[gateway.name]
+    on.until(lambda: {(each.performer, each.time) for each in heard} >= expected)
+    assert len(heard) == len(expected)
+    on.nodes[0].leave()
+    on.until(lambda: on.nodes[0].has_left)
+
+
 def test_an_unreachable_address_is_reported_in_one_line(monkeypatch: pytest.MonkeyPatch, tmp_path: Any) -> None:  # noqa: ANN401
     """A router that is not there, a port that is taken and a broken configuration are errors of one line each."""
     monkeypatch.setattr(bus, "_MAX_CONNECTING", 200)

@@ -91,6 +91,7 @@ def _without_front(labels: Sequence[str]) -> list[str]:
     return [label.removeprefix(front) or label for label in labels]
 
 
+@cache
 def own_convention() -> Convention:
     """Give HDM05's own names as a convention; CMU's ASF files use the same names."""
     return Convention("hdm05", "HDM05", {spelling(joint): joint for joint in hdm05.SKELETON.joints})

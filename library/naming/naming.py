@@ -95,9 +95,9 @@ class Naming:
         joints
             A library's joints, which may have names of their own.
         """
-        named = self.read(labels)
-        as_they_are = sum(label in joints for label in labels)
-        if self.convention is None and as_they_are >= sum(joint in joints for joint in named.joints):
+        named, there = self.read(labels), frozenset(joints)
+        as_they_are = sum(label in there for label in labels)
+        if self.convention is None and as_they_are >= sum(joint in there for joint in named.joints):
             return NamedJoints(tuple(labels), named.convention if named.joints == tuple(labels) else None)
         return named
 

@@ -16,8 +16,12 @@ if TYPE_CHECKING:
 
 #: Where a gateway listens by default.
 LISTEN = "tcp/127.0.0.1:7447"
-#: Milliseconds after which a silent process counts as gone; Zenoh's own default is ten seconds.
-_LEASE, _ZENOHS_LEASE = 1000, 10_000
+#: Zenoh's own defaults that ours take the place of: milliseconds after which a silent process counts as gone;
+#: microseconds after which a connection that takes no message is closed, and for which our loop waits till then.
+_QUICKER = {
+    "transport/link/tx/lease": (10_000, 1000),
+    "transport/link/tx/queue/congestion_control/block/wait_before_close": (5_000_000, 1_000_000),
+}
 #: Milliseconds in which a connection must be there.
 _MAX_CONNECTING = 5000
 
@@ -50,11 +54,11 @@ def open_session(listen: Sequence[str], connect: Sequence[str], file: Path | Non
         config = zenoh.Config.from_file(str(file)) if file else zenoh.Config()
     except zenoh.ZError as error:
         raise ValueError(f"{file}: not a configuration of Zenoh: {error}") from error
-    told: dict[str, object] = {"timestamping/enabled": True}
+    told: dict[str, object] = {
+        name: ours for name, (theirs, ours) in _QUICKER.items() if config.get_json(name) == str(theirs)
+    }
     if not file:
         told |= {"mode": "peer", "scouting/multicast/enabled": False, "listen/endpoints": list(listen)}
-    if config.get_json("transport/link/tx/lease") == str(_ZENOHS_LEASE):
-        told["transport/link/tx/lease"] = _LEASE
     if listen:
         told["listen/endpoints"] = list(listen)
     if connect:
@@ -80,48 +84,22 @@ def _reason(error: Exception) -> str:
 
 
 class Inbox:
-    """Keeps the messages of Zenoh's threads for one loop, which can poll the inbox or wait for it.
+    """Keeps the messages of Zenoh's threads, in their order, for one loop, which can poll the inbox or wait for it."""
 
-    Parameters
-    ----------
-    most
-        Maximum number of messages of frames that wait.
-
-    Attributes
-    ----------
-    dropped
-        Messages of frames that were dropped, the oldest first, because the loop was busy.
-    """
-
-    def __init__(self, most: int = 0) -> None:
-        self._most = most
+    def __init__(self) -> None:
         self._waiting: deque[tuple[Callable[..., None], tuple[Any, ...]]] = deque()
-        self._frames: deque[tuple[Callable[..., None], tuple[Any, ...]]] = deque()
         self._wakes, self._woken = socket.socketpair()
         for end in (self._wakes, self._woken):
             end.setblocking(False)  # noqa: FBT003 - a socket's own method
         self._awake = False
-        self.dropped = 0
 
     def fileno(self) -> int:
         """Give the number of the socket that can be polled."""
         return self._woken.fileno()
 
     def put(self, deal_with: Callable[..., None], *arguments: object) -> None:
-        """Keep a message that must not be lost; from any thread."""
+        """Keep a message; from any thread."""
         self._waiting.append((deal_with, arguments))
-        self._wake()
-
-    def put_frames(self, deal_with: Callable[..., None], *arguments: object) -> None:
-        """Keep frames, and drop the oldest if there are too many; from any thread."""
-        if len(self._frames) >= self._most:
-            with suppress(IndexError):
-                self._frames.popleft()
-                self.dropped += 1
-        self._frames.append((deal_with, arguments))
-        self._wake()
-
-    def _wake(self) -> None:
         if not self._awake:
             self._awake = True
             # A full socket wakes the loop, too; behind a closed socket there is no loop.
@@ -129,25 +107,22 @@ class Inbox:
                 self._wakes.send(b"!")
 
     def deal(self, longest: float = math.inf) -> None:
-        """Deal with all messages that must not be lost, then with frames for so many seconds; in the loop's thread."""
+        """Deal with the messages that wait, for so many seconds or a little longer; in the loop's thread."""
         ends = time.monotonic() + longest
         if self._awake:
             with suppress(BlockingIOError):
                 self._woken.recv(64)
             self._awake = False
-        while self._waiting:
+        for _ in range(len(self._waiting)):
             deal_with, arguments = self._waiting.popleft()
             deal_with(*arguments)
-        for _ in range(len(self._frames)):
-            deal_with, arguments = self._frames.popleft()
-            deal_with(*arguments)
-            if self._waiting or time.monotonic() > ends:
+            if time.monotonic() > ends:
                 break
 
     @property
     def is_empty(self) -> bool:
         """Whether no message waits."""
-        return not (self._waiting or self._frames)
+        return not self._waiting
 
     def close(self) -> None:
         """Close the sockets."""

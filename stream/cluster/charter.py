@@ -4,8 +4,7 @@
 |---|---|---|
 | `kin/gateway/<gateway>`, `kin/worker/<worker>` | liveliness tokens | both |
 | `kin/<gateway>/charter`, `kin/<gateway>/library` | queries: the charter; the library's file | gateway |
-| `kin/<gateway>/frame/<partition>` | frames; the gateway keeps the last seconds | gateway |
-| `kin/<gateway>/to/<worker>` | partitions that a worker takes over or leaves | gateway |
+| `kin/<gateway>/to/<worker>` | frames, and the performers that a worker takes over | gateway |
 | `kin/<gateway>/back/<worker>` | answers and reports | worker |
 | `kin/<gateway>/answer/<performer>/class`, `.../event` | answers in JSON, for every listener | gateway |
 """
@@ -30,7 +29,7 @@ if TYPE_CHECKING:
     from kinespace.library.motion_library import MotionLibrary
 
 #: The version of these messages.
-PROTOCOL = 2
+PROTOCOL = 3
 #: Bytes of a library's file, at most.
 MAX_LIBRARY = 1 << 28
 GATEWAYS, WORKERS = "kin/gateway", "kin/worker"

@@ -2,30 +2,23 @@
 
 from __future__ import annotations
 
+import math
 import time
 import uuid
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 from urllib.parse import unquote
 
 from kinespace.stream.cluster import charter as chartered
 from kinespace.stream.cluster.bus import Inbox
 from kinespace.stream.cluster.charter import Charter, decode_back, encode_charter, key
+from kinespace.stream.inputs.source import TENDING
 from kinespace.stream.outputs.sink import Sink
 from kinespace.stream.workers.answer_source import AnswerSource
 from kinespace.stream.workers.ledger import Ledger
 from kinespace.stream.workers.partition import PARTITIONS
-from kinespace.stream.workers.spread import Spread
-from kinespace.stream.workers.wire import (
-    LEAVE,
-    REJOIN,
-    WELCOME,
-    Handover,
-    encode_frames,
-    encode_handover,
-    encode_number,
-)
-from kinespace.stream.workers.worker import KEPT
+from kinespace.stream.workers.spread import Spread, together
+from kinespace.stream.workers.wire import FRAMES, REJOIN, WELCOME, encode_frames, encode_number
 from kinespace.stream.zeromq import answers
 from kinespace.stream.zeromq.frames import FormatError
 
@@ -42,8 +35,11 @@ if TYPE_CHECKING:
 MAX_SILENT = 0.8
 #: Seconds between two looks at the workers, above which this process itself was stopped for a while.
 _STOPPED = 0.4
-#: Messages of one partition that are kept for a new worker: the last seconds of at least four performers.
-_KEPT = round(KEPT * 120 * 4)
+#: Seconds between two messages of frames to a worker, at least, where its frames come closer together than `_SPARSE` on
+#: average: being woken costs a worker as much as a frame. The frames of fewer performers never wait.
+_MIN_APART, _SPARSE = 0.001, 0.00075
+#: The weight of the newest frames in that average.
+_NEW = 0.05
 
 
 @dataclass(slots=True)
@@ -51,6 +47,28 @@ class _Member:
     number: int
     heard: float
     ready: bool = False
+    #: Whether it wants to end, and whether it was told that it may.
+    leaves: bool = False
+    let_go: bool = False
+    #: Frames that wait for the next message, when the last message was sent, and how many messages were sent.
+    held: list[SentFrame] = field(default_factory=list)
+    told: float = -math.inf
+    messages: int = 0
+    #: When the last frames came, and the average time between two frames, seconds.
+    came: float = -math.inf
+    spacing: float = 2 * _SPARSE
+
+    def take(self, frames: list[SentFrame], now: float) -> bool:
+        """Keep frames for the next message; say whether it is due."""
+        apart = min(now - self.came, 2 * _SPARSE) / len(frames)
+        self.spacing += _NEW * (apart - self.spacing)
+        self.came = now
+        self.held += frames
+        return self.spacing > _SPARSE or self.is_due(now)
+
+    def is_due(self, now: float) -> bool:
+        """Say whether the last message was sent long enough ago."""
+        return now - self.told >= _MIN_APART
 
 
 class Gateway(Spread):
@@ -89,7 +107,7 @@ class Gateway(Spread):
         silence: float = 5.0,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
-        ledger = Ledger(most=most, silence=silence, keeps_frames=False)
+        ledger = Ledger(most=most, silence=silence)
         super().__init__(library, library.classes, settings, joints, ledger)
         self.name = uuid.uuid4().hex[:12]
         self.strangers = 0
@@ -113,7 +131,6 @@ class Gateway(Spread):
         self._there: set[str] = set()
         self._numbers = 0
         self._lost, self._last_lost = 0, ""
-        self._publishers: dict[int, Any] = {}
         self._declared: list[Any] = []
         self.source = GatewaySource(self)
         self._declare()
@@ -121,6 +138,7 @@ class Gateway(Spread):
     def _declare(self) -> None:
         import zenoh  # noqa: PLC0415 - an extra
 
+        self._zenoh: Any = zenoh
         own, put = self._session, self.inbox.put
         self._declared += [
             own.declare_queryable(key(self.name, "charter"), lambda query: self._reply(query, self._encoded_charter)),
@@ -136,6 +154,7 @@ class Gateway(Spread):
             ),
             own.liveliness().declare_token(key("gateway", self.name)),
         ]
+        self._identity = self._declared[0].id
 
     @property
     def _encoded_charter(self) -> bytes:
@@ -148,7 +167,7 @@ class Gateway(Spread):
 
     @property
     def _ready(self) -> list[str]:
-        return [name for name, member in self._members.items() if member.ready]
+        return [name for name, member in self._members.items() if member.ready and not member.leaves]
 
     @property
     def notes(self) -> list[str]:
@@ -158,34 +177,32 @@ class Gateway(Spread):
         former = [f"{self.former} answers of former owners or to frames answered before"] if self.former else []
         return [f"workers of gateway {self.name}: {len(self._ready)}", *super().notes, *lost, *strange, *former]
 
-    def _send(self, frames: dict[int, list[SentFrame]]) -> None:
-        for partition, each in frames.items():
-            publisher = self._publishers.get(partition) or self._publish(partition)
-            publisher.put(encode_frames(each))
-            self.unsent += 0 if self._owners else len(each)
+    def _give(self, worker: str, frames: list[SentFrame]) -> None:
+        member = self._members[worker]
+        if member.take(frames, self._clock()):
+            self._flush(worker, member)
 
-    def _publish(self, partition: int) -> Any:  # noqa: ANN401 - Zenoh's
-        from zenoh import ext  # noqa: PLC0415 - an extra
-
-        publisher = self._publishers[partition] = ext.declare_advanced_publisher(
-            self._session,
-            key(self.name, "frame", partition),
-            cache=ext.CacheConfig(max_samples=_KEPT),
-            publisher_detection=True,
-            sample_miss_detection=ext.MissDetectionConfig(heartbeat=None, sporadic_heartbeat=None),
-        )
-        return publisher
+    def _flush(self, worker: str, member: _Member) -> None:
+        """Send the frames that wait; Zenoh drops them if the way to the worker is full."""
+        frames, member.held, member.told = member.held, [], self._clock()
+        for each in together(frames):
+            member.messages += 1
+            self._put(worker, FRAMES + encode_frames(each), member.messages)
 
     def _tell(self, worker: str, message: bytes) -> None:
-        import zenoh  # noqa: PLC0415 - an extra
+        if (member := self._members.get(worker)) and member.held:
+            self._flush(worker, member)
+        self._put(worker, message, 0)
 
-        self._session.put(key(self.name, "to", worker), message, congestion_control=zenoh.CongestionControl.BLOCK)
-
-    def _replay(self, worker: str, partitions: Sequence[int]) -> None:
-        """Do nothing: the worker asks Zenoh's caches for the last frames."""
-
-    def _stop_former(self, worker: str, partitions: Sequence[int]) -> None:
-        self._tell(worker, LEAVE + encode_handover(Handover(list(partitions), [], 0)))
+    def _put(self, worker: str, message: bytes, number: int) -> None:
+        """Send a message; one with a number may be dropped, and the worker counts the numbers that it misses."""
+        congestion = self._zenoh.CongestionControl
+        self._session.put(
+            key(self.name, "to", worker),
+            message,
+            congestion_control=congestion.DROP if number else congestion.BLOCK,
+            source_info=self._zenoh.SourceInfo(self._identity, number),
+        )
 
     def _seen(self, token: str, is_there: bool) -> None:  # noqa: FBT001 - a sample's kind
         """Note that a worker has come or has gone."""
@@ -225,6 +242,17 @@ class Gateway(Spread):
             if not member.ready:
                 member.ready = True
                 self._assign(self._ready)
+            if back.answers.report and back.answers.report.leaves and not member.leaves:
+                member.leaves = True
+                self._assign(self._ready, [worker])
+            self._let_go()
+
+    def _let_go(self) -> None:
+        """Let the workers end whose performers are with others."""
+        for name, member in self._members.items():
+            if member.leaves and not member.let_go and name not in self._former.values():
+                member.let_go = True
+                self._tell(name, REJOIN)
 
     def _welcome(self, worker: str, member: _Member | None) -> None:
         """Give a new worker a number; forget an earlier membership."""
@@ -234,15 +262,23 @@ class Gateway(Spread):
             member = self._members[worker] = _Member(self._numbers, self._clock())
         self._tell(worker, WELCOME + encode_number(member.number))
 
+    @property
+    def holds_frames(self) -> bool:
+        """Whether frames wait for others, to travel with them."""
+        return any(member.held for member in self._members.values())
+
     def tend(self, now: float) -> None:
-        """Drop the workers that do not report."""
+        """Send the frames that have waited long enough; drop the workers that do not report."""
+        for name, member in self._members.items():
+            if member.held and member.is_due(now):
+                self._flush(name, member)
         if now - self._looked > _STOPPED:
             for member in self._members.values():
                 member.heard = max(member.heard, now - MAX_SILENT / 2)
         self._looked = now
         for worker in [name for name, member in self._members.items() if now - member.heard > MAX_SILENT]:
+            # Once it reports again it is told to begin anew; now the way to it may be closed, and a message would wait.
             self._drop(worker, "does not report")
-            self._tell(worker, REJOIN)
 
     def sink(self) -> Sink:
         """Make a sink that publishes the answers in JSON."""
@@ -260,6 +296,11 @@ class GatewaySource(AnswerSource):
     def __init__(self, gateway: Gateway) -> None:
         super().__init__()
         self._gateway = gateway
+
+    @property
+    def tended_within(self) -> float:
+        """Seconds within which frames must be sent that wait for others, or the workers must be looked after."""
+        return _MIN_APART if self._gateway.holds_frames else TENDING
 
     @property
     def pollable(self) -> object:

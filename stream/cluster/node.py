@@ -22,35 +22,31 @@ from kinespace.stream.recognizer import LiveSignature, Recognizer
 from kinespace.stream.workers.process import REPORT_EVERY, Start
 from kinespace.stream.workers.wire import (
     ASK,
-    LEAVE,
+    FRAMES,
     REJOIN,
     TAKE_OVER,
     UNMUTE,
     WELCOME,
     Answers,
+    decode_entries,
     decode_frames,
-    decode_handover,
     decode_number,
 )
-from kinespace.stream.workers.worker import KEPT
 from kinespace.stream.zeromq.frames import FormatError
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from kinespace.stream.cluster.charter import Charter
-    from kinespace.stream.workers.wire import Answered, Handover, SentFrame
+    from kinespace.stream.workers.wire import Answered
     from kinespace.stream.workers.worker import Worker
-    from kinespace.stream.zeromq.frames import NumberedFrame
 
-#: Messages of frames that wait, at most: the last seconds of a hundred performers.
-_MAX_WAITING = 50_000
 #: Seconds for which frames may wait, and seconds after a takeover in which they may wait for longer.
 _MAX_AGE, _MAX_WARMING = 1.0, 4.0
-#: Seconds within which a worker that takes over has caught up, if no further frame comes.
-_MAX_CATCHING_UP = 0.5
 #: Maximum seconds for which an answer waits for further answers, to travel with them.
 _MAX_TOGETHER = 0.002
+#: Seconds within which a worker that leaves hands its performers over.
+_MAX_LEAVING = 1.0
 #: Seconds after which a gateway that has not sent its charter, or its library, is asked again.
 _ASK_AGAIN, _FETCH_AGAIN = 1.0, 20.0
 #: Seconds without a frame after which a performer may come from another gateway.
@@ -77,9 +73,9 @@ class Node:
         The worker's name.
     refused
         Gateways for which it does not work.
-    unread, strangers, conflicts, missed
-        Messages that could not be read; messages of frames from other senders than their gateway; frames of performers
-        whom another gateway sends already; messages of frames that Zenoh lost or that had waited for too long.
+    unread, strangers, conflicts, dropped
+        Messages that could not be read; messages from other senders than their gateway; frames of performers whom
+        another gateway sends already; messages of frames that were lost on the way, or had waited for too long.
     """
 
     def __init__(
@@ -92,8 +88,8 @@ class Node:
         import zenoh  # noqa: PLC0415 - an extra
 
         self.name = uuid.uuid4().hex[:12]
-        self.refused = self.unread = self.strangers = self.conflicts = self.missed = 0
-        self.session, self.inbox, self.tell, self.clock = session, Inbox(_MAX_WAITING), tell, clock
+        self.refused = self.unread = self.strangers = self.conflicts = self.dropped = 0
+        self.session, self.inbox, self.tell, self.clock = session, Inbox(), tell, clock
         self._digest = chartered.digest_of(chartered.file_of(library)) if library else None
         self._posts: dict[str, Post] = {}
         #: Gateways whose charter or library has not come yet, and when they are asked again.
@@ -121,19 +117,10 @@ class Node:
         counted = {"refused": self.refused, "unread": self.unread, "strangers": self.strangers}
         return {**counted, "conflicts": self.conflicts, "dropped": self.dropped}
 
-    @property
-    def dropped(self) -> int:
-        """Messages of frames that were lost on the way, or dropped because this worker was busy."""
-        return self.missed + self.inbox.dropped
-
-    def note_missed(self, miss: Any) -> None:  # noqa: ANN401 - Zenoh's
-        """Count messages of frames that Zenoh lost."""
-        self.missed += miss.nb
-
     def note_stranger(self, gateway: str) -> None:
-        """Count a message of frames whose sender is not their gateway."""
+        """Count a message whose sender is not the gateway."""
         self.strangers += 1
-        self.say_once(f"another program publishes on the keys of gateway {gateway}; its frames are ignored")
+        self.say_once(f"another program publishes on the keys of gateway {gateway}; its messages are ignored")
 
     def say_once(self, line: str) -> None:
         """Print a line for a person, the first time."""
@@ -146,9 +133,23 @@ class Node:
         self._stopped = True
 
     def run(self) -> None:
-        """Work until stopped."""
+        """Work until stopped, and then until other workers have the performers."""
         while not self._stopped:
             self.step(max(self._next_report - self.clock(), 0.0))
+        self.leave()
+        until = self.clock() + _MAX_LEAVING
+        while not self.has_left and self.clock() < until:
+            self.step(max(min(self._next_report, until) - self.clock(), 0.0))
+
+    def leave(self) -> None:
+        """Ask the gateways to give the performers to other workers."""
+        for post in self._posts.values():
+            post.leave_in_order()
+
+    @property
+    def has_left(self) -> bool:
+        """Whether no gateway needs this worker any more, once it was asked to leave."""
+        return all(post.has_left for post in self._posts.values())
 
     def step(self, longest: float) -> None:
         """Wait at most so many seconds for messages, and deal with them; report when it is time."""
@@ -178,7 +179,7 @@ class Node:
         if not is_there:
             self._asked.pop(gateway, None)
             if post := self._posts.pop(gateway, None):
-                post.leave()
+                post.close()
                 self.tell(f"gateway {gateway} is gone")
             return
         if gateway not in self._posts:
@@ -275,20 +276,16 @@ class Post:
         self._node, self._gateway, self._charter, self._library = node, gateway, charter, library
         self._member = 0
         self._last = 0
-        self._subscribed: dict[int, tuple[Any, Any]] = {}
-        #: A question, answered once a frame after this number has come, or at this time.
-        self._asked: tuple[int, int, float] | None = None
-        self._newest = self._taken_at = 0
+        self._leaves, self.has_left = False, False
+        #: The number of the last message of frames.
+        self._number = 0
         #: Answers that wait for further answers, and when the first of them was made.
         self._answers: list[Answered] = []
         self._answered_at = 0.0
         #: Until this time old frames are recognised, too, because performers were taken over.
         self._warm = 0.0
         self._begin()
-        put = node.inbox.put
-        self._orders = node.session.declare_subscriber(
-            key(gateway, "to", node.name), lambda sample: put(self._obey, bytes(sample.payload))
-        )
+        self._subscriber = node.session.declare_subscriber(key(gateway, "to", node.name), self._came)
         self.report()
 
     def _begin(self) -> None:
@@ -300,94 +297,71 @@ class Post:
         #: Messages that were dropped before this membership.
         self._dropped = self._node.dropped
 
-    def leave(self) -> None:
+    def leave_in_order(self) -> None:
+        """Go on until the gateway says that other workers have the performers."""
+        self._leaves, self.has_left = True, not self._member
+        self.report()
+
+    def close(self) -> None:
         """Stop working for the gateway."""
-        self._unsubscribe(list(self._subscribed))
-        self._orders.undeclare()
+        self._subscriber.undeclare()
 
-    def _unsubscribe(self, partitions: list[int]) -> None:
-        for partition in partitions:
-            for declared in self._subscribed.pop(partition, ()):
-                declared.undeclare()
+    def _came(self, sample: Any) -> None:  # noqa: ANN401 - Zenoh's
+        """Keep a message for the loop, in one of Zenoh's threads, if it is the gateway's own."""
+        source = sample.source_info
+        if source and str(source.source_id.zid) == self._charter.session:
+            self._node.inbox.put(self._obey, bytes(sample.payload), source.source_sn, self._node.clock())
+        else:
+            self._node.inbox.put(self._node.note_stranger, self._gateway)
 
-    def _obey(self, message: bytes) -> None:
-        """Carry out a gateway's order."""
+    def _obey(self, message: bytes, number: int, came: float) -> None:
+        """Take in a gateway's message; a message of frames that may be lost on the way has a number."""
         kind, content = message[:1], message[1:]
         try:
-            if kind == WELCOME:
-                self._member = decode_number(content)
+            if kind == FRAMES:
+                self._frames(content, number, came)
+            elif kind == WELCOME:
+                self._member, self._number = decode_number(content), 0
                 self.report()
             elif kind == REJOIN:
                 self._rejoin()
             elif kind == TAKE_OVER:
-                self._take_over(decode_handover(content))
+                self._worker.take_over(decode_entries(content), self._node.clock())
+                self._warm = self._node.clock() + _MAX_WARMING
             elif kind == UNMUTE:
-                self._worker.unmute(decode_handover(content).entries)
-            elif kind == LEAVE:
-                self._unsubscribe(decode_handover(content).partitions)
+                self._worker.unmute(decode_entries(content))
             elif kind == ASK:
-                self._asked = decode_number(content), self._taken_at, self._node.clock() + _MAX_CATCHING_UP
+                self._last = decode_number(content)
+                self.report()
             else:
                 raise FormatError(f"kind: expected one of ours, got {kind!r}")  # noqa: TRY301 - counted alike
         except FormatError:
             self._node.unread += 1
 
     def _rejoin(self) -> None:
-        """Begin anew: the gateway has given our performers to others."""
-        self._unsubscribe(list(self._subscribed))
-        self._member, self._asked, self._answers = 0, None, []
+        """Begin anew: the gateway has given our performers to others. A worker that leaves is done."""
+        if self._leaves:
+            self.send_answers()
+            self.has_left = True
+            return
+        self._member, self._answers = 0, []
         self._begin()
 
-    def _take_over(self, handover: Handover) -> None:
-        from zenoh import ext  # noqa: PLC0415 - an extra
-
-        self._worker.take_over(handover.entries, self._node.clock())
-        self._taken_at = handover.sent
-        self._warm = self._node.clock() + _MAX_WARMING
-        # A partition that this worker left a moment ago may still be subscribed; a new subscriber gets its history.
-        self._unsubscribe(handover.partitions)
-        node = self._node
-        for partition in handover.partitions:
-            subscriber = ext.declare_advanced_subscriber(
-                node.session,
-                key(self._gateway, "frame", partition),
-                self._came,
-                history=ext.HistoryConfig(detect_late_publishers=True, max_age=KEPT),
-            )
-            self._subscribed[partition] = subscriber, subscriber.sample_miss_listener(node.note_missed)
-
-    def _came(self, sample: Any) -> None:  # noqa: ANN401 - Zenoh's
-        """Keep frames for the loop, in one of Zenoh's threads, if they are the gateway's own."""
-        source = sample.source_info
-        if source and str(source.source_id.zid) == self._charter.session:
-            self._node.inbox.put_frames(self._frames, bytes(sample.payload), self._node.clock())
-        else:
-            self._node.inbox.put(self._node.note_stranger, self._gateway)
-
-    def _frames(self, message: bytes, came: float) -> None:
+    def _frames(self, message: bytes, number: int, came: float) -> None:
         """Recognise frames, unless they have waited too long."""
         now = self._node.clock()
-        if now - came > _MAX_AGE and now > self._warm:
-            self._node.missed += 1
-            return
-        try:
-            frames = decode_frames(message)
-        except FormatError:
-            self._node.unread += 1
-            return
-        own = [each for each in frames if self._node.holds(self._gateway, each[0].performer)]
-        self._recognise(own)
-
-    def _recognise(self, frames: list[tuple[SentFrame, NumberedFrame]]) -> None:
-        now = self._node.clock()
+        if number:
+            self._node.dropped += max(number - self._number - 1, 0)
+            self._number = number
+            if now - came > _MAX_AGE and now > self._warm:
+                self._node.dropped += 1
+                return
+        frames = [each for each in decode_frames(message) if self._node.holds(self._gateway, each[0].performer)]
         if answered := self._worker.push(frames, now):
             self._answered_at = self._answered_at if self._answers else now
             self._answers += answered
         if self._answers and self._node.clock() - self._answered_at > _MAX_TOGETHER:
             self.send_answers()
-        self._newest = max([self._newest, *(each.seq or 0 for each, _ in frames)])
-        if self._asked and self._newest > self._asked[1]:
-            self._answer_question()
 
     def send_answers(self) -> None:
         """Send the answers that wait."""
@@ -395,19 +369,13 @@ class Post:
             answers, self._answers = self._answers, []
             self._send(Answers(answers))
 
-    def _answer_question(self) -> None:
-        assert self._asked is not None  # noqa: S101 - for mypy
-        self._last, self._asked = self._asked[0], None
-        self.report()
-
     def report(self) -> None:
         """Send a report, which also shows that the worker is alive, or asks for membership."""
         self.send_answers()
         now = self._node.clock()
-        if self._asked and now >= self._asked[2]:
-            self._last, self._asked = self._asked[0], None
         report = self._worker.report(now, self._last)
-        self._send(Answers([], msgspec.structs.replace(report, dropped=self._node.dropped - self._dropped)))
+        dropped = self._node.dropped - self._dropped
+        self._send(Answers([], msgspec.structs.replace(report, dropped=dropped, leaves=self._leaves)))
 
     def _send(self, answers: Answers) -> None:
         import zenoh  # noqa: PLC0415 - an extra

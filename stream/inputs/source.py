@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from dataclasses import replace
 from typing import TYPE_CHECKING
@@ -18,6 +19,8 @@ if TYPE_CHECKING:
     from kinespace.stream.inputs.recording.recorder import Recorder
     from kinespace.stream.service.status import InputCounts
 
+#: Seconds between two turns of most sources that have work to do even when no packet comes.
+TENDING = 0.02
 #: Senders that are named in the notes, at most.
 _MAX_TOLD = 3
 #: Packets of senders served last that are searched for a packet of another sender, at most.
@@ -80,9 +83,9 @@ class Source:
         return len(self._turns) > 0
 
     @property
-    def tended(self) -> bool:
-        """Whether `tend` has work to do even when no packet comes."""
-        return self.decoder.expires
+    def tended_within(self) -> float:
+        """Seconds within which `tend` has work to do even when no packet comes; inf if it never has."""
+        return TENDING if self.decoder.expires else math.inf
 
     @property
     def counts(self) -> InputCounts:

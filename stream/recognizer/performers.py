@@ -262,6 +262,11 @@ class Performers:
         if performer := self._performer(name, arrival):
             performer.recognizer.go_on(known)
 
+    def only_follow(self, name: str, until: float, arrival: float) -> None:
+        """Compare nothing of a performer before a time (`Recognizer.only_follow`), if there is room."""
+        if performer := self._performer(name, arrival):
+            performer.recognizer.only_follow(until)
+
     def keep_time_with(self, name: str, answered: float) -> None:
         """Answer the same frames of a performer as another recogniser (`Recognizer.keep_time_with`)."""
         if performer := self._performers.get(name):

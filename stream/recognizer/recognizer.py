@@ -163,7 +163,7 @@ class Recognizer:
         # gap.
         self._newest = math.nan
         self._last = -math.inf
-        self._due = -math.inf
+        self._due = self._compared_from = -math.inf
         self._late_in_a_row = 0
         #: The end of a motion by a pause in the feed, until the next answer tells it.
         self._ended: Event | None = None
@@ -234,6 +234,10 @@ class Recognizer:
         """Go on for another recogniser, whose last frames this one has seen or is about to see."""
         self._doubts.go_on(known)
 
+    def only_follow(self, until: float) -> None:
+        """Compare nothing before a time, seconds: earlier frames only fill the windows, which takes a third as long."""
+        self._compared_from = until
+
     def keep_time_with(self, answered: float) -> None:
         """Answer the same frames as another recogniser, which answered the frame of this time, seconds."""
         hop = self.settings.hop
@@ -266,7 +270,7 @@ class Recognizer:
         self._smoother.clear()
         self._doubts.clear()
         self._times.clear()
-        self._newest, self._due = math.nan, -math.inf
+        self._newest, self._due, self._compared_from = math.nan, -math.inf, -math.inf
         self._late_in_a_row = 0
 
     def push(self, frame: Frame) -> Recognition | None:
@@ -312,6 +316,9 @@ class Recognizer:
             if not due and len(times) < _MAX_WAITING:
                 return None
             self._measure()
+            if due and time < self._compared_from:
+                self._set_due(time)
+                return None
             reading = self._doubts.read(time, self._smoother.noise) if due else None
             if reading is None:
                 return None

@@ -46,8 +46,6 @@ _MAX_SLEEP = 0.1
 _MAX_LAST_STEPS = 32
 #: Seconds after being stopped in which packets that have arrived are still answered, at most.
 MAX_ENDING = 0.5
-#: Seconds between two turns of sources that have work to do even when no packet comes.
-_TENDING = 0.02
 
 
 class Source(Protocol):
@@ -58,8 +56,8 @@ class Source(Protocol):
         """The object that `zmq.Poller` waits for: an owner of a file number, or a ZeroMQ socket."""
 
     @property
-    def tended(self) -> bool:
-        """Whether `tend` has work to do even when no packet comes."""
+    def tended_within(self) -> float:
+        """Seconds within which `tend` has work to do even when no packet comes; inf if it never has."""
 
     @property
     def has_put_aside(self) -> bool:
@@ -145,7 +143,7 @@ class Service:
         self._poller = zmq.Poller()
         for source in sources:
             self._poller.register(source.pollable, zmq.POLLIN)
-        self._tended = [source for source in sources if source.tended]
+        self._tended = [source for source in sources if source.tended_within < math.inf]
         #: Handing frames to sinks that ignore them would cost every frame a call for each sink.
         self._watching = [sink for sink in sinks if type(sink).publish_frame is not Sink.publish_frame]
 
@@ -194,12 +192,12 @@ class Service:
         self._tell_time()
         sleep = min(longest, max(self._next_status - self._clock(), 0.0))
         if self._tended:
-            sleep = min(sleep, _TENDING)
             self._tend()
+            sleep = min(sleep, *(source.tended_within for source in self._tended))
         aside = any(source.has_put_aside for source in self.sources)
         for sink in self.sinks:
             sink.watch()
-        self._poller.poll(0 if aside else round(sleep * 1000))
+        self._poller.poll(0 if aside else math.ceil(sleep * 1000))
         self._notice_a_stop()
         # Every source is asked, even when nothing came: one poll is cheaper than finding out which source it was, and a
         # receiver looks after its connections.

@@ -6,6 +6,7 @@ from abc import ABC, abstractmethod
 from collections import deque
 from typing import TYPE_CHECKING, cast
 
+from kinespace.stream.inputs.source import TENDING
 from kinespace.stream.recognition import Recognition
 from kinespace.stream.service.status import InputCounts
 
@@ -24,11 +25,14 @@ class AnswerSource(ABC):
         Seconds since the frame of the last answer came.
     """
 
-    tended = True
-
     def __init__(self) -> None:
         self.waited = 0.0
         self._answers = deque[tuple[Recognition, float]]()
+
+    @property
+    def tended_within(self) -> float:
+        """Seconds within which `tend` has work to do even when no answer comes."""
+        return TENDING
 
     @property
     @abstractmethod

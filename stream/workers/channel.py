@@ -12,7 +12,7 @@ _BUFFER = 1 << 19
 #: Bytes that wait for the other end before the oldest frames among them are dropped: a second of eighty performers.
 MAX_BACKLOG = 1 << 22
 #: Bytes read at once.
-_READ = 1 << 18
+_READ = 1 << 17
 
 
 class Channel:
@@ -36,6 +36,8 @@ class Channel:
         self.end = end
         self.dropped = 0
         self._in = bytearray()
+        # One buffer for all reads: a new one costs the system as many pages each time.
+        self._read = bytearray(_READ)
         #: Messages that wait, each with its number of frames. A message with 0 frames is never dropped.
         self._out = deque[tuple[bytes, int]]()
         #: Bytes of the waiting messages that may be dropped.
@@ -88,9 +90,9 @@ class Channel:
         """Give the messages that have come; None when the other end is closed and no more messages will come."""
         closed = False
         try:
-            while more := self.end.recv(_READ):
-                self._in += more
-                if len(more) < _READ:
+            while count := self.end.recv_into(self._read):
+                self._in += memoryview(self._read)[:count]
+                if count < _READ:
                     break
             else:
                 closed = True

@@ -20,7 +20,7 @@ from kinespace.stream.workers import process as child
 from kinespace.stream.workers.answer_source import AnswerSource
 from kinespace.stream.workers.channel import Channel
 from kinespace.stream.workers.ledger import Ledger
-from kinespace.stream.workers.spread import Spread, questions, together
+from kinespace.stream.workers.spread import Spread, questions
 from kinespace.stream.workers.wire import ASK, FRAMES, decode_answers, encode_frames, encode_number
 from kinespace.stream.zeromq.frames import FormatError
 
@@ -183,7 +183,7 @@ class Crew(Spread):
         if count < 1:
             raise ValueError(f"count: expected at least 1 worker, got {count}")
         motions = library_of(library)
-        ledger = Ledger(most=most, silence=silence, keeps_frames=True)
+        ledger = Ledger(most=most, silence=silence)
         super().__init__(motions, classes or motions.classes, settings, joints, ledger)
         self._start = child.Start(settings, joints.assumed, joints.naming, most, silence)
         self._library = child.packed(library, tuple(classes), 0)
@@ -235,27 +235,12 @@ class Crew(Spread):
     def _ready(self) -> dict[str, WorkerSource]:
         return {each.name: each for each in self.sources if each.process and each.process.ready}
 
-    def _send(self, frames: dict[int, list[SentFrame]]) -> None:
-        for_worker: dict[str, list[SentFrame]] = {}
-        for partition, each in frames.items():
-            takers = {self._owners[partition], self._former.get(partition)} if self._owners else ()
-            for taker in takers:
-                if taker:
-                    for_worker.setdefault(taker, []).extend(each)
-            self.unsent += 0 if takers else len(each)
-        for worker, each in for_worker.items():
-            self._tell(worker, FRAMES + encode_frames(each), len(each))
+    def _give(self, worker: str, frames: list[SentFrame]) -> None:
+        self._tell(worker, FRAMES + encode_frames(frames), len(frames))
 
     def _tell(self, worker: str, message: bytes, frames: int = 0) -> None:
         if process := self._by_name[worker].process:
             process.channel.send(message, frames)
-
-    def _replay(self, worker: str, partitions: Sequence[int]) -> None:
-        for each in together(self._ledger.recent(partitions)):
-            self._tell(worker, FRAMES + encode_frames(each))
-
-    def _stop_former(self, worker: str, partitions: Sequence[int]) -> None:
-        """Do nothing: the worker gets no more frames of these partitions, and its late answers are not passed on."""
 
     def read(self, source: WorkerSource, message: bytes, now: float) -> list[tuple[Recognition, float]]:
         """Read a worker's message; give its answers that are news."""

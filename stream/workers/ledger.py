@@ -51,7 +51,7 @@ class _Performer:
     #: The joints that carried an answer, and whether the next answer must say them.
     carried: Carried | None = None
     asks: bool = False
-    #: The frames of the last seconds, where the ledger keeps them.
+    #: The frames of the last seconds.
     recent: deque[SentFrame] = field(default_factory=deque)
 
 
@@ -62,8 +62,6 @@ class Ledger:
     ----------
     most, silence
         The same as for `Performers`.
-    keeps_frames
-        Whether to keep the frames of the last seconds; not where the transport keeps them.
 
     Attributes
     ----------
@@ -71,10 +69,9 @@ class Ledger:
         Frames of performers for whom there was no room, and performers dropped after silence.
     """
 
-    def __init__(self, *, most: int, silence: float, keeps_frames: bool) -> None:
+    def __init__(self, *, most: int, silence: float) -> None:
         self.most, self.silence = most, silence
         self.no_room = self.dropped = 0
-        self._keeps_frames = keeps_frames
         self._performers: dict[str, _Performer] = {}
         self._joints: dict[str, tuple[str, ...]] = {}
         self._gone: list[str] = []
@@ -135,11 +132,10 @@ class Ledger:
         sent.asks = performer.asks
         performer.anew = performer.asks = False
         performer.heard, performer.time, performer.sent = now, frame.time, self._seq
-        if self._keeps_frames:
-            recent = performer.recent
-            recent.append(sent)
-            while recent[0].at < now - KEPT:
-                recent.popleft()
+        recent = performer.recent
+        recent.append(sent)
+        while recent[0].at < now - KEPT:
+            recent.popleft()
         return performer.partition, sent
 
     def _begin(self, name: str, now: float) -> _Performer | None:

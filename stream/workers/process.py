@@ -23,8 +23,8 @@ from kinespace.stream.workers.wire import (
     TAKE_OVER,
     UNMUTE,
     Answers,
+    decode_entries,
     decode_frames,
-    decode_handover,
     decode_number,
     decode_share,
     encode_answers,
@@ -158,9 +158,9 @@ class Loop:
             if answers := self.worker.push(decode_frames(content), time.monotonic()):
                 self._channel.send(encode_answers(Answers(answers)))
         elif kind == TAKE_OVER:
-            self.worker.take_over(decode_handover(content).entries, time.monotonic())
+            self.worker.take_over(decode_entries(content), time.monotonic())
         elif kind == UNMUTE:
-            self.worker.unmute(decode_handover(content).entries)
+            self.worker.unmute(decode_entries(content))
         elif kind == SENSE:
             self.worker.performers.set_sensitivity(decode_share(content))
         elif kind == ASK:

@@ -18,12 +18,13 @@ from kinespace.stream.recognizer.recognizer import RecognizerCounts
 from kinespace.stream.workers.partition import owners
 from kinespace.stream.workers.wire import (
     ASK,
+    FRAMES,
     MAX_TOGETHER,
     SENSE,
     TAKE_OVER,
     UNMUTE,
-    Handover,
-    encode_handover,
+    encode_entries,
+    encode_frames,
     encode_number,
     encode_share,
 )
@@ -155,9 +156,21 @@ class Spread(ABC):
             self._send(frames)
         return answers
 
-    @abstractmethod
     def _send(self, frames: dict[int, list[SentFrame]]) -> None:
         """Send frames, by partition, to the workers that own the partitions."""
+        for_worker: dict[str, list[SentFrame]] = {}
+        for partition, each in frames.items():
+            takers = {self._owners[partition], self._former.get(partition)} if self._owners else ()
+            for taker in takers:
+                if taker:
+                    for_worker.setdefault(taker, []).extend(each)
+            self.unsent += 0 if takers else len(each)
+        for worker, each in for_worker.items():
+            self._give(worker, each)
+
+    @abstractmethod
+    def _give(self, worker: str, frames: list[SentFrame]) -> None:
+        """Send frames to a worker; they may be dropped if it does not take them."""
 
     @property
     def sensitivity(self) -> float:
@@ -238,56 +251,42 @@ class Spread(ABC):
     def _tell(self, worker: str, message: bytes) -> None:
         """Send a message that must arrive."""
 
-    @abstractmethod
-    def _replay(self, worker: str, partitions: Sequence[int]) -> None:
-        """Send a worker the last frames of the partitions that it takes over, if the transport does not keep them."""
+    def _assign(self, ready: Collection[str], leaving: Collection[str] = ()) -> None:
+        """Give each partition to its owner among the workers that are ready; hand over the partitions that move.
 
-    @abstractmethod
-    def _stop_former(self, worker: str, partitions: Sequence[int]) -> None:
-        """Let a worker leave partitions to their new owner, if it would not notice by itself."""
-
-    def _assign(self, ready: Collection[str]) -> None:
-        """Give each partition to its owner among the workers that are ready; hand over the partitions that move."""
+        The former owner goes on until then if it is ready, too, or leaving.
+        """
         before, self._owners = self._owners, owners(ready)
         moved: dict[tuple[str, bool], list[int]] = {}
-        left: dict[str, list[int]] = {}
         for partition, new in enumerate(self._owners):
-            old = before[partition] if before and before[partition] in ready else None
+            old = before[partition] if before and before[partition] in {*ready, *leaving} else None
             if before and before[partition] == new:
                 continue
             moved.setdefault((new, bool(old and self.names)), []).append(partition)
             if old and self.names:
                 self._former[partition] = old
-            elif old:
-                left.setdefault(old, []).append(partition)
-        for worker, partitions in left.items():
-            self._stop_former(worker, partitions)
         for (worker, goes_on), partitions in moved.items():
             self._hand_over(worker, partitions, mute=goes_on)
 
     def _hand_over(self, worker: str, partitions: list[int], *, mute: bool) -> None:
-        """Tell a worker which performers it takes over; `mute` it while the former worker goes on."""
+        """Tell a worker which performers it takes over, send their last frames; `mute` it while the former goes on."""
         entries = self._ledger.entries(partitions)
         if mute:
             entries = [msgspec.structs.replace(each, answered=MAX_SEQ) for each in entries]
-        self._tell(worker, TAKE_OVER + encode_handover(Handover(partitions, entries, self._ledger.sent)))
-        self._replay(worker, partitions)
+        self._tell(worker, TAKE_OVER + encode_entries(entries))
+        for each in together(self._ledger.recent(partitions)):
+            self._tell(worker, FRAMES + encode_frames(each))
         if mute:
             question = next(questions)
             self._moves[question] = worker, partitions
             self._tell(worker, ASK + encode_number(question))
 
     def _cut(self, question: int) -> None:
-        """Let a worker answer once it has caught up, and let the former worker stop."""
+        """Let a worker answer that has caught up; the former worker gets no more frames of these partitions."""
         worker, partitions = self._moves.pop(question)
-        left: dict[str, list[int]] = {}
         for partition in partitions:
-            if former := self._former.pop(partition, None):
-                left.setdefault(former, []).append(partition)
-        entries = self._ledger.entries(partitions)
-        self._tell(worker, UNMUTE + encode_handover(Handover([], entries, self._ledger.sent)))
-        for former, each in left.items():
-            self._stop_former(former, each)
+            self._former.pop(partition, None)
+        self._tell(worker, UNMUTE + encode_entries(self._ledger.entries(partitions)))
 
     def _lose(self, worker: str, ready: Collection[str]) -> None:
         """Give the partitions of an ended worker to the other workers; keep its counts."""

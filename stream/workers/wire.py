@@ -6,35 +6,33 @@ frames travel together as a list. Times named `at` are seconds on the receiving 
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import msgspec
 import numpy as np
 
-from kinespace.stream.frame import MAX_PERFORMER_LENGTH, Announcement
+from kinespace.stream.frame import MAX_PERFORMER_LENGTH, Announcement, Frame
 from kinespace.stream.recognition import Event, Outcome, Progress, Recognition
 from kinespace.stream.recognizer.joints.carried import Carried  # noqa: TC001 - msgspec reads annotations
 from kinespace.stream.recognizer.joints.doubts import LongAgo  # noqa: TC001 - msgspec reads annotations
 from kinespace.stream.recognizer.performers import PerformerCounts  # noqa: TC001 - msgspec reads annotations
-from kinespace.stream.workers.partition import PARTITIONS
-from kinespace.stream.zeromq.frames import MAX_SEQ, VERSION, FormatError, NumberedFrame, numbered
+from kinespace.stream.zeromq.frames import MAX_SEQ, VERSION, FormatError, NumberedFrame, positions_of
 from kinespace.stream.zeromq.single_part import Packed
 
-if TYPE_CHECKING:
-    from kinespace.stream.frame import Frame
-
 #: The first byte of a message to a worker: frames; performers whom it takes over, whose frames follow; performers whose
-#: former worker stops; a question, which a report answers; another sensitivity. Over a network also:
-#: partitions that it leaves to another worker; its membership; the end of its membership.
-FRAMES, TAKE_OVER, UNMUTE, ASK, SENSE, LEAVE, WELCOME, REJOIN = b"F", b"T", b"U", b"A", b"S", b"L", b"W", b"J"
+#: former worker stops; a question, which a report answers; another sensitivity. Over a network also its membership, and
+#: the end of its membership.
+FRAMES, TAKE_OVER, UNMUTE, ASK, SENSE, WELCOME, REJOIN = b"F", b"T", b"U", b"A", b"S", b"W", b"J"
 #: Frames in a message, at most.
 MAX_TOGETHER = 256
+#: Seconds of a sender's clock, at most: more are a mistake.
+MAX_SECONDS = 1e300
 _Seq = Annotated[int, msgspec.Meta(ge=0, le=MAX_SEQ)]
 _Name = Annotated[str, msgspec.Meta(min_length=1, max_length=MAX_PERFORMER_LENGTH)]
 _Index = Annotated[int, msgspec.Meta(ge=-1)]
 
 
-class SentFrame(Packed, kw_only=True, omit_defaults=True):
+class SentFrame(Packed, kw_only=True, omit_defaults=True, gc=False):
     """A frame on its way to a worker.
 
     Attributes
@@ -47,6 +45,8 @@ class SentFrame(Packed, kw_only=True, omit_defaults=True):
         Whether the next answer must say which joints carry it.
     """
 
+    performer: _Name
+    t: Annotated[float, msgspec.Meta(ge=-MAX_SECONDS, le=MAX_SECONDS)] = 0.0
     at: float = 0.0
     anew: bool = False
     asks: bool = False
@@ -80,14 +80,6 @@ class Entry(msgspec.Struct, array_like=True, frozen=True):
     joints: tuple[str, ...] | None
     time: float = 0.0
     long_ago: LongAgo | None = None
-
-
-class Handover(msgspec.Struct, array_like=True, frozen=True):
-    """Partitions that a worker takes over, their performers, and the number of the last frame sent before."""
-
-    partitions: list[Annotated[int, msgspec.Meta(ge=0, lt=PARTITIONS)]]
-    entries: list[Entry]
-    sent: int
 
 
 class Answered(msgspec.Struct, array_like=True, frozen=True):
@@ -154,6 +146,8 @@ class Report(msgspec.Struct, array_like=True, frozen=True):
         The number of the last question that it has read.
     dropped
         Frames or messages that were lost on the way or dropped because the worker was busy.
+    leaves
+        Whether the worker wants to end: it goes on until its performers are with others.
     """
 
     counts: PerformerCounts
@@ -163,6 +157,7 @@ class Report(msgspec.Struct, array_like=True, frozen=True):
     performers: int = 0
     last: int = 0
     dropped: int = 0
+    leaves: bool = False
 
 
 class Answers(msgspec.Struct, array_like=True, frozen=True):
@@ -174,7 +169,7 @@ class Answers(msgspec.Struct, array_like=True, frozen=True):
 
 _encode = msgspec.msgpack.Encoder().encode
 _read_frames = msgspec.msgpack.Decoder(Annotated[list[SentFrame], msgspec.Meta(max_length=MAX_TOGETHER)]).decode
-_read_handover = msgspec.msgpack.Decoder(Handover).decode
+_read_entries = msgspec.msgpack.Decoder(list[Entry]).decode
 _read_number = msgspec.msgpack.Decoder(int).decode
 _read_share = msgspec.msgpack.Decoder(Annotated[float, msgspec.Meta(ge=0, le=1)]).decode
 _read_answers = msgspec.msgpack.Decoder(Answers).decode
@@ -205,29 +200,27 @@ def encode_frames(frames: list[SentFrame]) -> bytes:
 
 def decode_frames(message: bytes) -> list[tuple[SentFrame, NumberedFrame]]:
     """Decode frames; FormatError for a message that is not ours."""
-    frames = _read(_read_frames, message)
-    try:
-        return [(each, _numbered(each)) for each in frames]
-    except ValueError as error:
-        raise FormatError(str(error)) from error
+    return [(each, _numbered(each)) for each in _read(_read_frames, message)]
 
 
 def _numbered(sent: SentFrame) -> NumberedFrame:
-    if sent.seq is None:
-        raise FormatError("seq: expected a number, got none")
-    # The receiving process has converted the time: 0 means 0.
-    return numbered(sent.performer, sent, sent.data, 0.0)
+    if sent.seq is None or sent.v != VERSION:
+        raise FormatError(f"v, seq: expected version {VERSION} and a number, got {sent.v}, {sent.seq}")
+    # The receiving process has checked the frame and converted its time.
+    frame = Frame.unchecked(sent.performer, sent.t, positions_of(sent, sent.data))
+    announcement = None if sent.joints is None else Announcement(sent.performer, tuple(sent.joints))
+    return NumberedFrame(frame, sent.seq, announcement)
 
 
-def encode_handover(handover: Handover) -> bytes:
-    """Encode the partitions that a worker takes over."""
-    return _encode(handover)
+def encode_entries(entries: list[Entry]) -> bytes:
+    """Encode the performers whom a worker takes over."""
+    return _encode(entries)
 
 
-def decode_handover(message: bytes) -> Handover:
-    """Decode the partitions that a worker takes over; FormatError for a message that is not ours."""
-    handover: Handover = _read(_read_handover, message)
-    return handover
+def decode_entries(message: bytes) -> list[Entry]:
+    """Decode the performers whom a worker takes over; FormatError for a message that is not ours."""
+    entries: list[Entry] = _read(_read_entries, message)
+    return entries
 
 
 def encode_number(number: int) -> bytes:

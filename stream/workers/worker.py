@@ -33,6 +33,9 @@ if TYPE_CHECKING:
 #: Seconds of frames with which a performer is taken over. The longest window is two seconds; then the averages must
 #: forget the first, short windows (`kinespace bench scale` counts the events that differ).
 HISTORY = 2.5
+#: Seconds of frames with which the recogniser of a performer who is taken over compares windows before it answers: the
+#: windows before are shorter than the former worker's, and would only mislead its averages.
+_COMPARED = 1.0
 #: Seconds of frames that are kept: a worker may have hung unnoticed for a while since its last answer.
 KEPT = HISTORY + 1.5
 
@@ -120,6 +123,8 @@ class Worker:
                 self._taken_over[entry.performer] = over
             if announced := announcement(entry):
                 self.performers.announce(announced, now)
+            if entry.answered:
+                self.performers.only_follow(entry.performer, entry.time - _COMPARED, now)
             if entry.long_ago:
                 self.performers.go_on(entry.performer, entry.long_ago.of_the_body, now)
 

@@ -107,7 +107,7 @@ def numbered(performer: str, header: Header, buffer: bytes, arrival: float) -> N
     """
     if header.v != VERSION:
         raise FormatError(f"v: expected version {VERSION}, got {header.v}")
-    frame = Frame(performer, header.t or arrival, _positions(header, buffer))
+    frame = Frame(performer, header.t or arrival, positions_of(header, buffer))
     announcement = None if header.joints is None else Announcement(performer, tuple(header.joints))
     return NumberedFrame(frame, header.seq, announcement)
 
@@ -122,7 +122,8 @@ def _performer(topic: bytes) -> str:
     return rest[:-1]
 
 
-def _positions(header: Header, buffer: bytes) -> np.ndarray[tuple[int, ...], np.dtype[np.floating]]:
+def positions_of(header: Header, buffer: bytes) -> np.ndarray[tuple[int, ...], np.dtype[np.floating]]:
+    """Give the positions, (joints, 3), whose form a header describes; FormatError if they do not match it."""
     joints, axes = header.shape
     if not 0 < joints <= _MAX_JOINTS or axes != 3:
         raise FormatError(f"shape: expected 1 to {_MAX_JOINTS} joints and 3 axes, got {[joints, axes]}")

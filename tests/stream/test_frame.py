@@ -160,6 +160,13 @@ def test_a_frame_is_a_value() -> None:
         frame.time = np.nan  # type: ignore[misc]
 
 
+def test_an_unchecked_frame_is_the_same_value() -> None:
+    """A frame made without checks has the fields of a checked one."""
+    made, checked = Frame.unchecked("p", 2.0, _positions()), Frame("p", 2.0, _positions())
+    assert (made.performer, made.time) == (checked.performer, checked.time)
+    assert np.array_equal(made.positions, checked.positions)
+
+
 @pytest.mark.parametrize("joints", [(), ("",), ("hip", ""), ("hip", "knee", "hip")])
 def test_joints_are_distinct_names(joints: tuple[str, ...]) -> None:
     """An announcement without joints, with a nameless one or with one twice is refused."""

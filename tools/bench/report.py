@@ -271,6 +271,7 @@ def _scale_table(scale: Scale) -> Table:
 def _scale_summary(scale: Scale) -> Table:
     tried, differ = scale.takeovers
     table = _table("A gateway and its workers", ("",), ("",))
+    table.add_row("microseconds of a frame's recognition alone, frame after frame", f"{scale.recognised_us:.0f}")
     table.add_row("seconds without an answer when the gateway is started again", _seconds(scale.gateway_gap_s))
     table.add_row("seconds until a worker works again after a cut of 5 s", _seconds(scale.healed_s))
     table.add_row(f"of {tried} takeovers by themselves, with other events", f"{differ}")

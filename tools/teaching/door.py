@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import zmq
 
 from kinespace.stream.inputs.receiver import KEYED, datagram_of
+from kinespace.stream.inputs.source import TENDING
 from kinespace.stream.service.status import InputCounts
 from kinespace.stream.teaching import wire
 from kinespace.stream.teaching.commands import CommandError
@@ -112,7 +113,7 @@ def _obey(desk: Desk, datagram: bytes, decode: Callable[[bytes], list[Command]])
 class WekinatorDoor:
     """A source without frames: Wekinator's control messages."""
 
-    tended = True
+    tended_within = TENDING
     has_put_aside = False
     #: There are no notes for a person.
     notes: Sequence[str] = ()
@@ -175,7 +176,7 @@ class RequestDoor:
         Keys of peers who may teach, on any host; None for no keys.
     """
 
-    tended = True
+    tended_within = TENDING
     has_put_aside = False
     #: There are no notes for a person.
     notes: Sequence[str] = ()

@@ -131,6 +131,17 @@ def test_lost_frames_cost_no_answer(library: MotionLibrary) -> None:
 # --- its answers ------------------------------------------------------------------------------------------------
 
 
+def test_frames_that_are_only_followed_fill_the_windows(library: MotionLibrary) -> None:
+    """Before the moment nothing is answered; afterwards the windows are those of all frames."""
+    frames, every = _frames("bow", seconds=1.5, rate=60), Settings(hop=0)
+    expected = [each for each in _pushed(Recognizer(library, every), frames) if each.time >= 1.0]
+    recognizer = Recognizer(library, every)
+    recognizer.only_follow(1.0)
+    found = _pushed(recognizer, frames)
+    assert [each.time for each in found] == [each.time for each in expected]
+    assert all(np.array_equal(one.scores, other.scores) for one, other in zip(found, expected, strict=True))
+
+
 @pytest.mark.slow
 def test_answers_do_not_change_afterwards(library: MotionLibrary) -> None:
     """An answer does not change while the recogniser goes on."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import math
 import socket
 import sys
 import threading
@@ -76,7 +77,7 @@ class FakeClock:
 class FakeSource:
     """Packets from a list; each is the events it holds. Something seems always to be waiting on its socket."""
 
-    tended = False
+    tended_within = math.inf
     has_put_aside = False
     notes = ()
     waited = 0.0

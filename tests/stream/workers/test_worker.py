@@ -67,7 +67,7 @@ def test_a_takeover_changes_no_answer(
     """What was noticed before the frames that the new worker sees holds on, and both workers answer the same frames."""
     positions = feed(builtin)
     positions[60:] = change(positions[60:], builtin)
-    former, ledger = Worker(Performers(opened(builtin))), Ledger(most=1, silence=math.inf, keeps_frames=True)
+    former, ledger = Worker(Performers(opened(builtin))), Ledger(most=1, silence=math.inf)
     frames = []
     for k, each in enumerate(positions):
         numbered = ledger.send(Frame("ann", 1.0 + k / RATE, each), k / RATE)

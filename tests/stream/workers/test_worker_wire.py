@@ -68,7 +68,7 @@ def test_an_impossible_frame_is_refused(changes: dict[str, Any]) -> None:
         wire.decode_frames(wire.encode_frames([sent(**changes)]))
 
 
-@pytest.mark.parametrize("decode", [wire.decode_frames, wire.decode_handover, wire.decode_answers])
+@pytest.mark.parametrize("decode", [wire.decode_frames, wire.decode_entries, wire.decode_answers])
 @given(message=st.binary(max_size=200))
 def test_bytes_of_strangers_are_refused(decode: Callable[[bytes], object], message: bytes) -> None:
     """Whatever the bytes are: they are read, or refused by a format error."""

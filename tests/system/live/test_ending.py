@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 import re
 import signal
 import socket
@@ -91,7 +92,7 @@ def test_an_end_asked_for_while_a_generator_is_closed_is_not_forgotten(monkeypat
 class Endless:
     """A source in which packets always wait, each of which takes its time."""
 
-    tended = False
+    tended_within = math.inf
     has_put_aside = False
     notes = ()
     waited = 0.0

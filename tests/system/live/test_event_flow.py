@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import socket
 from collections import deque
 from typing import TYPE_CHECKING
@@ -167,7 +168,7 @@ class ListSource:
     def __init__(self) -> None:
         self.waiting = deque[Frame]()
         self.counts = InputCounts()
-        self.tended, self.has_put_aside, self.waited, self.notes = False, False, 0.0, ()
+        self.tended_within, self.has_put_aside, self.waited, self.notes = math.inf, False, 0.0, ()
         self.pollable, self._other_end = socket.socketpair()
         self._other_end.send(b"!")
 

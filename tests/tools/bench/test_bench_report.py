@@ -90,6 +90,7 @@ def made_up(signature: LiveSignature = LiveSignature.PAPER) -> Report:
             1.5,
             0.75,
             (98, 1),
+            25.0,
         ),
     )
 

@@ -127,6 +127,8 @@ class Scale:
         be made.
     takeovers
         The number of takeovers that were tried without a cluster, and the number after which the events differed.
+    recognised_us
+        The recogniser's part of a frame's time in `held`: microseconds of a core where no frame is waited for.
     """
 
     crowd: int
@@ -138,6 +140,7 @@ class Scale:
     gateway_gap_s: float
     healed_s: float
     takeovers: tuple[int, int]
+    recognised_us: float
 
     @property
     def ratio(self) -> float | None:
@@ -179,6 +182,8 @@ class Feed:
     events: Counter[tuple[str, str, str]] = field(repr=False)
     #: By performer and time of an answer, seconds beyond a hop for which one process gave none before: a body jumped.
     pauses: dict[tuple[str, float], float] = field(repr=False)
+    #: Microseconds of a core for a frame's recognition, where no frame is waited for.
+    recognised_us: float
 
     @classmethod
     def of(cls, positions: NDArray[np.float32], performers: int, seconds: float) -> Feed:
@@ -192,8 +197,10 @@ class Feed:
             for k in range(moments)
         )
         recognisers = Performers(opened(MotionLibrary.builtin()), most=performers)
+        begun = time.thread_time()
         answers = [each for together in frames for each in recognisers.push_all(together, together[0].time) if each]
-        return cls(frames, len(answers), _counted(answers), _pauses(answers))
+        spent = (time.thread_time() - begun) / (performers * moments) * 1e6
+        return cls(frames, len(answers), _counted(answers), _pauses(answers), spent)
 
 
 def _pauses(answers: Sequence[Recognition]) -> dict[tuple[str, float], float]:
@@ -221,6 +228,7 @@ class Troupe:
         """Wait for answers, at most so many seconds; give them, and how long each took."""
         pollables: list[Any] = [source.pollable for source in self.sources]
         if pollables:
+            longest = min(longest, *(source.tended_within for source in self.sources))
             select.select(pollables, [], [], longest)
         else:
             time.sleep(longest)
@@ -487,7 +495,7 @@ def gateway_gap(positions: NDArray[np.float32]) -> float:
 def takeovers(positions: NDArray[np.float32], seconds: float) -> tuple[int, int]:
     """Let another worker take a performer over at many moments; give how many, and after how many an event differs."""
     index = opened(MotionLibrary.builtin())
-    former, ledger = Worker(Performers(index)), Ledger(most=1, silence=math.inf, keeps_frames=True)
+    former, ledger = Worker(Performers(index)), Ledger(most=1, silence=math.inf)
     history = round(seconds * FRAME_RATE)
     frames: list[SentFrame] = []
     events: list[list[Event]] = []
@@ -530,7 +538,7 @@ def measure(positions: NDArray[np.float32], *, seconds: float, crowd: int) -> Sc
     crowd
         The number of performers.
     """
-    feed = Feed.of(positions, crowd, seconds)
+    feed, busier = Feed.of(positions, crowd, seconds), Feed.of(positions, BUSIER * crowd, seconds)
     runs = {what: play(feed, what) for what in HAPPENINGS if what != "cut"}
     cut = network_cut(feed)
     if cut:
@@ -541,8 +549,9 @@ def measure(positions: NDArray[np.float32], *, seconds: float, crowd: int) -> Sc
         with_workers(feed),
         runs,
         (alone(feed, at_once=True), with_workers(feed, at_once=True)),
-        (over_osc(positions, BUSIER * crowd, seconds), play(Feed.of(positions, BUSIER * crowd, seconds), "nothing")),
+        (over_osc(positions, BUSIER * crowd, seconds), play(busier, "nothing")),
         gateway_gap(positions),
         cut[1] if cut else math.nan,
         takeovers(positions, HISTORY),
+        busier.recognised_us,
     )

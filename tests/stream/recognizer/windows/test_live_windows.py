@@ -11,9 +11,10 @@ from naive_windows import body_of
 
 from kinespace.library.distances import distance_rows
 from kinespace.library.skeleton import Skeleton
+from kinespace.library.windows.basis import Basis
 from kinespace.library.windows.body import Body
 from kinespace.library.windows.index import learned_basis
-from kinespace.library.windows.parts import PARTS, Kind
+from kinespace.library.windows.parts import PARTS, POSTURE, Kind
 from kinespace.stream.recognizer.windows.live_windows import LiveWindows, PaperWindow
 from kinespace.stream.recognizer.windows.sliding_window import MAX_PENDING
 
@@ -159,3 +160,12 @@ def test_windows_of_a_body_without_parents(small_library: MotionLibrary, rows: n
     mean = rows[60 - 30 : 60].mean(axis=0)
     assert numbers[posture] == pytest.approx(mean / mean.mean(), rel=1e-9)
     assert all(np.isfinite(each).all() for each in numbers.values())
+
+
+def test_a_body_of_many_joints_has_postures() -> None:
+    """In a stretched chain of more joints than the compiled loops take each distance is the segments between."""
+    chain = Skeleton(tuple(f"joint{place}" for place in range(260)), tuple(range(-1, 259)))
+    rows = distance_rows(np.arange(260.0)[None, :, None] * (1.0, 0.0, 0.0), chain)
+    live = LiveWindows(Body.of(chain), Basis(np.zeros((len(chain.pairs), 1)), *np.zeros((2, len(chain.pairs))), 1.0))
+    live.push([0.0], rows)
+    np.testing.assert_allclose(live.read().numbers[POSTURE], 1.0)

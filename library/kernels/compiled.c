@@ -836,6 +836,24 @@ static PyObject *bound_run(PyObject *self, PyObject *const *arguments, Py_ssize_
     return bound->called->run(&bound->taken);
 }
 
+/* How a copy is made: of the same function, with the arguments copied, and with them whoever else holds the arrays. */
+static PyObject *bound_reduce(PyObject *self, PyObject *const *arguments, Py_ssize_t given) {
+    const Bound *bound = (Bound *)self;
+    PyObject *all = expect_arguments(0, given) == 0 ? PyTuple_New(bound->taken.count + 1) : NULL;
+    int made = all != NULL;
+    (void)arguments;
+    for (int i = 0; i <= bound->taken.count && made; i++) {
+        PyObject *array = i > 0 ? bound->taken.held[i - 1].obj : NULL;
+        PyObject *each = i == 0          ? PyUnicode_FromString(bound->called->name)
+                         : array != NULL ? Py_NewRef(array)
+                                         : PyFloat_FromDouble(bound->taken.number[i - 1]);
+        made = each != NULL && PyTuple_SetItem(all, i, each) == 0;
+    }
+    PyObject *result = made ? PyTuple_Pack(2, (PyObject *)Py_TYPE(self), all) : NULL;
+    Py_XDECREF(all);
+    return result;
+}
+
 /* ---- windows compared: library.windows.index.WindowIndex ----------------------------------------------------------*/
 
 /* Give zeros that begin with a cache line; NULL and an error when there is no memory. */
@@ -1129,6 +1147,7 @@ static PyType_Spec table_type = {
 
 static PyMethodDef bound_methods[] = {
     {"run", FUNCTION(bound_run)},
+    {"__reduce__", FUNCTION(bound_reduce)},
     {NULL, NULL, 0, NULL},
 };
 

@@ -25,7 +25,7 @@ from kinespace.stream.recognizer.windows.rolling import RollingCovariance, Rolli
 from kinespace.stream.recognizer.windows.sliding_window import MAX_PENDING, SlidingWindow
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
+    from collections.abc import Mapping, Sequence
 
     from numpy.typing import NDArray
 
@@ -139,8 +139,8 @@ class LiveWindows(_RowsAndPoints):
         loops, body, unwanted = compiled.loops, self._body, np.empty(0)
         pairs, directions = self._directions.shape
         found = min(EIGENVECTORS, directions)
-        self._blocks = np.zeros((len(BASIS_LENGTHS), directions, _BLOCK))
-        self._reads: tuple[tuple[Callable[[], float], ...], ...] = ()
+        self._blocks = tuple(np.zeros((directions, _BLOCK)) for _ in BASIS_LENGTHS)
+        self._reads: tuple[tuple[compiled.Bound, ...], ...] = ()
         if loops is None or directions > loops.MAX_DIRECTIONS or body.above.shape[1] > loops.MAX_JOINTS:
             return
         self._numbers: dict[Part, NDArray[np.float64]] = {
@@ -158,7 +158,7 @@ class LiveWindows(_RowsAndPoints):
                     numbers.get(Part(Kind.SPREAD, seconds), np.empty(pairs)),
                     numbers.get(Part(Kind.POSTURE, seconds), unwanted),
                     numbers.get(Part(Kind.TREND, seconds), unwanted),
-                ).run
+                )
                 for each, seconds in zip(self._moments, DISTANCE_LENGTHS, strict=True)
             ),
             tuple(
@@ -167,7 +167,7 @@ class LiveWindows(_RowsAndPoints):
                     *(each.total, each.products, each.span.places, each.drift, self._values, self._leading),
                     numbers.get(Part(Kind.EIGEN, seconds), np.empty((found, directions))),
                     block,
-                ).run
+                )
                 for each, seconds, block in zip(self._covariances, BASIS_LENGTHS, self._blocks, strict=True)
             ),
         )
@@ -175,7 +175,8 @@ class LiveWindows(_RowsAndPoints):
     def clear(self) -> None:
         """Forget all rows."""
         super().clear()
-        self._blocks[:] = 0.0
+        for block in self._blocks:
+            block[:] = 0.0
 
     def exchange(self, body: Body, basis: Basis, parts: Sequence[Part] = PARTS) -> None:
         """Follow the same rows, in another basis of the same distances and with another body's measures and parts."""
@@ -200,8 +201,8 @@ class LiveWindows(_RowsAndPoints):
         """Read the signature of the windows that end with the newest row; needs a row. Valid until the next call."""
         self._settle()
         if self._reads:
-            *_, moved = [read() for read in self._reads[0]]
-            *_, total = [read() for read in self._reads[1]]
+            *_, moved = [each.run() for each in self._reads[0]]
+            *_, total = [each.run() for each in self._reads[1]]
             return LiveSignature(self._numbers, moved, *Leading.of(total, self._values, self._leading[0]))
         covariances = np.array([each.read() for each in self._covariances])
         pairs = eigenpairs_of(covariances)

@@ -22,7 +22,7 @@ from kinespace.library.windows.parts import Moments
 from kinespace.stream.recognizer.windows.sliding_window import Change, SlidingWindow, Span
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Sequence
 
 Rows = NDArray[np.float64]
 
@@ -59,7 +59,7 @@ class Rolling(ABC):
     #: The rows or points that are followed, as the window keeps them.
     _rows: Rows
     #: The compiled loop that follows them, up to a window's end and moved rows; None without.
-    _follow: Callable[[int, int], bool] | None
+    _follow: compiled.Bound | None
 
     def __init__(self, window: SlidingWindow, seconds: float | None = None) -> None:
         self._window = window
@@ -67,12 +67,12 @@ class Rolling(ABC):
         self.drift = np.zeros(2)
         self.refreshes = 0
 
-    def _compiled(self, name: str, *sums: Rows) -> Callable[[int, int], bool] | None:
+    def _compiled(self, name: str, *sums: Rows) -> compiled.Bound | None:
         """Bind the arrays of a compiled loop: handing them out costs as much as adding up. None without loops."""
         if compiled.loops is None:
             return None
         kept = self._rows, self._window.times_kept, self.span.places, self.drift
-        return compiled.loops.Bound(name, *kept, *sums, self.span.seconds, self.span.most, 0, 0).run
+        return compiled.loops.Bound(name, *kept, *sums, self.span.seconds, self.span.most, 0, 0)
 
     @property
     def count(self) -> int:
@@ -86,7 +86,7 @@ class Rolling(ABC):
     def update(self) -> None:
         """Follow the window up to its newest row."""
         if self._follow:
-            self.refreshes += self._follow(self._window.end, self._window.moved)
+            self.refreshes += self._follow.run(self._window.end, self._window.moved)
             return
         change = self.span.take_change()
         new, gone = (each.stop - each.start for each in change)

@@ -871,6 +871,19 @@ def test_a_bound_call_is_the_call_with_its_arguments(loops: compiled.Loops) -> N
     assert bound.any()
 
 
+@pytest.mark.parametrize("copied", [copy.deepcopy, lambda each: pickle.loads(pickle.dumps(each))])  # noqa: S301 - its own
+def test_a_copy_of_a_bound_call_has_arrays_of_its_own(loops: compiled.Loops, copied: Callable[[object], Any]) -> None:
+    """The copy writes to the arrays that are copied with it, and not to those of the first."""
+    sums = np.zeros((4, 5))
+    bound = loops.Bound("follow", *_of_sums(sums), 12.0, 100, 0, 0)
+    other, others = copied((bound, sums))
+    other.run(12, 0)
+    assert others.any()
+    assert not sums.any()
+    bound.run(12, 0)
+    assert np.array_equal(sums, others)
+
+
 def _of_sums(sums: np.ndarray) -> tuple[np.ndarray, ...]:
     return ROWS.copy(), np.arange(30.0), np.zeros(2, np.intp), np.zeros(2), sums, np.zeros(3)
 

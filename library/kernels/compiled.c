@@ -405,14 +405,13 @@ static int expect_indices(const char *name, const Py_buffer *held, Py_ssize_t be
 static const Wanted measure_distances_wanted[] = {
     {"positions", "d", "fj3", 0}, {"pairs", INDEX, "p2", 0}, {"rows", "d", "fp", WRITTEN | ROOM}};
 static PyObject *measure_distances_run(Taken *taken) {
-    PyObject *result = NULL;
-    if (expect_most("joints", MAX_JOINTS, taken->length['j']) == 0 &&
-        expect_indices("pairs", &taken->held[1], taken->length['j']) == 0) {
-        loops.distances(taken->held[0].buf, taken->length['f'], taken->length['j'], taken->held[1].buf, taken->length['p'],
-                        taken->held[2].buf, stride_of(&taken->held[2]));
-        result = Py_NewRef(Py_None);
+    const Py_buffer *held = taken->held;
+    const Py_ssize_t joints = taken->length['j'];
+    if (expect_most("joints", MAX_JOINTS, joints) < 0 || expect_indices("pairs", &held[1], joints) < 0) {
+        return NULL;
     }
-    return result;
+    loops.distances(held[0].buf, taken->length['f'], joints, held[1].buf, taken->length['p'], held[2].buf, stride_of(&held[2]));
+    return Py_NewRef(Py_None);
 }
 CALL(measure_distances)
 
@@ -542,17 +541,15 @@ static const Wanted follow_wanted[] = {
     {"seconds", "d", "", 0},       {"most", "d", "", 0},         {"end", "d", "", 0},
     {"moved", "d", "", 0}};
 static PyObject *follow_run(Taken *taken) {
+    const Py_buffer *held = taken->held;
+    const Py_ssize_t width = taken->length['w'];
+    double *sums = held[4].buf;
     Change change;
-    PyObject *result = NULL;
-    if (expect_most("rows", PY_SSIZE_T_MAX, taken->length['w']) == 0 && take_change(taken, &change) == 0) {
-        const Py_buffer *held = taken->held;
-        const Py_ssize_t width = taken->length['w'];
-        double *sums = held[4].buf;
-        result = update(&(Sums){.rows = held[0].buf, .times = held[1].buf, .stride = stride_of(&held[0]), .width = width,
-                                .drift = held[3].buf, .reference = sums, .sum = sums + width, .clock = held[5].buf},
-                        &change);
+    if (expect_most("rows", PY_SSIZE_T_MAX, width) < 0 || take_change(taken, &change) < 0) {
+        return NULL;
     }
-    return result;
+    return update(&(Sums){.rows = held[0].buf, .times = held[1].buf, .stride = stride_of(&held[0]), .width = width,
+                          .drift = held[3].buf, .reference = sums, .sum = sums + width, .clock = held[5].buf}, &change);
 }
 
 /* stream.recognizer.windows.rolling.RollingCovariance: follow_products(points, times, places, drift, reference, sum, products,
@@ -563,16 +560,14 @@ static const Wanted follow_products_wanted[] = {
     {"products", "d", "ww", WRITTEN}, {"seconds", "d", "", 0},          {"most", "d", "", 0},
     {"end", "d", "", 0},              {"moved", "d", "", 0}};
 static PyObject *follow_products_run(Taken *taken) {
+    const Py_buffer *held = taken->held;
+    const Py_ssize_t width = taken->length['w'];
     Change change;
-    PyObject *result = NULL;
-    if (expect_most("directions", MAX_DIRECTIONS, taken->length['w']) == 0 && take_change(taken, &change) == 0) {
-        const Py_buffer *held = taken->held;
-        result = update(&(Sums){.rows = held[0].buf, .times = held[1].buf, .stride = stride_of(&held[0]),
-                                .width = taken->length['w'], .drift = held[3].buf, .reference = held[4].buf,
-                                .sum = held[5].buf, .products = held[6].buf},
-                        &change);
+    if (expect_most("directions", MAX_DIRECTIONS, width) < 0 || take_change(taken, &change) < 0) {
+        return NULL;
     }
-    return result;
+    return update(&(Sums){.rows = held[0].buf, .times = held[1].buf, .stride = stride_of(&held[0]), .width = width,
+                          .drift = held[3].buf, .reference = held[4].buf, .sum = held[5].buf, .products = held[6].buf}, &change);
 }
 
 /* RollingMoments.read, library.windows.parts.spread, posture, trend and movement:
@@ -758,14 +753,13 @@ CALL(steps)
 static const Wanted extremes_wanted[] = {
     {"looks", "d", "fj3", 0}, {"ends", INDEX, "s2", 0}, {"lengths", "d", "2s", WRITTEN}, {"moved", "d", "j", WRITTEN}};
 static PyObject *extremes_run(Taken *taken) {
-    PyObject *result = NULL;
-    if (expect_indices("ends", &taken->held[1], taken->length['j']) == 0) {
-        Py_buffer *held = taken->held;
-        loops.extremes(held[0].buf, taken->length['f'], taken->length['j'], held[1].buf, taken->length['s'], held[2].buf,
-                       held[3].buf);
-        result = Py_NewRef(Py_None);
+    const Py_buffer *held = taken->held;
+    const Py_ssize_t *length = taken->length;
+    if (expect_indices("ends", &held[1], length['j']) < 0) {
+        return NULL;
     }
-    return result;
+    loops.extremes(held[0].buf, length['f'], length['j'], held[1].buf, length['s'], held[2].buf, held[3].buf);
+    return Py_NewRef(Py_None);
 }
 CALL(extremes)
 
@@ -784,12 +778,14 @@ static const Called called[] = {CALLED(follow), CALLED(follow_products), CALLED(
 typedef struct {
     PyObject_HEAD
     const Called *called;
+    PyObject *arguments;
     Taken taken;
 } Bound;
 
 static void bound_dealloc(PyObject *self) {
     PyTypeObject *type = Py_TYPE(self);
     let_go(&((Bound *)self)->taken);
+    Py_XDECREF(((Bound *)self)->arguments);
     ((freefunc)PyType_GetSlot(type, Py_tp_free))(self);
     Py_DECREF(type);
 }
@@ -812,6 +808,7 @@ static PyObject *bound_new(PyTypeObject *type, PyObject *tuple, PyObject *named)
                 Py_CLEAR(bound);
             } else if (bound != NULL) {
                 bound->called = &called[c];
+                bound->arguments = Py_NewRef(tuple);
             }
             return (PyObject *)bound;
         }
@@ -825,8 +822,7 @@ static PyObject *bound_run(PyObject *self, PyObject *const *arguments, Py_ssize_
     const Py_ssize_t begin = bound->taken.count - given;
     for (Py_ssize_t i = 0; i < given; i++) {
         if (begin < 0 || bound->called->wanted[begin + i].shape[0] != 0) {
-            PyErr_SetString(PyExc_TypeError, "run: expected numbers only");
-            return NULL;
+            return PyErr_Format(PyExc_TypeError, "run: expected numbers only");
         }
         bound->taken.number[begin + i] = PyFloat_AsDouble(arguments[i]);
         if (bound->taken.number[begin + i] == -1.0 && PyErr_Occurred()) {
@@ -836,22 +832,10 @@ static PyObject *bound_run(PyObject *self, PyObject *const *arguments, Py_ssize_
     return bound->called->run(&bound->taken);
 }
 
-/* How a copy is made: of the same function, with the arguments copied, and with them whoever else holds the arrays. */
+/* How a copy is made: by copies of the arguments, which others that are copied hold too. */
 static PyObject *bound_reduce(PyObject *self, PyObject *const *arguments, Py_ssize_t given) {
-    const Bound *bound = (Bound *)self;
-    PyObject *all = expect_arguments(0, given) == 0 ? PyTuple_New(bound->taken.count + 1) : NULL;
-    int made = all != NULL;
     (void)arguments;
-    for (int i = 0; i <= bound->taken.count && made; i++) {
-        PyObject *array = i > 0 ? bound->taken.held[i - 1].obj : NULL;
-        PyObject *each = i == 0          ? PyUnicode_FromString(bound->called->name)
-                         : array != NULL ? Py_NewRef(array)
-                                         : PyFloat_FromDouble(bound->taken.number[i - 1]);
-        made = each != NULL && PyTuple_SetItem(all, i, each) == 0;
-    }
-    PyObject *result = made ? PyTuple_Pack(2, (PyObject *)Py_TYPE(self), all) : NULL;
-    Py_XDECREF(all);
-    return result;
+    return expect_arguments(0, given) == 0 ? PyTuple_Pack(2, (PyObject *)Py_TYPE(self), ((Bound *)self)->arguments) : NULL;
 }
 
 /* ---- windows compared: library.windows.index.WindowIndex ----------------------------------------------------------*/

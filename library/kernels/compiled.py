@@ -62,14 +62,9 @@ class Table(Protocol):
 
 
 class Bound(Protocol):
-    """A function of the loops with its arguments, whose arrays are checked once.
+    """A function of the loops with its arguments, whose arrays are checked once."""
 
-    Attributes
-    ----------
-    run
-        Calls the function; numbers stand for the last of its arguments.
-    """
-
+    #: Calls the function; numbers stand for the last of its arguments.
     run: Callable[..., Any]
 
 

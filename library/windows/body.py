@@ -72,11 +72,8 @@ class Body:
         if not len(self.segments):
             return np.broadcast_to(self.size(rows)[..., None], rows.shape)
         heights = rows.take(self.segments, axis=-1) @ self.above
-        first, second, meeting = self.ends
-        lengths: NDArray[np.float64] = heights.take(first, axis=-1)
-        lengths += heights.take(second, axis=-1)
-        heights *= 2.0
-        lengths -= heights.take(meeting, axis=-1)
+        first, second, meeting = (heights.take(joints, axis=-1) for joints in self.ends)
+        lengths: NDArray[np.float64] = first + second - 2.0 * meeting
         return lengths
 
 

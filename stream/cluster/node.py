@@ -155,10 +155,13 @@ class Node:
         """Wait at most so many seconds for messages, and deal with them; report when it is time."""
         if self.inbox.is_empty and not any(post.is_behind for post in self._posts.values()):
             select.select([self.inbox], [], [], longest)
-        # A worker that is behind must go on reporting: a silent worker counts as gone.
+        # A worker that is behind must go on reporting: a silent worker counts as gone. It spends as much time on the
+        # performers whom it takes over as on its own, so that on a busy machine neither wait for ever.
+        begun = self.clock()
         self.inbox.deal(REPORT_EVERY / 4)
+        now = self.clock()
         for post in self._posts.values():
-            post.catch_up()
+            post.catch_up(now + (now - begun))
             post.send_answers()
         now = self.clock()
         if now >= self._next_report:
@@ -364,11 +367,13 @@ class Post:
         """Whether frames of performers who were taken over wait."""
         return self._worker.is_behind
 
-    def catch_up(self) -> None:
-        """Take in some frames of performers who were taken over; answer a question once none are left."""
-        if self.is_behind:
+    def catch_up(self, until: float) -> None:
+        """Take in frames of performers who were taken over, for a while; answer a question once none are left."""
+        while self.is_behind:
             now = self._node.clock()
             self._answer(self._worker.catch_up(now), now)
+            if now >= until:
+                break
         if self._asked > self._last and not self.is_behind:
             self._last = self._asked
             self.report()

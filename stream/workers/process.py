@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import math
 import queue
 import select
 import signal
@@ -142,10 +143,12 @@ class Loop:
             if messages is None:
                 return
             self.exchange()
+            begun = time.monotonic()
             for message in messages:
                 self.obey(message)
                 self.report_when_due()
-            self.catch_up()
+            now = time.monotonic()
+            self.catch_up(now + (now - begun))
 
     def exchange(self) -> None:
         """Compare with the library that came last, if one came."""
@@ -172,10 +175,14 @@ class Loop:
         if answers:
             self._channel.send(encode_answers(Answers(answers)))
 
-    def catch_up(self) -> None:
-        """Take in some frames of performers who were taken over; answer a question once none are left."""
-        if self.worker.is_behind:
-            self._answer(self.worker.catch_up(time.monotonic()))
+    def catch_up(self, until: float = math.inf) -> None:
+        """Take in frames of performers who were taken over, for a while; answer a question once none are left."""
+        while self.worker.is_behind:
+            now = time.monotonic()
+            self._answer(self.worker.catch_up(now))
+            self.report_when_due()
+            if now >= until:
+                break
         if self._asked > self._last and not self.worker.is_behind:
             self._last = self._asked
             self.report()

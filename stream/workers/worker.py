@@ -112,7 +112,7 @@ class Worker:
         self.book = 0
         self._newest: dict[str, int] = {}
         self._taken_over: dict[str, _TakenOver] = {}
-        #: Frames of performers who were taken over; the frames of all others go first, so that these need not wait.
+        #: Frames of performers who were taken over, which `catch_up` takes in, so that all others need not wait.
         self._behind: deque[tuple[SentFrame, NumberedFrame]] = deque()
         self._catching_up: set[str] = set()
         #: Performers whose next answer must say which joints carry it.

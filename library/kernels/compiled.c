@@ -50,10 +50,10 @@
 #define PASSES 6
 #define BOUNDS (SECTIONS * EIGENVECTORS)
 /* Vectors that are iterated together, of which EIGENVECTORS are wanted; products after which, and at most, the residuals are
- * looked at; and the residual that is none, when the trace is 1. */
+ * looked at, both odd; and the residual that is none, when the trace is 1. */
 #define BLOCK 8
-#define ITERATIONS 6
-#define MAX_ITERATIONS 9
+#define ITERATIONS 7
+#define MAX_ITERATIONS 11
 #define NO_RESIDUAL 1e-9
 /* Bins of phases that count as the same. */
 #define MAX_BINS 64
@@ -373,7 +373,18 @@ static int take(Taken *taken, const Wanted *wanted, int count, PyObject *const *
     return 0;
 }
 
-#define TAKE(taken, wanted) take(taken, wanted, (int)(sizeof(wanted) / sizeof(wanted)[0]), arguments, given)
+#define COUNT(wanted) (int)(sizeof(wanted) / sizeof(wanted)[0])
+#define TAKE(taken, wanted) take(taken, wanted, COUNT(wanted), arguments, given)
+
+/* A function of the module, by how it runs with arguments that were taken. */
+#define CALL(name)                                                                                                      \
+    static PyObject *name(PyObject *module, PyObject *const *arguments, Py_ssize_t given) {                             \
+        Taken taken;                                                                                                    \
+        (void)module;                                                                                                   \
+        PyObject *result = TAKE(&taken, name##_wanted) == 0 ? name##_run(&taken) : NULL;                                \
+        let_go(&taken);                                                                                                 \
+        return result;                                                                                                  \
+    }
 
 static Py_ssize_t stride_of(const Py_buffer *held) { return held->strides[0] / held->itemsize; }
 
@@ -391,21 +402,19 @@ static int expect_indices(const char *name, const Py_buffer *held, Py_ssize_t be
 /* ---- a hop's loops ------------------------------------------------------------------------------------------------*/
 
 /* library.distances.DistanceMeasurer.measure: measure_distances(positions, pairs, rows) */
-static PyObject *measure_distances(PyObject *module, PyObject *const *arguments, Py_ssize_t given) {
-    static const Wanted wanted[] = {
-        {"positions", "d", "fj3", 0}, {"pairs", INDEX, "p2", 0}, {"rows", "d", "fp", WRITTEN | ROOM}};
-    Taken taken;
+static const Wanted measure_distances_wanted[] = {
+    {"positions", "d", "fj3", 0}, {"pairs", INDEX, "p2", 0}, {"rows", "d", "fp", WRITTEN | ROOM}};
+static PyObject *measure_distances_run(Taken *taken) {
     PyObject *result = NULL;
-    (void)module;
-    if (TAKE(&taken, wanted) == 0 && expect_most("joints", MAX_JOINTS, taken.length['j']) == 0 &&
-        expect_indices("pairs", &taken.held[1], taken.length['j']) == 0) {
-        loops.distances(taken.held[0].buf, taken.length['f'], taken.length['j'], taken.held[1].buf, taken.length['p'],
-                        taken.held[2].buf, stride_of(&taken.held[2]));
+    if (expect_most("joints", MAX_JOINTS, taken->length['j']) == 0 &&
+        expect_indices("pairs", &taken->held[1], taken->length['j']) == 0) {
+        loops.distances(taken->held[0].buf, taken->length['f'], taken->length['j'], taken->held[1].buf, taken->length['p'],
+                        taken->held[2].buf, stride_of(&taken->held[2]));
         result = Py_NewRef(Py_None);
     }
-    let_go(&taken);
     return result;
 }
+CALL(measure_distances)
 
 /* stream.recognizer.windows.sliding_window.Change: rows that entered a span, from `entered` to before `end`, and rows that
  * left it, from `left` to before `gone`; and how many are in it. */
@@ -527,77 +536,69 @@ static PyObject *update(const Sums *sums, const Change *change) {
 
 /* stream.recognizer.windows.rolling.RollingMoments: follow(rows, times, places, drift, sums, clock, seconds, most, end, moved)
  * -> whether the sums were computed afresh */
-static PyObject *follow(PyObject *module, PyObject *const *arguments, Py_ssize_t given) {
-    static const Wanted wanted[] = {{"rows", "d", "nw", ROOM},     {"times", "d", "n", 0},       {"places", INDEX, "2", WRITTEN},
-                                    {"drift", "d", "2", WRITTEN},  {"sums", "d", "4w", WRITTEN}, {"clock", "d", "3", WRITTEN},
-                                    {"seconds", "d", "", 0},       {"most", "d", "", 0},         {"end", "d", "", 0},
-                                    {"moved", "d", "", 0}};
-    Taken taken;
+static const Wanted follow_wanted[] = {
+    {"rows", "d", "nw", ROOM},     {"times", "d", "n", 0},       {"places", INDEX, "2", WRITTEN},
+    {"drift", "d", "2", WRITTEN},  {"sums", "d", "4w", WRITTEN}, {"clock", "d", "3", WRITTEN},
+    {"seconds", "d", "", 0},       {"most", "d", "", 0},         {"end", "d", "", 0},
+    {"moved", "d", "", 0}};
+static PyObject *follow_run(Taken *taken) {
     Change change;
     PyObject *result = NULL;
-    (void)module;
-    if (TAKE(&taken, wanted) == 0 && expect_most("rows", PY_SSIZE_T_MAX, taken.length['w']) == 0 &&
-        take_change(&taken, &change) == 0) {
-        const Py_buffer *held = taken.held;
-        const Py_ssize_t width = taken.length['w'];
+    if (expect_most("rows", PY_SSIZE_T_MAX, taken->length['w']) == 0 && take_change(taken, &change) == 0) {
+        const Py_buffer *held = taken->held;
+        const Py_ssize_t width = taken->length['w'];
         double *sums = held[4].buf;
         result = update(&(Sums){.rows = held[0].buf, .times = held[1].buf, .stride = stride_of(&held[0]), .width = width,
                                 .drift = held[3].buf, .reference = sums, .sum = sums + width, .clock = held[5].buf},
                         &change);
     }
-    let_go(&taken);
     return result;
 }
 
 /* stream.recognizer.windows.rolling.RollingCovariance: follow_products(points, times, places, drift, reference, sum, products,
  * seconds, most, end, moved) -> whether the sums were computed afresh */
-static PyObject *follow_products(PyObject *module, PyObject *const *arguments, Py_ssize_t given) {
-    static const Wanted wanted[] = {{"points", "d", "nw", ROOM},      {"times", "d", "n", 0},           {"places", INDEX, "2", WRITTEN},
-                                    {"drift", "d", "2", WRITTEN},     {"reference", "d", "w", WRITTEN}, {"sum", "d", "w", WRITTEN},
-                                    {"products", "d", "ww", WRITTEN}, {"seconds", "d", "", 0},          {"most", "d", "", 0},
-                                    {"end", "d", "", 0},              {"moved", "d", "", 0}};
-    Taken taken;
+static const Wanted follow_products_wanted[] = {
+    {"points", "d", "nw", ROOM},      {"times", "d", "n", 0},           {"places", INDEX, "2", WRITTEN},
+    {"drift", "d", "2", WRITTEN},     {"reference", "d", "w", WRITTEN}, {"sum", "d", "w", WRITTEN},
+    {"products", "d", "ww", WRITTEN}, {"seconds", "d", "", 0},          {"most", "d", "", 0},
+    {"end", "d", "", 0},              {"moved", "d", "", 0}};
+static PyObject *follow_products_run(Taken *taken) {
     Change change;
     PyObject *result = NULL;
-    (void)module;
-    if (TAKE(&taken, wanted) == 0 && expect_most("directions", MAX_DIRECTIONS, taken.length['w']) == 0 &&
-        take_change(&taken, &change) == 0) {
-        const Py_buffer *held = taken.held;
+    if (expect_most("directions", MAX_DIRECTIONS, taken->length['w']) == 0 && take_change(taken, &change) == 0) {
+        const Py_buffer *held = taken->held;
         result = update(&(Sums){.rows = held[0].buf, .times = held[1].buf, .stride = stride_of(&held[0]),
-                                .width = taken.length['w'], .drift = held[3].buf, .reference = held[4].buf,
+                                .width = taken->length['w'], .drift = held[3].buf, .reference = held[4].buf,
                                 .sum = held[5].buf, .products = held[6].buf},
                         &change);
     }
-    let_go(&taken);
     return result;
 }
 
 /* RollingMoments.read, library.windows.parts.spread, posture, trend and movement:
- * read_parts(sums, clock, places, sizing, segments, paths, floor, level, spread, posture, trend) -> (movement, the body's size);
- * posture and trend may be empty: not wanted */
-static PyObject *read_parts(PyObject *module, PyObject *const *arguments, Py_ssize_t given) {
-    static const Wanted wanted[] = {{"sums", "d", "4w", 0},         {"clock", "d", "3", 0},         {"places", INDEX, "2", 0},
-                                    {"sizing", "d", "w", 0},        {"segments", INDEX, "s", 0},    {"paths", "d", "sw", 0},
-                                    {"floor", "d", "", 0},          {"level", "d", "", 0},          {"spread", "d", "w", WRITTEN},
-                                    {"posture", "d", "p", WRITTEN}, {"trend", "d", "t", WRITTEN}};
-    Taken taken;
+ * read_parts(sums, clock, places, sizing, segments, above, ends, floor, level, spread, posture, trend) -> (movement, the body's
+ * size); posture and trend may be empty: not wanted */
+static const Wanted read_parts_wanted[] = {
+    {"sums", "d", "4w", 0},         {"clock", "d", "3", 0},         {"places", INDEX, "2", 0},
+    {"sizing", "d", "w", 0},        {"segments", INDEX, "s", 0},    {"above", "d", "sj", 0},
+    {"ends", "B", "3w", 0},         {"floor", "d", "", 0},          {"level", "d", "", 0},
+    {"spread", "d", "w", WRITTEN},  {"posture", "d", "p", WRITTEN}, {"trend", "d", "t", WRITTEN}};
+static PyObject *read_parts_run(Taken *taken) {
     PyObject *result = NULL;
-    (void)module;
-    if (TAKE(&taken, wanted) == 0 && expect_most("sums", PY_SSIZE_T_MAX, taken.length['w']) == 0 &&
-        expect_most("segments", MAX_JOINTS, taken.length['s'] + 1) == 0 &&
-        expect_indices("segments", &taken.held[4], taken.length['w']) == 0 &&
-        (taken.length['p'] == 0 || expect("posture", taken.length['w'], taken.length['p']) == 0) &&
-        (taken.length['t'] == 0 || expect("trend", taken.length['w'], taken.length['t']) == 0)) {
-        Py_buffer *held = taken.held;
+    if (expect_most("sums", PY_SSIZE_T_MAX, taken->length['w']) == 0 &&
+        (taken->length['s'] == 0 || expect_most("joints", MAX_JOINTS, taken->length['j']) == 0) &&
+        expect_indices("segments", &taken->held[4], taken->length['w']) == 0 &&
+        (taken->length['p'] == 0 || expect("posture", taken->length['w'], taken->length['p']) == 0) &&
+        (taken->length['t'] == 0 || expect("trend", taken->length['w'], taken->length['t']) == 0)) {
+        Py_buffer *held = taken->held;
         const Py_ssize_t *places = held[2].buf;
         double movement;
-        const double size = loops.parts(held[0].buf, taken.length['w'], held[1].buf, (double)places[1] - (double)places[0], held[3].buf,
-                                        held[4].buf, held[5].buf, taken.length['s'], taken.number[6], taken.number[7], held[8].buf,
-                                        taken.length['p'] > 0 ? held[9].buf : NULL, taken.length['t'] > 0 ? held[10].buf : NULL,
-                                        &movement);
+        const double size = loops.parts(held[0].buf, taken->length['w'], held[1].buf, (double)places[1] - (double)places[0], held[3].buf,
+                                        held[4].buf, taken->length['s'], held[5].buf, taken->length['j'], held[6].buf,
+                                        taken->number[7], taken->number[8], held[9].buf, taken->length['p'] > 0 ? held[10].buf : NULL,
+                                        taken->length['t'] > 0 ? held[11].buf : NULL, &movement);
         result = Py_BuildValue("dd", movement, size);
     }
-    let_go(&taken);
     return result;
 }
 
@@ -609,43 +610,40 @@ static int expect_eigenpairs(Py_ssize_t size, Py_ssize_t most) {
 }
 
 /* library.windows.cutting.eigenpairs_of: eigenpairs(covariances, values, vectors) -> whether all were found */
-static PyObject *eigenpairs(PyObject *module, PyObject *const *arguments, Py_ssize_t given) {
-    static const Wanted wanted[] = {{"covariances", "d", "cnn", 0}, {"values", "d", "ck", WRITTEN}, {"vectors", "d", "ckn", WRITTEN}};
-    Taken taken;
+static const Wanted eigenpairs_wanted[] = {
+    {"covariances", "d", "cnn", 0}, {"values", "d", "ck", WRITTEN}, {"vectors", "d", "ckn", WRITTEN}};
+static PyObject *eigenpairs_run(Taken *taken) {
     PyObject *result = NULL;
-    (void)module;
-    if (TAKE(&taken, wanted) == 0 && expect_eigenpairs(taken.length['n'], taken.length['k']) == 0) {
-        const int size = (int)taken.length['n'], count = (int)taken.length['k'];
-        const double *covariances = taken.held[0].buf;
-        double *values = taken.held[1].buf, *vectors = taken.held[2].buf;
-        int found = 1;
-        for (Py_ssize_t c = 0; c < taken.length['c'] && found; c++) {
-            found = loops.eigenpairs(covariances + c * size * size, size, count, values + c * count, vectors + c * count * size);
-        }
-        result = PyBool_FromLong(found);
+    if (expect_eigenpairs(taken->length['n'], taken->length['k']) == 0) {
+    const int size = (int)taken->length['n'], count = (int)taken->length['k'];
+    const double *covariances = taken->held[0].buf;
+    double *values = taken->held[1].buf, *vectors = taken->held[2].buf;
+    int found = 1;
+    for (Py_ssize_t c = 0; c < taken->length['c'] && found; c++) {
+    found = loops.eigenpairs(covariances + c * size * size, size, count, values + c * count, vectors + c * count * size);
     }
-    let_go(&taken);
+    result = PyBool_FromLong(found);
+    }
     return result;
-}
-
-/* RollingCovariance.read, library.windows.cutting.eigenpairs_of and library.windows.parts.eigen:
- * read_eigen(sum, products, places, drift, values, vectors, scaled, block) -> the covariance's trace */
-static PyObject *read_eigen(PyObject *module, PyObject *const *arguments, Py_ssize_t given) {
-    static const Wanted wanted[] = {{"sum", "d", "n", 0},           {"products", "d", "nn", 0},     {"places", INDEX, "2", 0},
-                                    {"drift", "d", "2", 0},         {"values", "d", "k", WRITTEN},  {"vectors", "d", "kn", WRITTEN},
-                                    {"scaled", "d", "kn", WRITTEN}, {"block", "d", "n8", WRITTEN}};
-    Taken taken;
+    }
+    CALL(eigenpairs)
+    
+    /* RollingCovariance.read, library.windows.cutting.eigenpairs_of and library.windows.parts.eigen:
+    * read_eigen(sum, products, places, drift, values, vectors, scaled, block) -> the covariance's trace */
+    static const Wanted read_eigen_wanted[] = {{"sum", "d", "n", 0},           {"products", "d", "nn", 0},     {"places", INDEX, "2", 0},
+    {"drift", "d", "2", 0},         {"values", "d", "k", WRITTEN},  {"vectors", "d", "kn", WRITTEN},
+    {"scaled", "d", "kn", WRITTEN}, {"block", "d", "n8", WRITTEN}};
+static PyObject *read_eigen_run(Taken *taken) {
     PyObject *result = NULL;
-    (void)module;
-    if (TAKE(&taken, wanted) == 0 && expect_eigenpairs(taken.length['n'], taken.length['k']) == 0) {
-        const int size = (int)taken.length['n'], most = (int)taken.length['k'];
+    if (expect_eigenpairs(taken->length['n'], taken->length['k']) == 0) {
+        const int size = (int)taken->length['n'], most = (int)taken->length['k'];
         double covariance[MAX_DIRECTIONS * MAX_DIRECTIONS], total = 0.0;
-        double *values = taken.held[4].buf, *vectors = taken.held[5].buf, *scaled = taken.held[6].buf;
-        const Py_ssize_t *places = taken.held[2].buf;
-        const double *drift = taken.held[3].buf;
-        const double trace = loops.covariance(taken.held[0].buf, taken.held[1].buf, size, (double)places[1] - (double)places[0], drift[1],
+        double *values = taken->held[4].buf, *vectors = taken->held[5].buf, *scaled = taken->held[6].buf;
+        const Py_ssize_t *places = taken->held[2].buf;
+        const double *drift = taken->held[3].buf;
+        const double trace = loops.covariance(taken->held[0].buf, taken->held[1].buf, size, (double)places[1] - (double)places[0], drift[1],
                                               covariance);
-        if (loops.eigenpairs_again(covariance, size, most, trace, values, vectors, taken.held[7].buf)) {
+        if (loops.eigenpairs_again(covariance, size, most, trace, values, vectors, taken->held[7].buf)) {
             for (int k = 0; k < most; k++) {
                 total += values[k] > 0.0 ? values[k] : 0.0;
             }
@@ -660,35 +658,33 @@ static PyObject *read_eigen(PyObject *module, PyObject *const *arguments, Py_ssi
             PyErr_SetString(PyExc_ValueError, "products: expected finite numbers");
         }
     }
-    let_go(&taken);
     return result;
 }
 
 /* stream.recognizer.progress._Filter.step: follow_phase(course, indices, starts, vectors, lengths, expected, constants, live,
  * belief, after, room, told). The rows of `course` are phases, beginning, rounds and alike; those of `indices` bins and
  * order; `constants` are stay, one, two, changes, begins, again, sharpness and near. */
-static PyObject *follow_phase(PyObject *module, PyObject *const *arguments, Py_ssize_t given) {
-    static const Wanted wanted[] = {{"course", "d", "4n", 0},     {"indices", INDEX, "2n", 0},  {"starts", INDEX, "r", 0},
-                                    {"vectors", "f", "wn", 0},    {"lengths", "f", "n", 0},     {"expected", "d", "kn", 0},
-                                    {"constants", "d", "8", 0},   {"live", "f", "w", 0},        {"belief", "d", "n", WRITTEN},
-                                    {"after", "d", "n", WRITTEN}, {"room", "f", "m", WRITTEN}, {"told", "d", "t", WRITTEN}};
-    Taken taken;
+static const Wanted follow_phase_wanted[] = {
+    {"course", "d", "4n", 0},     {"indices", INDEX, "2n", 0},  {"starts", INDEX, "r", 0},
+    {"vectors", "f", "wn", 0},    {"lengths", "f", "n", 0},     {"expected", "d", "kn", 0},
+    {"constants", "d", "8", 0},   {"live", "f", "w", 0},        {"belief", "d", "n", WRITTEN},
+    {"after", "d", "n", WRITTEN}, {"room", "f", "m", WRITTEN}, {"told", "d", "t", WRITTEN}};
+static PyObject *follow_phase_run(Taken *taken) {
     PyObject *result = NULL;
-    (void)module;
-    if (TAKE(&taken, wanted) == 0 && expect_most("moments", MAX_WINDOWS, taken.length['n']) == 0 &&
-        expect_most("recordings", taken.length['n'], taken.length['r']) == 0 &&
-        expect("room", taken.length['n'] + MAX_FLOATS, taken.length['m']) == 0 &&
-        expect("told", taken.length['k'] + 2, taken.length['t']) == 0 &&
-        expect_indices("starts", &taken.held[2], taken.length['n']) == 0) {
-        const Py_buffer *held = taken.held;
-        const Py_ssize_t count = taken.length['n'];
+    if (expect_most("moments", MAX_WINDOWS, taken->length['n']) == 0 &&
+        expect_most("recordings", taken->length['n'], taken->length['r']) == 0 &&
+        expect("room", taken->length['n'] + MAX_FLOATS, taken->length['m']) == 0 &&
+        expect("told", taken->length['k'] + 2, taken->length['t']) == 0 &&
+        expect_indices("starts", &taken->held[2], taken->length['n']) == 0) {
+        const Py_buffer *held = taken->held;
+        const Py_ssize_t count = taken->length['n'];
         const double *numbers = held[0].buf, *constants = held[6].buf;
         const Py_ssize_t *indices = held[1].buf, *starts = held[2].buf;
         const Course course = {
             .count = count,
-            .recordings = taken.length['r'],
-            .axes = taken.length['w'],
-            .rows = taken.length['k'],
+            .recordings = taken->length['r'],
+            .axes = taken->length['w'],
+            .rows = taken->length['k'],
             .phases = numbers,
             .beginning = numbers + count,
             .rounds = numbers + 2 * count,
@@ -722,65 +718,123 @@ static PyObject *follow_phase(PyObject *module, PyObject *const *arguments, Py_s
             PyErr_Format(PyExc_ValueError, "indices: expected bins below %d, an order, and starts that ascend from 0", MAX_BINS);
         }
     }
-    let_go(&taken);
     return result;
 }
+CALL(follow_phase)
 
 /* stream.recognizer.progress._moving: moving(points, back, factor, whitening, live) -> (the squared length of the velocity,
  * the summed variance of the points) */
-static PyObject *moving(PyObject *module, PyObject *const *arguments, Py_ssize_t given) {
-    static const Wanted wanted[] = {{"points", "d", "pd", ROOM},   {"back", "d", "", 0},     {"factor", "d", "", 0},
-                                    {"whitening", "d", "vw", 0}, {"live", "f", "w", WRITTEN}};
-    Taken taken;
+static const Wanted moving_wanted[] = {
+    {"points", "d", "pd", ROOM},   {"back", "d", "", 0},     {"factor", "d", "", 0},
+    {"whitening", "d", "vw", 0}, {"live", "f", "w", WRITTEN}};
+static PyObject *moving_run(Taken *taken) {
     PyObject *result = NULL;
-    (void)module;
-    if (TAKE(&taken, wanted) == 0 && expect_most("points", MAX_WINDOWS, taken.length['p']) == 0 &&
-        expect_most("directions", MAX_DIRECTIONS, taken.length['d']) == 0 &&
-        expect("whitening", 2 * taken.length['d'], taken.length['v']) == 0) {
-        const Py_ssize_t count = taken.length['p'];
-        if (taken.number[1] >= 0 && taken.number[1] < (double)count) {
+    if (expect_most("points", MAX_WINDOWS, taken->length['p']) == 0 &&
+        expect_most("directions", MAX_DIRECTIONS, taken->length['d']) == 0 &&
+        expect("whitening", 2 * taken->length['d'], taken->length['v']) == 0) {
+        const Py_ssize_t count = taken->length['p'];
+        if (taken->number[1] >= 0 && taken->number[1] < (double)count) {
             double square, variance;
-            loops.moving(taken.held[0].buf, count, stride_of(&taken.held[0]), taken.length['d'], (Py_ssize_t)taken.number[1],
-                         taken.number[2], taken.held[3].buf, taken.length['w'], taken.held[4].buf, &square, &variance);
+            loops.moving(taken->held[0].buf, count, stride_of(&taken->held[0]), taken->length['d'], (Py_ssize_t)taken->number[1],
+                         taken->number[2], taken->held[3].buf, taken->length['w'], taken->held[4].buf, &square, &variance);
             result = Py_BuildValue("dd", square, variance);
         } else {
             PyErr_Format(PyExc_ValueError, "back: expected 0 to %zd", count - 1);
         }
     }
-    let_go(&taken);
     return result;
 }
+CALL(moving)
 
 /* stream.recognizer.joints.plausibility.steps_of: steps(positions, last, steps) -> the largest sum of squares */
-static PyObject *steps(PyObject *module, PyObject *const *arguments, Py_ssize_t given) {
-    static const Wanted wanted[] = {{"positions", "d", "fj3", 0}, {"last", "d", "j3", 0}, {"steps", "d", "fj3", WRITTEN}};
-    Taken taken;
-    PyObject *result = NULL;
-    (void)module;
-    if (TAKE(&taken, wanted) == 0) {
-        Py_buffer *held = taken.held;
-        result = PyFloat_FromDouble(
-            loops.steps(held[0].buf, taken.length['f'], taken.length['j'], held[1].buf, held[2].buf));
+static const Wanted steps_wanted[] = {
+    {"positions", "d", "fj3", 0}, {"last", "d", "j3", 0}, {"steps", "d", "fj3", WRITTEN}};
+static PyObject *steps_run(Taken *taken) {
+    Py_buffer *held = taken->held;
+    return PyFloat_FromDouble(loops.steps(held[0].buf, taken->length['f'], taken->length['j'], held[1].buf, held[2].buf));
     }
-    let_go(&taken);
-    return result;
-}
-
-/* stream.recognizer.joints.plausibility.extremes_of: extremes(looks, ends, lengths, moved) */
-static PyObject *extremes(PyObject *module, PyObject *const *arguments, Py_ssize_t given) {
-    static const Wanted wanted[] = {
-        {"looks", "d", "fj3", 0}, {"ends", INDEX, "s2", 0}, {"lengths", "d", "2s", WRITTEN}, {"moved", "d", "j", WRITTEN}};
-    Taken taken;
+    CALL(steps)
+    
+    /* stream.recognizer.joints.plausibility.extremes_of: extremes(looks, ends, lengths, moved) */
+    static const Wanted extremes_wanted[] = {
+    {"looks", "d", "fj3", 0}, {"ends", INDEX, "s2", 0}, {"lengths", "d", "2s", WRITTEN}, {"moved", "d", "j", WRITTEN}};
+static PyObject *extremes_run(Taken *taken) {
     PyObject *result = NULL;
-    (void)module;
-    if (TAKE(&taken, wanted) == 0 && expect_indices("ends", &taken.held[1], taken.length['j']) == 0) {
-        Py_buffer *held = taken.held;
-        loops.extremes(held[0].buf, taken.length['f'], taken.length['j'], held[1].buf, taken.length['s'], held[2].buf,
+    if (expect_indices("ends", &taken->held[1], taken->length['j']) == 0) {
+        Py_buffer *held = taken->held;
+        loops.extremes(held[0].buf, taken->length['f'], taken->length['j'], held[1].buf, taken->length['s'], held[2].buf,
                        held[3].buf);
         result = Py_NewRef(Py_None);
     }
-    let_go(&taken);
     return result;
+}
+CALL(extremes)
+
+/* ---- calls with their arrays bound --------------------------------------------------------------------------------*/
+
+/* What is called at every hop with the same arrays: numpy takes longer to hand them out than some loops take. */
+typedef struct {
+    const char *name;
+    PyObject *(*run)(Taken *);
+    const Wanted *wanted;
+    int count;
+} Called;
+#define CALLED(name) {#name, name##_run, name##_wanted, COUNT(name##_wanted)}
+static const Called called[] = {CALLED(follow), CALLED(follow_products), CALLED(read_parts), CALLED(read_eigen)};
+
+typedef struct {
+    PyObject_HEAD
+    const Called *called;
+    Taken taken;
+} Bound;
+
+static void bound_dealloc(PyObject *self) {
+    PyTypeObject *type = Py_TYPE(self);
+    let_go(&((Bound *)self)->taken);
+    ((freefunc)PyType_GetSlot(type, Py_tp_free))(self);
+    Py_DECREF(type);
+}
+
+/* Bound(name, ...): a function's name and its arguments */
+static PyObject *bound_new(PyTypeObject *type, PyObject *tuple, PyObject *named) {
+    const Py_ssize_t given = PyTuple_Size(tuple) - 1;
+    const char *name = given >= 0 ? PyUnicode_AsUTF8AndSize(PyTuple_GetItem(tuple, 0), NULL) : "";
+    PyObject *arguments[MAX_ARGUMENTS] = {NULL};
+    if (name == NULL || (named != NULL && expect_arguments(0, PyDict_Size(named)) < 0)) {
+        return NULL;
+    }
+    for (Py_ssize_t i = 0; i < given && i < MAX_ARGUMENTS; i++) {
+        arguments[i] = PyTuple_GetItem(tuple, i + 1);
+    }
+    for (int c = 0; c < COUNT(called); c++) {
+        if (strcmp(name, called[c].name) == 0) {
+            Bound *bound = (Bound *)((allocfunc)PyType_GetSlot(type, Py_tp_alloc))(type, 0);
+            if (bound != NULL && take(&bound->taken, called[c].wanted, called[c].count, arguments, given) < 0) {
+                Py_CLEAR(bound);
+            } else if (bound != NULL) {
+                bound->called = &called[c];
+            }
+            return (PyObject *)bound;
+        }
+    }
+    return PyErr_Format(PyExc_ValueError, "name: expected a function of every hop, got %s", name);
+}
+
+/* run(...): numbers instead of the last of the arguments */
+static PyObject *bound_run(PyObject *self, PyObject *const *arguments, Py_ssize_t given) {
+    Bound *bound = (Bound *)self;
+    const Py_ssize_t begin = bound->taken.count - given;
+    for (Py_ssize_t i = 0; i < given; i++) {
+        if (begin < 0 || bound->called->wanted[begin + i].shape[0] != 0) {
+            PyErr_SetString(PyExc_TypeError, "run: expected numbers only");
+            return NULL;
+        }
+        bound->taken.number[begin + i] = PyFloat_AsDouble(arguments[i]);
+        if (bound->taken.number[begin + i] == -1.0 && PyErr_Occurred()) {
+            return NULL;
+        }
+    }
+    return bound->called->run(&bound->taken);
 }
 
 /* ---- windows compared: library.windows.index.WindowIndex ----------------------------------------------------------*/
@@ -1074,12 +1128,27 @@ static PyType_Spec table_type = {
     .slots = table_slots,
 };
 
+static PyMethodDef bound_methods[] = {
+    {"run", FUNCTION(bound_run)},
+    {NULL, NULL, 0, NULL},
+};
+
+static PyType_Slot bound_slots[] = {
+    {Py_tp_new, bound_new},
+    {Py_tp_dealloc, bound_dealloc},
+    {Py_tp_methods, bound_methods},
+    {0, NULL},
+};
+
+static PyType_Spec bound_type = {
+    .name = "kinespace.library.kernels._compiled.Bound",
+    .basicsize = sizeof(Bound),
+    .flags = Py_TPFLAGS_DEFAULT,
+    .slots = bound_slots,
+};
+
 static PyMethodDef methods[] = {
     {"measure_distances", FUNCTION(measure_distances)},
-    {"follow", FUNCTION(follow)},
-    {"follow_products", FUNCTION(follow_products)},
-    {"read_parts", FUNCTION(read_parts)},
-    {"read_eigen", FUNCTION(read_eigen)},
     {"eigenpairs", FUNCTION(eigenpairs)},
     {"follow_phase", FUNCTION(follow_phase)},
     {"moving", FUNCTION(moving)},
@@ -1094,12 +1163,15 @@ static int prepare(PyObject *module) {
     if (choose("avx512") < 0 && choose("avx2") < 0) {
         choose("any");
     }
-    PyObject *type = PyType_FromModuleAndSpec(module, &table_type, NULL);
-    int added = type != NULL && PyModule_AddType(module, (PyTypeObject *)type) == 0 &&
+    PyObject *table = PyType_FromModuleAndSpec(module, &table_type, NULL);
+    PyObject *bound = PyType_FromModuleAndSpec(module, &bound_type, NULL);
+    int added = table != NULL && PyModule_AddType(module, (PyTypeObject *)table) == 0 && bound != NULL &&
+                PyModule_AddType(module, (PyTypeObject *)bound) == 0 &&
                 PyModule_AddIntMacro(module, MAX_JOINTS) == 0 && PyModule_AddIntMacro(module, MAX_DIRECTIONS) == 0 &&
                 PyModule_AddIntMacro(module, MAX_PARTS) == 0 && PyModule_AddIntMacro(module, MAX_VIEWS) == 0 &&
                 PyModule_AddIntMacro(module, MAX_AXES) == 0;
-    Py_XDECREF(type);
+    Py_XDECREF(table);
+    Py_XDECREF(bound);
     return added ? 0 : -1;
 }
 

@@ -10,13 +10,13 @@ from __future__ import annotations
 import importlib
 import os
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Protocol, cast
+from typing import TYPE_CHECKING, Any, Protocol, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Callable, Iterator
 
 Numbers = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -61,6 +61,18 @@ class Table(Protocol):
         """Write each class's best |inner product| with a leading eigenvector (directions,) to scores (classes,)."""
 
 
+class Bound(Protocol):
+    """A function of the loops with its arguments, whose arrays are checked once.
+
+    Attributes
+    ----------
+    run
+        Calls the function; numbers stand for the last of its arguments.
+    """
+
+    run: Callable[..., Any]
+
+
 class Loops(Protocol):
     """The compiled module; each function raises ValueError for an array of another shape or type.
 
@@ -82,103 +94,24 @@ class Loops(Protocol):
     def measure_distances(self, positions: Numbers, pairs: Indices, rows: Numbers, /) -> None:
         """Write the distances of frames (frames, joints, 3) between pairs (pairs, 2) to rows (frames, pairs)."""
 
-    def follow(  # noqa: PLR0913, PLR0917 - a call from Python costs by its arguments' names
-        self,
-        rows: Numbers,
-        times: Numbers,
-        places: Indices,
-        drift: Numbers,
-        sums: Numbers,
-        clock: Numbers,
-        seconds: float,
-        most: int,
-        end: int,
-        moved: int,
-        /,
-    ) -> bool:
-        """Let a window's sums (4, width) and clock (3,) follow its rows, as in `RollingMoments`.
+    def Bound(  # noqa: N802 - a class of the C module
+        self, name: str, /, *arguments: Numbers | Indices | NDArray[np.uint8 | np.uint16] | float
+    ) -> Bound:
+        """Bind the arguments of a loop that runs at every hop.
 
-        Return whether the sums were computed afresh.
-
-        Parameters
-        ----------
-        rows, times, end, moved
-            The same as for `SlidingWindow`.
-        places, seconds, most
-            The same as for `Span`.
-        drift, sums, clock
-            The same as for `RollingMoments`.
-        """
-
-    def follow_products(  # noqa: PLR0913, PLR0917 - as above
-        self,
-        points: Numbers,
-        times: Numbers,
-        places: Indices,
-        drift: Numbers,
-        reference: Numbers,
-        total: Numbers,
-        products: Numbers,
-        seconds: float,
-        most: int,
-        end: int,
-        moved: int,
-        /,
-    ) -> bool:
-        """Do the same as `follow`, for the sums of `RollingCovariance`."""
-
-    def read_parts(  # noqa: PLR0913, PLR0917 - as above
-        self,
-        sums: Numbers,
-        clock: Numbers,
-        places: Indices,
-        sizing: Numbers,
-        segments: Indices,
-        paths: Numbers,
-        floor: float,
-        level: float,
-        spread: Numbers,
-        posture: Numbers,
-        trend: Numbers,
-        /,
-    ) -> tuple[float, float]:
-        """Write spread, posture and trend of a window with these sums; return its movement, and the size of the body.
-
-        Parameters
-        ----------
-        sums, clock, places
-            As `RollingMoments` and its span keep them.
-        sizing, segments, paths
-            The same as in `Body`, but paths (segments, width).
-        floor, level
-            `NOISE_FLOOR` and `LEVEL_REMOVED`.
-        spread, posture, trend
-            Where to write, (width,); posture and trend are empty where they are not wanted.
-        """
-
-    def read_eigen(  # noqa: PLR0913, PLR0917 - as above
-        self,
-        total: Numbers,
-        products: Numbers,
-        places: Indices,
-        drift: Numbers,
-        values: Numbers,
-        vectors: Numbers,
-        scaled: Numbers,
-        block: Numbers,
-        /,
-    ) -> float:
-        """Write the leading eigenpairs of a covariance, and the part `eigen`; give the covariance's trace.
-
-        Parameters
-        ----------
-        total, products, places, drift
-            As `RollingCovariance` and its span keep them.
-        values, vectors, scaled
-            Where to write, (k,), (k, width) and (k, width): four at most.
-        block
-            Takes eigenvectors over to the next call, which finds those of a similar covariance sooner: (width, 8), at
-            first 0.
+        follow(rows, times, places, drift, sums, clock, seconds, most, end, moved)
+            Lets a window's sums (4, width) and clock (3,) follow its rows; gives whether they were computed afresh.
+            Names are as in `SlidingWindow`, `Span` and `RollingMoments`.
+        follow_products(points, times, places, drift, reference, total, products, seconds, most, end, moved)
+            Does the same for the sums of `RollingCovariance`.
+        read_parts(sums, clock, places, sizing, segments, above, ends, floor, level, spread, posture, trend)
+            Writes spread, posture and trend, (width,); the last two are empty where they are not wanted. Gives the
+            window's movement, and the size of the body. Names are as in `RollingMoments` and `Body`; floor and level
+            are `NOISE_FLOOR` and `LEVEL_REMOVED`.
+        read_eigen(total, products, places, drift, values, vectors, scaled, block)
+            Writes the leading eigenpairs of a covariance, (k,) and (k, width), four at most, and the part `eigen`, (k,
+            width); gives the covariance's trace. The block, (width, 8), at first 0, takes eigenvectors over to the next
+            call, which finds those of a similar covariance sooner.
         """
 
     def eigenpairs(self, covariances: Numbers, values: Numbers, vectors: Numbers, /) -> bool:
@@ -305,7 +238,7 @@ loops: Loops | None = _built()
 
 @contextmanager
 def left_aside() -> Iterator[None]:
-    """Disable the compiled loops inside this block. A recogniser created inside the block must be used inside it."""
+    """Disable the compiled loops inside this block. A recogniser is created and used inside it, or outside."""
     global loops  # noqa: PLW0603 - one for the process, as modules are
     before, loops = loops, None
     try:

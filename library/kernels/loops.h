@@ -161,9 +161,9 @@ HELPER double KIND(positive)(double number) { return number > 0.0 ? number : 0.0
 /* Spread of a window of `count` rows with these sums, and posture and trend if they are wanted, all (width); gives the body's
  * size, and its movement. */
 LOOP static double KIND(parts)(const double *restrict sums, Py_ssize_t width, const double *restrict clock, double count,
-                               const double *restrict sizing, const Py_ssize_t *restrict segments,
-                               const double *restrict paths, Py_ssize_t between, double floor, double level,
-                              double *restrict spread, double *restrict posture, double *restrict trend,
+                              const double *restrict sizing, const Py_ssize_t *restrict segments, Py_ssize_t between,
+                              const double *restrict above, Py_ssize_t joints, const uint8_t *restrict ends, double floor,
+                              double level, double *restrict spread, double *restrict posture, double *restrict trend,
                               double *restrict moved_by) {
     const double *restrict reference = sums, *restrict sum = sums + width, *restrict along = sums + 2 * width;
     const double *restrict squares = sums + 3 * width;
@@ -188,13 +188,15 @@ LOOP static double KIND(parts)(const double *restrict sums, Py_ssize_t width, co
     for (Py_ssize_t i = 0; i < width; i++) {
         spread[i] = spread[i] * per_size + floor;
     }
-    for (Py_ssize_t begin = 0; begin < width; begin += BYTES / 8) {
-        const Py_ssize_t some = width - begin < BYTES / 8 ? width - begin : BYTES / 8;
-        KIND(Doubles) numbers = {0.0};
-        memcpy(&numbers, spread + begin, sizeof(double) * (size_t)some);
-        numbers = KIND(logs)(numbers);
-        memcpy(spread + begin, &numbers, sizeof(double) * (size_t)some);
+    Py_ssize_t begin = 0;
+    for (; begin <= width - BYTES / 8; begin += BYTES / 8) {
+        KIND(Doubles) *numbers = (KIND(Doubles) *)(spread + begin);
+        *numbers = KIND(logs)(*numbers);
     }
+    KIND(Doubles) left = {0.0};
+    memcpy(&left, spread + begin, sizeof(double) * (size_t)(width - begin));
+    left = KIND(logs)(left);
+    memcpy(spread + begin, &left, sizeof(double) * (size_t)(width - begin));
 #pragma omp simd reduction(+ : total)
     for (Py_ssize_t i = 0; i < width; i++) {
         total += spread[i];
@@ -203,34 +205,27 @@ LOOP static double KIND(parts)(const double *restrict sums, Py_ssize_t width, co
     for (Py_ssize_t i = 0; i < width; i++) {
         spread[i] -= removed;
     }
-    double lengths[LANE];
-    double means_of[MAX_JOINTS];
-    for (Py_ssize_t s = 0; s < between; s++) {
-        means_of[s] = reference[segments[s]] + sum[segments[s]] * per_row;
+    /* As many as there are bytes, so that no end is out of range. */
+    double heights[MAX_JOINTS] = {0.0};
+    for (Py_ssize_t s = 0; posture != NULL && s < between; s++) {
+        const double length = reference[segments[s]] + sum[segments[s]] * per_row;
+        for (Py_ssize_t j = 0; j < joints; j++) {
+            heights[j] += length * above[s * joints + j];
+        }
     }
-    for (Py_ssize_t begin = 0; posture != NULL && begin < width; begin += LANE) {
-        const Py_ssize_t some = width - begin < LANE ? width - begin : LANE;
-        for (Py_ssize_t i = 0; i < LANE; i++) {
-            lengths[i] = between ? 0.0 : size;
-        }
-        for (Py_ssize_t s = 0; s < between; s++) {
-            for (Py_ssize_t i = 0; i < some; i++) {
-                lengths[i] += means_of[s] * paths[s * width + begin + i];
-            }
-        }
-        for (Py_ssize_t i = 0; i < some; i++) {
-            const double mean = reference[begin + i] + sum[begin + i] * per_row;
-            posture[begin + i] = lengths[i] > 0.0 ? mean / lengths[i] : 0.0;
-        }
+    for (Py_ssize_t i = 0; posture != NULL && i < width; i++) {
+        const double mean = reference[i] + sum[i] * per_row, down = 2 * heights[ends[2 * width + i]];
+        const double length = between ? heights[ends[i]] + heights[ends[width + i]] - down : size;
+        posture[i] = length > 0.0 ? mean / length : 0.0;
     }
     *moved_by = means > 0.0 ? sqrt(variances / means) : 0.0;
     return size;
 }
 
-/* Inner product of two vectors (MAX_DIRECTIONS). */
-HELPER double KIND(dot)(const KIND(Doubles) *restrict one, const KIND(Doubles) *restrict other) {
+/* Inner product of two vectors, so many registers wide. */
+HELPER double KIND(dot)(const KIND(Doubles) *restrict one, const KIND(Doubles) *restrict other, int wide) {
     KIND(Doubles) sums = one[0] * other[0];
-    for (int q = 1; q < WIDE; q++) {
+    for (int q = 1; q < wide; q++) {
         sums += one[q] * other[q];
     }
     double sum = 0.0;
@@ -241,8 +236,9 @@ HELPER double KIND(dot)(const KIND(Doubles) *restrict one, const KIND(Doubles) *
     return sum;
 }
 
-/* Make a symmetric matrix tridiagonal by reflections I − factor v vᵀ (Householder), v in the matrix's rows afterwards. */
-HELPER void KIND(tridiagonal)(double (*restrict a)[MAX_DIRECTIONS], int size, double *restrict diagonal,
+/* Make a symmetric matrix, so many registers wide, tridiagonal by reflections I − factor v vᵀ (Householder), v in the matrix's
+ * rows afterwards. */
+HELPER void KIND(tridiagonal)(double (*restrict a)[MAX_DIRECTIONS], int size, int wide, double *restrict diagonal,
                               double *restrict beside, double *restrict factors) {
     for (int c = 0; c < size - 1; c++) {
         double *restrict v = a[c], numbers[MAX_DIRECTIONS];
@@ -253,24 +249,24 @@ HELPER void KIND(tridiagonal)(double (*restrict a)[MAX_DIRECTIONS], int size, do
         for (int i = 0; i <= c; i++) {
             v[i] = 0.0;
         }
-        const double square = KIND(dot)(along, along), first = v[c + 1], length = sqrt(square);
+        const double square = KIND(dot)(along, along, wide), first = v[c + 1], length = sqrt(square);
         beside[c] = first > 0.0 ? -length : length;
         factors[c] = square > 0.0 ? 1.0 / (square - first * beside[c]) : 0.0;
         v[c + 1] -= beside[c];
         for (int j = c + 1; j < size; j++) {
             const KIND(Doubles) *restrict row = (const KIND(Doubles) *)a[j];
-            for (int q = 0; q < WIDE; q++) {
+            for (int q = 0; q < wide; q++) {
                 image[q] += v[j] * row[q];
             }
         }
-        const double half = factors[c] * KIND(dot)(along, image) / 2;
-        for (int q = 0; q < WIDE; q++) {
+        const double half = factors[c] * KIND(dot)(along, image, wide) / 2;
+        for (int q = 0; q < wide; q++) {
             image[q] = factors[c] * (image[q] - half * along[q]);
         }
         memcpy(numbers, image, sizeof numbers);
         for (int j = c + 1; j < size; j++) {
             KIND(Doubles) *restrict row = (KIND(Doubles) *)a[j];
-            for (int q = 0; q < WIDE; q++) {
+            for (int q = 0; q < wide; q++) {
                 row[q] -= v[j] * image[q] + numbers[j] * along[q];
             }
         }
@@ -317,9 +313,9 @@ HELPER void KIND(locate)(const double *restrict d, const double *restrict e, int
 }
 
 /* Find eigenvalues of a tridiagonal matrix of trace 1, to its diagonal, until so many of them are found as `located` and
- * none that is left is above; and their eigenvectors, to rows that begin as those of 1: implicit QL (Dubrulle, Martin and
- * Wilkinson 1968). Gives how many were found; 0 if it does not end, as with what is no number. */
-HELPER int KIND(diagonal)(double *restrict d, double *restrict e, int size, const float *restrict located, int wanted,
+ * none that is left is above; and their eigenvectors, to rows that begin as those of 1, so many registers wide: implicit QL
+ * (Dubrulle, Martin and Wilkinson 1968). Gives how many were found; 0 if it does not end, as with what is no number. */
+HELPER int KIND(diagonal)(double *restrict d, double *restrict e, int size, int wide, const float *restrict located, int wanted,
                           double (*restrict rows)[MAX_DIRECTIONS]) {
     for (int low = 0; low < size; low++) {
         for (int turn = 0;; turn++) {
@@ -335,7 +331,7 @@ HELPER int KIND(diagonal)(double *restrict d, double *restrict e, int size, cons
             }
             const double shift = (d[low + 1] - d[low]) / (2 * e[low]), root = sqrt(shift * shift + 1);
             const double near = d[low] - e[low] / (shift + (shift < 0 ? -root : root));
-            double g = d[high] - (turn == 0 && low < wanted ? (double)located[low] : near), sine = 1, cosine = 1, p = 0;
+            double g = d[high] - (turn == 0 && low < wanted && located ? (double)located[low] : near), sine = 1, cosine = 1, p = 0;
             int i = high - 1;
             for (; i >= low; i--) {
                 const double f = sine * e[i], b = cosine * e[i], square = f * f + g * g, r = sqrt(square);
@@ -352,7 +348,7 @@ HELPER int KIND(diagonal)(double *restrict d, double *restrict e, int size, cons
                 p = sine * s;
                 d[i + 1] = g + p;
                 g = cosine * s - b;
-                for (int k = 0; k < MAX_DIRECTIONS; k++) {
+                for (int k = 0; k < wide * BYTES / 8; k++) {
                     const double one = rows[i + 1][k], other = rows[i][k];
                     rows[i + 1][k] = sine * other + cosine * one;
                     rows[i][k] = cosine * other - sine * one;
@@ -377,9 +373,10 @@ HELPER int KIND(diagonal)(double *restrict d, double *restrict e, int size, cons
     return size;
 }
 
-/* The largest eigenvalues of a covariance (size, size), to values (count), and their eigenvectors, to (count, size). */
-LOOP static int KIND(eigenpairs)(const double *restrict covariance, int size, int count, double *restrict values,
-                                 double *restrict vectors) {
+/* The largest eigenvalues of a covariance (size, size), to values (count), and their eigenvectors, to (count, size): of one so
+ * many registers wide. */
+HELPER int KIND(pairs)(const double *restrict covariance, int size, int wide, int count, double *restrict values,
+                       double *restrict vectors) {
     double a[MAX_DIRECTIONS][MAX_DIRECTIONS] __attribute__((aligned(LINE))) = {{0.0}};
     double rows[MAX_DIRECTIONS][MAX_DIRECTIONS] __attribute__((aligned(LINE))) = {{0.0}};
     double d[MAX_DIRECTIONS], e[MAX_DIRECTIONS], factors[MAX_DIRECTIONS], trace = 0.0;
@@ -394,9 +391,11 @@ LOOP static int KIND(eigenpairs)(const double *restrict covariance, int size, in
         }
         rows[i][i] = 1.0;
     }
-    KIND(tridiagonal)(a, size, d, e, factors);
-    KIND(locate)(d, e, size, located);
-    const int found = KIND(diagonal)(d, e, size, located, count, rows);
+    KIND(tridiagonal)(a, size, wide, d, e, factors);
+    if (wide == WIDE) {
+        KIND(locate)(d, e, size, located);
+    }
+    const int found = KIND(diagonal)(d, e, size, wide, wide == WIDE ? located : NULL, count, rows);
     if (found == 0) {
         return 0;
     }
@@ -410,14 +409,19 @@ LOOP static int KIND(eigenpairs)(const double *restrict covariance, int size, in
         KIND(Doubles) *restrict row = (KIND(Doubles) *)rows[largest];
         for (int c = size - 2; c >= 0; c--) {
             const KIND(Doubles) *restrict v = (const KIND(Doubles) *)a[c];
-            const double product = factors[c] * KIND(dot)(v, row);
-            for (int q = 0; q < WIDE; q++) {
+            const double product = factors[c] * KIND(dot)(v, row, wide);
+            for (int q = 0; q < wide; q++) {
                 row[q] -= product * v[q];
             }
         }
         memcpy(vectors, row, sizeof(double) * (size_t)size);
     }
     return 1;
+}
+
+LOOP static int KIND(eigenpairs)(const double *restrict covariance, int size, int count, double *restrict values,
+                                 double *restrict vectors) {
+    return KIND(pairs)(covariance, size, WIDE, count, values, vectors);
 }
 
 /* Multiply a symmetric matrix (size, size) with some vectors side by side (size, BLOCK); rows of which some sums are in
@@ -455,6 +459,21 @@ HELPER void KIND(products)(double (*one)[BLOCK], double (*other)[BLOCK], int siz
     memcpy(products, sums, sizeof sums);
 }
 
+/* Combine the vectors in a block (size, BLOCK): what each gives to each new one is in `columns`, as for a matrix product. */
+HELPER void KIND(combine)(double (*restrict block)[BLOCK], int size, double (*restrict columns)[BLOCK],
+                          double (*restrict combined)[BLOCK]) {
+    for (int i = 0; i < size; i++) {
+        KIND(Doubles) sums[BLOCK_WIDE] = {{0.0}};
+        for (int j = 0; j < BLOCK; j++) {
+            const KIND(Doubles) *restrict column = (const KIND(Doubles) *)columns[j];
+            for (int q = 0; q < BLOCK_WIDE; q++) {
+                sums[q] += block[i][j] * column[q];
+            }
+        }
+        memcpy(combined[i], sums, sizeof sums);
+    }
+}
+
 /* Make a block (size, BLOCK) orthonormal, to `vectors`, by the Cholesky factor of its inner products; 0 where the vectors are
  * dependent. */
 HELPER int KIND(orthonormal)(double (*restrict block)[BLOCK], int size, double (*restrict vectors)[BLOCK]) {
@@ -487,16 +506,7 @@ HELPER int KIND(orthonormal)(double (*restrict block)[BLOCK], int size, double (
             columns[i][k] = inverse[k][i];
         }
     }
-    for (int i = 0; i < size; i++) {
-        KIND(Doubles) sums[BLOCK_WIDE] = {{0.0}};
-        for (int j = 0; j < BLOCK; j++) {
-            const KIND(Doubles) *restrict column = (const KIND(Doubles) *)columns[j];
-            for (int q = 0; q < BLOCK_WIDE; q++) {
-                sums[q] += block[i][j] * column[q];
-            }
-        }
-        memcpy(vectors[i], sums, sizeof sums);
-    }
+    KIND(combine)(block, size, columns, vectors);
     return 1;
 }
 
@@ -506,40 +516,45 @@ HELPER int KIND(orthonormal)(double (*restrict block)[BLOCK], int size, double (
 HELPER int KIND(iterate)(const double *restrict covariance, int size, double trace, double *restrict values,
                          double *restrict vectors, double (*restrict block)[BLOCK]) {
     double now[MAX_DIRECTIONS][BLOCK], next[MAX_DIRECTIONS][BLOCK], inside[BLOCK][BLOCK], few[EIGENVECTORS][BLOCK];
-    if (!KIND(orthonormal)(block, size, now)) {
-        return 0;
-    }
+    double columns[BLOCK][BLOCK] = {{0.0}}, found[MAX_DIRECTIONS][BLOCK], images[MAX_DIRECTIONS][BLOCK];
+    memcpy(now, block, sizeof(double) * (size_t)(size * BLOCK));
     for (int turn = 1; turn <= MAX_ITERATIONS; turn++) {
         KIND(multiply)(covariance, size, now, next);
         if (turn == ITERATIONS || turn == MAX_ITERATIONS) {
             KIND(products)(now, next, size, inside);
-            double left = trace, largest = 0.0;
+            double left = trace, squares[BLOCK] = {0.0}, largest = 0.0;
             for (int b = 0; b < BLOCK; b++) {
                 left -= inside[b][b];
             }
-            if (!KIND(eigenpairs)(inside[0], BLOCK, EIGENVECTORS, values, few[0])) {
+            if (!KIND(pairs)(inside[0], BLOCK, BLOCK_WIDE, EIGENVECTORS, values, few[0])) {
                 return 0;
             }
             for (int k = 0; k < EIGENVECTORS; k++) {
-                double square = 0.0;
-                for (int i = 0; i < size; i++) {
-                    double number = 0.0, image = 0.0;
-                    for (int b = 0; b < BLOCK; b++) {
-                        number += few[k][b] * now[i][b];
-                        image += few[k][b] * next[i][b];
-                    }
-                    const double residual = image - values[k] * number;
-                    square += residual * residual;
-                    vectors[k * size + i] = number;
+                for (int b = 0; b < BLOCK; b++) {
+                    columns[b][k] = few[k][b];
                 }
-                largest = square > largest ? square : largest;
+            }
+            KIND(combine)(now, size, columns, found);
+            KIND(combine)(next, size, columns, images);
+            for (int i = 0; i < size; i++) {
+                for (int k = 0; k < EIGENVECTORS; k++) {
+                    const double residual = images[i][k] - values[k] * found[i][k];
+                    squares[k] += residual * residual;
+                    vectors[k * size + i] = found[i][k];
+                }
+            }
+            for (int k = 0; k < EIGENVECTORS; k++) {
+                largest = squares[k] > largest ? squares[k] : largest;
             }
             if (left <= values[EIGENVECTORS - 1] && largest <= NO_RESIDUAL * trace * (NO_RESIDUAL * trace)) {
                 memcpy(block, now, sizeof(double) * (size_t)(size * BLOCK));
                 return 1;
             }
         }
-        if (!KIND(orthonormal)(next, size, now)) {
+        /* Two products leave the vectors independent enough. */
+        if (turn % 2 != 0) {
+            memcpy(now, next, sizeof(double) * (size_t)(size * BLOCK));
+        } else if (!KIND(orthonormal)(next, size, now)) {
             return 0;
         }
     }

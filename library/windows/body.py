@@ -25,13 +25,16 @@ class Body:
         without known parents has no segments, so the mean of all its distances is used. Shape (pairs,).
     segments
         Index of each segment among the pairs, shape (segments,); none without known parents.
-    paths
-        The segments between the joints of each pair, as flags, shape (pairs, segments), 0 or 1.
+    above
+        The segments between the root and each joint, as flags, shape (segments, joints), 0 or 1.
+    ends
+        The two joints of each pair, and the joint where their ways to the root meet, shape (3, pairs).
     """
 
     sizing: NDArray[np.float64] = field(repr=False)
     segments: NDArray[np.intp] = field(repr=False)
-    paths: NDArray[np.float64] = field(repr=False)
+    above: NDArray[np.float64] = field(repr=False)
+    ends: NDArray[np.uint8 | np.uint16] = field(repr=False)
 
     @classmethod
     @lru_cache(maxsize=16)
@@ -45,14 +48,19 @@ class Body:
         """
         pairs = len(skeleton.pairs)
         if not skeleton.parents:
-            return cls(np.full(pairs, 1 / pairs), np.empty(0, dtype=np.intp), np.zeros((pairs, 0)))
+            none = np.empty(0, dtype=np.intp)
+            return cls(np.full(pairs, 1 / pairs), none, np.empty((0, 0)), np.zeros((3, pairs), dtype=np.uint8))
         places = {(int(a), int(b)): index for index, (a, b) in enumerate(skeleton.pairs)}
         children = [joint for joint, parent in enumerate(skeleton.parents) if parent >= 0]
         segments = [places[min(j, skeleton.parents[j]), max(j, skeleton.parents[j])] for j in children]
         above = _segments_above(skeleton.parents, children)
         first, second = skeleton.pairs.T
         sizing = np.bincount(segments, minlength=pairs) / len(segments)
-        return cls(sizing, np.array(segments, dtype=np.intp), (above[first] ^ above[second]).astype(np.float64))
+        joints = {flags.tobytes(): joint for joint, flags in enumerate(above)}
+        meeting = [joints[flags.tobytes()] for flags in above[first] & above[second]]
+        # Bytes where they suffice: the compiled loops read them at every hop.
+        ends = np.array([first, second, meeting], dtype=np.min_scalar_type(len(above) - 1))
+        return cls(sizing, np.array(segments, dtype=np.intp), above.T.astype(np.float64, order="C"), ends)
 
     def size(self, rows: NDArray[np.floating]) -> NDArray[np.float64]:
         """Mean length of the segments in distance rows (..., pairs), metres: shape (...)."""
@@ -63,7 +71,12 @@ class Body:
         """Length of the segments between the joints of each pair, in rows (..., pairs), metres: shape (..., pairs)."""
         if not len(self.segments):
             return np.broadcast_to(self.size(rows)[..., None], rows.shape)
-        lengths: NDArray[np.float64] = rows[..., self.segments] @ self.paths.T
+        heights = rows.take(self.segments, axis=-1) @ self.above
+        first, second, meeting = self.ends
+        lengths: NDArray[np.float64] = heights.take(first, axis=-1)
+        lengths += heights.take(second, axis=-1)
+        heights *= 2.0
+        lengths -= heights.take(meeting, axis=-1)
         return lengths
 
 

@@ -25,7 +25,7 @@ from kinespace.stream.recognizer.windows.rolling import RollingCovariance, Rolli
 from kinespace.stream.recognizer.windows.sliding_window import MAX_PENDING, SlidingWindow
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Callable, Mapping, Sequence
 
     from numpy.typing import NDArray
 
@@ -123,8 +123,7 @@ class LiveWindows(_RowsAndPoints):
         self._set_basis(basis)
 
     def _set_body(self, body: Body, parts: Sequence[Part]) -> None:
-        self._body, self._paths = body, np.ascontiguousarray(body.paths.T)
-        self._read_parts = tuple(parts)
+        self._body, self._read_parts = body, tuple(parts)
 
     def _set_basis(self, basis: Basis) -> None:
         self._directions = basis.directions
@@ -136,52 +135,47 @@ class LiveWindows(_RowsAndPoints):
         self._lay_out()
 
     def _lay_out(self) -> None:
-        """Make room for the numbers that the compiled loops write, and collect their arguments, once for all hops."""
+        """Make room for the numbers that the compiled loops write, and bind their arguments, once for all hops."""
+        loops, body, unwanted = compiled.loops, self._body, np.empty(0)
         pairs, directions = self._directions.shape
         found = min(EIGENVECTORS, directions)
-        body, unwanted = self._body, np.empty(0)
-        numbers: dict[Part, NDArray[np.float64]] = {
+        self._blocks = np.zeros((len(BASIS_LENGTHS), directions, _BLOCK))
+        self._reads: tuple[tuple[Callable[[], tuple[float, float]], ...], tuple[Callable[[], float], ...]] | None = None
+        if loops is None or directions > loops.MAX_DIRECTIONS or body.above.shape[1] > loops.MAX_JOINTS:
+            return
+        self._numbers: dict[Part, NDArray[np.float64]] = {
             part: np.empty((found, directions)) if part.kind is Kind.EIGEN else np.empty(pairs)
             for part in self._read_parts
         }
-        self._numbers = numbers
+        numbers, of_body = self._numbers, (body.sizing, body.segments, body.above, body.ends)
         self._values: NDArray[np.float64] = np.empty(found)
         self._leading: NDArray[np.float64] = np.empty((found, directions))
-        self._of_parts = tuple(
-            (
-                moments.sums,
-                moments.clock,
-                moments.span.places,
-                body.sizing,
-                body.segments,
-                self._paths,
-                NOISE_FLOOR,
-                LEVEL_REMOVED,
-                numbers.get(Part(Kind.SPREAD, seconds), np.empty(pairs)),
-                numbers.get(Part(Kind.POSTURE, seconds), unwanted),
-                numbers.get(Part(Kind.TREND, seconds), unwanted),
-            )
-            for moments, seconds in zip(self._moments, DISTANCE_LENGTHS, strict=True)
-        )
-        self._of_eigen = tuple(
-            (
-                each.total,
-                each.products,
-                each.span.places,
-                each.drift,
-                self._values,
-                self._leading,
-                numbers.get(Part(Kind.EIGEN, seconds), np.empty((found, directions))),
-                np.zeros((directions, _BLOCK)),
-            )
-            for each, seconds in zip(self._covariances, BASIS_LENGTHS, strict=True)
+        self._reads = (
+            tuple(
+                loops.Bound(
+                    "read_parts",
+                    *(each.sums, each.clock, each.span.places, *of_body, NOISE_FLOOR, LEVEL_REMOVED),
+                    numbers.get(Part(Kind.SPREAD, seconds), np.empty(pairs)),
+                    numbers.get(Part(Kind.POSTURE, seconds), unwanted),
+                    numbers.get(Part(Kind.TREND, seconds), unwanted),
+                ).run
+                for each, seconds in zip(self._moments, DISTANCE_LENGTHS, strict=True)
+            ),
+            tuple(
+                loops.Bound(
+                    "read_eigen",
+                    *(each.total, each.products, each.span.places, each.drift, self._values, self._leading),
+                    numbers.get(Part(Kind.EIGEN, seconds), np.empty((found, directions))),
+                    block,
+                ).run
+                for each, seconds, block in zip(self._covariances, BASIS_LENGTHS, self._blocks, strict=True)
+            ),
         )
 
     def clear(self) -> None:
         """Forget all rows."""
         super().clear()
-        for *_, block in self._of_eigen:
-            block[:] = 0.0
+        self._blocks[:] = 0.0
 
     def exchange(self, body: Body, basis: Basis, parts: Sequence[Part] = PARTS) -> None:
         """Follow the same rows, in another basis of the same distances and with another body's measures and parts."""
@@ -205,9 +199,13 @@ class LiveWindows(_RowsAndPoints):
     def read(self) -> LiveSignature:
         """Read the signature of the windows that end with the newest row; needs a row. Valid until the next call."""
         self._settle()
-        loops = compiled.loops
-        if loops and self._directions.shape[1] <= loops.MAX_DIRECTIONS:
-            return self._read_compiled(loops)
+        if self._reads:
+            moved = total = 0.0
+            for read_parts in self._reads[0]:
+                moved, _ = read_parts()
+            for read_eigen in self._reads[1]:
+                total = read_eigen()
+            return LiveSignature(self._numbers, moved, *Leading.of(total, self._values, self._leading[0]))
         covariances = np.array([each.read() for each in self._covariances])
         pairs = eigenpairs_of(covariances)
         scaled = eigen(pairs)
@@ -222,14 +220,6 @@ class LiveWindows(_RowsAndPoints):
         }
         leading = Leading.of(float(np.trace(covariances[-1])), pairs.values[-1], pairs.vectors[-1, 0])
         return LiveSignature(numbers, float(movement(moments)[-1]), *leading)
-
-    def _read_compiled(self, loops: compiled.Loops) -> LiveSignature:
-        moved = total = 0.0
-        for parts in self._of_parts:
-            moved, _ = loops.read_parts(*parts)
-        for eigen_of in self._of_eigen:
-            total = loops.read_eigen(*eigen_of)
-        return LiveSignature(self._numbers, moved, *Leading.of(total, self._values, self._leading[0]))
 
 
 class Leading(NamedTuple):

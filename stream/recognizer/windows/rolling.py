@@ -22,7 +22,7 @@ from kinespace.library.windows.parts import Moments
 from kinespace.stream.recognizer.windows.sliding_window import Change, SlidingWindow, Span
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
 Rows = NDArray[np.float64]
 
@@ -58,12 +58,21 @@ class Rolling(ABC):
 
     #: The rows or points that are followed, as the window keeps them.
     _rows: Rows
+    #: The compiled loop that follows them, up to a window's end and moved rows; None without.
+    _follow: Callable[[int, int], bool] | None
 
     def __init__(self, window: SlidingWindow, seconds: float | None = None) -> None:
         self._window = window
         self.span = Span(window, seconds)
         self.drift = np.zeros(2)
         self.refreshes = 0
+
+    def _compiled(self, name: str, *sums: Rows) -> Callable[[int, int], bool] | None:
+        """Bind the arrays of a compiled loop: handing them out costs as much as adding up. None without loops."""
+        if compiled.loops is None:
+            return None
+        kept = self._rows, self._window.times_kept, self.span.places, self.drift
+        return compiled.loops.Bound(name, *kept, *sums, self.span.seconds, self.span.most, 0, 0).run
 
     @property
     def count(self) -> int:
@@ -74,12 +83,11 @@ class Rolling(ABC):
         """Forget all rows."""
         self.span.clear()
 
-    @abstractmethod
     def update(self) -> None:
         """Follow the window up to its newest row."""
-
-    def _update(self) -> None:
-        """Follow the window in numpy."""
+        if self._follow:
+            self.refreshes += self._follow(self._window.end, self._window.moved)
+            return
         change = self.span.take_change()
         new, gone = (each.stop - each.start for each in change)
         if not new:
@@ -144,25 +152,13 @@ class RollingMoments(Rolling):
         super().__init__(window, seconds)
         self._rows = window.rows_kept
         self.sums, self.clock = np.zeros((4, self._rows.shape[1])), np.zeros(3)
-        span = self.span
-        # Put together once, because looking attributes up costs more than the sums.
-        self._followed = (
-            *(self._rows, window.times_kept, span.places, self.drift, self.sums, self.clock),
-            *(span.seconds, span.most),
-        )
+        self._follow = self._compiled("follow", self.sums, self.clock)
 
     def _begin(self, rows: Rows, times: Rows) -> None:
         self.sums[1:] = self.clock[:] = 0.0
         np.mean(rows, axis=0, out=self.sums[0])
         self.clock[0] = times[-1]
         self.drift[1] = (_NO_MOVEMENT * float(self.sums[0].mean())) ** 2
-
-    def update(self) -> None:
-        """Follow the window up to its newest row."""
-        if compiled.loops is None:
-            self._update()
-        else:
-            self.refreshes += compiled.loops.follow(*self._followed, self._window.end, self._window.moved)
 
     def _add(self, change: Change) -> None:
         rows, weights = self._weighed(change)
@@ -227,25 +223,15 @@ class RollingCovariance(Rolling):
         width = self._rows.shape[1]
         # Arrays of their own, so that the compiled loops may write one and read another.
         self.reference, self.total, self.products = np.zeros(width), np.zeros(width), np.zeros((width, width))
-        span = self.span
-        self._followed = (
-            *(self._rows, window.times_kept, span.places, self.drift, self.reference, self.total, self.products),
-            *(span.seconds, span.most),
-        )
+        sums = self.reference, self.total, self.products
+        loops = compiled.loops
+        self._follow = self._compiled("follow_products", *sums) if loops and width <= loops.MAX_DIRECTIONS else None
 
     def _begin(self, rows: Rows, times: Rows) -> None:  # noqa: ARG002 - a covariance needs no times
         np.mean(rows, axis=0, out=self.reference)
         self.drift[1] = _NO_MOVEMENT**2 * float(self.reference @ self.reference)
         self.total[:] = 0.0
         self.products[:] = 0.0
-
-    def update(self) -> None:
-        """Follow the window up to its newest row."""
-        loops = compiled.loops
-        if loops is None or len(self.total) > loops.MAX_DIRECTIONS:
-            self._update()
-        else:
-            self.refreshes += loops.follow_products(*self._followed, self._window.end, self._window.moved)
 
     def _add(self, change: Change) -> None:
         rows, weights = self._weighed(change)

@@ -160,7 +160,7 @@ def test_sums_follow_rows(loops: compiled.Loops, entered: int, left: int) -> Non
         times = following.times
         reference, begin = rows[:end].mean(axis=0), times[end]
         sums, clock = _sums(rows[:end], times[:end], reference, begin)
-        assert not loops.follow(rows, *following[:3], sums, clock, *following.numbers)
+        assert not _call(loops, "follow", rows, *following[:3], sums, clock, *following.numbers)
         expected = _sums(rows[left : end + entered], times[left : end + entered], reference, begin)
         for ours, theirs in zip((sums, clock), expected, strict=True):
             np.testing.assert_allclose(ours, theirs, atol=1e-10)
@@ -178,7 +178,7 @@ def test_products_follow_points(loops: compiled.Loops, entered: int, left: int, 
     total, products = relative[:end].sum(axis=0), relative[:end].T @ relative[:end]
     products = np.tril(products) + np.tril(products, -1).T
     following = _Following.of(end, entered, left, len(rows))
-    assert not loops.follow_products(rows, *following[:3], reference, total, products, *following.numbers)
+    assert not _call(loops, "follow_products", rows, *following[:3], reference, total, products, *following.numbers)
     kept = relative[left : end + entered]
     np.testing.assert_allclose(total, kept.sum(axis=0), atol=1e-12)
     np.testing.assert_allclose(products, kept.T @ kept, atol=1e-12)
@@ -193,7 +193,7 @@ def test_a_span_of_new_rows_alone_is_computed_afresh(loops: compiled.Loops, plac
     places, rows, times = np.array([0, place]), _with_room(generator.normal(size=(30, 5))), np.arange(30.0)
     sums, clock, drift = np.ones((4, 5)), np.ones(3), np.ones(2)
     arrays = rows, times, places, drift, sums, clock
-    assert loops.follow(*arrays, 12.0, 100, 30, 0) is (place < 30)
+    assert _call(loops, "follow", *arrays, 12.0, 100, 30, 0) is (place < 30)
     assert places.tolist() == [18, 30]
     if place < 30:
         expected = _sums(rows[18:], times[18:], rows[18:].mean(axis=0), 29.0)
@@ -201,8 +201,8 @@ def test_a_span_of_new_rows_alone_is_computed_afresh(loops: compiled.Loops, plac
             np.testing.assert_allclose(ours, theirs, atol=1e-12)
         assert drift == pytest.approx([EPSILON * 12 * sums[3].max(), (1e-6 * sums[0].mean()) ** 2])
     before = sums.copy()
-    assert not loops.follow(*arrays, 12.0, 100, 30, 0)
-    assert not loops.follow(*arrays, 12.0, 100, 0, 0)
+    assert not _call(loops, "follow", *arrays, 12.0, 100, 30, 0)
+    assert not _call(loops, "follow", *arrays, 12.0, 100, 0, 0)
     assert np.array_equal(sums, before)
 
 
@@ -210,15 +210,19 @@ def test_sums_that_lost_digits_are_computed_afresh(loops: compiled.Loops) -> Non
     """When the bound of the rounding is large the loops compute sums and products anew from the rows."""
     rows, times, drift = ROWS.copy(), np.arange(30.0), np.array([1.0, 0.0])
     sums, clock = np.ones((4, 5)), np.ones(3)
-    assert loops.follow(rows, times, np.array([16, 29]), drift, sums, clock, 12.0, 100, 30, 0)
+    assert _call(loops, "follow", rows, times, np.array([16, 29]), drift, sums, clock, 12.0, 100, 30, 0)
     np.testing.assert_allclose(sums, _sums(rows[18:], times[18:], rows[18:].mean(axis=0), 29.0)[0], atol=1e-12)
     drift[0], reference, total, products = 1.0, np.ones(5), np.ones(5), np.ones((5, 5))
     arrays = rows, times, np.array([16, 29]), drift, reference, total, products
-    assert loops.follow_products(*arrays, 12.0, 100, 30, 0)
+    assert _call(loops, "follow_products", *arrays, 12.0, 100, 30, 0)
     relative = rows[18:] - rows[18:].mean(axis=0)
     np.testing.assert_allclose(products, relative.T @ relative, atol=1e-12)
     np.testing.assert_allclose(reference, rows[18:].mean(axis=0), atol=1e-12)
     assert drift == pytest.approx([EPSILON * 12 * products.trace(), 1e-12 * reference @ reference])
+
+
+def _call(loops: compiled.Loops, name: str, *arguments: Any) -> Any:  # noqa: ANN401 - as the loop has them
+    return loops.Bound(name, *arguments).run()
 
 
 @BODIES
@@ -234,12 +238,12 @@ def test_parts_equal_numpys_parts(loops: compiled.Loops, every: int, parents: bo
         expected = [read(moments, body)[0] for read in (spread, posture, trend)]
         sums, clock = _sums(rows, times, rows[0], times[-1])
         parts, alone = np.full((2, 3, rows.shape[1]), np.nan)
-        paths, places = np.ascontiguousarray(body.paths.T), np.array([7, 7 + len(rows)])
-        arrays = sums, clock, places, body.sizing, body.segments, paths, NOISE_FLOOR, LEVEL_REMOVED
-        moved, size = loops.read_parts(*arrays, *parts)
+        of_body = body.sizing, body.segments, body.above, body.ends
+        arrays = sums, clock, np.array([7, 7 + len(rows)]), *of_body, NOISE_FLOOR, LEVEL_REMOVED
+        moved, size = _call(loops, "read_parts", *arrays, *parts)
         for ours, theirs in zip(parts, expected, strict=True):
             np.testing.assert_allclose(ours, theirs, rtol=1e-9, atol=1e-7)
-        assert loops.read_parts(*arrays, alone[0], alone[1, :0], alone[2, :0]) == (moved, size)
+        assert _call(loops, "read_parts", *arrays, alone[0], alone[1, :0], alone[2, :0]) == (moved, size)
         assert np.array_equal(alone[0], parts[0])
         assert moved == pytest.approx(float(movement(moments)[0]), rel=1e-9)
         assert size == pytest.approx(float(body.size(moments.mean)[0]), rel=1e-9)
@@ -253,10 +257,9 @@ def _trend(rows: np.ndarray, times: np.ndarray) -> np.ndarray:
 def test_a_body_in_one_point_has_numbers(loops: compiled.Loops) -> None:
     """For a body in one point that never moved no division by zero takes place."""
     body = Body.of(BUILTIN.skeleton)
-    parts, paths = np.full((3, len(PAIRS)), np.nan), np.ascontiguousarray(body.paths.T)
-    sums, clock = np.zeros((4, len(PAIRS))), np.zeros(3)
-    constants = NOISE_FLOOR, LEVEL_REMOVED
-    read = loops.read_parts(sums, clock, np.array([0, 1]), body.sizing, body.segments, paths, *constants, *parts)
+    parts, sums, clock = np.full((3, len(PAIRS)), np.nan), np.zeros((4, len(PAIRS))), np.zeros(3)
+    of_body, constants = (body.sizing, body.segments, body.above, body.ends), (NOISE_FLOOR, LEVEL_REMOVED)
+    read = _call(loops, "read_parts", sums, clock, np.array([0, 1]), *of_body, *constants, *parts)
     assert read == (0.0, 0.0)
     still = Moments(*np.zeros((3, 1, len(PAIRS))))
     np.testing.assert_allclose(parts[0], spread(still, body)[0], rtol=1e-12)
@@ -312,7 +315,7 @@ def test_a_window_is_read_as_numpy_reads_it(loops: compiled.Loops) -> None:
     total, products = relative.sum(axis=0), relative.T @ relative
     block = np.zeros((32, 8))
     places, drift = np.array([5, 5 + len(points)]), np.zeros(2)
-    trace = loops.read_eigen(total, products, places, drift, values, *vectors, block)
+    trace = _call(loops, "read_eigen", total, products, places, drift, values, *vectors, block)
     with compiled.left_aside():
         pairs = eigenpairs_of(covariance[None])
     assert trace == pytest.approx(covariance.trace(), rel=1e-9)
@@ -320,7 +323,7 @@ def test_a_window_is_read_as_numpy_reads_it(loops: compiled.Loops) -> None:
     scaled = eigen(Eigenpairs(values[None], vectors[:1]))[0]
     np.testing.assert_allclose(vectors[1], scaled, atol=1e-12)
     drift[1] = 2 * trace
-    assert loops.read_eigen(total, products, places, drift, values, *vectors, block) == 0.0
+    assert _call(loops, "read_eigen", total, products, places, drift, values, *vectors, block) == 0.0
     assert not vectors[1].any()
 
 
@@ -331,7 +334,9 @@ def test_one_window_after_another_is_read_as_each_alone(loops: compiled.Loops, b
     covariances, taken_over = np.concatenate([_covariances(clip) for clip in CLIPS]), 0
     values, vectors, block = np.empty(EIGENVECTORS), np.empty((2, EIGENVECTORS, 32)), np.full((32, 8), begin)
     for covariance in covariances:
-        trace = loops.read_eigen(np.zeros(32), covariance, np.array([0, 1]), np.zeros(2), values, *vectors, block)
+        trace = _call(
+            loops, "read_eigen", np.zeros(32), covariance, np.array([0, 1]), np.zeros(2), values, *vectors, block
+        )
         pairs = eigenpairs_of(covariance[None])
         (scaled,) = eigen(pairs)
         np.testing.assert_allclose(values, pairs.values[0], atol=1e-9 * trace)
@@ -575,13 +580,14 @@ def _parts(loops: compiled.Loops, **other: np.ndarray) -> object:
         "clock": np.zeros(3),
         "sizing": np.ones(5),
         "segments": _ONE,
-        "paths": np.ones((1, 5)),
+        "above": np.ones((1, 4)),
+        "ends": np.full((3, 5), 255, np.uint8),
         "spread": np.zeros(5),
         "posture": np.zeros(5),
         "trend": np.zeros(0),
     }
-    sums, clock, sizing, segments, paths, *parts = (usual | other).values()
-    return loops.read_parts(sums, clock, np.array([0, 2]), sizing, segments, paths, 0.1, 0.5, *cast("Any", parts))
+    sums, clock, sizing, segments, above, ends, *parts = cast("Any", (usual | other).values())
+    return _call(loops, "read_parts", sums, clock, np.array([0, 2]), sizing, segments, above, ends, 0.1, 0.5, *parts)
 
 
 def _sums_followed(loops: compiled.Loops, **other: object) -> object:
@@ -598,13 +604,13 @@ def _sums_followed(loops: compiled.Loops, **other: object) -> object:
         "end": 9,
         "moved": 0,
     }
-    return loops.follow(*cast("Any", (usual | other).values()))
+    return _call(loops, "follow", *cast("Any", (usual | other).values()))
 
 
 def _products_followed(loops: compiled.Loops, directions: int, products: np.ndarray) -> object:
     points, places = np.zeros((9, directions)), np.zeros(2, np.intp)
     sums = np.zeros(directions), np.zeros(directions), products
-    return loops.follow_products(points, np.arange(9.0), places, np.zeros(2), *sums, 1.0, 9, 9, 0)
+    return _call(loops, "follow_products", points, np.arange(9.0), places, np.zeros(2), *sums, 1.0, 9, 9, 0)
 
 
 def _followed(loops: compiled.Loops, **other: np.ndarray) -> object:
@@ -688,7 +694,9 @@ _REFUSED: dict[str, tuple[Callable[[compiled.Loops], object], str]] = {
         lambda loops: _parts(loops, segments=np.array([5])),
         "segments: expected indices below 5, got 5",
     ),
-    "parts: paths": (lambda loops: _parts(loops, paths=np.ones((2, 5))), "paths: expected 1, got 2"),
+    "parts: above": (lambda loops: _parts(loops, above=np.ones((2, 4))), "above: expected 1, got 2"),
+    "parts: joints": (lambda loops: _parts(loops, above=np.ones((1, 257))), "joints: expected 1 to 256, got 257"),
+    "parts: ends": (lambda loops: _parts(loops, ends=np.zeros((3, 4), np.uint8)), "ends: expected 5, got 4"),
     "parts: spread": (lambda loops: _parts(loops, spread=np.zeros(0)), "spread: expected 5, got 0"),
     "parts: posture": (lambda loops: _parts(loops, posture=np.zeros(6)), "posture: expected 5, got 6"),
     "parts: trend": (lambda loops: _parts(loops, trend=np.zeros(4)), "trend: expected 5, got 4"),
@@ -705,7 +713,9 @@ _REFUSED: dict[str, tuple[Callable[[compiled.Loops], object], str]] = {
         "values: expected 1 to 2, got 3",
     ),
     "eigen: no number": (
-        lambda loops: loops.read_eigen(
+        lambda loops: _call(
+            loops,
+            "read_eigen",
             np.zeros(3),
             np.full((3, 3), np.nan),
             np.array([0, 2]),
@@ -835,10 +845,6 @@ def test_arrays_that_do_not_fit_are_refused(loops: compiled.Loops, name: str) ->
     "function",
     [
         "measure_distances",
-        "follow",
-        "follow_products",
-        "read_parts",
-        "read_eigen",
         "eigenpairs",
         "follow_phase",
         "moving",
@@ -853,13 +859,59 @@ def test_too_few_arguments_are_refused(loops: compiled.Loops, function: str) -> 
         getattr(loops, function)(np.zeros(3))
 
 
+def test_a_bound_call_is_the_call_with_its_arguments(loops: compiled.Loops) -> None:
+    """It reads and writes its arrays, though nothing else keeps them, with new numbers in the last places."""
+    bound, direct = np.zeros((2, 4, 5))
+    run = loops.Bound("follow", *_of_sums(bound), 12.0, 100, 0, 0).run
+    for end in (12, 14, 30):
+        assert run(end, 0) is (end != 14)
+    arrays = _of_sums(direct)
+    for end in (12, 14, 30):
+        _call(loops, "follow", *arrays, 12.0, 100, end, 0)
+    assert np.array_equal(bound, direct)
+    assert bound.any()
+
+
+def _of_sums(sums: np.ndarray) -> tuple[np.ndarray, ...]:
+    return ROWS.copy(), np.arange(30.0), np.zeros(2, np.intp), np.zeros(2), sums, np.zeros(3)
+
+
+def test_a_call_that_cannot_be_bound_is_refused(loops: compiled.Loops) -> None:
+    """What does not fit raises when it is bound, or when it is called with more than numbers can stand for."""
+    arrays, nothing = _of_sums(np.zeros((4, 5))), cast("Any", None)
+    for name, given, error, told in (
+        ("steps", arrays, ValueError, "name: expected a function of every hop, got steps"),
+        ("follow", arrays, TypeError, "expected 10 arguments, got 6"),
+        ("follow", (*arrays[:4], np.zeros((3, 5)), arrays[5], 1.0, 9, 0, 0), ValueError, "sums: expected 4, got 3"),
+        (nothing, arrays, TypeError, "argument type"),
+    ):
+        with pytest.raises(error, match=told):
+            loops.Bound(name, *given)
+    run = loops.Bound("follow", *arrays, 12.0, 100, 0, 0).run
+    for numbers, told in (((1.0,) * 5, "numbers only"), ((1.0,) * 11, "numbers only"), ((1.0, "2"), "real number")):
+        with pytest.raises(TypeError, match=told):
+            run(*numbers)
+    with pytest.raises(ValueError, match="end: expected 0 to 30"):
+        run(31, 0)
+
+
 def test_the_error_names_the_first_of_two_bad_numbers(loops: compiled.Loops) -> None:
     """An argument that is no number raises TypeError before the loop asks for the next one, which may be a fraction."""
     none, fraction = cast("Any", "2"), cast("Any", Fraction(1, 2))
-    arrays = np.ones((4, 5)), np.zeros(3)
+    arrays, ends = (np.ones((4, 5)), np.zeros(3)), np.zeros((3, 5), np.uint8)
     with pytest.raises(TypeError, match="must be real number, not str"):
-        loops.read_parts(
-            *arrays, np.array([0, 1]), np.ones(5), _ONE, np.ones((1, 5)), none, fraction, *np.zeros((3, 5))
+        _call(
+            loops,
+            "read_parts",
+            *arrays,
+            np.array([0, 1]),
+            np.ones(5),
+            _ONE,
+            np.ones((1, 2)),
+            ends,
+            none,
+            fraction,
+            *np.zeros((3, 5)),
         )
 
 

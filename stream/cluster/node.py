@@ -153,15 +153,11 @@ class Node:
 
     def step(self, longest: float) -> None:
         """Wait at most so many seconds for messages, and deal with them; report when it is time."""
-        if self.inbox.is_empty and not any(post.is_behind for post in self._posts.values()):
+        if self.inbox.is_empty:
             select.select([self.inbox], [], [], longest)
-        # A worker that is behind must go on reporting: a silent worker counts as gone. It spends as much time on the
-        # performers whom it takes over as on its own, so that on a busy machine neither wait for ever.
-        begun = self.clock()
+        # A worker that warms up is busy, but must go on reporting: a silent worker counts as gone.
         self.inbox.deal(REPORT_EVERY / 4)
-        now = self.clock()
         for post in self._posts.values():
-            post.catch_up(now + (now - begun))
             post.send_answers()
         now = self.clock()
         if now >= self._next_report:
@@ -279,7 +275,7 @@ class Post:
     def __init__(self, node: Node, gateway: str, charter: Charter, library: MotionLibrary) -> None:
         self._node, self._gateway, self._charter, self._library = node, gateway, charter, library
         self._member = 0
-        self._last = self._asked = 0
+        self._last = 0
         self._leaves, self.has_left = False, False
         #: The number of the last message of frames.
         self._number = 0
@@ -335,7 +331,8 @@ class Post:
             elif kind == UNMUTE:
                 self._worker.unmute(decode_entries(content))
             elif kind == ASK:
-                self._asked = decode_number(content)
+                self._last = decode_number(content)
+                self.report()
             else:
                 raise FormatError(f"kind: expected one of ours, got {kind!r}")  # noqa: TRY301 - counted alike
         except FormatError:
@@ -347,7 +344,7 @@ class Post:
             self.send_answers()
             self.has_left = True
             return
-        self._member, self._answers, self._asked = 0, [], self._last
+        self._member, self._answers = 0, []
         self._begin()
 
     def _frames(self, message: bytes, number: int, came: float) -> None:
@@ -360,27 +357,7 @@ class Post:
                 self._node.dropped += 1
                 return
         frames = [each for each in decode_frames(message) if self._node.holds(self._gateway, each[0].performer)]
-        self._answer(self._worker.push(frames, now), now)
-
-    @property
-    def is_behind(self) -> bool:
-        """Whether frames of performers who were taken over wait."""
-        return self._worker.is_behind
-
-    def catch_up(self, until: float) -> None:
-        """Take in frames of performers who were taken over, for a while; answer a question once none are left."""
-        while self.is_behind:
-            now = self._node.clock()
-            self._answer(self._worker.catch_up(now), now)
-            if now >= until:
-                break
-        if self._asked > self._last and not self.is_behind:
-            self._last = self._asked
-            self.report()
-
-    def _answer(self, answered: list[Answered], now: float) -> None:
-        """Keep answers for a moment, to send them with others."""
-        if answered:
+        if answered := self._worker.push(frames, now):
             self._answered_at = self._answered_at if self._answers else now
             self._answers += answered
         if self._answers and self._node.clock() - self._answered_at > _MAX_TOGETHER:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import gc
-import math
 import queue
 import select
 import signal
@@ -37,7 +36,6 @@ if TYPE_CHECKING:
     from multiprocessing.connection import Connection
 
     from kinespace.library.naming import Naming
-    from kinespace.stream.workers.wire import Answered
 
 #: Seconds between two reports.
 REPORT_EVERY = 0.25
@@ -129,26 +127,22 @@ class Loop:
         self.worker = worker
         self._channel, self._opened = channel, opened
         self._next_report = 0.0
-        self._last = self._asked = 0
+        self._last = 0
 
     def run(self) -> None:
         """Go on until the channel is closed."""
         while True:
             self.report_when_due()
             writing = [self._channel] if self._channel.is_behind else []
-            rest = 0.0 if self.worker.is_behind else max(self._next_report - time.monotonic(), 0.0)
-            select.select([self._channel], writing, [], rest)
+            select.select([self._channel], writing, [], max(self._next_report - time.monotonic(), 0.0))
             self._channel.flush()
             messages = self._channel.receive()
             if messages is None:
                 return
             self.exchange()
-            begun = time.monotonic()
             for message in messages:
                 self.obey(message)
                 self.report_when_due()
-            now = time.monotonic()
-            self.catch_up(now + (now - begun))
 
     def exchange(self) -> None:
         """Compare with the library that came last, if one came."""
@@ -161,7 +155,8 @@ class Loop:
         """Take in one message."""
         kind, content = message[:1], message[1:]
         if kind == FRAMES:
-            self._answer(self.worker.push(decode_frames(content), time.monotonic()))
+            if answers := self.worker.push(decode_frames(content), time.monotonic()):
+                self._channel.send(encode_answers(Answers(answers)))
         elif kind == TAKE_OVER:
             self.worker.take_over(decode_entries(content), time.monotonic())
         elif kind == UNMUTE:
@@ -169,22 +164,7 @@ class Loop:
         elif kind == SENSE:
             self.worker.performers.set_sensitivity(decode_share(content))
         elif kind == ASK:
-            self._asked = decode_number(content)
-
-    def _answer(self, answers: list[Answered]) -> None:
-        if answers:
-            self._channel.send(encode_answers(Answers(answers)))
-
-    def catch_up(self, until: float = math.inf) -> None:
-        """Take in frames of performers who were taken over, for a while; answer a question once none are left."""
-        while self.worker.is_behind:
-            now = time.monotonic()
-            self._answer(self.worker.catch_up(now))
-            self.report_when_due()
-            if now >= until:
-                break
-        if self._asked > self._last and not self.worker.is_behind:
-            self._last = self._asked
+            self._last = decode_number(content)
             self.report()
 
     def report_when_due(self) -> None:

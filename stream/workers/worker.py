@@ -6,7 +6,6 @@ that its windows and averages equal the former worker's; the worker does not rep
 
 from __future__ import annotations
 
-from collections import deque
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -37,8 +36,6 @@ HISTORY = 2.5
 #: Seconds of frames with which the recogniser of a performer who is taken over compares windows before it answers: the
 #: windows before are shorter than the former worker's, and would only mislead its averages.
 _COMPARED = 1.0
-#: Frames that are taken in at once to catch up: for a millisecond others wait.
-_AT_ONCE = 16
 #: Seconds of frames that are kept: a worker may have hung unnoticed for a while since its last answer.
 KEPT = HISTORY + 1.5
 
@@ -112,9 +109,6 @@ class Worker:
         self.book = 0
         self._newest: dict[str, int] = {}
         self._taken_over: dict[str, _TakenOver] = {}
-        #: Frames of performers who were taken over, which `catch_up` takes in, so that all others need not wait.
-        self._behind: deque[tuple[SentFrame, NumberedFrame]] = deque()
-        self._catching_up: set[str] = set()
         #: Performers whose next answer must say which joints carry it.
         self._asked: set[str] = set()
         #: Counts of the frames of warming up, which the former worker has counted, too.
@@ -127,7 +121,6 @@ class Worker:
             if entry.answered:
                 over = _TakenOver(entry.answered, entry.since, entry.going_on, entry.long_ago)
                 self._taken_over[entry.performer] = over
-                self._catching_up.add(entry.performer)
             if announced := announcement(entry):
                 self.performers.announce(announced, now)
             if entry.answered:
@@ -148,29 +141,7 @@ class Worker:
         self._taken_over.pop(performer, None)
 
     def push(self, frames: Sequence[tuple[SentFrame, NumberedFrame]], now: float) -> list[Answered]:
-        """Take in frames in their order; give the answers to them. A frame that came before is passed over.
-
-        The frames of performers who were taken over are put aside for `catch_up`.
-        """
-        if self._catching_up:
-            behind = [each for each in frames if each[0].performer in self._catching_up]
-            self._behind += behind
-            frames = [each for each in frames if each[0].performer not in self._catching_up]
-        return self._pushed(frames, now)
-
-    @property
-    def is_behind(self) -> bool:
-        """Whether frames are put aside."""
-        return bool(self._behind)
-
-    def catch_up(self, now: float) -> list[Answered]:
-        """Take in some of the frames that were put aside; give the answers to them."""
-        some = [self._behind.popleft() for _ in range(min(_AT_ONCE, len(self._behind)))]
-        if not self._behind:
-            self._catching_up.clear()
-        return self._pushed(some, now)
-
-    def _pushed(self, frames: Sequence[tuple[SentFrame, NumberedFrame]], now: float) -> list[Answered]:
+        """Take in frames in their order; give the answers to them. A frame that came before is passed over."""
         answers = []
         for sent, (frame, number, announced) in frames:
             name, seq = frame.performer, number or 0

@@ -88,7 +88,6 @@ class FakeProcess:
         while self.channel.to_worker and most:
             most -= 1
             self._loop.obey(self.channel.to_worker.popleft())
-            self._loop.catch_up()
         self._loop.report()
 
     def kill(self) -> None:

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-from synthetic import STICK_CLASSES, stick_clip
 
 from kinespace.library.windows.index import opened
 from kinespace.stream.frame import Frame
@@ -15,7 +14,7 @@ from kinespace.stream.recognizer import Performers
 from kinespace.stream.recognizer.joints.plausibility import mirrored_places
 from kinespace.stream.workers.ledger import Ledger
 from kinespace.stream.workers.partition import PARTITIONS
-from kinespace.stream.workers.wire import Entry, decode_frames, encode_frames
+from kinespace.stream.workers.wire import decode_frames, encode_frames
 from kinespace.stream.workers.worker import Worker
 
 if TYPE_CHECKING:
@@ -33,11 +32,7 @@ BEFORE, SEEN, AFTER = 300, 151, 60
 
 def pushed(worker: Worker, frames: Sequence[SentFrame]) -> list[Answered]:
     """Send frames to a worker; give its answers."""
-    answers = []
-    for each in frames:
-        answers += worker.push(decode_frames(encode_frames([each])), each.at)
-        answers += worker.catch_up(each.at)
-    return answers
+    return [answer for each in frames for answer in worker.push(decode_frames(encode_frames([each])), each.at)]
 
 
 def feed(library: MotionLibrary) -> NDArray[np.float64]:
@@ -88,24 +83,3 @@ def test_a_takeover_changes_no_answer(
     assert [each.seq for each in found] == [each.seq for each in expected]
     assert [(each.outcome, each.guess) for each in found] == [(each.outcome, each.guess) for each in expected]
     assert [each.long_ago for each in found] == [each.long_ago for each in expected]
-
-
-def test_others_need_not_wait_for_a_performer_who_is_taken_over(sticks: MotionLibrary) -> None:
-    """Frames of a performer who was taken over are put aside, in order; another performer's are taken in at once."""
-    ledger = Ledger(most=2, silence=math.inf)
-    clip = stick_clip(STICK_CLASSES[0], seed=80, frames=60).positions
-    sent = {
-        name: [ledger.send(Frame(name, 1 + k / 120, each), k / 120) for k, each in enumerate(clip)]
-        for name in ("ann", "bob")
-    }
-    frames = {name: [each[1] for each in own if each] for name, own in sent.items()}
-    worker = Worker(Performers(opened(sticks)))
-    worker.take_over([Entry("ann", frames["ann"][39].seq or 0, 0.0, None, None, time=1 + 39 / 120)], 0.0)
-    assert not worker.push(decode_frames(encode_frames(frames["ann"])), 0.0)
-    assert {each.performer for each in worker.push(decode_frames(encode_frames(frames["bob"])), 0.0)} == {"bob"}
-    answers = []
-    while worker.is_behind:
-        answers += worker.catch_up(0.0)
-    assert [each.seq for each in answers] == [44, 48, 52, 56, 60]
-    assert worker.push(decode_frames(encode_frames([ledger.send(Frame("ann", 2.0, clip[0]), 1.0)[1]])), 1.0) == []
-    assert not worker.is_behind

@@ -519,11 +519,7 @@ def takeovers(positions: NDArray[np.float32], seconds: float) -> tuple[int, int]
 
 
 def _pushed(worker: Worker, frames: Sequence[SentFrame]) -> list[Answered]:
-    answers = []
-    for each in frames:
-        answers += worker.push(decode_frames(encode_frames([each])), each.at)
-        answers += worker.catch_up(each.at)
-    return answers
+    return [answer for each in frames for answer in worker.push(decode_frames(encode_frames([each])), each.at)]
 
 
 def _named(events: Sequence[Event]) -> list[tuple[EventKind, str]]:

@@ -259,12 +259,18 @@ class Spread(ABC):
         before, self._owners = self._owners, owners(ready)
         moved: dict[tuple[str, bool], list[int]] = {}
         for partition, new in enumerate(self._owners):
-            old = before[partition] if before and before[partition] in {*ready, *leaving} else None
             if before and before[partition] == new:
                 continue
-            moved.setdefault((new, bool(old and self.names)), []).append(partition)
-            if old and self.names:
-                self._former[partition] = old
+            if self._former.get(partition) == new:
+                # It never stopped answering.
+                del self._former[partition]
+                continue
+            old = before[partition] if before and before[partition] in {*ready, *leaving} else None
+            goes_on = bool(old and self.names)
+            moved.setdefault((new, goes_on), []).append(partition)
+            if old and goes_on:
+                # Before a worker has caught up, the worker before it answers.
+                self._former.setdefault(partition, old)
         for (worker, goes_on), partitions in moved.items():
             self._hand_over(worker, partitions, mute=goes_on)
 
@@ -284,9 +290,11 @@ class Spread(ABC):
     def _cut(self, question: int) -> None:
         """Let a worker answer that has caught up; the former worker gets no more frames of these partitions."""
         worker, partitions = self._moves.pop(question)
-        for partition in partitions:
-            self._former.pop(partition, None)
-        self._tell(worker, UNMUTE + encode_entries(self._ledger.entries(partitions)))
+        # Meanwhile a partition may have moved on to another worker.
+        own = [each for each in partitions if self._owners and self._owners[each] == worker]
+        for each in own:
+            self._former.pop(each, None)
+        self._tell(worker, UNMUTE + encode_entries(self._ledger.entries(own)))
 
     def _lose(self, worker: str, ready: Collection[str]) -> None:
         """Give the partitions of an ended worker to the other workers; keep its counts."""

@@ -256,8 +256,9 @@ def _scale_table(scale: Scale) -> Table:
         "core: performers at 120 Hz that a core recognises, by their processor time"
     )
     table = _table(title, ("",), ("p50", "p99", "gap", "none", "lost", "false", "here", "there", "core"))
-    at_once = [replace(run, what=f"{run.what}, at once") for run in scale.at_once]
-    busier = [replace(run, what=f"{run.what}, {BUSIER * scale.crowd}") for run in scale.held]
+    many = BUSIER * scale.crowd
+    at_once = [replace(run, what=f"{run.what}, {many} at once") for run in scale.at_once]
+    busier = [replace(run, what=f"{run.what}, {many}") for run in scale.held]
     for run in (scale.alone, scale.workers, *scale.runs.values(), *at_once, *busier):
         lags = (f"{run.percentile(50):.2f}", f"{run.percentile(99):.2f}", _seconds(run.gap))
         counted = (f"{run.expected - run.answered}", f"{run.lost_events}", f"{run.false_events}")

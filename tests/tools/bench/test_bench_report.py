@@ -198,7 +198,7 @@ def test_the_tables_name_everything(capsys: pytest.CaptureFixture[str], monkeypa
             "hang",
             "gateway is started again",
             "of 98 takeovers by themselves",
-            "one process, at once",
+            "one process, 390 at once",
             "three, 390",
         ),
     )

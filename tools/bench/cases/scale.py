@@ -115,8 +115,8 @@ class Scale:
     runs
         A gateway and two workers, or three if something happens, by the event.
     at_once
-        One process and `live --workers 2`, with frames that come all at once, as frames do that wait for a full core:
-        the processor time of recognition alone.
+        One process and `live --workers 2`, with `BUSIER` times as many performers, whose frames come all at once, as
+        frames do that wait for a full core: the processor time of recognition alone.
     held
         A service that receives and answers over OSC, and a gateway with two workers, with `BUSIER` times as many
         performers: their processor time tells how many performers a core holds.
@@ -548,7 +548,7 @@ def measure(positions: NDArray[np.float32], *, seconds: float, crowd: int) -> Sc
         alone(feed),
         with_workers(feed),
         runs,
-        (alone(feed, at_once=True), with_workers(feed, at_once=True)),
+        (alone(busier, at_once=True), with_workers(busier, at_once=True)),
         (over_osc(positions, BUSIER * crowd, seconds), play(busier, "nothing")),
         gateway_gap(positions),
         cut[1] if cut else math.nan,

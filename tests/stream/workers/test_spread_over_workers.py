@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import random
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -106,16 +105,16 @@ def test_a_second_worker_comes_before_the_first_has_caught_up(sticks: MotionLibr
 @pytest.mark.parametrize("seed", range(20))
 def test_every_frame_reaches_a_worker_that_may_answer(sticks: MotionLibrary, seed: int) -> None:
     """Workers come, go and catch up in any order."""
-    chance, spread = random.Random(seed), Noted(sticks)  # noqa: S311 - a test's choice
+    chance, spread = np.random.default_rng(seed), Noted(sticks)
     spread.join("worker 0")
     for number in range(1, 60):
-        what = chance.choice(("join", "lose", "caught up", "caught up"))
+        what = str(chance.choice(["join", "lose", "caught up", "caught up"]))
         if what == "join" and len(spread.workers) < 6:
             spread.join(f"worker {number}")
         elif what == "lose" and len(spread.workers) > 1:
-            spread.lose(chance.choice(spread.workers))
+            spread.lose(str(chance.choice(spread.workers)))
         elif what == "caught up":
-            spread.caught_up(chance.choice(spread.workers))
+            spread.caught_up(str(chance.choice(spread.workers)))
         assert min(spread.frames()) >= 1
     for worker in spread.workers:
         spread.caught_up(worker)

@@ -45,6 +45,8 @@ _NEW = 0.05
 @dataclass(slots=True)
 class _Member:
     number: int
+    #: Sends frames; drops them if the way is full.
+    sends: Any
     heard: float
     ready: bool = False
     #: Whether it wants to end, and whether it was told that it may.
@@ -196,13 +198,12 @@ class Gateway(Spread):
 
     def _put(self, worker: str, message: bytes, number: int) -> None:
         """Send a message; one with a number may be dropped, and the worker counts the numbers that it misses."""
-        congestion = self._zenoh.CongestionControl
-        self._session.put(
-            key(self.name, "to", worker),
-            message,
-            congestion_control=congestion.DROP if number else congestion.BLOCK,
-            source_info=self._zenoh.SourceInfo(self._identity, number),
-        )
+        source = self._zenoh.SourceInfo(self._identity, number)
+        if number:
+            self._members[worker].sends.put(message, source_info=source)
+        else:
+            congestion = self._zenoh.CongestionControl.BLOCK
+            self._session.put(key(self.name, "to", worker), message, congestion_control=congestion, source_info=source)
 
     def _seen(self, token: str, is_there: bool) -> None:  # noqa: FBT001 - a sample's kind
         """Note that a worker has come or has gone."""
@@ -216,6 +217,7 @@ class Gateway(Spread):
     def _drop(self, worker: str, why: str) -> None:
         member = self._members.pop(worker, None)
         if member:
+            member.sends.undeclare()
             self._lost, self._last_lost = self._lost + 1, f"worker {worker} {why}"
             self._lose(worker, self._ready)
 
@@ -259,7 +261,10 @@ class Gateway(Spread):
         if member is None or member.ready:
             self._drop(worker, "began anew")
             self._numbers += 1
-            member = self._members[worker] = _Member(self._numbers, self._clock())
+            sends = self._session.declare_publisher(
+                key(self.name, "to", worker), congestion_control=self._zenoh.CongestionControl.DROP
+            )
+            member = self._members[worker] = _Member(self._numbers, sends, self._clock())
         self._tell(worker, WELCOME + encode_number(member.number))
 
     @property

@@ -285,6 +285,10 @@ class Post:
         #: Until this time old frames are recognised, too, because performers were taken over.
         self._warm = 0.0
         self._begin()
+        import zenoh  # noqa: PLC0415 - an extra
+
+        place = key(gateway, "back", node.name)
+        self._back = node.session.declare_publisher(place, congestion_control=zenoh.CongestionControl.BLOCK)
         self._subscriber = node.session.declare_subscriber(key(gateway, "to", node.name), self._came)
         self.report()
 
@@ -305,6 +309,7 @@ class Post:
     def close(self) -> None:
         """Stop working for the gateway."""
         self._subscriber.undeclare()
+        self._back.undeclare()
 
     def _came(self, sample: Any) -> None:  # noqa: ANN401 - Zenoh's
         """Keep a message for the loop, in one of Zenoh's threads, if it is the gateway's own."""
@@ -378,8 +383,4 @@ class Post:
         self._send(Answers([], msgspec.structs.replace(report, dropped=dropped, leaves=self._leaves)))
 
     def _send(self, answers: Answers) -> None:
-        import zenoh  # noqa: PLC0415 - an extra
-
-        back = encode(Back(self._member, answers))
-        place = key(self._gateway, "back", self._node.name)
-        self._node.session.put(place, back, congestion_control=zenoh.CongestionControl.BLOCK)
+        self._back.put(encode(Back(self._member, answers)))

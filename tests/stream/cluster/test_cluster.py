@@ -361,7 +361,7 @@ def test_frames_wait_for_others_only_where_many_come() -> None:
     frame = [sent_frame(Frame("ann", 1.0, np.ones((3, 3))), 1, 0.0, anew=True)]
 
     def waiting(apart: float, seconds: float) -> float:
-        member, due = gateway_module._Member(1, 0.0), list[bool]()  # noqa: SLF001 - its rule
+        member, due = gateway_module._Member(1, None, 0.0), list[bool]()  # noqa: SLF001 - its rule
         for k in range(round(seconds / apart)):
             due.append(member.take(frame, 5.0 + k * apart))
             if due[-1]:

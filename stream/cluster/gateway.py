@@ -252,7 +252,7 @@ class Gateway(Spread):
     def _let_go(self) -> None:
         """Let the workers end whose performers are with others."""
         for name, member in self._members.items():
-            if member.leaves and not member.let_go and name not in self._former.values():
+            if member.leaves and not member.let_go and all(name != move.former for move in self._moves.values()):
                 member.let_go = True
                 self._tell(name, REJOIN)
 

@@ -25,7 +25,6 @@ from kinespace.stream.workers.wire import (
     FRAMES,
     REJOIN,
     TAKE_OVER,
-    UNMUTE,
     WELCOME,
     Answers,
     decode_entries,
@@ -333,8 +332,6 @@ class Post:
             elif kind == TAKE_OVER:
                 self._worker.take_over(decode_entries(content), self._node.clock())
                 self._warm = self._node.clock() + _MAX_WARMING
-            elif kind == UNMUTE:
-                self._worker.unmute(decode_entries(content))
             elif kind == ASK:
                 self._last = decode_number(content)
                 self.report()

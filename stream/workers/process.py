@@ -21,7 +21,6 @@ from kinespace.stream.workers.wire import (
     FRAMES,
     SENSE,
     TAKE_OVER,
-    UNMUTE,
     Answers,
     decode_entries,
     decode_frames,
@@ -159,8 +158,6 @@ class Loop:
                 self._channel.send(encode_answers(Answers(answers)))
         elif kind == TAKE_OVER:
             self.worker.take_over(decode_entries(content), time.monotonic())
-        elif kind == UNMUTE:
-            self.worker.unmute(decode_entries(content))
         elif kind == SENSE:
             self.worker.performers.set_sensitivity(decode_share(content))
         elif kind == ASK:

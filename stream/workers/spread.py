@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import itertools
 from abc import ABC, abstractmethod
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, cast
-
-import msgspec
 
 from kinespace.library.motion_library import MIN_JOINTS
 from kinespace.library.naming import hdm05
@@ -15,20 +13,19 @@ from kinespace.stream.frame import Announcement, Frame, NewSender
 from kinespace.stream.recognizer.decision import usual_sensitivity
 from kinespace.stream.recognizer.performers import PerformerCounts
 from kinespace.stream.recognizer.recognizer import RecognizerCounts
-from kinespace.stream.workers.partition import owners
+from kinespace.stream.workers.partition import owners, partition_of
 from kinespace.stream.workers.wire import (
     ASK,
     FRAMES,
     MAX_TOGETHER,
     SENSE,
     TAKE_OVER,
-    UNMUTE,
     encode_entries,
     encode_frames,
     encode_number,
     encode_share,
 )
-from kinespace.stream.zeromq.frames import MAX_SEQ, FormatError
+from kinespace.stream.zeromq.frames import FormatError
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Sequence
@@ -42,6 +39,36 @@ if TYPE_CHECKING:
     from kinespace.stream.recognizer.joints.fewer_joints import SentJoints
     from kinespace.stream.workers.ledger import Ledger
     from kinespace.stream.workers.wire import Answers, Report, SentFrame
+
+
+#: Frames in a piece of the last seconds of performers who move while their former worker answers: a few milliseconds of
+#: the new owner's time, for which its other performers wait. After so many pieces it gets the rest at once.
+_PIECE, _MOST_PIECES = 16, 200
+
+
+@dataclass(slots=True)
+class _Move:
+    """A partition that moves to its new owner, which sees the last seconds first, piece by piece.
+
+    Attributes
+    ----------
+    former
+        The worker that answers meanwhile.
+    reached
+        The number of the last frame that the new owner was sent; None before it was told of the performers.
+    pieces
+        How many pieces it was sent.
+    question
+        What the new owner was asked after the last piece; 0 before.
+    caught_up
+        Whether it gets new frames, too.
+    """
+
+    former: str
+    reached: int | None = None
+    pieces: int = 0
+    question: int = 0
+    caught_up: bool = False
 
 
 class Spread(ABC):
@@ -75,9 +102,8 @@ class Spread(ABC):
         self._books = [tuple(classes)]
         #: The owner of each partition; empty without workers.
         self._owners: tuple[str, ...] = ()
-        #: The workers that still answer for partitions which another worker is taking over; these moves, by question.
-        self._former: dict[int, str] = {}
-        self._moves: dict[int, tuple[str, Sequence[int]]] = {}
+        #: The partitions that move while their former worker answers; the first move of an owner goes on.
+        self._moves: dict[int, _Move] = {}
         self._reports: dict[str, Report] = {}
         #: The counts of workers that have ended.
         self._past = RecognizerCounts()
@@ -160,13 +186,20 @@ class Spread(ABC):
         """Send frames, by partition, to the workers that own the partitions."""
         for_worker: dict[str, list[SentFrame]] = {}
         for partition, each in frames.items():
-            takers = {self._owners[partition], self._former.get(partition)} if self._owners else ()
+            takers = self._takers(partition)
             for taker in takers:
-                if taker:
-                    for_worker.setdefault(taker, []).extend(each)
+                for_worker.setdefault(taker, []).extend(each)
             self.unsent += 0 if takers else len(each)
         for worker, each in for_worker.items():
             self._give(worker, each)
+
+    def _takers(self, partition: int) -> set[str]:
+        """Give the workers that get a partition's new frames."""
+        move = self._moves.get(partition)
+        takers = {move.former} if move else set[str]()
+        if self._owners and (move is None or move.caught_up):
+            takers.add(self._owners[partition])
+        return takers
 
     @abstractmethod
     def _give(self, worker: str, frames: list[SentFrame]) -> None:
@@ -236,15 +269,14 @@ class Spread(ABC):
                 continue
             events = self._ledger.note(answer)
             if events is None:
-                self.former += 1
+                # While a partition moves two workers answer, and one of the two answers comes to nothing.
+                self.former += partition_of(answer.performer) not in self._moves
             else:
                 as_told = recognition if events == recognition.events else replace(recognition, events=events)
                 news.append((as_told, answer.at))
         if report := answers.report:
             self._reports[worker] = report
-            for question in [each for each, (taker, _) in self._moves.items() if taker == worker]:
-                if report.last >= question:
-                    self._cut(question)
+            self._go_on(worker, report.last)
         return news
 
     @abstractmethod
@@ -257,44 +289,61 @@ class Spread(ABC):
         The former owner goes on until then if it is ready, too, or leaving.
         """
         before, self._owners = self._owners, owners(ready)
-        moved: dict[tuple[str, bool], list[int]] = {}
+        busy = {partition_of(name) for name in self.names}
+        at_once: dict[str, list[int]] = {}
         for partition, new in enumerate(self._owners):
             if before and before[partition] == new:
                 continue
-            if self._former.get(partition) == new:
-                # It never stopped answering.
-                del self._former[partition]
-                continue
+            move = self._moves.pop(partition, None)
             old = before[partition] if before and before[partition] in {*ready, *leaving} else None
-            goes_on = bool(old and self.names)
-            moved.setdefault((new, goes_on), []).append(partition)
-            if old and goes_on:
-                # Before a worker has caught up, the worker before it answers.
-                self._former.setdefault(partition, old)
-        for (worker, goes_on), partitions in moved.items():
-            self._hand_over(worker, partitions, mute=goes_on)
+            answers = move.former if move else old
+            if answers and partition in busy:
+                # Without a move the former worker goes on: it never stopped answering.
+                if answers != new:
+                    self._moves[partition] = _Move(answers)
+            else:
+                at_once.setdefault(new, []).append(partition)
+        for worker, partitions in at_once.items():
+            self._tell(worker, TAKE_OVER + encode_entries(self._ledger.entries(partitions)))
+            self._tell_frames(worker, self._ledger.recent(partitions))
+        for worker in set(self._owners):
+            self._go_on(worker, 0)
 
-    def _hand_over(self, worker: str, partitions: list[int], *, mute: bool) -> None:
-        """Tell a worker which performers it takes over, send their last frames; `mute` it while the former goes on."""
-        entries = self._ledger.entries(partitions)
-        if mute:
-            entries = [msgspec.structs.replace(each, answered=MAX_SEQ) for each in entries]
-        self._tell(worker, TAKE_OVER + encode_entries(entries))
-        for each in together(self._ledger.recent(partitions)):
+    def _go_on(self, worker: str, answered: int) -> None:
+        """Go on with the moves to a worker that has dealt with all questions up to one."""
+        for partition, move in [*self._moves.items()]:
+            if not self._owners or self._owners[partition] != worker:
+                continue
+            if move.caught_up and answered >= move.question:
+                # The former worker gets no more frames.
+                del self._moves[partition]
+            elif not move.caught_up:
+                if answered >= move.question:
+                    self._hand_over(partition, move)
+                # One partition after the other: its other performers wait for one piece only.
+                return
+
+    def _hand_over(self, partition: int, move: _Move, *, at_once: bool = False) -> None:
+        """Send a partition's owner the next piece of the last seconds, or the rest; ask it to say when it is done."""
+        worker = self._owners[partition]
+        if move.reached is None:
+            self._tell(worker, TAKE_OVER + encode_entries(self._ledger.entries([partition])))
+            move.reached = 0
+        reached = move.reached
+        frames = sorted((each for each in self._ledger.recent([partition]) if _number(each) > reached), key=_number)
+        if not at_once and len(frames) > _PIECE and move.pieces < _MOST_PIECES:
+            frames = frames[:_PIECE]
+        else:
+            move.caught_up = True
+        self._tell_frames(worker, frames)
+        move.reached = _number(frames[-1]) if frames else reached
+        move.pieces += 1
+        move.question = next(questions)
+        self._tell(worker, ASK + encode_number(move.question))
+
+    def _tell_frames(self, worker: str, frames: Sequence[SentFrame]) -> None:
+        for each in together(frames):
             self._tell(worker, FRAMES + encode_frames(each))
-        if mute:
-            question = next(questions)
-            self._moves[question] = worker, partitions
-            self._tell(worker, ASK + encode_number(question))
-
-    def _cut(self, question: int) -> None:
-        """Let a worker answer that has caught up; the former worker gets no more frames of these partitions."""
-        worker, partitions = self._moves.pop(question)
-        # Meanwhile a partition may have moved on to another worker.
-        own = [each for each in partitions if self._owners and self._owners[each] == worker]
-        for each in own:
-            self._former.pop(each, None)
-        self._tell(worker, UNMUTE + encode_entries(self._ledger.entries(own)))
 
     def _lose(self, worker: str, ready: Collection[str]) -> None:
         """Give the partitions of an ended worker to the other workers; keep its counts."""
@@ -302,13 +351,19 @@ class Spread(ABC):
             self._past.add(report.counts.recognizers)
             self._past_joints += report.counts.other_joints
             self._past_dropped += report.dropped
-        for question, (taker, partitions) in [*self._moves.items()]:
-            if worker == taker or any(self._former.get(each) == worker for each in partitions):
-                self._cut(question)
+        for partition in [each for each, move in self._moves.items() if move.former == worker]:
+            move = self._moves.pop(partition)
+            if not move.caught_up and self._owners and self._owners[partition] in ready:
+                self._hand_over(partition, move, at_once=True)
         self._assign(ready)
 
 
 questions = itertools.count(1)
+
+
+def _number(frame: SentFrame) -> int:
+    """Give the number of a frame."""
+    return frame.seq or 0
 
 
 def together(frames: Sequence[SentFrame]) -> list[list[SentFrame]]:

@@ -19,10 +19,9 @@ from kinespace.stream.recognizer.performers import PerformerCounts  # noqa: TC00
 from kinespace.stream.zeromq.frames import MAX_SEQ, VERSION, FormatError, NumberedFrame, positions_of
 from kinespace.stream.zeromq.single_part import Packed
 
-#: The first byte of a message to a worker: frames; performers whom it takes over, whose frames follow; performers whose
-#: former worker stops; a question, which a report answers; another sensitivity. Over a network also its membership, and
-#: the end of its membership.
-FRAMES, TAKE_OVER, UNMUTE, ASK, SENSE, WELCOME, REJOIN = b"F", b"T", b"U", b"A", b"S", b"W", b"J"
+#: The first byte of a message to a worker: frames; performers whom it takes over, whose frames follow; a question that
+#: a report answers; another sensitivity. Over a network also its membership, and the end of its membership.
+FRAMES, TAKE_OVER, ASK, SENSE, WELCOME, REJOIN = b"F", b"T", b"A", b"S", b"W", b"J"
 #: Frames in a message, at most.
 MAX_TOGETHER = 256
 #: Seconds of a sender's clock, at most: more are a mistake.

@@ -128,13 +128,6 @@ class Worker:
             if entry.long_ago:
                 self.performers.go_on(entry.performer, entry.long_ago.of_the_body, now)
 
-    def unmute(self, entries: Sequence[Entry]) -> None:
-        """Answer from now on for performers whose former worker has answered until now."""
-        for entry in entries:
-            if over := self._taken_over.get(entry.performer):
-                over.answered, over.told, over.long_ago = entry.answered, entry.going_on, entry.long_ago
-                self.performers.keep_time_with(entry.performer, entry.time)
-
     def _begin(self, performer: str) -> None:
         self.performers.push_all([NewSender(performer)], 0.0)
         self._newest.pop(performer, None)

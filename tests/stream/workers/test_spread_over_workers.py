@@ -1,4 +1,4 @@
-"""Spreading performers over workers that come and go, without workers: only who is told what."""
+"""Spreading performers over workers that come and go, without processes: who is sent which frames."""
 
 from __future__ import annotations
 
@@ -16,13 +16,12 @@ from kinespace.stream.workers.wire import (
     ASK,
     FRAMES,
     TAKE_OVER,
-    UNMUTE,
     Answers,
     Report,
     decode_entries,
+    decode_frames,
     decode_number,
 )
-from kinespace.stream.zeromq.frames import MAX_SEQ
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -34,29 +33,48 @@ NAMES = tuple(f"performer {number}" for number in range(40))
 
 
 class Noted(Spread):
-    """Notes which workers may answer for whom, and whose frames reach such a worker."""
+    """Notes which frames reach each worker, and how many at once."""
 
     def __init__(self, library: MotionLibrary) -> None:
         super().__init__(library, library.classes, Settings(), SentJoints(), Ledger(most=64, silence=5.0))
         self.joints = len(library.skeleton.joints)
         self.workers: list[str] = []
-        self.mute: dict[str, set[str]] = {}
+        self.leaving: list[str] = []
         self.asked: dict[str, list[int]] = {}
-        self.heard = dict.fromkeys(NAMES, 0)
+        #: The numbers of each performer's frames, and of the last one that each worker got.
+        self.sent: dict[str, list[int]] = {name: [] for name in NAMES}
+        self.newest: dict[tuple[str, str], int] = {}
+        self.answered = dict.fromkeys(NAMES, 0)
+        self.most_at_once = 0
         self.now = 1.0
 
     def _give(self, worker: str, frames: list[SentFrame]) -> None:
         for each in frames:
-            self.heard[each.performer] += each.performer not in self.mute.get(worker, ())
+            name, number = each.performer, each.seq or 0
+            if not self.sent[name] or self.sent[name][-1] < number:
+                self.sent[name].append(number)
+            self._take(worker, name, number)
+
+    def _take(self, worker: str, name: str, number: int) -> None:
+        """Check that a worker gets a performer's frames without a hole, and answer this one."""
+        before = self.newest.get((worker, name))
+        place = self.sent[name].index(number)
+        assert before is None or self.sent[name][: place + 1][-2:][0] in {before, number}
+        assert before is not None or place == 0
+        self.newest[worker, name] = number
+        self.answered[name] = max(self.answered[name], number)
 
     def _tell(self, worker: str, message: bytes) -> None:
         kind, content = message[: len(FRAMES)], message[len(FRAMES) :]
-        mute = self.mute.setdefault(worker, set())
         if kind == TAKE_OVER:
             for entry in decode_entries(content):
-                (mute.add if entry.answered == MAX_SEQ else mute.discard)(entry.performer)
-        elif kind == UNMUTE:
-            mute.difference_update(entry.performer for entry in decode_entries(content))
+                # It was sent in time, and the first of its last frames may be any.
+                self.newest[worker, entry.performer] = self.sent[entry.performer][0]
+        elif kind == FRAMES:
+            frames = decode_frames(content)
+            self.most_at_once = max(self.most_at_once, len(frames))
+            for each, _ in frames:
+                self._take(worker, each.performer, each.seq or 0)
         elif kind == ASK:
             self.asked.setdefault(worker, []).append(decode_number(content))
 
@@ -65,25 +83,39 @@ class Noted(Spread):
         self.workers.append(worker)
         self._assign(self.workers)
 
-    def lose(self, worker: str) -> None:
-        """Let a worker go without a word."""
+    def leave(self, worker: str) -> None:
+        """Let a worker ask for leave."""
         self.workers.remove(worker)
+        self.leaving.append(worker)
+        self._assign(self.workers, [worker])
+
+    def lose(self, worker: str) -> None:
+        """Let a worker go without a word, perhaps one that has asked for leave."""
+        (self.workers if worker in self.workers else self.leaving).remove(worker)
         self._lose(worker, self.workers)
         self.asked.pop(worker, None)
 
-    def caught_up(self, worker: str) -> None:
+    def deal(self, worker: str) -> None:
         """Let a worker answer the questions so far."""
         if asked := self.asked.pop(worker, []):
             report = Report(PerformerCounts(), {}, {}, {}, last=max(asked))
             self.take_back(worker, Answers([], report))
 
-    def frames(self) -> Sequence[int]:
-        """Send a frame of each performer; give how many workers that may answer got each."""
+    def catch_up(self) -> None:
+        """Let all workers deal with everything."""
+        while self.asked:
+            for worker in [*self.asked]:
+                self.deal(worker)
+
+    def frames(self) -> list[int]:
+        """Send a frame of each performer; check that somebody answers it; give how many workers get each."""
         self.now += 1 / 60
-        self.heard = dict.fromkeys(NAMES, 0)
         positions = np.random.default_rng(0).normal(size=(self.joints, 3))
+        before = dict(self.newest)
         self.push_all([Frame(name, self.now, positions) for name in NAMES], self.now)
-        return list(self.heard.values())
+        assert self.answered == {name: numbers[-1] for name, numbers in self.sent.items()}
+        changed = [name for (worker, name), number in self.newest.items() if before.get((worker, name)) != number]
+        return [changed.count(name) for name in NAMES]
 
 
 @pytest.mark.parametrize("order", [("ben", "cat"), ("cat", "ben")])
@@ -93,29 +125,52 @@ def test_a_second_worker_comes_before_the_first_has_caught_up(sticks: MotionLibr
     spread.join("ann")
     spread.frames()
     spread.join("ben")
-    assert min(spread.frames()) >= 1
+    spread.frames()
     spread.join("cat")
-    assert min(spread.frames()) >= 1
+    spread.frames()
     for worker in order:
-        spread.caught_up(worker)
-        assert min(spread.frames()) >= 1
+        spread.deal(worker)
+        spread.frames()
+    spread.catch_up()
+    assert set(spread.frames()) == {1}
+
+
+def test_performers_move_in_pieces_if_their_former_worker_answers(sticks: MotionLibrary) -> None:
+    """A worker's other performers wait for a piece of the last seconds only; after a death all come at once."""
+    spread = Noted(sticks)
+    spread.join("ann")
+    for _ in range(100):
+        spread.frames()
+    spread.join("ben")
+    spread.catch_up()
+    assert 0 < spread.most_at_once <= 16
+    assert set(spread.frames()) == {1}
+    spread.leave("ann")
+    spread.catch_up()
+    assert spread.most_at_once <= 16
+    assert {worker for worker, _ in spread.newest} == {"ann", "ben"}
+    spread.join("cat")
+    spread.catch_up()
+    spread.lose("ben")
+    assert spread.most_at_once > 16
     assert set(spread.frames()) == {1}
 
 
 @pytest.mark.parametrize("seed", range(20))
-def test_every_frame_reaches_a_worker_that_may_answer(sticks: MotionLibrary, seed: int) -> None:
-    """Workers come, go and catch up in any order."""
+def test_every_frame_is_answered_and_no_worker_misses_one(sticks: MotionLibrary, seed: int) -> None:
+    """Workers come, ask for leave, go and catch up in any order."""
     chance, spread = np.random.default_rng(seed), Noted(sticks)
     spread.join("worker 0")
-    for number in range(1, 60):
-        what = str(chance.choice(["join", "lose", "caught up", "caught up"]))
+    for number in range(1, 80):
+        what = str(chance.choice(["join", "leave", "lose", "end", "deal", "deal", "deal", "deal"]))
         if what == "join" and len(spread.workers) < 6:
             spread.join(f"worker {number}")
-        elif what == "lose" and len(spread.workers) > 1:
-            spread.lose(str(chance.choice(spread.workers)))
-        elif what == "caught up":
-            spread.caught_up(str(chance.choice(spread.workers)))
-        assert min(spread.frames()) >= 1
-    for worker in spread.workers:
-        spread.caught_up(worker)
+        elif what in {"leave", "lose"} and len(spread.workers) > 1:
+            getattr(spread, what)(str(chance.choice(spread.workers)))
+        elif what == "end" and spread.leaving:
+            spread.lose(spread.leaving[0])
+        elif what == "deal":
+            spread.deal(str(chance.choice(spread.workers)))
+        spread.frames()
+    spread.catch_up()
     assert set(spread.frames()) == {1}

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from kinespace.stream.recognizer import LiveSignature
-from kinespace.tools.bench.cases.scale import BUSIER
 from kinespace.tools.terminal.tables import narrow_table
 
 if TYPE_CHECKING:
@@ -16,6 +15,7 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from kinespace.tools.bench.cases.capacity import Crowd
+    from kinespace.tools.bench.cases.cluster_soak import Endured
     from kinespace.tools.bench.cases.peers import Peers
     from kinespace.tools.bench.cases.scale import Scale
     from kinespace.tools.bench.cases.scaling import Growth
@@ -46,6 +46,7 @@ class Report:
     sockets: Sockets | None = None
     soak: Soak | None = None
     scale: Scale | None = None
+    cluster_soak: Endured | None = None
     notes: list[str] = field(default_factory=list)
 
     def figures(self) -> dict[str, float | int | None]:
@@ -132,6 +133,8 @@ class Report:
         if self.scale:
             yield _scale_table(self.scale)
             yield _scale_summary(self.scale)
+        if self.cluster_soak:
+            yield _endured_table(self.cluster_soak)
 
 
 def _rounded(value: float | None) -> float | int | None:
@@ -256,10 +259,7 @@ def _scale_table(scale: Scale) -> Table:
         "core: performers at 120 Hz that a core recognises, by their processor time"
     )
     table = _table(title, ("",), ("p50", "p99", "gap", "none", "lost", "false", "here", "there", "core"))
-    many = BUSIER * scale.crowd
-    at_once = [replace(run, what=f"{run.what}, {many} at once") for run in scale.at_once]
-    busier = [replace(run, what=f"{run.what}, {many}") for run in scale.held]
-    for run in (scale.alone, scale.workers, *scale.runs.values(), *at_once, *busier):
+    for run in (scale.alone, scale.workers, *scale.runs.values(), *scale.at_once, *scale.held):
         lags = (f"{run.percentile(50):.2f}", f"{run.percentile(99):.2f}", _seconds(run.gap))
         counted = (f"{run.expected - run.answered}", f"{run.lost_events}", f"{run.false_events}")
         recognised = run.core_us or (run.loop_us if run.what.startswith("one") else math.nan)
@@ -281,6 +281,18 @@ def _scale_summary(scale: Scale) -> Table:
         ("what live --workers 2 recognises, relative to one process", scale.speedup, 1.7),
     ):
         table.add_row(f"{name} (goal {goal})", f"{value:.2f}" if value else _NOTHING)
+    return table
+
+
+def _endured_table(endured: Endured) -> Table:
+    title = f"{endured.minutes:g} minutes of {endured.performers} performers, three workers, {endured.kills} killed"
+    table = _table(title, ("",), ("",))
+    lags = ", ".join(f"{endured.percentile(percent):.1f}" for percent in (50, 99, 99.9))
+    table.add_row("milliseconds from a frame to its answer, p50, p99, p99.9", lags)
+    told = f"{endured.lost_events}, {endured.false_events} of {endured.events}"
+    table.add_row(f"events lost, events more, in {endured.rounds} rounds of the motion", told)
+    table.add_row("frames lost", endured.dropped)
+    table.add_row("memory after a twelfth of the time, and at the end", ", ".join(map(_megabytes, endured.memory_mb)))
     return table
 
 

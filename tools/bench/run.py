@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import platform
+from contextlib import nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, get_args
@@ -13,6 +14,7 @@ from kinespace.library import MotionLibrary
 from kinespace.library.kernels import compiled
 from kinespace.stream.recognizer import LiveSignature, Settings
 from kinespace.tools.bench import recorded
+from kinespace.tools.bench.awake import awake_cores
 from kinespace.tools.bench.cases import peers, scaling, soak, sockets, stages
 from kinespace.tools.bench.report import Report
 from kinespace.tools.bench.timing import one_thread
@@ -26,7 +28,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-Part = Literal["stages", "peers", "growth", "sockets", "soak", "scale"]
+Part = Literal["stages", "peers", "growth", "sockets", "soak", "scale", "cluster-soak"]
 PARTS: tuple[Part, ...] = get_args(Part)
 
 
@@ -73,9 +75,9 @@ class Effort:
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the program's options."""
     parser.description = (
-        "Times every step, the alternatives, growth, sockets, a long run, and workers on a bus, on real motions and "
-        "one core. pip install kinespace[bench,cluster] lets it keep linear algebra to one thread. Everything takes "
-        "an hour."
+        "Times every step, the alternatives, growth, sockets, a long run, and workers on a bus for a while and for "
+        "long, on real motions and one core. pip install kinespace[bench,cluster] lets it keep linear algebra to one "
+        "thread. Everything takes an hour and a half."
     )
     parser.add_argument("part", nargs="?", choices=(*PARTS, "all"), default="all", help="default: %(default)s")
     parser.add_argument(
@@ -103,9 +105,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--minutes",
         type=not_negative,
         default=10.0,
-        help="minutes of soak over sockets, 0 for none (default %(default)s)",
+        help="minutes of soak over sockets, 0 for none, and of cluster-soak (default %(default)s)",
     )
-    parser.add_argument("--crowd", type=count, default=12, help="performers of scale (default %(default)s)")
+    parser.add_argument(
+        "--crowd", type=count, default=12, help="performers of scale and cluster-soak (default %(default)s)"
+    )
+    parser.add_argument(
+        "--awake",
+        action="store_true",
+        help="keep the cores of a virtual machine awake, by loops that run only where nothing else does (Linux)",
+    )
     parser.add_argument("--picture", type=Path, metavar="FILE", help="draw the results")
     add_json(parser)
 
@@ -123,6 +132,7 @@ def run(options: argparse.Namespace) -> int:
             minutes=options.minutes,
             crowd=options.crowd,
         ),
+        awake=options.awake,
         picture=options.picture,
         as_json=options.json,
     )
@@ -134,6 +144,7 @@ def bench(
     data: Path | None,
     signature: LiveSignature | None,
     effort: Effort,
+    awake: bool = False,
     picture: Path | None,
     as_json: bool,
 ) -> int:
@@ -150,6 +161,8 @@ def bench(
         not given.
     effort
         How long every part runs.
+    awake
+        Keep the cores awake.
     picture
         The file to draw the results in.
     as_json
@@ -159,9 +172,10 @@ def bench(
         from kinespace.tools.terminal.pictures import require_place_for_picture  # noqa: PLC0415 - matplotlib is an extra, slow to load
 
         require_place_for_picture(picture)
-    with one_thread() as note:
+    with one_thread() as note, awake_cores() if awake else nullcontext():
         report = measured(parts, recorded.positions(data), signature=signature, effort=effort)
     report.notes += [note] if note else []
+    report.notes += ["all cores were kept awake"] if awake else []
     if picture:
         from kinespace.tools.bench import picture as drawing  # noqa: PLC0415 - matplotlib is an extra, and slow to load
 
@@ -210,6 +224,11 @@ def measured(
 
         report.scale = scale.measure(positions, seconds=effort.seconds, crowd=effort.crowd)
 
+    def run_cluster_soak() -> None:
+        from kinespace.tools.bench.cases import cluster_soak  # noqa: PLC0415 - Zenoh is an extra
+
+        report.cluster_soak = cluster_soak.measure(positions, minutes=effort.minutes, crowd=effort.crowd)
+
     runs: dict[Part, Callable[[], None]] = {
         "stages": run_stages,
         "peers": run_peers,
@@ -217,6 +236,7 @@ def measured(
         "sockets": run_sockets,
         "soak": run_soak,
         "scale": run_scale,
+        "cluster-soak": run_cluster_soak,
     }
     for part, run_part in runs.items():
         if part in parts:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections import Counter
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -13,6 +14,7 @@ import pytest
 from kinespace.stream.recognizer import LiveSignature, RecognizerCounts
 from kinespace.tools.bench import picture
 from kinespace.tools.bench.cases.capacity import Crowd
+from kinespace.tools.bench.cases.cluster_soak import Endured
 from kinespace.tools.bench.cases.peers import Peer, Peers
 from kinespace.tools.bench.cases.scale import Run, Scale
 from kinespace.tools.bench.cases.scaling import Growth
@@ -85,12 +87,17 @@ def made_up(signature: LiveSignature = LiveSignature.PAPER) -> Report:
                 "leave": replace(one, what="leave", gap=0.05),
                 "join": replace(one, what="join", gap=0.0625),
             },
-            (one, replace(one, what="two", core_us=32.0)),
-            (replace(one, loop_us=float("nan"), core_us=45.0), replace(one, what="three", core_us=60.0)),
+            (one, replace(one, what="two, all at once", core_us=32.0)),
+            (replace(one, loop_us=float("nan"), core_us=45.0), replace(one, what="three, busier", core_us=60.0)),
             1.5,
             0.75,
             (98, 1),
             25.0,
+        ),
+        cluster_soak=Endured(
+            *(30, 20.0, 12, Counter({7: 980, 91: 10, 500: 10}), 14, 500, 3, 4),
+            "18 frames dropped because workers were busy",
+            (70.0, 71.0),
         ),
     )
 
@@ -198,8 +205,13 @@ def test_the_tables_name_everything(capsys: pytest.CaptureFixture[str], monkeypa
             "hang",
             "gateway is started again",
             "of 98 takeovers by themselves",
-            "one process, 390 at once",
-            "three, 390",
+            "two, all at once",
+            "three, busier",
+            "20 minutes of 30 performers, three workers, 12 killed",
+            "0.7, 9.1, 50.0",
+            "3, 4 of 500",
+            "18 frames dropped",
+            "70.0 MB, 71.0 MB",
         ),
     )
     for text in told:

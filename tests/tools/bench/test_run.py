@@ -11,7 +11,7 @@ from test_bench_report import KEYS
 
 from kinespace.stream.recognizer import LiveSignature
 from kinespace.tools.bench import run
-from kinespace.tools.bench.cases import peers, scale, scaling, soak, sockets, stages
+from kinespace.tools.bench.cases import cluster_soak, peers, scale, scaling, soak, sockets, stages
 from kinespace.tools.bench.cases.scaling import Sizes
 from kinespace.tools.cli.main import main
 
@@ -61,6 +61,7 @@ def test_parts_are_measured_as_asked(parts: tuple[run.Part, ...], monkeypatch: p
     """Each part asked for, and no other, is measured once, in the usual order, with the effort asked for."""
     asked = dict[str, dict[str, object]]()
     modules = {"stages": stages, "peers": peers, "growth": scaling, "sockets": sockets, "soak": soak, "scale": scale}
+    modules["cluster-soak"] = cluster_soak
     for name, module in modules.items():
         monkeypatch.setattr(
             module, "measure", lambda *_, name=name, **options: asked.setdefault(name, options) and name
@@ -69,7 +70,7 @@ def test_parts_are_measured_as_asked(parts: tuple[run.Part, ...], monkeypatch: p
     report = run.measured(parts, played, signature=LiveSignature.PAPER, effort=EFFORT)
     assert list(asked) == [name for name in modules if name in parts]
     for name, options in asked.items():
-        assert getattr(report, name) == name
+        assert getattr(report, name.replace("-", "_")) == name
         for option, value in options.items():
             of_effort = getattr(EFFORT, option, None)
             assert value == of_effort or option in {"signature", "signatures"}, option

@@ -16,7 +16,7 @@ import sys
 import time
 from collections import Counter
 from contextlib import ExitStack, closing, suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -57,8 +57,8 @@ _MAX_START, _LINGER = 60.0, 3.0
 _SEEN = 4
 #: Frames of feed after a takeover, and between two takeovers, without a cluster.
 _AFTER, _EVERY = 360, 80
-#: How many times as many performers show what a core holds: so many that a worker seldom sleeps between frames.
-BUSIER = 3
+#: How many times as many performers show what a core holds: so many that a recogniser seldom sleeps between frames.
+_BUSIER = 3
 #: Seconds in which workers must be back after a cut of the network.
 _MAX_HEALING = 20.0
 
@@ -115,11 +115,11 @@ class Scale:
     runs
         A gateway and two workers, or three if something happens, by the event.
     at_once
-        One process and `live --workers 2`, with `BUSIER` times as many performers, whose frames come all at once, as
-        frames do that wait for a full core: the processor time of recognition alone.
+        One process, and `live --workers 2` with twice as many performers, so that each core has as many: the processor
+        time of recognition alone, where frames come all at once, as frames do that wait for a full core.
     held
-        A service that receives and answers over OSC, and a gateway with two workers, with `BUSIER` times as many
-        performers: their processor time tells how many performers a core holds.
+        A service that receives and answers over OSC, and a gateway with one worker for as many performers: their
+        processor time tells how many performers a core holds.
     gateway_gap_s
         Seconds without an answer when the gateway is started again.
     healed_s
@@ -318,7 +318,7 @@ class Cluster(Troupe):
 
     def close(self) -> None:
         """End everything."""
-        _end(self.workers)
+        end(self.workers)
         super().close()
 
 
@@ -327,10 +327,10 @@ def _started(*arguments: str, within: Sequence[str] = ()) -> subprocess.Popen[by
     return subprocess.Popen(command, stdout=subprocess.DEVNULL)  # noqa: S603 - our own command
 
 
-def _end(processes: Sequence[subprocess.Popen[bytes]]) -> None:
+def end(processes: Sequence[subprocess.Popen[bytes]]) -> None:
+    """Kill processes, also stopped ones, and wait until they are gone."""
     for each in processes:
         with suppress(ProcessLookupError):
-            # A stopped process is ended, too.
             each.kill()
         each.wait()
 
@@ -353,10 +353,10 @@ HAPPENINGS: dict[str, Callable[[Cluster], None]] = {
 }
 
 
-def play(feed: Feed, what: str, network: Network | None = None, *, at_once: bool = False) -> Run:
-    """Play a feed through two workers, or through three of which one does something in the middle."""
-    with closing(Cluster(2 if what == "nothing" else 3, len(feed.frames[0]), network)) as cluster:
-        run = _played(feed, cluster, what, partial(HAPPENINGS[what], cluster), at_once=at_once)
+def play(feed: Feed, what: str, network: Network | None = None, *, workers: int = 3) -> Run:
+    """Play a feed through workers of which one does something in the middle."""
+    with closing(Cluster(workers, len(feed.frames[0]), network)) as cluster:
+        run = _played(feed, cluster, what, partial(HAPPENINGS[what], cluster), at_once=False)
         if network:
             cluster.wait_for(3, _MAX_HEALING)
         return run
@@ -469,7 +469,7 @@ def gateway_gap(positions: NDArray[np.float32]) -> float:
         stack.callback(receiver.close)
         stack.callback(sender.close)
         running = [_started(*gateway), _started("work", "--connect", place)]
-        stack.callback(_end, running)
+        stack.callback(end, running)
         heard: list[float] = []
         ends, killed = time.monotonic() + _MAX_START, 0.0
         for k in range(round(_MAX_START * FRAME_RATE)):
@@ -538,8 +538,9 @@ def measure(positions: NDArray[np.float32], *, seconds: float, crowd: int) -> Sc
     crowd
         The number of performers.
     """
-    feed, busier = Feed.of(positions, crowd, seconds), Feed.of(positions, BUSIER * crowd, seconds)
-    runs = {what: play(feed, what) for what in HAPPENINGS if what != "cut"}
+    many = _BUSIER * crowd
+    feed, busier, busiest = (Feed.of(positions, number, seconds) for number in (crowd, many, 2 * many))
+    runs = {what: play(feed, what, workers=2 if what == "nothing" else 3) for what in HAPPENINGS if what != "cut"}
     cut = network_cut(feed)
     if cut:
         runs["cut"] = cut[0]
@@ -548,8 +549,14 @@ def measure(positions: NDArray[np.float32], *, seconds: float, crowd: int) -> Sc
         alone(feed),
         with_workers(feed),
         runs,
-        (alone(busier, at_once=True), with_workers(busier, at_once=True)),
-        (over_osc(positions, BUSIER * crowd, seconds), play(busier, "nothing")),
+        (
+            replace(alone(busier, at_once=True), what=f"one process, {many} at once"),
+            replace(with_workers(busiest, at_once=True), what=f"live --workers 2, {2 * many} at once"),
+        ),
+        (
+            replace(over_osc(positions, many, seconds), what=f"one process, OSC, {many}"),
+            replace(play(busier, "nothing", workers=1), what=f"one worker, {many}"),
+        ),
         gateway_gap(positions),
         cut[1] if cut else math.nan,
         takeovers(positions, HISTORY),

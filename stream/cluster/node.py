@@ -45,7 +45,7 @@ _MAX_AGE, _MAX_WARMING = 1.0, 4.0
 #: Maximum seconds for which an answer waits for further answers, to travel with them.
 _MAX_TOGETHER = 0.002
 #: Seconds within which a worker that leaves hands its performers over.
-_MAX_LEAVING = 1.0
+_MAX_LEAVING = 10.0
 #: Seconds after which a gateway that has not sent its charter, or its library, is asked again.
 _ASK_AGAIN, _FETCH_AGAIN = 1.0, 20.0
 #: Seconds without a frame after which a performer may come from another gateway.
@@ -274,7 +274,6 @@ class Post:
     def __init__(self, node: Node, gateway: str, charter: Charter, library: MotionLibrary) -> None:
         self._node, self._gateway, self._charter, self._library = node, gateway, charter, library
         self._member = 0
-        self._last = 0
         self._leaves, self.has_left = False, False
         #: The number of the last message of frames.
         self._number = 0
@@ -333,8 +332,7 @@ class Post:
                 self._worker.take_over(decode_entries(content), self._node.clock())
                 self._warm = self._node.clock() + _MAX_WARMING
             elif kind == ASK:
-                self._last = decode_number(content)
-                self.report()
+                self._answer(decode_number(content))
             else:
                 raise FormatError(f"kind: expected one of ours, got {kind!r}")  # noqa: TRY301 - counted alike
         except FormatError:
@@ -368,14 +366,18 @@ class Post:
     def send_answers(self) -> None:
         """Send the answers that wait."""
         if self._answers:
-            answers, self._answers = self._answers, []
-            self._send(Answers(answers))
+            self._answer(0)
+
+    def _answer(self, question: int) -> None:
+        """Send the answers that wait, and the number of a question that came after their frames."""
+        answers, self._answers = self._answers, []
+        self._send(Answers(answers, last=question))
 
     def report(self) -> None:
         """Send a report, which also shows that the worker is alive, or asks for membership."""
         self.send_answers()
         now = self._node.clock()
-        report = self._worker.report(now, self._last)
+        report = self._worker.report(now)
         dropped = self._node.dropped - self._dropped
         self._send(Answers([], msgspec.structs.replace(report, dropped=dropped, leaves=self._leaves)))
 

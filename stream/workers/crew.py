@@ -232,6 +232,11 @@ class Crew(Spread):
         return sum(source.process.channel.dropped for source in self.sources if source.process)
 
     @property
+    def _hearing(self) -> list[str]:
+        # A process that starts hears of it, too.
+        return [each.name for each in self.sources if each.process]
+
+    @property
     def _ready(self) -> dict[str, WorkerSource]:
         return {each.name: each for each in self.sources if each.process and each.process.ready}
 
@@ -316,4 +321,4 @@ class Crew(Spread):
         return [*last, *super().end()]
 
     def _are_done(self, question: int) -> bool:
-        return all(name in self._reports and self._reports[name].last >= question for name in self._ready)
+        return all(self._last.get(name, 0) >= question for name in self._ready)

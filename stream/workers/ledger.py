@@ -35,7 +35,8 @@ class _Performer:
     heard: float
     #: Time of the last frame on the sender's clock, seconds.
     time: float = 0.0
-    #: The numbers of the last frame sent and of the last frame answered.
+    #: The numbers of the first and the last frame sent, and of the last frame answered.
+    first: int = 0
     sent: int = 0
     answered: int = 0
     #: The arrival of the last answered frame, and its time on the sender's clock.
@@ -128,6 +129,7 @@ class Ledger:
         elif joints is not None:
             performer.told_joints = now
         self._seq += 1
+        performer.first = performer.first or self._seq
         sent = sent_frame(frame, self._seq, now, joints, anew=performer.anew)
         sent.asks = performer.asks
         performer.anew = performer.asks = False
@@ -152,21 +154,30 @@ class Ledger:
         self._gone = [each for each in self._gone if each != name]
         return performer
 
-    def note(self, answer: Answered) -> tuple[Event, ...] | None:
+    def note(self, answer: Answered, classes: Collection[str] | None = None) -> tuple[Event, ...] | None:
         """Note an answer; give its events so that each motion starts and ends once.
+
+        Parameters
+        ----------
+        answer
+            The answer.
+        classes
+            No other motions start: the worker may not know yet that the library was exchanged. None: any may start.
 
         Returns
         -------
         None for an answer that is no news: its performer has left, or its frame was answered before.
         """
         performer = self._performers.get(answer.performer)
-        if performer is None or not performer.answered < answer.seq <= performer.sent:
+        if performer is None or not max(performer.answered, performer.first - 1) < answer.seq <= performer.sent:
             return None
         performer.answered, performer.answered_at = answer.seq, answer.at
         performer.answered_time, performer.long_ago = answer.time, answer.long_ago
         performer.carried = answer.carried or performer.carried
         told: list[Event] = []
         for event in answer.events:
+            if event.kind is EventKind.START and classes is not None and event.label not in classes:
+                continue
             going_on = performer.going_on
             same = going_on is not None and going_on.label == event.label
             if event.kind is EventKind.END:

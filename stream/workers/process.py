@@ -126,7 +126,6 @@ class Loop:
         self.worker = worker
         self._channel, self._opened = channel, opened
         self._next_report = 0.0
-        self._last = 0
 
     def run(self) -> None:
         """Go on until the channel is closed."""
@@ -161,8 +160,7 @@ class Loop:
         elif kind == SENSE:
             self.worker.performers.set_sensitivity(decode_share(content))
         elif kind == ASK:
-            self._last = decode_number(content)
-            self.report()
+            self._channel.send(encode_answers(Answers([], last=decode_number(content))))
 
     def report_when_due(self) -> None:
         """Report a few times a second, which also shows that the worker is alive."""
@@ -173,4 +171,4 @@ class Loop:
         """Report now."""
         now = time.monotonic()
         self._next_report = now + REPORT_EVERY
-        self._channel.send(encode_answers(Answers([], self.worker.report(now, self._last))))
+        self._channel.send(encode_answers(Answers([], self.worker.report(now))))

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import itertools
 from abc import ABC, abstractmethod
-from dataclasses import dataclass, replace
+from collections import deque
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, cast
 
 from kinespace.library.motion_library import MIN_JOINTS
@@ -41,32 +42,35 @@ if TYPE_CHECKING:
     from kinespace.stream.workers.wire import Answers, Report, SentFrame
 
 
-#: Frames in a piece of the last seconds of performers who move while their former worker answers: a few milliseconds of
-#: the new owner's time, for which its other performers wait. After so many pieces it gets the rest at once.
-_PIECE, _MOST_PIECES = 16, 200
+#: Frames that a worker gets at once of performers who move to it while their former worker answers, at least: a few
+#: milliseconds, for which its other performers wait.
+_PIECE = 16
 
 
 @dataclass(slots=True)
 class _Move:
-    """A partition that moves to its new owner, which sees the last seconds first, piece by piece.
+    """A partition that moves to its new owner, which gets the last seconds first, piece by piece.
 
     Attributes
     ----------
     former
         The worker that answers meanwhile.
-    reached
-        The number of the last frame that the new owner was sent; None before it was told of the performers.
-    pieces
-        How many pieces it was sent.
+    begun
+        Whether the owner was told of the performers.
+    waiting
+        The frames that the owner has not been sent.
+    came
+        How many of them came since the last piece.
     question
-        What the new owner was asked after the last piece; 0 before.
+        The number of the question after the last piece; 0 before the first piece.
     caught_up
-        Whether it gets new frames, too.
+        Whether the owner gets new frames, too.
     """
 
     former: str
-    reached: int | None = None
-    pieces: int = 0
+    begun: bool = False
+    waiting: deque[SentFrame] = field(default_factory=deque)
+    came: int = 0
     question: int = 0
     caught_up: bool = False
 
@@ -84,7 +88,8 @@ class Spread(ABC):
     Attributes
     ----------
     former
-        Answers that were not passed on, because they came from a former owner or their performer has left.
+        Answers that were not passed on, because they came from a former owner, a few after each move, or because their
+        performer has left.
     unread
         Workers' messages that could not be read.
     unsent
@@ -102,9 +107,11 @@ class Spread(ABC):
         self._books = [tuple(classes)]
         #: The owner of each partition; empty without workers.
         self._owners: tuple[str, ...] = ()
-        #: The partitions that move while their former worker answers; the first move of an owner goes on.
+        #: The partitions that move while their former worker answers; of the moves to one worker the first goes on.
         self._moves: dict[int, _Move] = {}
         self._reports: dict[str, Report] = {}
+        #: The number of the last question that each worker has dealt with.
+        self._last: dict[str, int] = {}
         #: The counts of workers that have ended.
         self._past = RecognizerCounts()
         self._past_joints = self._past_dropped = 0
@@ -126,7 +133,10 @@ class Spread(ABC):
 
     @property
     def counts(self) -> PerformerCounts:
-        """Counts of what happened to all frames so far, as far as workers have reported it."""
+        """Counts of what happened to all frames so far, as far as workers have reported it.
+
+        While a performer moves, two workers count its frames.
+        """
         total, other_joints = replace(self._past), self._past_joints
         for report in self._reports.values():
             total.add(report.counts.recognizers)
@@ -187,6 +197,9 @@ class Spread(ABC):
         for_worker: dict[str, list[SentFrame]] = {}
         for partition, each in frames.items():
             takers = self._takers(partition)
+            if (move := self._moves.get(partition)) and move.begun and not move.caught_up:
+                move.waiting.extend(each)
+                move.came += len(each)
             for taker in takers:
                 for_worker.setdefault(taker, []).extend(each)
             self.unsent += 0 if takers else len(each)
@@ -213,8 +226,13 @@ class Spread(ABC):
     def set_sensitivity(self, share: float) -> None:
         """Recognise all performers with another sensitivity from the next hop on."""
         self.settings = replace(self.settings, sensitivity=share)
-        for worker in set(self._owners):
+        for worker in self._hearing:
             self._tell(worker, SENSE + encode_share(share))
+
+    @property
+    def _hearing(self) -> Collection[str]:
+        """The workers that must know the settings."""
+        return set(self._owners)
 
     def skeleton_of(self, name: str) -> Skeleton | None:
         """Give the joints of a performer's frames, by our names where we know them; None for an unknown performer."""
@@ -267,16 +285,18 @@ class Spread(ABC):
             except FormatError:
                 self.unread += 1
                 continue
-            events = self._ledger.note(answer)
+            events = self._ledger.note(answer, self.classes)
             if events is None:
-                # While a partition moves two workers answer, and one of the two answers comes to nothing.
+                # While two workers answer, the second answer to a frame is no fault.
                 self.former += partition_of(answer.performer) not in self._moves
             else:
                 as_told = recognition if events == recognition.events else replace(recognition, events=events)
                 news.append((as_told, answer.at))
-        if report := answers.report:
-            self._reports[worker] = report
-            self._go_on(worker, report.last)
+        if answers.report:
+            self._reports[worker] = answers.report
+        if answers.last:
+            self._last[worker] = answers.last
+            self._go_on(worker, answers.last)
         return news
 
     @abstractmethod
@@ -286,7 +306,7 @@ class Spread(ABC):
     def _assign(self, ready: Collection[str], leaving: Collection[str] = ()) -> None:
         """Give each partition to its owner among the workers that are ready; hand over the partitions that move.
 
-        The former owner goes on until then if it is ready, too, or leaving.
+        The former owner answers until the new one has caught up, if it is ready or leaving.
         """
         before, self._owners = self._owners, owners(ready)
         busy = {partition_of(name) for name in self.names}
@@ -298,7 +318,7 @@ class Spread(ABC):
             old = before[partition] if before and before[partition] in {*ready, *leaving} else None
             answers = move.former if move else old
             if answers and partition in busy:
-                # Without a move the former worker goes on: it never stopped answering.
+                # If the partition comes back to the worker that answers, nothing moves: it has missed no frame.
                 if answers != new:
                     self._moves[partition] = _Move(answers)
             else:
@@ -320,24 +340,20 @@ class Spread(ABC):
             elif not move.caught_up:
                 if answered >= move.question:
                     self._hand_over(partition, move)
-                # One partition after the other: its other performers wait for one piece only.
+                # One partition after the other, so that the worker's other performers wait for one piece only.
                 return
 
-    def _hand_over(self, partition: int, move: _Move, *, at_once: bool = False) -> None:
-        """Send a partition's owner the next piece of the last seconds, or the rest; ask it to say when it is done."""
+    def _hand_over(self, partition: int, move: _Move) -> None:
+        """Send a partition's owner the next piece of the last seconds, and ask it to say when it has dealt with it."""
         worker = self._owners[partition]
-        if move.reached is None:
+        if not move.begun:
+            move.begun = True
             self._tell(worker, TAKE_OVER + encode_entries(self._ledger.entries([partition])))
-            move.reached = 0
-        reached = move.reached
-        frames = sorted((each for each in self._ledger.recent([partition]) if _number(each) > reached), key=_number)
-        if not at_once and len(frames) > _PIECE and move.pieces < _MOST_PIECES:
-            frames = frames[:_PIECE]
-        else:
-            move.caught_up = True
-        self._tell_frames(worker, frames)
-        move.reached = _number(frames[-1]) if frames else reached
-        move.pieces += 1
+            move.waiting.extend(sorted(self._ledger.recent([partition]), key=lambda frame: frame.seq or 0))
+        # More than have come meanwhile, so that the owner catches up with any feed.
+        piece = max(_PIECE, 2 * move.came)
+        self._tell_frames(worker, [move.waiting.popleft() for _ in range(min(piece, len(move.waiting)))])
+        move.came, move.caught_up = 0, not move.waiting
         move.question = next(questions)
         self._tell(worker, ASK + encode_number(move.question))
 
@@ -347,23 +363,21 @@ class Spread(ABC):
 
     def _lose(self, worker: str, ready: Collection[str]) -> None:
         """Give the partitions of an ended worker to the other workers; keep its counts."""
+        self._last.pop(worker, None)
         if report := self._reports.pop(worker, None):
             self._past.add(report.counts.recognizers)
             self._past_joints += report.counts.other_joints
             self._past_dropped += report.dropped
         for partition in [each for each, move in self._moves.items() if move.former == worker]:
             move = self._moves.pop(partition)
-            if not move.caught_up and self._owners and self._owners[partition] in ready:
-                self._hand_over(partition, move, at_once=True)
+            if not move.caught_up and self._owners:
+                if not move.begun:
+                    self._hand_over(partition, move)
+                self._tell_frames(self._owners[partition], list(move.waiting))
         self._assign(ready)
 
 
 questions = itertools.count(1)
-
-
-def _number(frame: SentFrame) -> int:
-    """Give the number of a frame."""
-    return frame.seq or 0
 
 
 def together(frames: Sequence[SentFrame]) -> list[list[SentFrame]]:

@@ -19,8 +19,8 @@ from kinespace.stream.recognizer.performers import PerformerCounts  # noqa: TC00
 from kinespace.stream.zeromq.frames import MAX_SEQ, VERSION, FormatError, NumberedFrame, positions_of
 from kinespace.stream.zeromq.single_part import Packed
 
-#: The first byte of a message to a worker: frames; performers whom it takes over, whose frames follow; a question that
-#: a report answers; another sensitivity. Over a network also its membership, and the end of its membership.
+#: The first byte of a message to a worker: frames; performers whom it takes over, whose frames follow; a question, to
+#: be answered by its number; another sensitivity. Over a network also its membership, and the end of its membership.
 FRAMES, TAKE_OVER, ASK, SENSE, WELCOME, REJOIN = b"F", b"T", b"A", b"S", b"W", b"J"
 #: Frames in a message, at most.
 MAX_TOGETHER = 256
@@ -141,8 +141,6 @@ class Report(msgspec.Struct, array_like=True, frozen=True):
         The same as in `Performers`.
     performers
         The number of performers that it follows.
-    last
-        The number of the last question that it has read.
     dropped
         Frames or messages that were lost on the way or dropped because the worker was busy.
     leaves
@@ -154,16 +152,19 @@ class Report(msgspec.Struct, array_like=True, frozen=True):
     doubted: dict[str, str]
     compared: dict[str, str]
     performers: int = 0
-    last: int = 0
     dropped: int = 0
     leaves: bool = False
 
 
 class Answers(msgspec.Struct, array_like=True, frozen=True):
-    """The answers and the report that a worker sends back in one message."""
+    """The answers and the report that a worker sends back in one message.
+
+    `last` is the number of a question before which it has dealt with everything; 0 where there was no question.
+    """
 
     answered: list[Answered]
     report: Report | None = None
+    last: int = 0
 
 
 _encode = msgspec.msgpack.Encoder().encode

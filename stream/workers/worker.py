@@ -1,7 +1,8 @@
 """A worker: frames in, recognitions out, for the performers of its partitions. No socket, clock, thread or process.
 
 With a performer whom it takes over, a worker gets the frames of the last seconds. The recogniser sees them first, so
-that its windows and averages equal the former worker's; the worker does not repeat answers that were sent before.
+that its windows and averages equal the former worker's. It answers the frames that were not answered when the takeover
+began; where the former worker goes on for a while, the receiving process keeps the first of two answers.
 """
 
 from __future__ import annotations
@@ -58,7 +59,8 @@ class _TakenOver:
     Attributes
     ----------
     answered, since
-        The number of the last frame that the former worker answered; frames that came before `since` are passed over.
+        The number of the last frame that was answered when the takeover began; frames that came before `since` are
+        passed over.
     told
         The start of the last motion that listeners were told of.
     long_ago
@@ -76,15 +78,15 @@ class _TakenOver:
     found: Event | None = None
     detector: _Resumed | None = None
 
-    def mute(self, recognition: Recognition) -> None:
-        """Take in an answer that was sent before."""
+    def follow(self, recognition: Recognition) -> None:
+        """Take in an answer, whether it is sent or not."""
         for event in recognition.events:
             self.found = event if event.kind is EventKind.START else None
 
     def mend(self, recognition: Recognition, lead: float) -> tuple[Event, ...]:
         """Give the events that listeners must hear with an answer, so that each motion starts and ends once."""
         self.detector = self.detector or _Resumed(lead, self.told)
-        self.mute(recognition)
+        self.follow(recognition)
         return self.detector.push(recognition)
 
     @property
@@ -165,7 +167,7 @@ class Worker:
     def _warm_up(self, over: _TakenOver, frame: Frame, now: float) -> None:
         if recognition := self.performers.push(frame, now):
             self._warmed.hops += 1
-            over.mute(recognition)
+            over.follow(recognition)
         self._warmed.frames += 1
 
     def _answered(self, recognition: Recognition, seq: int, at: float) -> Answered:
@@ -189,7 +191,7 @@ class Worker:
         self.performers.exchange(library, order)
         self.book = book
 
-    def report(self, now: float, last: int) -> Report:
+    def report(self, now: float) -> Report:
         """Forget silent performers, and give the counters."""
         performers = self.performers
         performers.drop_silent(now)
@@ -198,4 +200,4 @@ class Worker:
             self._taken_over.pop(name, None)
         counts = performers.counts
         counts.recognizers.add(self._warmed, -1)
-        return Report(counts, performers.refused, performers.doubted, performers.compared, len(performers), last)
+        return Report(counts, performers.refused, performers.doubted, performers.compared, len(performers))

@@ -76,6 +76,11 @@ class FakeProcess:
         self._loop.worker.book = book
         FakeProcess.all.append(self)
 
+    @property
+    def sensitivity(self) -> float:
+        """The recognisers' sensitivity."""
+        return self._loop.worker.performers.sensitivity
+
     def exchange(self, library: bytes) -> None:
         """Take another library at the next turn."""
         self._opened.put(ForkingPickler.loads(library))

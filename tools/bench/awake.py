@@ -13,10 +13,9 @@ if TYPE_CHECKING:
 
 #: Runs only where no other process wants to run, and ends with its parent.
 _LOOP = """
-import os
+import os, sys
 os.sched_setscheduler(0, os.SCHED_IDLE, os.sched_param(0))
-parent = os.getppid()
-while os.getppid() == parent:
+while os.getppid() == int(sys.argv[1]):
     for _ in range(100_000):
         pass
 """
@@ -33,7 +32,7 @@ def awake_cores() -> Iterator[None]:
     """
     if not hasattr(os, "SCHED_IDLE"):
         raise OSError("awake: expected Linux, which has processes that run only where nothing else does")
-    command = [sys.executable, "-I", "-S", "-c", _LOOP]
+    command = [sys.executable, "-I", "-S", "-c", _LOOP, str(os.getpid())]
     loops = [subprocess.Popen(command) for _ in range(os.cpu_count() or 1)]  # noqa: S603 - our own command
     try:
         yield

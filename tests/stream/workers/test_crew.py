@@ -321,6 +321,20 @@ def test_another_sensitivity_reaches_every_worker(
     assert described(on.heard) == described(expected)
 
 
+def test_a_worker_that_starts_hears_of_another_sensitivity(
+    stage: Callable[..., Stage], feed: Sequence[Sequence[Frame]]
+) -> None:
+    """The sensitivity may change between a process's start and its first report, when it owns no performer yet."""
+    on = stage(2)
+    on.turn(feed[0])
+    source = on.crew.sources[0]
+    on.crew.replace(source, on.now + 10.0, "ended")
+    on.crew.tend(source, on.now + 11.0)
+    on.crew.set_sensitivity(0.0)
+    on.turn(feed[1])
+    assert [process.sensitivity for process in on.processes] == [0.0, 0.0]
+
+
 def test_unreadable_messages_are_counted(stage: Callable[..., Stage], feed: Sequence[Sequence[Frame]]) -> None:
     """Broken messages and answers of nobody's frames are counted and change nothing."""
     on = stage(2)

@@ -21,7 +21,7 @@ from kinespace.stream.workers.answer_source import AnswerSource
 from kinespace.stream.workers.channel import Channel
 from kinespace.stream.workers.ledger import Ledger
 from kinespace.stream.workers.spread import Spread, questions
-from kinespace.stream.workers.wire import ASK, FRAMES, decode_answers, encode_frames, encode_number
+from kinespace.stream.workers.wire import ASK, FRAMES, REPORT, decode_answers, encode_frames, encode_number
 from kinespace.stream.zeromq.frames import FormatError
 
 if TYPE_CHECKING:
@@ -309,6 +309,7 @@ class Crew(Spread):
         """Give the last events, and the ends of all motions going on, because no more frames will come."""
         question = next(questions)
         for worker in self._ready:
+            self._tell(worker, REPORT)
             self._tell(worker, ASK + encode_number(question))
         until = self._clock() + _MAX_ENDING
         while self._clock() < until and not self._are_done(question):

@@ -19,6 +19,7 @@ from kinespace.stream.workers.channel import Channel
 from kinespace.stream.workers.wire import (
     ASK,
     FRAMES,
+    REPORT,
     SENSE,
     TAKE_OVER,
     Answers,
@@ -159,6 +160,8 @@ class Loop:
             self.worker.take_over(decode_entries(content), time.monotonic())
         elif kind == SENSE:
             self.worker.performers.set_sensitivity(decode_share(content))
+        elif kind == REPORT:
+            self.report()
         elif kind == ASK:
             self._channel.send(encode_answers(Answers([], last=decode_number(content))))
 

@@ -20,8 +20,9 @@ from kinespace.stream.zeromq.frames import MAX_SEQ, VERSION, FormatError, Number
 from kinespace.stream.zeromq.single_part import Packed
 
 #: The first byte of a message to a worker: frames; performers whom it takes over, whose frames follow; a question, to
-#: be answered by its number; another sensitivity. Over a network also its membership, and the end of its membership.
-FRAMES, TAKE_OVER, ASK, SENSE, WELCOME, REJOIN = b"F", b"T", b"A", b"S", b"W", b"J"
+#: be answered by its number; a wish for a report; another sensitivity. Over a network also its membership, and the end
+#: of its membership.
+FRAMES, TAKE_OVER, ASK, REPORT, SENSE, WELCOME, REJOIN = b"F", b"T", b"A", b"R", b"S", b"W", b"J"
 #: Frames in a message, at most.
 MAX_TOGETHER = 256
 #: Seconds of a sender's clock, at most: more are a mistake.

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from kinespace.library.motion_library import MotionLibrary
 
 #: The version of these messages.
-PROTOCOL = 4
+PROTOCOL = 5
 #: Bytes of a library's file, at most.
 MAX_LIBRARY = 1 << 28
 GATEWAYS, WORKERS = "kin/gateway", "kin/worker"

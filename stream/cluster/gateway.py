@@ -37,7 +37,7 @@ MAX_SILENT = 0.8
 _STOPPED = 0.4
 #: Seconds between two messages of frames to a worker, at least, where its frames come closer together than `_SPARSE` on
 #: average: being woken costs a worker as much as a frame. The frames of fewer performers never wait.
-_MIN_APART, _SPARSE = 0.001, 0.00075
+_MIN_APART, _SPARSE = 0.0005, 0.0004
 #: The weight of the newest frames in that average.
 _NEW = 0.05
 
@@ -268,9 +268,10 @@ class Gateway(Spread):
         self._tell(worker, WELCOME + encode_number(member.number))
 
     @property
-    def holds_frames(self) -> bool:
-        """Whether frames wait for others, to travel with them."""
-        return any(member.held for member in self._members.values())
+    def due_in(self) -> float:
+        """Seconds until frames must be sent that wait for others, or the workers must be looked after."""
+        told = [member.told for member in self._members.values() if member.held]
+        return max(min(told) + _MIN_APART - self._clock(), 0.0) if told else TENDING
 
     def tend(self, now: float) -> None:
         """Send the frames that have waited long enough; drop the workers that do not report."""
@@ -305,7 +306,7 @@ class GatewaySource(AnswerSource):
     @property
     def tended_within(self) -> float:
         """Seconds within which frames must be sent that wait for others, or the workers must be looked after."""
-        return _MIN_APART if self._gateway.holds_frames else TENDING
+        return self._gateway.due_in
 
     @property
     def pollable(self) -> object:

@@ -43,7 +43,7 @@ if TYPE_CHECKING:
 #: Seconds for which frames may wait, and seconds after a takeover in which they may wait for longer.
 _MAX_AGE, _MAX_WARMING = 1.0, 4.0
 #: Maximum seconds for which an answer waits for further answers, to travel with them.
-_MAX_TOGETHER = 0.002
+_MAX_TOGETHER = 0.0005
 #: Seconds within which a worker that leaves hands its performers over.
 _MAX_LEAVING = 10.0
 #: Seconds after which a gateway that has not sent its charter, or its library, is asked again.

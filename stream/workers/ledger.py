@@ -49,9 +49,12 @@ class _Performer:
     #: When the joints were last sent.
     told_joints: float = 0.0
     anew: bool = True
-    #: The joints that carried an answer, and whether the next answer must say them.
+    #: The joints that carried an answer, and whether the next answer must say them and the motion that goes on.
     carried: Carried | None = None
     asks: bool = False
+    #: The number of the first frame whose answer decides which motion goes on, because two workers answered before it;
+    #: 0 if nothing is to be decided.
+    settles: int = 0
     #: The frames of the last seconds.
     recent: deque[SentFrame] = field(default_factory=deque)
 
@@ -131,7 +134,7 @@ class Ledger:
         self._seq += 1
         performer.first = performer.first or self._seq
         sent = sent_frame(frame, self._seq, now, joints, anew=performer.anew)
-        sent.asks = performer.asks
+        sent.asks = performer.asks or performer.settles > 0
         performer.anew = performer.asks = False
         performer.heard, performer.time, performer.sent = now, frame.time, self._seq
         recent = performer.recent
@@ -176,17 +179,22 @@ class Ledger:
         performer.carried = answer.carried or performer.carried
         told: list[Event] = []
         for event in answer.events:
-            if event.kind is EventKind.START and classes is not None and event.label not in classes:
-                continue
-            going_on = performer.going_on
-            same = going_on is not None and going_on.label == event.label
-            if event.kind is EventKind.END:
-                told += [event] if same else []
-                performer.going_on = None if same else going_on
-            elif not same:
-                told += [replace(going_on, kind=EventKind.END, time=event.time), event] if going_on else [event]
-                performer.going_on = event
+            told += _follow(performer, event, classes)
+        if answer.going_on is not None and 0 < performer.settles <= answer.seq:
+            performer.settles = 0
+            for event in _missed(performer, answer):
+                told += _follow(performer, event, classes)
         return tuple(told)
+
+    def settle(self, partition: int) -> None:
+        """Ask which motions of a partition's performers go on, now that one worker answers alone again.
+
+        Where two workers answered and told an event on different hops, each may have told it with the later of two
+        answers to a frame.
+        """
+        for performer in self._performers.values():
+            if performer.partition == partition:
+                performer.settles = self._seq + 1
 
     def entries(self, partitions: Collection[int]) -> list[Entry]:
         """Give the entries of some partitions' performers, for the worker that takes the partitions over."""
@@ -244,6 +252,28 @@ class Ledger:
         return [*ended, *(event for each in self._performers.values() if (event := _end(each)))]
 
 
+def _follow(performer: _Performer, event: Event, classes: Collection[str] | None) -> list[Event]:
+    """Take in a worker's event; give the events that listeners must hear."""
+    going_on = performer.going_on
+    same = going_on is not None and going_on.label == event.label
+    if event.kind is EventKind.END:
+        performer.going_on = None if same else going_on
+        return [event] if same else []
+    if same or (classes is not None and event.label not in classes):
+        return []
+    performer.going_on = event
+    return [replace(going_on, kind=EventKind.END, time=event.time), event] if going_on else [event]
+
+
+def _missed(performer: _Performer, answer: Answered) -> list[Event]:
+    """Give the event, at the answer's time, after which the motion goes on that the answer says."""
+    if answer.going_on:
+        return [replace(answer.going_on[0], time=answer.time)]
+    return [replace(performer.going_on, kind=EventKind.END, time=answer.time)] if performer.going_on else []
+
+
 def _end(performer: _Performer) -> Event | None:
+    # A worker that has not heard of the pause yet must not start the motion again.
+    performer.settles = 0
     going_on, performer.going_on = performer.going_on, None
     return replace(going_on, kind=EventKind.END, time=performer.time) if going_on else None

@@ -314,20 +314,28 @@ class Spread(ABC):
         for partition, new in enumerate(self._owners):
             if before and before[partition] == new:
                 continue
-            move = self._moves.pop(partition, None)
+            move = self._moves.get(partition)
             old = before[partition] if before and before[partition] in {*ready, *leaving} else None
             answers = move.former if move else old
             if answers and partition in busy:
                 # If the partition comes back to the worker that answers, nothing moves: it has missed no frame.
                 if answers != new:
                     self._moves[partition] = _Move(answers)
+                elif move:
+                    self._end_move(partition)
             else:
+                self._moves.pop(partition, None)
                 at_once.setdefault(new, []).append(partition)
         for worker, partitions in at_once.items():
             self._tell(worker, TAKE_OVER + encode_entries(self._ledger.entries(partitions)))
             self._tell_frames(worker, self._ledger.recent(partitions))
         for worker in set(self._owners):
             self._go_on(worker, 0)
+
+    def _end_move(self, partition: int) -> _Move:
+        """Let one worker answer alone again."""
+        self._ledger.settle(partition)
+        return self._moves.pop(partition)
 
     def _go_on(self, worker: str, answered: int) -> None:
         """Go on with the moves to a worker that has dealt with all questions up to one."""
@@ -336,7 +344,7 @@ class Spread(ABC):
                 continue
             if move.caught_up and answered >= move.question:
                 # The former worker gets no more frames.
-                del self._moves[partition]
+                self._end_move(partition)
             elif not move.caught_up:
                 if answered >= move.question:
                     self._hand_over(partition, move)
@@ -369,7 +377,7 @@ class Spread(ABC):
             self._past_joints += report.counts.other_joints
             self._past_dropped += report.dropped
         for partition in [each for each, move in self._moves.items() if move.former == worker]:
-            move = self._moves.pop(partition)
+            move = self._end_move(partition)
             if not move.caught_up and self._owners:
                 if not move.begun:
                     self._hand_over(partition, move)

@@ -42,7 +42,7 @@ class SentFrame(Packed, kw_only=True, omit_defaults=True, gc=False):
     anew
         Whether the performer begins anew: the worker forgets an earlier performer of this name.
     asks
-        Whether the next answer must say which joints carry it.
+        Whether the next answer must say which joints carry it, and which motion goes on.
     """
 
     performer: _Name
@@ -83,7 +83,10 @@ class Entry(msgspec.Struct, array_like=True, frozen=True):
 
 
 class Answered(msgspec.Struct, array_like=True, frozen=True):
-    """A recognition, with the number and the arrival of its frame, and the number of the list of classes."""
+    """A recognition, with the number and the arrival of its frame, and the number of the list of classes.
+
+    An answer to a frame that asks has the joints that carry it, and in `going_on` the start of the motion that goes on.
+    """
 
     performer: _Name
     seq: _Seq
@@ -104,6 +107,7 @@ class Answered(msgspec.Struct, array_like=True, frozen=True):
     doubted: tuple[str, ...]
     long_ago: LongAgo | None = None
     carried: Carried | None = None
+    going_on: tuple[Event, ...] | None = None
 
     def recognition(self, classes: tuple[str, ...]) -> Recognition:
         """Give the recognition; FormatError if it does not fit the classes."""

@@ -111,7 +111,9 @@ class Worker:
         self.book = 0
         self._newest: dict[str, int] = {}
         self._taken_over: dict[str, _TakenOver] = {}
-        #: Performers whose next answer must say which joints carry it.
+        #: The start of the motion that goes on, of performers of whom one goes on.
+        self._going_on: dict[str, Event] = {}
+        #: Performers whose next answer must say which joints carry it, and which motion goes on.
         self._asked: set[str] = set()
         #: Counts of the frames of warming up, which the former worker has counted, too.
         self._warmed = RecognizerCounts()
@@ -123,6 +125,7 @@ class Worker:
             if entry.answered:
                 over = _TakenOver(entry.answered, entry.since, entry.going_on, entry.long_ago)
                 self._taken_over[entry.performer] = over
+                self._follow(entry.performer, (entry.going_on,) if entry.going_on else ())
             if announced := announcement(entry):
                 self.performers.announce(announced, now)
             if entry.answered:
@@ -132,8 +135,17 @@ class Worker:
 
     def _begin(self, performer: str) -> None:
         self.performers.push_all([NewSender(performer)], 0.0)
-        self._newest.pop(performer, None)
-        self._taken_over.pop(performer, None)
+        self._forget(performer)
+
+    def _forget(self, performer: str) -> None:
+        for known in (self._newest, self._taken_over, self._going_on):
+            known.pop(performer, None)
+
+    def _follow(self, performer: str, events: Sequence[Event]) -> None:
+        for event in events:
+            self._going_on.pop(performer, None)
+            if event.kind is EventKind.START:
+                self._going_on[performer] = event
 
     def push(self, frames: Sequence[tuple[SentFrame, NumberedFrame]], now: float) -> list[Answered]:
         """Take in frames in their order; give the answers to them. A frame that came before is passed over."""
@@ -175,9 +187,11 @@ class Worker:
         answer = answered(recognition, seq, at, self.book, self.performers.long_ago(name))
         if over := self._taken_over.get(name):
             answer = msgspec.structs.replace(answer, events=self._events(over, recognition))
+        self._follow(name, answer.events)
         if name in self._asked:
             self._asked.discard(name)
-            answer = msgspec.structs.replace(answer, carried=self.performers.carried(name))
+            going_on = (self._going_on[name],) if name in self._going_on else ()
+            answer = msgspec.structs.replace(answer, carried=self.performers.carried(name), going_on=going_on)
         return answer
 
     def _events(self, over: _TakenOver, recognition: Recognition) -> tuple[Event, ...]:
@@ -196,8 +210,7 @@ class Worker:
         performers = self.performers
         performers.drop_silent(now)
         for name in performers.take_gone():
-            self._newest.pop(name, None)
-            self._taken_over.pop(name, None)
+            self._forget(name)
         counts = performers.counts
         counts.recognizers.add(self._warmed, -1)
         return Report(counts, performers.refused, performers.doubted, performers.compared, len(performers))

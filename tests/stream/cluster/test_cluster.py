@@ -6,6 +6,7 @@ import json
 import socket
 import time
 from contextlib import ExitStack
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -36,6 +37,7 @@ pytest.importorskip("zenoh")
 NAMES = ("ann", "bob", "cleo")
 RATE = 60
 PATIENCE = 15.0
+_SHARED_MEMORY = Path("/dev/shm")  # noqa: S108 - where Linux has it
 
 
 def free_port() -> int:
@@ -347,7 +349,7 @@ def test_frames_of_a_moment_travel_together(
     source = gateway.source
     for moment in range(4):
         gateway.push_all(feed[moment], 0.0)
-    assert (sent, source.tended_within) == ([(1, 3)], 1000.0)
+    assert (sent, source.tended_within) == ([(1, 3)], pytest.approx(1000.0, abs=10.0))
     gateway._tell(node.name, ASK + encode_number(5))  # noqa: SLF001 - any order
     assert (sent[1:], source.tended_within) == ([(2, 9), (0, 0)], TENDING)
     gateway.push_all(feed[4], 0.0)
@@ -357,7 +359,7 @@ def test_frames_of_a_moment_travel_together(
 
 
 def test_frames_wait_for_others_only_where_many_come() -> None:
-    """Frames that come seldom are due at once, after a pause too; among many they wait for a millisecond."""
+    """Frames that come seldom are due at once, after a pause too; among many they wait for half a millisecond."""
     frame = [sent_frame(Frame("ann", 1.0, np.ones((3, 3))), 1, 0.0, anew=True)]
 
     def waiting(apart: float, seconds: float) -> float:
@@ -369,8 +371,8 @@ def test_frames_wait_for_others_only_where_many_come() -> None:
         return due[-100:].count(False) / 100
 
     assert waiting(0.0014, 1.0) == 0.0
-    assert waiting(0.0004, 1.0) == pytest.approx(2 / 3, abs=0.02)
-    assert waiting(0.0001, 1.0) == pytest.approx(0.9, abs=0.02)
+    assert waiting(0.0002, 1.0) == pytest.approx(2 / 3, abs=0.02)
+    assert waiting(0.0001, 1.0) == pytest.approx(5 / 6, abs=0.02)
 
 
 @pytest.mark.slow
@@ -412,3 +414,20 @@ def test_an_unreachable_address_is_reported_in_one_line(monkeypatch: pytest.Monk
         open_session([], [], broken)
     with pytest.raises(ValueError, match="nonsense: expected endpoints like tcp/"):
         open_session(["nonsense"], [], None)
+
+
+@pytest.mark.skipif(not _SHARED_MEMORY.is_dir(), reason="shared memory cannot be seen here")
+def test_long_messages_take_no_shared_memory(on: Bus) -> None:
+    """A killed process would leave its part of it to nobody."""
+    before = {*_SHARED_MEMORY.glob("*.zenoh")}
+    speaks, hears = on.session(), on.session()
+    heard = list[bytes]()
+    hears.declare_subscriber("anything", lambda sample: heard.append(bytes(sample.payload)))
+    end = time.monotonic() + PATIENCE
+    while not heard and time.monotonic() < end:
+        speaks.put("anything", bytes(100_000))
+        time.sleep(0.01)
+    assert heard
+    assert {*_SHARED_MEMORY.glob("*.zenoh")} == before
+    hears.close()
+    speaks.close()

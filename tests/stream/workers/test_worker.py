@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
+import msgspec
 import numpy as np
 import pytest
 
@@ -83,3 +84,34 @@ def test_a_takeover_changes_no_answer(
     assert [each.seq for each in found] == [each.seq for each in expected]
     assert [(each.outcome, each.guess) for each in found] == [(each.outcome, each.guess) for each in expected]
     assert [each.long_ago for each in found] == [each.long_ago for each in expected]
+
+
+@pytest.mark.slow
+def test_a_start_that_both_workers_told_too_late_is_told_after_all(builtin: MotionLibrary) -> None:
+    """The new worker, asked which motion goes on, knows of the start although its own word for it came second."""
+    former, new, ledger = (
+        Worker(Performers(opened(builtin))),
+        Worker(Performers(opened(builtin))),
+        Ledger(most=1, silence=math.inf),
+    )
+    frames: list[SentFrame] = []
+
+    def send(count: int) -> list[SentFrame]:
+        for each in feed(builtin)[len(frames) : len(frames) + count]:
+            numbered = ledger.send(Frame("ann", 1.0 + len(frames) / RATE, each), len(frames) / RATE)
+            assert numbered
+            frames.append(numbered[1])
+        return frames[-count:]
+
+    assert [event for answer in pushed(former, send(12)) for event in ledger.note(answer) or ()] == []
+    entries = ledger.entries(range(PARTITIONS))
+    new.take_over(entries, 0.0)
+    pushed(new, frames)
+    late = [event for answer in pushed(new, send(BEFORE)) for event in answer.events]
+    for answer in pushed(former, frames):
+        ledger.note(msgspec.structs.replace(answer, events=()))
+    for partition in range(PARTITIONS):
+        ledger.settle(partition)
+    told = [event for answer in pushed(new, send(10)) for event in ledger.note(answer) or ()]
+    assert [(event.kind, event.label) for event in told] == [(late[-1].kind, late[-1].label)]
+    assert ledger.end()[0].label == "squat1Reps"

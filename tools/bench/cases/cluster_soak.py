@@ -132,7 +132,8 @@ def measure(positions: NDArray[np.float32], *, minutes: float, crowd: int) -> En
                 cluster.add_worker()
             if k == moments // _KILLS:
                 early = resident_mb()
-            for index in range(crowd):
+            # They enter one after the other, so that their hops do not coincide.
+            for index in range(min(k + 1, crowd)):
                 collect(begun + (k + index / crowd) / FRAME_RATE)
                 frame = Frame(f"p{index}", 1.0 + k / FRAME_RATE, positions[(k + index * shift) % len(positions)])
                 cluster.performers.push_all([frame], time.monotonic())

@@ -175,7 +175,10 @@ def _relative(one: Run, spread: Run) -> float | None:
 
 @dataclass(frozen=True, slots=True)
 class Feed:
-    """So many performers doing the same motion, each at a moment of its own, and the answers of one process."""
+    """So many performers doing the same motion, each at a moment of its own, and the answers of one process.
+
+    They enter one after the other, a frame apart, so that their hops do not coincide.
+    """
 
     frames: tuple[tuple[Frame, ...], ...] = field(repr=False)
     due: int
@@ -192,15 +195,20 @@ class Feed:
         frames = tuple(
             tuple(
                 Frame(f"p{index}", 1.0 + k / FRAME_RATE, positions[(k + index * shift) % len(positions)])
-                for index in range(performers)
+                for index in range(min(k + 1, performers))
             )
             for k in range(moments)
         )
         recognisers = Performers(opened(MotionLibrary.builtin()), most=performers)
         begun = time.thread_time()
         answers = [each for together in frames for each in recognisers.push_all(together, together[0].time) if each]
-        spent = (time.thread_time() - begun) / (performers * moments) * 1e6
+        spent = (time.thread_time() - begun) / sum(map(len, frames)) * 1e6
         return cls(frames, len(answers), _counted(answers), _pauses(answers), spent)
+
+    @property
+    def performers(self) -> int:
+        """The number of performers."""
+        return len(self.frames[-1])
 
 
 def _pauses(answers: Sequence[Recognition]) -> dict[tuple[str, float], float]:
@@ -355,7 +363,7 @@ HAPPENINGS: dict[str, Callable[[Cluster], None]] = {
 
 def play(feed: Feed, what: str, network: Network | None = None, *, workers: int = 3) -> Run:
     """Play a feed through workers of which one does something in the middle."""
-    with closing(Cluster(workers, len(feed.frames[0]), network)) as cluster:
+    with closing(Cluster(workers, feed.performers, network)) as cluster:
         run = _played(feed, cluster, what, partial(HAPPENINGS[what], cluster), at_once=False)
         if network:
             cluster.wait_for(3, _MAX_HEALING)
@@ -364,13 +372,13 @@ def play(feed: Feed, what: str, network: Network | None = None, *, workers: int 
 
 def alone(feed: Feed, *, at_once: bool = False) -> Run:
     """Play a feed through the recognisers of this process."""
-    recognisers = Performers(opened(MotionLibrary.builtin()), most=len(feed.frames[0]))
+    recognisers = Performers(opened(MotionLibrary.builtin()), most=feed.performers)
     return _played(feed, Troupe(recognisers), "one process", at_once=at_once)
 
 
 def with_workers(feed: Feed, *, at_once: bool = False) -> Run:
     """Play a feed through the two workers of `live --workers 2`."""
-    with closing(Workers(2, len(feed.frames[0]))) as workers:
+    with closing(Workers(2, feed.performers)) as workers:
         return _played(feed, workers, "live --workers 2", at_once=at_once)
 
 
@@ -415,7 +423,7 @@ class _Heard:
 
 def _played(feed: Feed, troupe: Troupe, what: str, happen: Callable[[], None] = lambda: None, *, at_once: bool) -> Run:
     """Send all frames of a moment at once, or each at an even share of the frame time; collect the answers."""
-    heard, count, used = _Heard(feed.pauses), len(feed.frames[0]), 0.0
+    heard, count, used = _Heard(feed.pauses), feed.performers, 0.0
     before, others = troupe.core_seconds(), time.process_time() - time.thread_time()
     begun = time.monotonic() + 0.1
 
@@ -442,7 +450,7 @@ def _played(feed: Feed, troupe: Troupe, what: str, happen: Callable[[], None] = 
     while len(heard.lags) < feed.due and time.monotonic() < until:
         collect(min(until, time.monotonic() + 0.05))
     after = troupe.core_seconds()
-    number = count * len(feed.frames)
+    number = sum(map(len, feed.frames))
     # With workers Zenoh's threads send and receive, too.
     used += time.process_time() - time.thread_time() - others
     told = _counted(heard.recognitions)

@@ -7,6 +7,7 @@ enough for the machine.
 
 from __future__ import annotations
 
+import gc
 import math
 import select
 import signal
@@ -57,8 +58,9 @@ _MAX_START, _LINGER = 60.0, 3.0
 _SEEN = 4
 #: Frames of feed after a takeover, and between two takeovers, without a cluster.
 _AFTER, _EVERY = 360, 80
-#: How many times as many performers show what a core holds: so many that a recogniser seldom sleeps between frames.
-_BUSIER = 3
+#: As many performers show what a core holds as take this share of it to be recognised: recognisers that sleep often
+#: between two frames take longer for each.
+_BUSY = 0.4
 #: Seconds in which workers must be back after a cut of the network.
 _MAX_HEALING = 20.0
 
@@ -203,6 +205,8 @@ class Feed:
         begun = time.thread_time()
         answers = [each for together in frames for each in recognisers.push_all(together, together[0].time) if each]
         spent = (time.thread_time() - begun) / sum(map(len, frames)) * 1e6
+        # Looking for garbage among so many frames would take a tenth of a second.
+        gc.freeze()
         return cls(frames, len(answers), _counted(answers), _pauses(answers), spent)
 
     @property
@@ -546,16 +550,18 @@ def measure(positions: NDArray[np.float32], *, seconds: float, crowd: int) -> Sc
     crowd
         The number of performers.
     """
-    many = _BUSIER * crowd
-    feed, busier, busiest = (Feed.of(positions, number, seconds) for number in (crowd, many, 2 * many))
+    feed = Feed.of(positions, crowd, seconds)
+    by_itself, by_two = alone(feed), with_workers(feed)
     runs = {what: play(feed, what, workers=2 if what == "nothing" else 3) for what in HAPPENINGS if what != "cut"}
     cut = network_cut(feed)
     if cut:
         runs["cut"] = cut[0]
+    many = max(round(_BUSY / (feed.recognised_us * 1e-6 * FRAME_RATE)), crowd)
+    busier, busiest = (Feed.of(positions, number, seconds) for number in (many, 2 * many))
     return Scale(
         crowd,
-        alone(feed),
-        with_workers(feed),
+        by_itself,
+        by_two,
         runs,
         (
             replace(alone(busier, at_once=True), what=f"one process, {many} at once"),

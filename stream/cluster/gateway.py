@@ -218,7 +218,8 @@ class Gateway(Spread):
         member = self._members.pop(worker, None)
         if member:
             member.sends.undeclare()
-            self._lost, self._last_lost = self._lost + 1, f"worker {worker} {why}"
+            if not member.let_go:
+                self._lost, self._last_lost = self._lost + 1, f"worker {worker} {why}"
             self._lose(worker, self._ready)
 
     def _heard(self, place: str, message: bytes) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import select
 import tempfile
 import threading
@@ -48,6 +49,8 @@ _MAX_TOGETHER = 0.0005
 _MAX_LEAVING = 10.0
 #: Seconds after which a gateway that has not sent its charter, or its library, is asked again.
 _ASK_AGAIN, _FETCH_AGAIN = 1.0, 20.0
+#: Seconds after which a worker says that it sees no gateway.
+_MAX_ALONE = 5.0
 #: Seconds without a frame after which a performer may come from another gateway.
 _SILENCE = 5.0
 
@@ -99,6 +102,8 @@ class Node:
         self._holders: dict[str, tuple[str, float]] = {}
         self._stopped = False
         self._next_report = 0.0
+        #: When to say that no gateway was seen.
+        self._lonely = clock() + _MAX_ALONE
         self._said: set[str] = set()
         put = self.inbox.put
         self._declared = [
@@ -164,6 +169,8 @@ class Node:
             self._holders = {who: held for who, held in self._holders.items() if now - held[1] <= _SILENCE}
             for gateway in [each for each, again in self._asked.items() if now >= again]:
                 self._ask(gateway)
+            if now >= self._lonely:
+                self.say_once("no gateway is seen yet: does one run, and do certificates and access rules let us in?")
             for post in self._posts.values():
                 post.report()
 
@@ -181,6 +188,7 @@ class Node:
                 post.close()
                 self.tell(f"gateway {gateway} is gone")
             return
+        self._lonely = math.inf
         if gateway not in self._posts:
             self._ask(gateway)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
@@ -24,6 +25,8 @@ if TYPE_CHECKING:
 _JOINTS_EVERY = 1.0
 #: The ledger remembers the joints of so many times `most` performers.
 _MAX_REMEMBERED = 4
+#: Seconds after which two recognisers of a performer's frames follow the same motion.
+_SETTLED = 1.0
 #: Seconds after which a performer that was never answered makes room for another.
 _STEADY_SECONDS = 1.0
 
@@ -52,9 +55,8 @@ class _Performer:
     #: The joints that carried an answer, and whether the next answer must say them and the motion that goes on.
     carried: Carried | None = None
     asks: bool = False
-    #: The number of the first frame whose answer decides which motion goes on, because two workers answered before it;
-    #: 0 if nothing is to be decided.
-    settles: int = 0
+    #: The answer to a frame that comes from then on decides which motion goes on, because two workers have answered.
+    settles: float = math.inf
     #: The frames of the last seconds.
     recent: deque[SentFrame] = field(default_factory=deque)
 
@@ -134,7 +136,7 @@ class Ledger:
         self._seq += 1
         performer.first = performer.first or self._seq
         sent = sent_frame(frame, self._seq, now, joints, anew=performer.anew)
-        sent.asks = performer.asks or performer.settles > 0
+        sent.asks = performer.asks or now >= performer.settles
         performer.anew = performer.asks = False
         performer.heard, performer.time, performer.sent = now, frame.time, self._seq
         recent = performer.recent
@@ -180,8 +182,8 @@ class Ledger:
         told: list[Event] = []
         for event in answer.events:
             told += _follow(performer, event, classes)
-        if answer.going_on is not None and 0 < performer.settles <= answer.seq:
-            performer.settles = 0
+        if answer.going_on is not None and answer.at >= performer.settles:
+            performer.settles = math.inf
             for event in _missed(performer, answer):
                 told += _follow(performer, event, classes)
         return tuple(told)
@@ -190,11 +192,12 @@ class Ledger:
         """Ask which motions of a partition's performers go on, now that one worker answers alone again.
 
         Where two workers answered and told an event on different hops, each may have told it with the later of two
-        answers to a frame.
+        answers to a frame. An event that the one worker only tells some hops after the other is told twice before the
+        question, and heard once.
         """
         for performer in self._performers.values():
             if performer.partition == partition:
-                performer.settles = self._seq + 1
+                performer.settles = performer.heard + _SETTLED
 
     def entries(self, partitions: Collection[int]) -> list[Entry]:
         """Give the entries of some partitions' performers, for the worker that takes the partitions over."""
@@ -274,6 +277,6 @@ def _missed(performer: _Performer, answer: Answered) -> list[Event]:
 
 def _end(performer: _Performer) -> Event | None:
     # A worker that has not heard of the pause yet must not start the motion again.
-    performer.settles = 0
+    performer.settles = math.inf
     going_on, performer.going_on = performer.going_on, None
     return replace(going_on, kind=EventKind.END, time=performer.time) if going_on else None

@@ -393,6 +393,8 @@ def test_a_worker_leaves_in_good_order(on: Bus, feed: Sequence[Sequence[Frame]])
     heard = on.heard[gateway.name]
     on.until(lambda: {(each.performer, each.time) for each in heard} >= expected)
     assert len(heard) == len(expected)
+    on.until(lambda: len(gateway._members) == 1)  # noqa: SLF001 - its token has vanished
+    assert "lost" not in " ".join(gateway.notes)
     on.nodes[0].leave()
     on.until(lambda: on.nodes[0].has_left)
 
@@ -431,3 +433,20 @@ def test_long_messages_take_no_shared_memory(on: Bus) -> None:
     assert {*_SHARED_MEMORY.glob("*.zenoh")} == before
     hears.close()
     speaks.close()
+
+
+def test_a_worker_without_a_gateway_says_so(on: Bus, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Perhaps it is shut out; a worker that sees a gateway says no such thing."""
+    monkeypatch.setattr(node_module, "_MAX_ALONE", 0.0)
+    on.node().step(0.0)
+    assert [line for line in on.told if "no gateway is seen yet" in line] == on.told[:1] != []
+
+
+def test_a_worker_that_opens_a_library_is_not_alone(on: Bus) -> None:
+    """It has seen the gateway."""
+    gateway, node = on.gateway(), on.node()
+    on.until(lambda: on.has_workers(gateway, 1))
+    node._next_report = 0.0  # noqa: SLF001 - at any time
+    node.clock = lambda: time.monotonic() + 100.0
+    node.step(0.0)
+    assert "no gateway" not in " ".join(on.told)

@@ -24,9 +24,9 @@ def answer(seq: int, *events: Event) -> Answered:
     return Answered("ann", seq, 0.0, 0, 1.0, Outcome.NAMED, b"", *numbers, events, ())
 
 
-def last_word(seq: int, *going_on: Event) -> Answered:
+def last_word(seq: int, *going_on: Event, at: float = 2.2) -> Answered:
     """Make an answer that says which motion goes on; it is an answer to a frame at 2 s."""
-    return msgspec.structs.replace(answer(seq), time=2.0, going_on=going_on)
+    return msgspec.structs.replace(answer(seq), at=at, time=2.0, going_on=going_on)
 
 
 def sent(ledger: Ledger, now: float) -> int:
@@ -89,14 +89,18 @@ def settling(*events: Event) -> Ledger:
 def test_an_event_is_told_that_each_of_two_workers_told_too_late(
     told: list[Event], goes_on: list[Event], hear: list[Event]
 ) -> None:
-    """Each told it with the second answer to a frame; the worker that goes on by itself says what is true."""
+    """Each told it with the second answer to a frame; a second later the worker that goes on by itself is asked."""
     ledger = settling(*told)
+    early = ledger.send(Frame("ann", 1.9, np.ones((3, 3))), 1.9)
+    assert early
+    assert not early[1].asks
+    assert ledger.note(last_word(early[1].seq or 0, *goes_on, at=1.9)) == ()
     numbered = ledger.send(Frame("ann", 2.0, np.ones((3, 3))), 2.0)
     assert numbered
     assert numbered[1].asks
     seq = numbered[1].seq or 0
     assert ledger.note(last_word(seq, *goes_on)) == tuple(hear)
-    later = ledger.send(Frame("ann", 2.1, np.ones((3, 3))), 2.1)
+    later = ledger.send(Frame("ann", 2.3, np.ones((3, 3))), 2.3)
     assert later
     assert not later[1].asks
     assert ledger.note(last_word(later[1].seq or 0)) == ()
@@ -109,8 +113,8 @@ def test_the_former_workers_last_answers_settle_nothing() -> None:
     assert ledger.note(answer(first)) == ()
     (partition,) = (each for each in range(PARTITIONS) if ledger.entries([each]))
     ledger.settle(partition)
-    assert ledger.note(last_word(second, SQUAT)) == ()
-    assert ledger.note(last_word(sent(ledger, 1.2), SQUAT)) == (replace(SQUAT, time=2.0),)
+    assert ledger.note(last_word(second, SQUAT, at=1.1)) == ()
+    assert ledger.note(last_word(sent(ledger, 2.2), SQUAT)) == (replace(SQUAT, time=2.0),)
 
 
 def test_a_motion_that_ended_at_a_pause_does_not_start_again() -> None:

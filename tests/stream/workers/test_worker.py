@@ -107,11 +107,11 @@ def test_a_start_that_both_workers_told_too_late_is_told_after_all(builtin: Moti
     entries = ledger.entries(range(PARTITIONS))
     new.take_over(entries, 0.0)
     pushed(new, frames)
-    late = [event for answer in pushed(new, send(BEFORE)) for event in answer.events]
+    late = [event for answer in pushed(new, send(200)) for event in answer.events]
     for answer in pushed(former, frames):
         ledger.note(msgspec.structs.replace(answer, events=()))
     for partition in range(PARTITIONS):
         ledger.settle(partition)
-    told = [event for answer in pushed(new, send(10)) for event in ledger.note(answer) or ()]
+    told = [event for answer in pushed(new, send(100)) for event in ledger.note(answer) or ()]
     assert [(event.kind, event.label) for event in told] == [(late[-1].kind, late[-1].label)]
     assert ledger.end()[0].label == "squat1Reps"
